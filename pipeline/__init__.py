@@ -1,0 +1,4 @@
+"""flowsculpt: from a shot file to mesh frames, and the production around them.
+
+The layers import downwards only; `docs/house.md` draws them.
+"""

@@ -1,0 +1,24 @@
+"""Names for the array types that cross from one room to the next; shapes stand in the docstrings."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+"""float64, the type of all geometry in memory."""
+
+Points = NDArray[np.float64]
+"""(N, 3) positions in scene units."""
+
+Vectors = NDArray[np.float64]
+"""(N, 3) directions, normals or velocities."""
+
+Faces = NDArray[np.int32]
+"""(F, 3) vertex indices, counter-clockwise seen from outside."""
+
+Indices = NDArray[np.int32]
+
+AnyArray = NDArray[Any]

@@ -1,0 +1,47 @@
+"""One family of errors, each with the exit code the command line answers with.
+
+A message says place, fact, rule and remedy, in that order and in one line:
+``shots/a.yaml:14:5: min_edge_length 0.03 is 60% of max_edge_length 0.05; it must be below 50%. Try 0.02.``
+"""
+
+from __future__ import annotations
+
+
+class FlowsculptError(Exception):
+    """Anything a user can be told in one line. `exit_code` is what the process ends with."""
+
+    exit_code = 2
+
+
+class UsageError(FlowsculptError):
+    """An argument, option or value that cannot be (exit code 2)."""
+
+
+class ShotError(FlowsculptError):
+    """Everything wrong with one shot file, one message a line (exit code 2)."""
+
+    def __init__(self, *messages: str) -> None:
+        super().__init__("\n".join(messages))
+        self.messages = messages
+
+
+class MeshError(FlowsculptError):
+    """A mesh that is not what the work needs: empty, not finite, not manifold (exit code 2)."""
+
+
+class MissingInputError(FlowsculptError):
+    """A file or a shot that is named but not there (exit code 3)."""
+
+    exit_code = 3
+
+
+class FrameError(FlowsculptError):
+    """A frame that could not be made while others could (exit code 1)."""
+
+    exit_code = 1
+
+
+class EnvironmentFault(FlowsculptError):
+    """The machine's fault: disk full, no permission, a renderer that cannot run (exit code 4)."""
+
+    exit_code = 4

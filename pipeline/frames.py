@@ -1,0 +1,99 @@
+"""Frames are integers, time is seconds: ranges as artists write them, and the rate that joins the two."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from fractions import Fraction
+
+import fileseq
+
+from pipeline.errors import UsageError
+
+
+@dataclass(frozen=True)
+class FrameRange:
+    """An ordered set of frame numbers: ``FrameRange.parse("1-48x2,60")``.
+
+    The syntax is fileseq's: ``1-10`` every frame, ``1-10x2`` every second, ``1-10:5`` coarse first,
+    ``1-10y3`` all but every third; parts are joined by commas.
+    """
+
+    numbers: tuple[int, ...]
+
+    @classmethod
+    def parse(cls, text: str) -> FrameRange:
+        """Raises UsageError, naming the text, where it is no range or holds no whole frames."""
+        try:
+            numbers = tuple(fileseq.FrameSet(text))
+        except (fileseq.exceptions.FileSeqException, ValueError):
+            raise UsageError(
+                f"{text!r} is not a frame range; write one as 12, 1-48, 1-48x2 or 1-24,30,40-48"
+            ) from None
+        if not numbers or any(not isinstance(n, int) for n in numbers):
+            raise UsageError(f"{text!r} holds no whole frame; write a range as 1-48 or 1-48x2")
+        return cls(numbers)
+
+    @classmethod
+    def of(cls, numbers: Iterable[int]) -> FrameRange:
+        return cls(tuple(numbers))
+
+    @property
+    def first(self) -> int:
+        return min(self.numbers)
+
+    @property
+    def last(self) -> int:
+        return max(self.numbers)
+
+    def within(self, other: FrameRange) -> bool:
+        return set(self.numbers) <= set(other.numbers)
+
+    def outside(self, other: FrameRange) -> FrameRange:
+        """The frames that `other` does not hold, in our order."""
+        theirs = set(other.numbers)
+        return FrameRange(tuple(n for n in self.numbers if n not in theirs))
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self.numbers)
+
+    def __len__(self) -> int:
+        return len(self.numbers)
+
+    def __contains__(self, number: object) -> bool:
+        return number in self.numbers
+
+    def __str__(self) -> str:
+        """The shortest way to write it in ascending order: `1-48x2`."""
+        return str(fileseq.framesToFrameRange(sorted(self.numbers), sort=True)) if self.numbers else ""
+
+
+@dataclass(frozen=True)
+class FrameRate:
+    """Frames per second, exact: 24 or 24000/1001."""
+
+    fps: Fraction
+
+    @classmethod
+    def of(cls, value: int | float | str | Fraction) -> FrameRate:
+        """Accepts 24, 29.97 (read as 30000/1001), "24000/1001". Raises UsageError unless positive."""
+        try:
+            fps = Fraction(str(value))
+        except (ValueError, ZeroDivisionError):
+            raise UsageError(f"{value!r} is not a frame rate; write 24, 23.976 or 24000/1001") from None
+        if fps <= 0:
+            raise UsageError(f"frame rate {value} must be positive; 24 is usual")
+        return cls(_NTSC.get(fps, fps))
+
+    def seconds(self, frames: float) -> float:
+        """How long that many frames last."""
+        return float(Fraction(frames) / self.fps)
+
+    def __str__(self) -> str:
+        return str(self.fps)
+
+
+_NTSC = {
+    Fraction(text): Fraction(nominal * 1000, 1001)
+    for text, nominal in (("23.976", 24), ("23.98", 24), ("29.97", 30), ("47.952", 48), ("59.94", 60))
+}

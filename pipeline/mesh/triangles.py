@@ -1,0 +1,72 @@
+"""TriangleMesh: a surface as a frozen value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.arrays import AnyArray, Faces, Floats, Points
+from pipeline.errors import MeshError
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class TriangleMesh:
+    """Triangles over shared vertices; arrays are read-only.
+
+    vertices    float64 (V, 3), scene units
+    faces       int32 (F, 3), counter-clockwise seen from outside
+    attributes  by name, one row a vertex: (V,) or (V, k)
+
+    Raises MeshError where the arrays have other shapes or a face names a vertex that is not there.
+    What makes a mesh *good* (finite, manifold, closed) is for `pipeline.mesh.validate` to say.
+    """
+
+    vertices: Points
+    faces: Faces
+    attributes: Mapping[str, AnyArray] = field(default_factory=dict)
+
+    def __init__(
+        self, vertices: ArrayLike, faces: ArrayLike, attributes: Mapping[str, ArrayLike] | None = None
+    ) -> None:
+        points = _frozen(np.array(vertices, dtype=np.float64))
+        corners = np.asarray(faces)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise MeshError(f"vertices have shape {points.shape}; they must be (V, 3)")
+        if corners.size == 0:
+            corners = corners.reshape(0, 3)
+        if corners.ndim != 2 or corners.shape[1] != 3:
+            raise MeshError(f"faces have shape {corners.shape}; they must be (F, 3): triangulate first")
+        if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
+            raise MeshError(
+                f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
+                f"there are {len(points)} vertices, numbered from 0"
+            )
+        named = {name: _frozen(np.array(values)) for name, values in (attributes or {}).items()}
+        for name, values in named.items():
+            if values.ndim == 0 or len(values) != len(points):
+                raise MeshError(f"attribute {name!r} has shape {values.shape}; it needs {len(points)} rows")
+        object.__setattr__(self, "vertices", points)
+        object.__setattr__(self, "faces", _frozen(np.array(corners, dtype=np.int32)))
+        object.__setattr__(self, "attributes", MappingProxyType(named))
+
+    def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:
+        """The same surface elsewhere."""
+        return TriangleMesh(vertices, self.faces, self.attributes)
+
+    @property
+    def bounds(self) -> Floats:
+        """(2, 3): the lowest and the highest coordinates of the vertices."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.attributes) or "no attributes"
+        return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {names})"
+
+
+def _frozen(array: AnyArray) -> AnyArray:
+    array.flags.writeable = False
+    return array
