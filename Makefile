@@ -1,0 +1,55 @@
+# `make film` makes the film, `make test` tests the project; each sets up what it needs first.
+PYTHON ?= python3
+BIN := .venv/bin
+CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
+
+.PHONY: film test soak bench check setup lock clean
+.DELETE_ON_ERROR:
+
+film: .venv/ready
+	$(BIN)/flowsculpt -j $(CORES) film
+
+test: .venv/ready-dev check
+	$(BIN)/python -m pytest -m "not soak"
+
+soak: .venv/ready-dev
+	$(BIN)/python -m pytest -m soak
+
+check: .venv/ready-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/snakefmt --check Snakefile
+	$(BIN)/mypy
+	$(BIN)/lint-imports --no-logo
+	$(BIN)/codespell
+
+bench: .venv/ready-bench
+	$(BIN)/python -m benchmarks
+
+setup: .venv/ready
+
+.venv/ready: requirements.lock pyproject.toml
+	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
+		{ echo "flowsculpt needs Python 3.11 or newer; point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
+	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
+	$(BIN)/python -m render.llvm
+	$(BIN)/flowsculpt doctor --prepare
+	@touch $@
+
+.venv/ready-dev: .venv/ready requirements-dev.lock
+	$(BIN)/python -m pip install --quiet --require-hashes -r requirements-dev.lock
+	@touch $@
+
+.venv/ready-bench: .venv/ready benchmarks/requirements.txt
+	$(BIN)/python -m pip install --quiet --no-deps --target .venv/peers -r benchmarks/requirements.txt
+	@touch $@
+
+lock:
+	uv pip compile $(LOCK) --group build pyproject.toml -o requirements.lock
+	uv pip compile $(LOCK) --group build --group dev pyproject.toml -c requirements.lock -o requirements-dev.lock
+LOCK := --quiet --upgrade --python-version 3.11 --universal --generate-hashes --no-emit-index-url --no-emit-find-links --no-annotate --custom-compile-command "make lock"
+
+clean:
+	rm -rf renders .flowsculpt .snakemake
