@@ -1,0 +1,154 @@
+"""One frame: passes of a few samples each, averaged, with everything a denoiser or a compositor wants.
+
+Passes give progress, a place to stop, and a bound on sparkles. The box film and the fixed order of the
+sum make a frame the same to the last bit however often and with however many threads it is rendered.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.camera import Camera
+from render.engine import Engine
+from render.lights import LightRig
+from render.look import Look
+from render.quality import Quality
+from render.scene import Surface, build_scene
+from render.stage import Placement, Stage
+
+Layer = NDArray[np.float32]
+
+PASS_SAMPLES = 16
+"""Samples a pixel in one pass; a square, as the multijitter sampler wants."""
+
+SPARKLE_FACTOR = 3.0
+"""A pixel of one pass may be this much brighter than the third brightest of its eight neighbours."""
+
+
+@dataclass(frozen=True, eq=False)
+class Layers:
+    """A picture's named float32 arrays, (H, W, 3) or (H, W), and the facts about it.
+
+    beauty    linear Rec.709 radiance
+    albedo    reflectance, within 0 … 1
+    normal    shading normal, scene axes
+    position  scene units
+    depth     distance from the camera, scene units
+    matte     how much of the pixel the subject covers, 0 … 1
+
+    All are averages over the pixel, so at the subject's outline (matte between 0 and 1) position and
+    depth lie between the subject's and the stage's.
+    """
+
+    arrays: Mapping[str, Layer]
+    facts: Mapping[str, Any] = field(default_factory=dict)
+
+    def __getitem__(self, name: str) -> Layer:
+        return self.arrays[name]
+
+    def with_(self, **arrays: Layer) -> Layers:
+        """The same picture with some layers added or replaced."""
+        return Layers({**self.arrays, **arrays}, self.facts)
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height in pixels."""
+        height, width = next(iter(self.arrays.values())).shape[:2]
+        return width, height
+
+
+def seed_of(*parts: str | int) -> int:
+    """One 32-bit seed from a shot's name, a frame, a pass; Mitsuba repeats neighbouring plain seeds."""
+    text = "\x1f".join(str(part) for part in parts)
+    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "little")
+
+
+def render_frame(
+    surface: Surface,
+    look: Look,
+    lights: LightRig,
+    stage: Stage,
+    placement: Placement,
+    camera: Camera,
+    quality: Quality,
+    seed: int,
+    engine: Engine,
+    on_pass: Callable[[int, int], None] | None = None,
+) -> Layers:
+    """Render one frame with `engine`, which is started here if it was not yet.
+
+    `on_pass(done, total)` is called after each pass; what it raises ends the frame.
+    Raises BadInputError for a surface that is empty, not finite or badly indexed.
+    """
+    engine.start()
+    begun = time.perf_counter()
+    lit, unlit = build_scene(
+        surface, look, lights, stage, placement, camera, (quality.width, quality.height), quality.depth
+    )
+    built = time.perf_counter()
+    samples = min(quality.samples, PASS_SAMPLES)
+    passes = -(-quality.samples // samples)
+    beauty, aovs = np.zeros(1), np.zeros(1)
+    for number in range(passes):
+        light = _render(lit, samples, seed_of(seed, number, "beauty"))[..., :3]
+        beauty = beauty + without_sparkles(light)
+        aovs = aovs + _render(unlit, samples, seed_of(seed, number, "aovs"))
+        if on_pass is not None:
+            on_pass(number + 1, passes)
+    facts = {
+        "seed": seed,
+        "samples": passes * samples,
+        "depth_of_paths": quality.depth,
+        "surface_vertices": len(surface.vertices),
+        "surface_faces": len(surface.faces),
+        "seconds_building": round(built - begun, 3),
+        "seconds_rendering": round(time.perf_counter() - built, 3),
+        **engine.facts(),
+    }
+    return Layers(_named(beauty / passes, aovs / passes), facts)
+
+
+def without_sparkles(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """(H, W, 3) radiance of one pass, lone bright pixels dimmed to the bound that SPARKLE_FACTOR sets.
+
+    A highlight or a thin bright line has at least three bright neighbours at every pixel and passes
+    unchanged; a path that found a lamp by luck has none.
+    """
+    luminance = light @ np.float32([0.2126, 0.7152, 0.0722])
+    height, width = luminance.shape
+    padded = np.pad(luminance, 1, mode="edge")
+    around = [
+        padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)
+    ]
+    third = np.partition(np.stack(around), 5, axis=0)[5]
+    bound = np.float32(SPARKLE_FACTOR) * third + np.float32(1e-3)
+    return np.asarray(light * np.minimum(1.0, bound / np.maximum(luminance, bound))[..., None], np.float32)
+
+
+def _render(scene: Any, samples: int, seed: int) -> NDArray[np.float64]:
+    import drjit as dr
+    import mitsuba as mi
+
+    picture = np.array(mi.render(scene, spp=samples, seed=seed), dtype=np.float64)
+    dr.flush_malloc_cache()
+    return picture
+
+
+def _named(beauty: NDArray[np.float64], aovs: NDArray[np.float64]) -> dict[str, Layer]:
+    """Mitsuba's channels: albedo 3, depth 1, position 3, normal 3, matte and an unused one."""
+    parts = {
+        "beauty": beauty,
+        "albedo": np.clip(aovs[..., 0:3], 0.0, 1.0),
+        "normal": aovs[..., 7:10],
+        "position": aovs[..., 4:7],
+        "depth": aovs[..., 3],
+        "matte": np.clip(aovs[..., 10], 0.0, 1.0),
+    }
+    return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in parts.items()}

@@ -1,0 +1,255 @@
+"""Arrays, a look, lights and a camera become a Mitsuba scene. The one module that knows Mitsuba's meshes.
+
+An engine must have been started (`render.engine.Engine.start`) before anything here is called.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.camera import Camera
+from render.errors import BadInputError
+from render.lights import LightRig, Sky, Softbox, Sun
+from render.look import Look
+from render.stage import Placement, Stage
+
+SUBJECT, SURROUNDINGS = (1.0, 0.0), (0.0, 0.0)
+"""Texture coordinates given to every vertex: their first number, averaged over a pixel, is the matte."""
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What is rendered: vertices split at creases, with their normals.
+
+    vertices    float32 (V, 3), scene units
+    normals     float32 (V, 3), unit length
+    faces       int32 (F, 3), counter-clockwise seen from outside
+    attributes  by name, float32 (V, k)
+    """
+
+    vertices: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+
+    def check(self) -> None:
+        """Raises BadInputError for what Mitsuba would render wrongly, or crash on, without a word."""
+        count = len(self.vertices)
+        if not count or not len(self.faces):
+            raise BadInputError("the surface is empty; it needs at least one triangle")
+        for name, array in (("vertices", self.vertices), ("normals", self.normals)):
+            if array.shape != (count, 3):
+                raise BadInputError(f"the surface's {name} have shape {array.shape}; they must be ({count}, 3)")
+            bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+            if len(bad):
+                raise BadInputError(
+                    f"the surface's {name} are not finite at vertex {bad[0]} and {len(bad) - 1} others; "
+                    "the flow must keep them finite"
+                )
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3:
+            raise BadInputError(f"the surface's faces have shape {self.faces.shape}; they must be (F, 3)")
+        if self.faces.min() < 0 or self.faces.max() >= count:
+            raise BadInputError(
+                f"a face names vertex {int(self.faces.max())} or {int(self.faces.min())}; there are {count}"
+            )
+        for name, array in self.attributes.items():
+            if array.ndim != 2 or len(array) != count or not np.isfinite(array).all():
+                raise BadInputError(f"attribute {name!r} must be finite and have shape ({count}, k)")
+
+
+def build_scene(
+    surface: Surface,
+    look: Look,
+    lights: LightRig,
+    stage: Stage,
+    placement: Placement,
+    camera: Camera,
+    size: tuple[int, int],
+    depth: int,
+) -> tuple[Any, Any]:
+    """Two scenes with the same shapes: one lit, for the beauty; one without lamps, for the AOVs.
+
+    Lamps are hidden from the lens in the lit scene, but AOVs would show them. `size` is width and height
+    in pixels. Raises BadInputError for a surface or a look that cannot be rendered.
+    """
+    import mitsuba as mi
+
+    surface.check()
+    shapes = {"subject": _mesh("subject", surface, _material(look, surface), SUBJECT)}
+    to_scene = placement.matrix()
+    if stage.kind == "cyclorama":
+        shapes["stage"] = _cyclorama(stage, to_scene)
+    common = {"type": "scene", "sensor": _sensor(camera, size), **shapes}
+    lit = {**common, "integrator": _beauty(depth, lights)}
+    for index, softbox in enumerate(lights.softboxes):
+        lit[f"softbox{index}"] = _softbox(softbox, to_scene)
+    for index, sun in enumerate(lights.suns):
+        lit[f"sun{index}"] = _sun(sun)
+    lit["sky"] = _sky(lights.sky)
+    unlit = {**common, "integrator": _aovs()}
+    return mi.load_dict(lit, parallel=False), mi.load_dict(unlit, parallel=False)
+
+
+def _beauty(depth: int, lights: LightRig) -> dict[str, Any]:
+    return {
+        "type": "path",
+        "max_depth": depth,
+        "rr_depth": max(depth, 5),
+        "hide_emitters": not lights.sky.visible,
+    }
+
+
+def _aovs() -> dict[str, Any]:
+    wanted = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
+    return {"type": "aov", "aovs": wanted}
+
+
+def _mesh(name: str, surface: Surface, material: dict[str, Any], mark: tuple[float, float]) -> Any:
+    import mitsuba as mi
+
+    properties = mi.Properties()
+    properties["material"] = mi.load_dict(material)
+    mesh = mi.Mesh(
+        name,
+        vertex_count=len(surface.vertices),
+        face_count=len(surface.faces),
+        has_vertex_normals=True,
+        has_vertex_texcoords=True,
+        props=properties,
+    )
+    values = mi.traverse(mesh)
+    values["vertex_positions"] = _ravel(surface.vertices)
+    values["vertex_normals"] = _ravel(surface.normals)
+    values["vertex_texcoords"] = _ravel(np.broadcast_to(np.float32(mark), (len(surface.vertices), 2)))
+    values["faces"] = np.ascontiguousarray(surface.faces, dtype=np.uint32).ravel()
+    values.update()
+    for attribute, array in surface.attributes.items():
+        mesh.add_attribute(f"vertex_{attribute}", array.shape[1], _ravel(array))
+    return mesh
+
+
+def _ravel(array: NDArray[Any]) -> NDArray[np.float32]:
+    return np.ascontiguousarray(array, dtype=np.float32).ravel()
+
+
+def _material(look: Look, surface: Surface) -> dict[str, Any]:
+    colour: dict[str, Any] = {"type": "rgb", "value": list(look.colour)}
+    if look.colour_from is not None:
+        if look.colour_from not in surface.attributes:
+            known = ", ".join(surface.attributes) or "none"
+            raise BadInputError(
+                f"look takes its colour from attribute {look.colour_from!r}; the surface has {known}"
+            )
+        colour = {"type": "mesh_attribute", "name": f"vertex_{look.colour_from}"}
+    return {"type": "twosided", "material": _one_sided(look, colour)}
+
+
+def _one_sided(look: Look, colour: dict[str, Any]) -> dict[str, Any]:
+    if look.model == "diffuse":
+        return {"type": "diffuse", "reflectance": colour}
+    if look.model == "metal":
+        return {
+            "type": "roughconductor",
+            "material": "none",
+            "specular_reflectance": colour,
+            "alpha": max(look.roughness, 1e-3),
+            "distribution": "ggx",
+        }
+    if look.model == "satin":
+        return {
+            "type": "principled",
+            "base_color": colour,
+            "roughness": look.roughness,
+            "metallic": look.metallic,
+            "sheen": look.sheen,
+            "sheen_tint": 0.5,
+            "clearcoat": 0.4,
+            "clearcoat_gloss": 0.75,
+            "specular": 0.5,
+        }
+    return {
+        "type": "roughplastic",
+        "diffuse_reflectance": colour,
+        "alpha": max(look.roughness, 1e-3),
+        "distribution": "ggx",
+        "nonlinear": True,
+    }
+
+
+def _cyclorama(stage: Stage, to_scene: NDArray[np.float64]) -> Any:
+    vertices, normals, faces = stage.mesh()
+    moved = (vertices.astype(np.float64) @ to_scene[:3, :3].T + to_scene[:3, 3]).astype(np.float32)
+    material = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(stage.colour)}}
+    two_sided = {"type": "twosided", "material": material}
+    return _mesh("stage", Surface(moved, normals, faces), two_sided, SURROUNDINGS)
+
+
+def _softbox(softbox: Softbox, to_scene: NDArray[np.float64]) -> dict[str, Any]:
+    import mitsuba as mi
+
+    half = mi.ScalarTransform4f().scale([softbox.width / 2.0, softbox.height / 2.0, 1.0])
+    facing = mi.ScalarTransform4f().look_at(
+        origin=list(softbox.position), target=list(softbox.target), up=_up_for(softbox)
+    )
+    return {
+        "type": "rectangle",
+        "to_world": mi.ScalarTransform4f(to_scene) @ facing @ half,
+        "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, 0.0, 0.0]}},
+        "emitter": {"type": "area", "radiance": {"type": "rgb", "value": list(softbox.radiance)}},
+    }
+
+
+def _up_for(softbox: Softbox) -> list[float]:
+    """The vertical, or for a lamp straight above the direction away from the camera's usual side."""
+    x, _, z = np.subtract(softbox.target, softbox.position)
+    return [0.0, 1.0, 0.0] if math.hypot(x, z) > 1e-3 else [0.0, 0.0, -1.0]
+
+
+def _sun(sun: Sun) -> dict[str, Any]:
+    return {
+        "type": "directional",
+        "direction": list(sun.direction),
+        "irradiance": {"type": "rgb", "value": list(sun.irradiance)},
+    }
+
+
+def _sky(sky: Sky) -> dict[str, Any]:
+    import mitsuba as mi
+
+    if sky.is_uniform:
+        return {"type": "constant", "radiance": {"type": "rgb", "value": list(sky.zenith)}}
+    height = np.cos((np.arange(64) + 0.5) / 64 * math.pi)[:, None]
+    end = np.where(height > 0.0, np.array(sky.zenith), np.array(sky.nadir))
+    rows = np.array(sky.horizon) + np.abs(height) ** 0.6 * (end - np.array(sky.horizon))
+    picture = np.broadcast_to(rows[:, None, :], (64, 8, 3)).astype(np.float32)
+    return {"type": "envmap", "bitmap": mi.Bitmap(np.ascontiguousarray(picture))}
+
+
+def _sensor(camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
+    import mitsuba as mi
+
+    return {
+        "type": "perspective",
+        "to_world": mi.ScalarTransform4f().look_at(
+            origin=list(camera.origin), target=list(camera.target), up=list(camera.up)
+        ),
+        "fov": math.degrees(camera.field_of_view),
+        "fov_axis": "x",
+        "near_clip": camera.near,
+        "far_clip": camera.far,
+        "film": {
+            "type": "hdrfilm",
+            "width": size[0],
+            "height": size[1],
+            "pixel_format": "rgb",
+            "component_format": "float32",
+            "rfilter": {"type": "box"},
+        },
+        "sampler": {"type": "multijitter"},
+    }

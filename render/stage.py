@@ -1,0 +1,111 @@
+"""What the sculpture stands on, in stage units, and where that is in the scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.errors import BadInputError
+from render.plain import Triple
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the stage stands: the scene point under the subject's middle, and the subject's half-size.
+
+    Stage and lights are scaled by `size` and then moved by `origin`, so a sculpture and its enlarged copy
+    with an equally enlarged placement give the same picture.
+    """
+
+    origin: Triple = (0.0, 0.0, 0.0)
+    size: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (self.size > 0.0 and all(math.isfinite(x) for x in (*self.origin, self.size))):
+            raise BadInputError(
+                f"placement has origin {self.origin} and size {self.size}; finite numbers and a positive size needed"
+            )
+
+    def matrix(self) -> NDArray[np.float64]:
+        """(4, 4): stage units to scene units."""
+        transform = np.diag([self.size, self.size, self.size, 1.0])
+        transform[:3, 3] = self.origin
+        return transform
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A cyclorama seen from anywhere: a round floor that sweeps up into a wall without an edge.
+
+    kind       "cyclorama", or "none" for a subject before the sky
+    colour     linear Rec.709 reflectance
+    floor      radius of the flat floor, stage units
+    sweep      radius over which it bends into the wall
+    wall       height of the straight wall above the sweep
+    """
+
+    kind: str = "cyclorama"
+    colour: Triple = (0.46, 0.455, 0.45)
+    floor: float = 8.0
+    sweep: float = 8.0
+    wall: float = 4.0
+
+    def __post_init__(self) -> None:
+        if self.kind not in ("cyclorama", "none"):
+            raise BadInputError(f"stage is {self.kind!r}; it can be cyclorama or none")
+        if min(self.floor, self.sweep) <= 0.0 or self.wall < 0.0:
+            raise BadInputError("a cyclorama's floor and sweep must be above 0, its wall at least 0")
+
+    def mesh(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+        """Vertices (V, 3), normals (V, 3) and faces (F, 3) of the cyclorama, seen from within."""
+        return _revolve(*self._profile())
+
+    def _profile(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Points (N, 2) of radius and height from the middle outwards, and their inward normals.
+
+        The slope follows a smoothstep, so that the curvature begins and ends at 0: a plain arc meets
+        the floor with a jump of curvature that reflections and gradients show as a line.
+        """
+        t = np.linspace(0.0, 1.0, 97)
+        slope = (math.pi / 2.0) * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        steps = np.stack([np.cos(slope), np.sin(slope)], axis=1)
+        curve = np.concatenate([[[0.0, 0.0]], np.cumsum((steps[1:] + steps[:-1]) / 2.0, axis=0)])
+        curve = curve / curve[-1, 0] * self.sweep + [self.floor, 0.0]
+        inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
+        middle = [[0.0, 0.0], [self.floor / 2.0, 0.0]]
+        top = curve[-1] + [0.0, max(self.wall, 1e-3)]
+        points = np.concatenate([middle, curve, [top]])
+        return points, np.concatenate([[[0.0, 1.0]] * 2, inwards, [[-1.0, 0.0]]])
+
+
+def _revolve(
+    profile: NDArray[np.float64], normals: NDArray[np.float64], sides: int = 192
+) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
+    """Turn a profile of (radius, height) about the y axis; faces look towards the axis."""
+    angle = np.linspace(0.0, 2.0 * math.pi, sides, endpoint=False)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def turned(pairs: NDArray[np.float64]) -> NDArray[np.float32]:
+        ring = np.empty((len(pairs), sides, 3), dtype=np.float32)
+        ring[..., 0] = pairs[:, :1] * around[:, 0]
+        ring[..., 1] = pairs[:, 1:]
+        ring[..., 2] = pairs[:, :1] * around[:, 1]
+        return ring.reshape(-1, 3)
+
+    i = np.arange(len(profile) - 1)[:, None] * sides
+    j = np.arange(sides)[None, :]
+    k = (j + 1) % sides
+    inner_j, inner_k, outer_j, outer_k = i + j, i + k, i + sides + j, i + sides + k
+    first = np.stack([inner_j, outer_k, outer_j], axis=-1)
+    second = np.stack([inner_j, inner_k, outer_k], axis=-1)[1:]  # at the middle it would have no area
+    faces = np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]).astype(np.int32)
+    return turned(profile), turned(normals), faces
+
+
+STAGES = {
+    "cyclorama": Stage(),
+    "none": Stage(kind="none"),
+}
