@@ -40,24 +40,27 @@ class Placement:
 class Stage:
     """A cyclorama seen from anywhere: a round floor that sweeps up into a wall without an edge.
 
-    kind       "cyclorama", or "none" for a subject before the sky
-    colour     linear Rec.709 reflectance
-    floor      radius of the flat floor, stage units
-    sweep      radius over which it bends into the wall
-    wall       height of the straight wall above the sweep
+    It is a shallow dish rather than a box: what a lens 10–20° above the floor sees is all there, and
+    light that is scattered upwards leaves at once, which makes pictures several times cheaper.
+
+    kind        "cyclorama", or "none" for a subject before the sky
+    colour      linear Rec.709 reflectance
+    floor       radius of the flat floor, stage units
+    sweep       width of the ring in which it rises
+    steepness   slope at the outer rim, radians
     """
 
     kind: str = "cyclorama"
     colour: Triple = (0.46, 0.455, 0.45)
-    floor: float = 8.0
-    sweep: float = 8.0
-    wall: float = 4.0
+    floor: float = 5.0
+    sweep: float = 13.0
+    steepness: float = math.radians(68.0)
 
     def __post_init__(self) -> None:
         if self.kind not in ("cyclorama", "none"):
             raise BadInputError(f"stage is {self.kind!r}; it can be cyclorama or none")
-        if min(self.floor, self.sweep) <= 0.0 or self.wall < 0.0:
-            raise BadInputError("a cyclorama's floor and sweep must be above 0, its wall at least 0")
+        if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
+            raise BadInputError("a cyclorama's floor and sweep must be above 0, its steepness within 0° … 90°")
 
     def mesh(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
         """Vertices (V, 3), normals (V, 3) and faces (F, 3) of the cyclorama, seen from within."""
@@ -70,15 +73,13 @@ class Stage:
         the floor with a jump of curvature that reflections and gradients show as a line.
         """
         t = np.linspace(0.0, 1.0, 97)
-        slope = (math.pi / 2.0) * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        slope = self.steepness * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
         steps = np.stack([np.cos(slope), np.sin(slope)], axis=1)
         curve = np.concatenate([[[0.0, 0.0]], np.cumsum((steps[1:] + steps[:-1]) / 2.0, axis=0)])
         curve = curve / curve[-1, 0] * self.sweep + [self.floor, 0.0]
         inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
         middle = [[0.0, 0.0], [self.floor / 2.0, 0.0]]
-        top = curve[-1] + [0.0, max(self.wall, 1e-3)]
-        points = np.concatenate([middle, curve, [top]])
-        return points, np.concatenate([[[0.0, 1.0]] * 2, inwards, [[-1.0, 0.0]]])
+        return np.concatenate([middle, curve]), np.concatenate([[[0.0, 1.0]] * 2, inwards])
 
 
 def _revolve(

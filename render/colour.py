@@ -1,0 +1,128 @@
+"""From linear light to a display: the ACES 2.0 view by a baked table. One of two rooms that know OpenImageIO.
+
+OpenColorIO computes the view exactly but slowly (over a second for 1920×1080), so it is asked once, on a
+cube of 65³ colours, and pictures are looked up in it. The cube's axes are logarithmic.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import tempfile
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+import platformdirs
+from numpy.typing import NDArray
+
+from render.dither import dither_pattern
+from render.errors import BadInputError
+
+CONFIG = "ocio://default"
+SCENE_SPACE = "lin_rec709_scene"
+VIEW = "ACES 2.0 - SDR 100 nits (Rec.709)"
+DISPLAYS = {"rec709": "Rec.1886 Rec.709 - Display", "srgb": "sRGB - Display"}
+"""rec709 for movies, srgb for pictures on a page."""
+
+_SIDE = 65
+_TOE = 2.0**-7
+_BRIGHTEST = 2.0**7
+"""Axes run over log2(1 + x/toe) from 0 to this radiance, which the view shows as white."""
+
+
+def to_display(
+    light: NDArray[np.float32], exposure: float = 0.0, display: str = "rec709"
+) -> NDArray[np.float32]:
+    """Linear Rec.709 (H, W, 3) as display values 0 … 1 of the same shape; `exposure` in stops.
+
+    Raises BadInputError for a display that is not one of DISPLAYS.
+    """
+    if display not in DISPLAYS:
+        raise BadInputError(f"display is {display!r}; it can be {', '.join(DISPLAYS)}")
+    exposed = light * np.float32(2.0**exposure)
+    return _lookup(_cube(display), _to_axis(exposed) * np.float32(_SIDE - 1))
+
+
+def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
+    """Display values 0 … 1 as uint8, or as uint16 where `bits` is 16.
+
+    Rounding is dithered by a fixed pattern of half a step, so a slow gradient breaks up into grain
+    instead of bands; black and white stay what they are.
+    """
+    top = 2**bits - 1
+    noise = dither_pattern(*values.shape[:2])[..., None]
+    steps = np.floor(np.clip(values, 0.0, 1.0) * np.float32(top) + noise)
+    return np.clip(steps, 0, top).astype(np.uint8 if bits <= 8 else np.uint16)
+
+
+def view_exactly(light: NDArray[np.float32], display: str = "rec709") -> NDArray[np.float32]:
+    """The view as OpenColorIO computes it, slowly; the cube is baked with it and tested against it."""
+    picture = oiio.ImageBuf(np.ascontiguousarray(light, dtype=np.float32))
+    shown = oiio.ImageBufAlgo.ociodisplay(
+        picture, DISPLAYS[display], VIEW, fromspace=SCENE_SPACE, colorconfig=CONFIG
+    )
+    if shown.has_error:
+        raise BadInputError(f"OpenColorIO cannot show {display!r}: {shown.geterror()}")
+    return np.asarray(shown.get_pixels(oiio.FLOAT), dtype=np.float32)
+
+
+def _to_axis(light: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Radiance to 0 … 1 along the cube's axes; what is negative or not a number counts as black."""
+    bounded = np.clip(np.nan_to_num(light, nan=0.0, posinf=_BRIGHTEST, neginf=0.0), 0.0, _BRIGHTEST)
+    scale = np.float32(1.0 / np.log2(1.0 + _BRIGHTEST / _TOE))
+    return np.log2(np.float32(1.0) + bounded * np.float32(1.0 / _TOE)) * scale
+
+
+@cache
+def _cube(display: str) -> NDArray[np.float32]:
+    """The baked cube (65, 65, 65, 3), indexed by red, green, blue; kept in the user's cache."""
+    recipe = f"{oiio.__version__} {CONFIG} {SCENE_SPACE} {VIEW} {DISPLAYS[display]} {_SIDE} {_TOE} {_BRIGHTEST}"
+    name = hashlib.blake2b(recipe.encode(), digest_size=12).hexdigest()
+    file = platformdirs.user_cache_path("flowsculpt") / "views" / f"{name}.npy"
+    try:
+        cube = np.load(file)
+        if cube.shape == (_SIDE, _SIDE, _SIDE, 3) and cube.dtype == np.float32:
+            return np.asarray(cube)
+    except (OSError, ValueError, EOFError):
+        pass
+    cube = _bake(display)
+    _keep(file, cube)
+    return cube
+
+
+def _bake(display: str) -> NDArray[np.float32]:
+    axis = _TOE * (2.0 ** (np.linspace(0.0, 1.0, _SIDE) * np.log2(1.0 + _BRIGHTEST / _TOE)) - 1.0)
+    red, green, blue = np.meshgrid(axis, axis, axis, indexing="ij")
+    colours = np.stack([red, green, blue], axis=-1).reshape(_SIDE * _SIDE, _SIDE, 3)
+    return view_exactly(colours.astype(np.float32), display).reshape(_SIDE, _SIDE, _SIDE, 3)
+
+
+def _keep(file: Path, cube: NDArray[np.float32]) -> None:
+    """Store the cube; a cache that cannot be written only means to bake again."""
+    try:
+        file.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".tmp", delete=False) as temporary:
+            np.save(temporary, cube)
+        Path(temporary.name).replace(file)
+    except OSError:
+        return
+
+
+def _lookup(cube: NDArray[np.float32], where: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Trilinear interpolation of the cube at `where` (H, W, 3), in steps of the cube."""
+    table = cube.reshape(-1, 3)
+    low = np.minimum(where.astype(np.int32), _SIDE - 2)
+    part = where - low
+    base = (low[..., 0] * _SIDE + low[..., 1]) * _SIDE + low[..., 2]
+    result = np.zeros((*where.shape[:-1], 3), dtype=np.float32)
+    for corner in range(8):
+        r, g, b = corner >> 2, corner >> 1 & 1, corner & 1
+        weight = _share(part[..., 0], r) * _share(part[..., 1], g) * _share(part[..., 2], b)
+        result += weight[..., None] * np.take(table, base + (r * _SIDE + g) * _SIDE + b, axis=0)
+    return np.clip(result, 0.0, 1.0)
+
+
+def _share(part: NDArray[np.float32], upper: int) -> NDArray[np.float32]:
+    return part if upper else np.float32(1.0) - part

@@ -1,0 +1,17 @@
+"""The grain that keeps slow gradients from banding when values are rounded to few bits."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+def dither_pattern(height: int, width: int) -> NDArray[np.float32]:
+    """(H, W) thresholds strictly between 0 and 1, evenly spread among neighbours.
+
+    Interleaved gradient noise: J. Jimenez, Next Generation Post Processing in Call of Duty: Advanced
+    Warfare, SIGGRAPH 2014. The same for every frame, so it does not shimmer.
+    """
+    y, x = np.mgrid[0:height, 0:width].astype(np.float64)
+    noise = 52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0) % 1.0
+    return np.clip(noise, 1e-3, 1.0 - 1e-3).astype(np.float32)
