@@ -1,0 +1,28 @@
+"""What a surface is: values, solids, files, connectivity, proofs and normals."""
+
+from pipeline.mesh.halfedge import HalfedgeMesh
+from pipeline.mesh.io import read_mesh, write_mesh
+from pipeline.mesh.normals import ShadedMesh, dihedral_angles, face_normals, split_at_creases, vertex_normals
+from pipeline.mesh.solids import box, icosphere, rod, sheet, torus
+from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.validate import Soundness, require, validate
+
+__all__ = [
+    "HalfedgeMesh",
+    "ShadedMesh",
+    "Soundness",
+    "TriangleMesh",
+    "box",
+    "dihedral_angles",
+    "face_normals",
+    "icosphere",
+    "read_mesh",
+    "require",
+    "rod",
+    "sheet",
+    "split_at_creases",
+    "torus",
+    "validate",
+    "vertex_normals",
+    "write_mesh",
+]

@@ -32,7 +32,7 @@ class TriangleMesh:
     def __init__(
         self, vertices: ArrayLike, faces: ArrayLike, attributes: Mapping[str, ArrayLike] | None = None
     ) -> None:
-        points = _frozen(np.array(vertices, dtype=np.float64))
+        points = _frozen(np.array(vertices, dtype=np.float64, order="C"))
         corners = np.asarray(faces)
         if points.ndim != 2 or points.shape[1] != 3:
             raise MeshError(f"vertices have shape {points.shape}; they must be (V, 3)")
@@ -50,7 +50,7 @@ class TriangleMesh:
             if values.ndim == 0 or len(values) != len(points):
                 raise MeshError(f"attribute {name!r} has shape {values.shape}; it needs {len(points)} rows")
         object.__setattr__(self, "vertices", points)
-        object.__setattr__(self, "faces", _frozen(np.array(corners, dtype=np.int32)))
+        object.__setattr__(self, "faces", _frozen(np.array(corners, dtype=np.int32, order="C")))
         object.__setattr__(self, "attributes", MappingProxyType(named))
 
     def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:

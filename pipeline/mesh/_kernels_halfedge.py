@@ -1,0 +1,168 @@
+"""Kernels of the corner table: half-edge ``3f + i`` runs from corner ``i`` of face ``f`` to the next.
+
+`vert[h]` is where half-edge h starts, `twin[h]` the half-edge that runs back along the same edge, or
+-1 on a boundary. A face that has been removed has `vert` -1 until the table is compacted.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from pipeline.arrays import Floats, Indices
+from pipeline.kernels import kernel
+
+SOUND, CROWDED, DISAGREEING = 0, 1, 2
+
+
+class Surface(NamedTuple):
+    """The arrays of a half-edge mesh, with room to grow, as kernels take them."""
+
+    points: Floats  # (V, 3)
+    carried: Floats  # (V, K): the vertex attributes, side by side
+    blends: Floats  # (K,): 1 where an attribute mixes its parents' values, 0 where it inherits the nearer one
+    vert: Indices  # (3F,)
+    twin: Indices  # (3F,)
+
+
+INTS = numba.int32[::1]
+MATRIX = numba.float64[:, ::1]
+VECTOR = numba.float64[::1]
+SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS], Surface)
+
+
+@kernel("int64(int64)")
+def following(h: int) -> int:
+    """The half-edge after h in its face."""
+    return h - 2 if h % 3 == 2 else h + 1
+
+
+@kernel("int64(int64)")
+def preceding(h: int) -> int:
+    """The half-edge before h in its face."""
+    return h + 2 if h % 3 == 0 else h - 1
+
+
+@kernel("void(int32[::1], int64, int64)")
+def join(twin: Indices, h: int, k: int) -> None:
+    """Make h and k each other's twin; either may be -1, the outside."""
+    if h >= 0:
+        twin[h] = k
+    if k >= 0:
+        twin[k] = h
+
+
+@kernel("UniTuple(int64, 2)(int32[::1], int64, int32[::1])")
+def match_twins(vert: Indices, vertices: int, twin: Indices) -> tuple[int, int]:
+    """Fill `twin` from `vert`; answers (SOUND, -1), or what is wrong and a half-edge where it is.
+
+    Half-edges are dropped into one bucket per lower vertex (a counting sort), so that an edge only has
+    to be looked for among the few that share that vertex.
+    """
+    start = np.zeros(vertices + 1, np.int32)
+    for h in range(len(vert)):
+        start[min(vert[h], vert[following(h)]) + 1] += 1
+    for v in range(vertices):
+        start[v + 1] += start[v]
+    filled = start[:-1].copy()
+    bucket = np.empty(len(vert), np.int32)
+    for h in range(len(vert)):
+        low = min(vert[h], vert[following(h)])
+        bucket[filled[low]] = h
+        filled[low] += 1
+        twin[h] = -1
+    for low in range(vertices):
+        for i in range(start[low], start[low + 1]):
+            h = bucket[i]
+            if twin[h] >= 0:
+                continue
+            high = max(vert[h], vert[following(h)])
+            mate = -1
+            for j in range(i + 1, start[low + 1]):
+                k = bucket[j]
+                if max(vert[k], vert[following(k)]) == high:
+                    if mate >= 0:
+                        return CROWDED, h
+                    mate = k
+            if mate >= 0:
+                if vert[mate] == vert[h]:
+                    return DISAGREEING, h
+                join(twin, h, mate)
+    return SOUND, -1
+
+
+@kernel("int64(int32[::1], int64)")
+def fan_start(twin: Indices, h: int) -> int:
+    """Of the half-edges that leave the vertex of h, the most clockwise one; h itself in a closed fan."""
+    k = h
+    while twin[k] >= 0:
+        k = following(twin[k])
+        if k == h:
+            break
+    return k
+
+
+@kernel("int64(int32[::1], int32[::1], int64)")
+def second_fan(vert: Indices, twin: Indices, vertices: int) -> int:
+    """The first vertex whose corners form more than one fan, or -1 where all are manifold."""
+    corners = np.zeros(vertices, np.int32)
+    for h in range(len(vert)):
+        corners[vert[h]] += 1
+    for h in range(len(vert)):
+        v = vert[h]
+        if corners[v] < 0:
+            continue
+        first = fan_start(twin, h)
+        k, reached = first, 0
+        while True:
+            reached += 1
+            k = twin[preceding(k)]
+            if k < 0 or k == first:
+                break
+        if reached < corners[v]:
+            return v
+        corners[v] = -1
+    return -1
+
+
+@kernel((SURFACE, numba.int64[::1], INTS, INTS, INTS))
+def fill_holes(
+    surface: Surface, sizes: Indices, dead_faces: Indices, dead_vertices: Indices, renamed: Indices
+) -> None:
+    """Close the gaps that removed faces and vertices left, by moving the last ones into them.
+
+    `sizes` holds the numbers of vertices and faces, dead ones included, and is brought up to date. The
+    cost of moving is that of the gaps, not of the mesh; one pass over `vert` gives moved vertices their
+    new numbers. `renamed` is scratch of V entries.
+    """
+    points, carried, _, vert, twin = surface
+    vertices, faces = sizes[0] - len(dead_vertices), sizes[1] - len(dead_faces)
+    last = sizes[1] - 1
+    for f in np.sort(dead_faces):
+        while last >= 0 and vert[3 * last] < 0:
+            last -= 1
+        if f >= faces:
+            break
+        for i in range(3):
+            vert[3 * f + i] = vert[3 * last + i]
+            join(twin, 3 * f + i, twin[3 * last + i])
+        last -= 1
+    holes = np.sort(dead_vertices)
+    beyond = np.searchsorted(holes, vertices)
+    hole, skip = 0, beyond
+    for v in range(vertices, sizes[0]):
+        if skip < len(holes) and holes[skip] == v:
+            skip += 1
+            continue
+        target = holes[hole]
+        hole += 1
+        renamed[v] = target
+        points[target] = points[v]
+        carried[target] = carried[v]
+    if hole > 0:
+        for h in range(3 * faces):
+            if vert[h] >= vertices:
+                vert[h] = renamed[vert[h]]
+    sizes[0], sizes[1] = vertices, faces

@@ -1,0 +1,128 @@
+"""HalfedgeMesh: connectivity that stays alive while a surface is cut and mended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from pipeline.errors import MeshError
+from pipeline.mesh._kernels_halfedge import SOUND, Surface, fill_holes, match_twins
+from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.validate import require
+
+_HEADROOM = 1.5
+
+
+class HalfedgeMesh:
+    """A corner table over arrays with room to grow; the one mutable thing of the house.
+
+    Half-edge ``3f + i`` leaves corner i of face f. `docs/resampling.md` tells the invariants. Numbers of
+    vertices and faces are `sizes`; the arrays of `surface` are longer, so that a pass of splits can be
+    given its room beforehand with `reserve`.
+
+    Raises MeshError where the mesh is not a finite, oriented manifold, with or without boundary.
+    """
+
+    def __init__(self, mesh: TriangleMesh) -> None:
+        self.euler = require(mesh).euler
+        self._columns = _Columns.of(mesh.attributes)
+        self.sizes = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
+        self.surface = Surface(
+            np.array(mesh.vertices),
+            self._columns.pack(mesh.attributes, len(mesh.vertices)),
+            self._columns.blends,
+            mesh.faces.reshape(-1).copy(),
+            np.empty(mesh.faces.size, np.int32),
+        )
+        problem, _ = match_twins(self.surface.vert, len(mesh.vertices), self.surface.twin)
+        assert problem == SOUND, "require() has already shown the mesh to be manifold"
+        self.reserve(int(len(mesh.vertices) * (_HEADROOM - 1)), int(len(mesh.faces) * (_HEADROOM - 1)))
+
+    @property
+    def vertices(self) -> Points:
+        """(V, 3) live view of the positions; write into it to move the surface."""
+        return self.surface.points[: self.sizes[0]]
+
+    @property
+    def faces(self) -> Faces:
+        """(F, 3) live view of the faces; for reading."""
+        return self.surface.vert[: 3 * self.sizes[1]].reshape(-1, 3)
+
+    @property
+    def twins(self) -> Indices:
+        """(3F,) live view: the half-edge that runs back along the same edge, -1 on a boundary."""
+        return self.surface.twin[: 3 * self.sizes[1]]
+
+    @property
+    def edges(self) -> int:
+        """How many edges there are: V + F - the Euler number, which no operation changes."""
+        return int(self.sizes.sum()) - self.euler
+
+    def reserve(self, vertices: int, faces: int) -> None:
+        """Make room for that many more; the arrays grow geometrically and keep what they hold."""
+        points, carried, blends, vert, twin = self.surface
+        if self.sizes[0] + vertices > len(points):
+            room = max(int(self.sizes[0]) + vertices, int(len(points) * _HEADROOM))
+            points, carried = _grown(points, room), _grown(carried, room)
+        if 3 * (self.sizes[1] + faces) > len(vert):
+            room = 3 * max(int(self.sizes[1]) + faces, int(len(vert) * _HEADROOM) // 3)
+            vert, twin = _grown(vert, room), _grown(twin, room)
+        self.surface = Surface(points, carried, blends, vert, twin)
+
+    def fill_holes(self, dead_vertices: Indices, dead_faces: Indices) -> None:
+        """Make the arrays gapless again after elements were removed."""
+        if len(dead_vertices) or len(dead_faces):
+            renamed = np.empty(int(self.sizes[0]), np.int32)
+            fill_holes(self.surface, self.sizes, dead_faces, dead_vertices, renamed)
+
+    def attributes(self) -> dict[str, AnyArray]:
+        """Copies of the vertex attributes, in their own shapes and types."""
+        return self._columns.unpack(self.surface.carried[: self.sizes[0]])
+
+    def snapshot(self) -> TriangleMesh:
+        """The surface as a value, vertices and faces in the order they have here."""
+        return TriangleMesh(self.vertices, self.faces, self.attributes())
+
+
+class _Columns:
+    """How named attributes of any shape and type lie side by side in one float64 matrix."""
+
+    def __init__(self, layout: Mapping[str, tuple[tuple[int, ...], np.dtype[AnyArray]]]) -> None:  # type: ignore[type-var]
+        self._layout = dict(layout)
+        mixes = [np.full(_width(shape), float(kind.kind == "f")) for shape, kind in self._layout.values()]
+        self.blends: Floats = np.concatenate([*mixes, np.empty(0)])
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, AnyArray]) -> _Columns:
+        for name, values in attributes.items():
+            if values.dtype.kind not in "fiub" or values.dtype.itemsize > 8:
+                raise MeshError(
+                    f"attribute {name!r} holds {values.dtype}; resampling carries real numbers only"
+                )
+            if not np.isfinite(values).all():
+                raise MeshError(f"attribute {name!r} holds values that are not finite; replace them")
+        return cls({name: (values.shape[1:], values.dtype) for name, values in attributes.items()})
+
+    def pack(self, attributes: Mapping[str, AnyArray], rows: int) -> Floats:
+        parts = [attributes[name].reshape(rows, -1).astype(np.float64) for name in self._layout]
+        return np.ascontiguousarray(np.concatenate([*parts, np.empty((rows, 0))], axis=1))
+
+    def unpack(self, matrix: Floats) -> dict[str, AnyArray]:
+        named, column = {}, 0
+        for name, (shape, kind) in self._layout.items():
+            part = matrix[:, column : column + _width(shape)]
+            named[name] = part.reshape(len(matrix), *shape).astype(kind)
+            column += _width(shape)
+        return named
+
+
+def _width(shape: tuple[int, ...]) -> int:
+    return int(np.prod(shape, dtype=int))
+
+
+def _grown(array: AnyArray, rows: int) -> AnyArray:
+    larger = np.empty((rows, *array.shape[1:]), array.dtype)
+    larger[: len(array)] = array
+    return larger

@@ -1,0 +1,99 @@
+"""Normals: of faces, across edges, and of vertices so that a polyhedron looks smooth (Gouraud; P39)."""
+
+from __future__ import annotations
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
+from pipeline.errors import MeshError
+from pipeline.mesh._kernels_halfedge import SOUND, match_twins
+from pipeline.mesh._kernels_normals import face_frames, find_hard, number_fans, sum_normals
+from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.validate import require
+
+
+class ShadedMesh(NamedTuple):
+    """A surface as renderers want it: a vertex at a crease appears once for every smooth side.
+
+    vertices       float64 (N, 3), N >= V; the first V are the mesh's own
+    normals        float64 (N, 3), unit
+    faces          int32 (F, 3) into these vertices, in the mesh's order
+    source_vertex  int32 (N,): the vertex of the mesh that each was made from
+    """
+
+    vertices: Points
+    normals: Vectors
+    faces: Faces
+    source_vertex: Indices
+
+
+def face_normals(mesh: TriangleMesh) -> Vectors:
+    """(F, 3) unit normals, pointing outwards; zero for a face without area."""
+    return _frames(mesh)[0]
+
+
+def dihedral_angles(mesh: TriangleMesh) -> Floats:
+    """(3F,) by half-edge ``3f + i``: the angle between the normals of its two faces, radians.
+
+    0 where the surface is flat, pi where it doubles back on itself, nan on a boundary.
+    Raises MeshError where the mesh is not an oriented manifold.
+    """
+    normals, twin = face_normals(mesh), _twins(mesh)
+    mine, theirs = np.repeat(normals, 3, axis=0), normals[twin // 3]
+    sine = np.linalg.norm(np.cross(mine, theirs), axis=1)
+    angles: Floats = np.arctan2(sine, np.einsum("ij,ij->i", mine, theirs))
+    angles[twin < 0] = math.nan
+    return angles
+
+
+def split_at_creases(mesh: TriangleMesh, hard_angle: float = math.radians(40)) -> ShadedMesh:
+    """Give every vertex the normal of the smooth surface around it, and one for each side of a crease.
+
+    Edges where the surface turns by more than `hard_angle` (radians) are creases (P29). Normals are
+    means of the faces around, weighted by their angle at the vertex (Thürmer & Wüthrich 1998), so that
+    the triangulation matters little. A crease that ends within the surface leaves no seam: a closed fan
+    is divided by two hard edges or more. Faces without area are ignored; normals are always unit.
+
+    Raises MeshError where the mesh is not an oriented manifold.
+    """
+    normals, angles = _frames(mesh)
+    vert, twin = mesh.faces.reshape(-1).copy(), _twins(mesh)
+    hard = np.zeros(len(twin), np.uint8)
+    find_hard(normals, twin, math.cos(hard_angle), hard)
+    corner, source = np.empty(len(vert), np.int32), np.empty(len(mesh.vertices) + len(vert), np.int32)
+    count = number_fans(vert, twin, hard, len(mesh.vertices), corner, source)
+    faces, source = corner.reshape(-1, 3), source[:count].copy()
+    smooth = np.empty((count, 3))
+    sum_normals(faces, normals, angles, smooth)
+    return ShadedMesh(mesh.vertices[source], smooth, faces, source)
+
+
+def vertex_normals(mesh: TriangleMesh) -> Vectors:
+    """(V, 3) unit normals, one a vertex, smooth over everything; angle-weighted."""
+    normals, angles = _frames(mesh)
+    smooth = np.empty((len(mesh.vertices), 3))
+    sum_normals(_own(mesh.faces), normals, angles, smooth)
+    return smooth
+
+
+def _frames(mesh: TriangleMesh) -> tuple[Vectors, Floats]:
+    normals, angles = np.empty((len(mesh.faces), 3)), np.empty((len(mesh.faces), 3))
+    face_frames(_own(mesh.vertices), _own(mesh.faces), normals, angles)
+    return normals, angles
+
+
+def _twins(mesh: TriangleMesh) -> Indices:
+    twin = np.empty(mesh.faces.size, np.int32)
+    problem, _ = match_twins(mesh.faces.reshape(-1).copy(), len(mesh.vertices), twin)
+    if problem != SOUND:
+        require(mesh)
+        raise MeshError("mesh: it is not an oriented manifold")
+    return twin
+
+
+def _own(array: Faces) -> Faces:
+    """A writable copy, as compiled kernels declare their arguments."""
+    return np.array(array)

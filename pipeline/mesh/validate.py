@@ -1,0 +1,134 @@
+"""Is this a surface one can work on? Proved once on the way in, and by the tests after every operation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import Indices
+from pipeline.errors import MeshError
+from pipeline.mesh._kernels_halfedge import CROWDED, SOUND, match_twins, second_fan
+from pipeline.mesh.triangles import TriangleMesh
+
+
+@dataclass(frozen=True)
+class Soundness:
+    """What `validate` found. Where `problem` is set, the counts of edges are zero: there may be none to count.
+
+    euler is V - E + F: 2 for each closed piece of the kind of a sphere, 0 for a torus.
+    """
+
+    vertices: int
+    faces: int
+    edges: int = 0
+    boundary_edges: int = 0
+    problem: str | None = None
+
+    @property
+    def sound(self) -> bool:
+        return self.problem is None
+
+    @property
+    def closed(self) -> bool:
+        return self.sound and self.boundary_edges == 0
+
+    @property
+    def euler(self) -> int:
+        return self.vertices - self.edges + self.faces
+
+
+def validate(mesh: TriangleMesh) -> Soundness:
+    """Prove a mesh finite, oriented and manifold at every edge and vertex, or name the first fault.
+
+    The rules, in order: at least one face; finite vertices; no face that names a vertex twice; every
+    vertex used; no edge with more than two faces; neighbours turn the same way; no face twice; one fan
+    of faces at every vertex. An open surface is sound; `closed` tells them apart.
+    """
+    vertices, faces = len(mesh.vertices), len(mesh.faces)
+    twin = np.empty(3 * faces, np.int32)
+    problem = _points_problem(mesh) or _edges_problem(mesh, twin) or _fans_problem(mesh, twin)
+    if problem is not None:
+        return Soundness(vertices, faces, problem=problem)
+    boundary = int(np.count_nonzero(twin < 0))
+    return Soundness(vertices, faces, (3 * faces + boundary) // 2, boundary)
+
+
+def require(mesh: TriangleMesh, closed: bool = False, name: str = "mesh") -> Soundness:
+    """Like `validate`, but raises MeshError in one sentence that begins with `name` where a rule is broken."""
+    found = validate(mesh)
+    if found.problem is not None:
+        raise MeshError(f"{name}: {found.problem}")
+    if closed and not found.closed:
+        raise MeshError(
+            f"{name}: {found.boundary_edges} edges have a face on one side only; "
+            "a closed surface is needed: fill the holes"
+        )
+    return found
+
+
+def _points_problem(mesh: TriangleMesh) -> str | None:
+    if len(mesh.faces) == 0:
+        return "there are no faces; a surface needs at least one triangle"
+    wild = ~np.isfinite(mesh.vertices).all(axis=1)
+    if wild.any():
+        return f"vertex {_first(wild)} is not finite (and {int(wild.sum()) - 1} more); coordinates must be numbers"
+    a, b, c = mesh.faces.T
+    collapsed = (a == b) | (b == c) | (c == a)
+    if collapsed.any():
+        f = _first(collapsed)
+        return f"face {f} {_names(mesh, f)} names a vertex twice; remove such degenerate faces"
+    unused = np.bincount(mesh.faces.reshape(-1), minlength=len(mesh.vertices)) == 0
+    if unused.any():
+        return f"vertex {_first(unused)} belongs to no face (and {int(unused.sum()) - 1} more); remove unused vertices"
+    return None
+
+
+def _edges_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
+    vert = mesh.faces.reshape(-1).copy()
+    fault, h = match_twins(vert, len(mesh.vertices), twin)
+    if fault == SOUND:
+        return _doubled_problem(mesh, twin)
+    a, b = vert[h], vert[h - 2 if h % 3 == 2 else h + 1]
+    around = np.flatnonzero((mesh.faces == a).any(axis=1) & (mesh.faces == b).any(axis=1))
+    corners = np.sort(mesh.faces[around], axis=1)
+    if len(np.unique(corners, axis=0)) < len(corners):
+        return f"faces {_listed(around)} hold the same three vertices or share the edge {a}-{b}; remove duplicates"
+    if fault == CROWDED:
+        return (
+            f"edge {a}-{b} has {len(around)} faces ({_listed(around)}); it may have two at most: "
+            "split the mesh there"
+        )
+    return (
+        f"faces {_listed(around)} run along edge {a}-{b} the same way; neighbours must agree: turn one round"
+    )
+
+
+def _doubled_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
+    """Two faces back to back share all edges; they are a manifold only on paper."""
+    across = np.where(twin < 0, -1 - np.arange(len(twin)), twin // 3).reshape(-1, 3)
+    doubled = (across[:, 0] == across[:, 1]) | (across[:, 1] == across[:, 2]) | (across[:, 2] == across[:, 0])
+    if not doubled.any():
+        return None
+    f = _first(doubled)
+    return f"face {f} {_names(mesh, f)} has another face with the same vertices on its back; remove one of the two"
+
+
+def _fans_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
+    v = second_fan(mesh.faces.reshape(-1).copy(), twin, len(mesh.vertices))
+    if v < 0:
+        return None
+    return f"vertex {v} joins two parts of the surface by a point only; give each part a vertex of its own"
+
+
+def _first(flags: Indices) -> int:
+    return int(np.argmax(flags))
+
+
+def _names(mesh: TriangleMesh, face: int) -> str:
+    return "(" + ", ".join(str(v) for v in mesh.faces[face]) + ")"
+
+
+def _listed(faces: Indices) -> str:
+    shown = ", ".join(str(f) for f in faces[:4])
+    return shown + (", …" if len(faces) > 4 else "")

@@ -1,0 +1,257 @@
+"""Collapsing short edges (Figure E; P9, P27) without losing creases, tendrils or the surface (P28-P33)."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.kernels import kernel
+from pipeline.mesh._kernels_halfedge import INTS, MATRIX, SURFACE, VECTOR, Surface, following, join, preceding
+from pipeline.resample._kernels_lists import BYTES, push, squared, squared_length
+from pipeline.resample._kernels_ring import RING, Ring, new_ring, walk, weigh
+
+REASONS = ("link", "boundary", "feature", "too_long", "fold", "crowded")
+LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, CROWDED = range(6)
+FREE = -1
+
+AT_START, AT_END, AT_MIDDLE = 0, 1, 2
+_LEAST_COSINE = 0.2  # a face may turn by 78 degrees in one collapse, not more
+_THIN = 0.02  # twice the area over the longest side squared; below it a face counts as a sliver
+_STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that bends less is a straight line
+
+
+@kernel(numba.int64(SURFACE, numba.int64, RING, RING))
+def _link_fault(surface: Surface, h: int, near: Ring, far: Ring) -> int:
+    """The link condition: the two ends may share only the corners opposite their edge."""
+    vert, twin = surface.vert, surface.twin
+    back = twin[h]
+    if back >= 0 and near.size[1] > near.size[0] and far.size[1] > far.size[0]:
+        return BOUNDARY
+    shared = 0
+    for i in range(near.size[1]):
+        for j in range(far.size[1]):
+            shared += near.vertex[i] == far.vertex[j]
+    if shared != (1 if back < 0 else 2):
+        return LINK
+    sides = 1 if back < 0 else 2
+    for side in range(sides):
+        k = h if side == 0 else back
+        one, two = twin[following(k)], twin[preceding(k)]
+        if one < 0 and two < 0:
+            return BOUNDARY
+        if one >= 0 and two >= 0 and vert[preceding(one)] == vert[preceding(two)]:
+            return LINK
+    return FREE
+
+
+@kernel(numba.float64(SURFACE, numba.int64, numba.int64, RING))
+def _bend(surface: Surface, centre: int, other: int, ring: Ring) -> float:
+    """Cosine of the turn that a crease through `centre` makes between `other` and its second hard spoke."""
+    points = surface.points
+    for i in range(ring.size[1]):
+        v = ring.vertex[i]
+        if ring.hard[i] and v != other:
+            dot = 0.0
+            for k in range(3):
+                dot += (points[centre, k] - points[v, k]) * (points[other, k] - points[centre, k])
+            lengths = np.sqrt(squared(points, centre, v) * squared(points, other, centre))
+            return dot / lengths if lengths > 0 else 1.0
+    return -1.0
+
+
+@kernel(numba.int64(SURFACE, numba.int64, RING, numba.float64))
+def _rank(surface: Surface, centre: int, ring: Ring, cosine: float) -> int:
+    """Hard edges at a vertex; a crease that turns by more than the hard angle makes a corner, ranked 3."""
+    if ring.size[2] != 2:
+        return ring.size[2]
+    other = -1
+    for i in range(ring.size[1]):
+        if ring.hard[i]:
+            other = ring.vertex[i]
+    return 3 if _bend(surface, centre, other, ring) < cosine else 2
+
+
+@kernel(numba.types.UniTuple(numba.int64, 3)(SURFACE, numba.int64, RING, RING, VECTOR))
+def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tuple[int, int, int]:
+    """Where the remaining vertex may lie, best first; FREE fills up, all FREE means a feature forbids it.
+
+    The end with more hard edges wins and keeps its position (P30). Ties are ours: soft ends take the
+    midpoint (P27) or else either end. Two vertices of one crease take the midpoint where the crease is
+    straight, or else the end where it bends more. Corners never move into each other, and two creases
+    are never merged across the soft surface between them: that is what keeps a tendril alive (P32).
+    """
+    a, b = surface.vert[h], surface.vert[following(h)]
+    cosine, midpoints = limits[2], limits[3] > 0
+    mine, theirs = _rank(surface, a, near, cosine), _rank(surface, b, far, cosine)
+    hard = False
+    for i in range(near.size[1]):
+        hard = hard or (near.vertex[i] == b and near.hard[i] > 0)
+    if mine >= 2 and theirs >= 2 and (not hard or (mine >= 3 and theirs >= 3)):
+        return FREE, FREE, FREE
+    if mine > theirs:
+        return AT_START, FREE, FREE
+    if theirs > mine:
+        return AT_END, FREE, FREE
+    if mine < 2:
+        return (AT_MIDDLE, AT_START, AT_END) if midpoints else (AT_START, AT_END, FREE)
+    one, two = _bend(surface, a, b, near), _bend(surface, b, a, far)
+    if one > _STRAIGHT and two > _STRAIGHT:
+        return (AT_MIDDLE, AT_START, AT_END) if midpoints else (AT_START, AT_END, FREE)
+    if one <= two:
+        return AT_START, AT_END if one > _STRAIGHT else FREE, FREE
+    return AT_END, AT_START if two > _STRAIGHT else FREE, FREE
+
+
+@kernel(numba.int64(MATRIX, RING, numba.int64, VECTOR, numba.float64))
+def _move_fault(points: Points, ring: Ring, other: int, place: Floats, longest: float) -> int:
+    """Whether the ring's centre may move to `place`, where `other` joins it: no edge too long, no face folded."""
+    faces, spokes = ring.size[0], ring.size[1]
+    for i in range(spokes):
+        v = ring.vertex[i]
+        x, y, z = points[v, 0] - place[0], points[v, 1] - place[1], points[v, 2] - place[2]
+        if v != other and x * x + y * y + z * z > longest:
+            return TOO_LONG
+    for i in range(faces):
+        b = ring.vertex[i]
+        c = ring.vertex[i + 1] if i + 1 < spokes else ring.vertex[0]
+        if b == other or c == other:
+            continue
+        ux, uy, uz = points[b, 0] - place[0], points[b, 1] - place[1], points[b, 2] - place[2]
+        vx, vy, vz = points[c, 0] - place[0], points[c, 1] - place[1], points[c, 2] - place[2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        new = nx * nx + ny * ny + nz * nz
+        mx, my, mz = ring.normals[i, 0], ring.normals[i, 1], ring.normals[i, 2]
+        old = mx * mx + my * my + mz * mz
+        dot = nx * mx + ny * my + nz * mz
+        if old > 0 and (dot <= 0 or dot * dot < _LEAST_COSINE * _LEAST_COSINE * old * new):
+            return FOLD
+        side = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, squared(points, b, c))
+        if new < _THIN * _THIN * side * side and new < old:
+            return FOLD
+    return FREE
+
+
+@kernel((MATRIX, numba.int64, numba.int64, numba.int64, VECTOR))
+def _set_place(points: Points, a: int, b: int, where: int, place: Floats) -> None:
+    for k in range(3):
+        if where == AT_START:
+            place[k] = points[a, k]
+        elif where == AT_END:
+            place[k] = points[b, k]
+        else:
+            place[k] = 0.5 * (points[a, k] + points[b, k])
+
+
+@kernel(numba.types.UniTuple(numba.int64, 2)(SURFACE, numba.int64, RING, RING, VECTOR, VECTOR))
+def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats, place: Floats) -> tuple[int, int]:
+    """May the edge of h collapse? Answers (where the vertex then lies, FREE) or (FREE, the reason why not).
+
+    `near` and `far` are filled with the rings of its two ends, `place` with the position.
+    """
+    vert, twin, points = surface.vert, surface.twin, surface.points
+    a, b = vert[h], vert[following(h)]
+    there = twin[h] if twin[h] >= 0 else following(h)
+    if not (walk(surface, h, near) and walk(surface, there, far)):
+        return FREE, CROWDED
+    fault = _link_fault(surface, h, near, far)
+    if fault != FREE:
+        return FREE, fault
+    weigh(surface, a, near, limits[2])
+    weigh(surface, b, far, limits[2])
+    reason = FEATURE
+    for where in _candidates(surface, h, near, far, limits):
+        if where == FREE:
+            break
+        _set_place(points, a, b, where, place)
+        fault = FREE
+        if where != AT_START:
+            fault = _move_fault(points, near, b, place, limits[0])
+        if fault == FREE and where != AT_END:
+            fault = _move_fault(points, far, a, place, limits[0])
+        if fault == FREE:
+            return where, FREE
+        if reason == FEATURE:
+            reason = fault
+    return FREE, reason
+
+
+@kernel((SURFACE, numba.int64, INTS))
+def _drop_face(surface: Surface, h: int, dead_faces: Indices) -> None:
+    """Take out the face of h, whose edge h has shrunk to a point, and sew its other two sides together."""
+    vert, twin = surface.vert, surface.twin
+    one, two = twin[following(h)], twin[preceding(h)]
+    join(twin, one, two)
+    join(twin, two, one)
+    f = h // 3
+    vert[3 * f] = vert[3 * f + 1] = vert[3 * f + 2] = -1
+    push(dead_faces, f)
+
+
+@kernel((SURFACE, numba.int64, RING, numba.int64, VECTOR, INTS))
+def collapse_edge(
+    surface: Surface, h: int, far: Ring, where: int, place: Floats, dead_faces: Indices
+) -> None:
+    """Merge the end of h into its start, which moves to `place`; `judge` must have allowed it."""
+    points, carried, blends, vert, twin = surface
+    a, b, back = vert[h], vert[following(h)], twin[h]
+    for k in range(3):
+        points[a, k] = place[k]
+    for k in range(carried.shape[1]):
+        if where == AT_END:
+            carried[a, k] = carried[b, k]
+        elif where == AT_MIDDLE and blends[k] > 0:
+            carried[a, k] = 0.5 * (carried[a, k] + carried[b, k])
+    for i in range(far.size[0]):
+        vert[far.leaving[i]] = a
+    _drop_face(surface, h, dead_faces)
+    if back >= 0:
+        _drop_face(surface, back, dead_faces)
+
+
+@kernel((SURFACE, RING, VECTOR, INTS, BYTES))
+def _look_around(surface: Surface, ring: Ring, limits: Floats, shorts: Indices, marks: AnyArray) -> None:
+    """After a collapse: mark the faces of a ring that are left, and list their spokes that are short."""
+    for i in range(ring.size[0]):
+        h = ring.leaving[i]
+        if surface.vert[h] < 0:
+            continue
+        marks[h // 3] = 1
+        if squared_length(surface, h) < limits[1]:
+            push(shorts, h)
+        if surface.twin[preceding(h)] < 0 and squared_length(surface, preceding(h)) < limits[1]:
+            push(shorts, preceding(h))
+
+
+@kernel(numba.int64(SURFACE, VECTOR, INTS, INTS, INTS, BYTES, numba.int64[::1]))
+def collapse_all(
+    surface: Surface,
+    limits: Floats,
+    shorts: Indices,
+    dead_faces: Indices,
+    dead_vertices: Indices,
+    marks: AnyArray,
+    refused: Indices,
+) -> int:
+    """Collapse the edges of `shorts` that are short and may be; answers how many were.
+
+    Edges that become short join the list as it is worked through. `refused` counts the others by
+    REASONS. `marks` notes the faces touched.
+    """
+    near, far, place = new_ring(), new_ring(), np.empty(3)
+    done, next_one = 0, 1
+    while next_one <= shorts[0]:
+        h = shorts[next_one]
+        next_one += 1
+        if surface.vert[h] < 0 or squared_length(surface, h) >= limits[1]:
+            continue
+        where, reason = judge(surface, h, near, far, limits, place)
+        if where == FREE:
+            refused[reason] += 1
+            continue
+        push(dead_vertices, surface.vert[following(h)])
+        collapse_edge(surface, h, far, where, place, dead_faces)
+        done += 1
+        _look_around(surface, near, limits, shorts, marks)
+        _look_around(surface, far, limits, shorts, marks)
+    return done

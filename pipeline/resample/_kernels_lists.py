@@ -1,0 +1,46 @@
+"""Work lists and geometry shared by the resampling kernels.
+
+A work list is an int32 array whose first entry is how many follow it. Pushing onto a full list does
+nothing: what a list loses, the scan that ends a frame finds again.
+"""
+
+from __future__ import annotations
+
+import numba
+
+from pipeline.arrays import Indices, Points
+from pipeline.kernels import kernel
+from pipeline.mesh._kernels_halfedge import INTS, MATRIX, SURFACE, Surface, following
+
+BYTES = numba.uint8[::1]
+
+
+@kernel((INTS, numba.int64))
+def push(items: Indices, item: int) -> None:
+    n = items[0] + 1
+    if n < len(items):
+        items[n] = item
+        items[0] = n
+
+
+@kernel(numba.float64(MATRIX, numba.int64, numba.int64))
+def squared(points: Points, a: int, b: int) -> float:
+    """Squared distance between two vertices."""
+    x = points[a, 0] - points[b, 0]
+    y = points[a, 1] - points[b, 1]
+    z = points[a, 2] - points[b, 2]
+    return x * x + y * y + z * z
+
+
+@kernel(numba.types.UniTuple(numba.float64, 3)(MATRIX, numba.int64, numba.int64, numba.int64))
+def area_vector(points: Points, a: int, b: int, c: int) -> tuple[float, float, float]:
+    """Normal of the triangle abc, as long as twice its area."""
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+@kernel(numba.float64(SURFACE, numba.int64))
+def squared_length(surface: Surface, h: int) -> float:
+    """Squared length of the edge of half-edge h."""
+    return squared(surface.points, surface.vert[h], surface.vert[following(h)])

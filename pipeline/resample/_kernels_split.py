@@ -1,0 +1,130 @@
+"""Splitting long edges with their two faces (Figure D of the paper; P8, P24, P25)."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Indices
+from pipeline.kernels import kernel
+from pipeline.mesh._kernels_halfedge import INTS, SURFACE, VECTOR, Surface, following, join, preceding
+from pipeline.resample._kernels_lists import BYTES, push, squared, squared_length
+
+_CLASSES = 16
+
+
+@kernel((SURFACE, numba.int64, numba.int64, numba.int64))
+def _split_face(surface: Surface, h: int, middle: int, face: int) -> None:
+    """Cut the face of h: a→b by the line from `middle` to its third corner c; `face` becomes (middle, b, c).
+
+    Half-edge b→c moves to the new face; its old place now holds the line from `middle` to c.
+    """
+    vert, twin = surface.vert, surface.twin
+    onward, new = following(h), 3 * face
+    vert[new], vert[new + 1], vert[new + 2] = middle, vert[onward], vert[preceding(h)]
+    vert[onward] = middle
+    join(twin, new + 1, twin[onward])
+    join(twin, onward, new + 2)
+
+
+@kernel(numba.int64(SURFACE, numba.int64, numba.int64, numba.int64))
+def split_edge(surface: Surface, h: int, middle: int, faces: int) -> int:
+    """Put vertex `middle` on the edge of h and cut the faces beside it; answers the new number of faces."""
+    twin = surface.twin
+    back, new = twin[h], 3 * faces
+    _split_face(surface, h, middle, faces)
+    if back < 0:
+        twin[new] = -1
+        return faces + 1
+    _split_face(surface, back, middle, faces + 1)
+    join(twin, h, new + 3)
+    join(twin, back, new)
+    return faces + 2
+
+
+@kernel((SURFACE, numba.int64, numba.int64, numba.int64))
+def _set_middle(surface: Surface, middle: int, a: int, b: int) -> None:
+    points, carried, blends = surface.points, surface.carried, surface.blends
+    for k in range(3):
+        points[middle, k] = 0.5 * (points[a, k] + points[b, k])
+    for k in range(carried.shape[1]):
+        carried[middle, k] = 0.5 * (carried[a, k] + carried[b, k]) if blends[k] > 0 else carried[a, k]
+
+
+@kernel((SURFACE, numba.int64, VECTOR, INTS, INTS))
+def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: Indices) -> None:
+    """List an edge that is new, or that has moved to another place in the table, if it is out of the bracket."""
+    length = squared_length(surface, h)
+    if length > limits[0]:
+        push(later, h)
+    elif length < limits[1]:
+        push(shorts, h)
+
+
+@kernel(INTS(SURFACE, INTS, VECTOR, INTS))
+def _longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indices) -> Indices:
+    """The edges of this pass, longest first in sixteen classes; those shorter than 1/√2 of the longest wait."""
+    lengths = np.empty(longs[0])
+    longest = 0.0
+    for i in range(longs[0]):
+        lengths[i] = squared_length(surface, longs[i + 1])
+        longest = max(longest, lengths[i])
+    bar = max(limits[0], 0.5 * longest)
+    start = np.zeros(_CLASSES + 1, np.int32)
+    rank = np.empty(longs[0], np.int32)
+    for i in range(longs[0]):
+        rank[i] = -1
+        if lengths[i] > bar:
+            rank[i] = max(0, min(_CLASSES - 1, int((2.0 - lengths[i] / bar) * _CLASSES)))
+            start[rank[i] + 1] += 1
+        elif lengths[i] > limits[0]:
+            push(later, longs[i + 1])
+    for c in range(_CLASSES):
+        start[c + 1] += start[c]
+    order = np.empty(start[_CLASSES], np.int32)
+    for i in range(longs[0]):
+        if rank[i] >= 0:
+            order[start[rank[i]]] = longs[i + 1]
+            start[rank[i]] += 1
+    return order
+
+
+@kernel((SURFACE, numba.int64[::1], VECTOR, INTS, INTS, INTS, INTS, BYTES))
+def split_pass(
+    surface: Surface,
+    sizes: Indices,
+    limits: Floats,
+    longs: Indices,
+    later: Indices,
+    parents: Indices,
+    shorts: Indices,
+    marks: AnyArray,
+) -> None:
+    """Split the edges of `longs` that are long, each once; what is long then stands in `later`.
+
+    New vertices lie at the middle of their parents, which are noted in `parents` (two a vertex), so
+    that a placement may move them all together before the next pass. `marks` notes the faces touched.
+    The arrays must have room for as many vertices, and twice as many faces, as `longs` has entries.
+    """
+    vert, twin = surface.vert, surface.twin
+    order = _longest_first(surface, longs, limits, later)
+    fresh = sizes[0]
+    for h in order:
+        a, b = vert[h], vert[following(h)]
+        if a >= fresh or b >= fresh or squared(surface.points, a, b) <= limits[0]:
+            continue
+        middle, first = sizes[0], sizes[1]
+        back = twin[h]
+        _set_middle(surface, middle, a, b)
+        sizes[0] = middle + 1
+        sizes[1] = split_edge(surface, h, middle, first)
+        push(parents, a)
+        push(parents, b)
+        _sort_out(surface, h, limits, later, shorts)
+        for g in range(first, sizes[1]):
+            marks[g] = 1
+            for i in range(3):
+                _sort_out(surface, 3 * g + i, limits, later, shorts)
+        marks[h // 3] = 1
+        if back >= 0:
+            marks[back // 3] = 1

@@ -1,0 +1,47 @@
+"""What one resampling did and what it left."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+
+@dataclass(frozen=True)
+class Report:
+    """Counts of one frame.
+
+    splits, collapses, flips   operations done
+    passes                     rounds of splitting until no edge was too long
+    refused                    edges still too short, by the reason why they may not collapse:
+                               link       the surface would no longer be a manifold
+                               boundary   two boundaries would meet, or a boundary triangle vanish
+                               feature    two corners or two creases would become one
+                               too_long   an edge over the maximum would appear
+                               fold       a face would turn over or become a sliver
+                               crowded    an end has more than 500 neighbours
+    vertices, faces, edges     what there is now
+    too_long, too_short        edges out of the bracket; too_long is always 0, and too_short the sum of `refused`
+    shortest, longest          edge lengths, scene units
+    """
+
+    splits: int
+    collapses: int
+    flips: int
+    passes: int
+    vertices: int
+    faces: int
+    edges: int
+    too_long: int
+    too_short: int
+    shortest: float
+    longest: float
+    refused: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "refused", MappingProxyType(dict(self.refused)))
+
+    @property
+    def in_bracket(self) -> float:
+        """Share of the edges whose length is in the bracket, 0 to 1."""
+        return 1.0 - (self.too_long + self.too_short) / self.edges

@@ -1,0 +1,210 @@
+"""The adaptive resampler: split what is too long, collapse what is too short, once a frame.
+
+Reynolds, *Adaptive Polyhedral Resampling for Vertex Flow Animation* (1991), the deltahedral version.
+It looks at the geometry of one moment only and knows nothing of what moved it (P2).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.errors import FrameError, UsageError
+from pipeline.mesh.halfedge import HalfedgeMesh
+from pipeline.mesh.triangles import TriangleMesh
+from pipeline.resample._kernels_collapse import REASONS, collapse_all
+from pipeline.resample._kernels_flip import flip_marked
+from pipeline.resample._kernels_scan import scan
+from pipeline.resample._kernels_split import split_pass
+from pipeline.resample.placement import Chord, Placement
+from pipeline.resample.report import Report
+from pipeline.resample.thresholds import Thresholds
+
+_CHORD = Chord()
+_ATTRIBUTE = "attribute."
+
+
+class Resampler:
+    """A surface in flow: move `vertices`, then `resample()`, frame after frame.
+
+    mesh         what to begin with: finite, oriented, manifold; open or closed (MeshError otherwise)
+    thresholds   the bracket; may be replaced between frames
+    placement    where new vertices go
+
+    Vertex attributes go along: a new vertex gets the mean of its parents', a merged one the survivor's
+    (integers and flags are never mixed).
+    """
+
+    def __init__(self, mesh: TriangleMesh, thresholds: Thresholds, placement: Placement = _CHORD) -> None:
+        self.thresholds = thresholds
+        self.placement = placement
+        self._mesh = HalfedgeMesh(mesh)
+
+    @property
+    def vertices(self) -> Points:
+        """(V, 3) float64 view: write the moved positions into it. `resample` makes it another array."""
+        return self._mesh.vertices
+
+    @property
+    def mesh(self) -> TriangleMesh:
+        """The surface as a value, vertices in the order of `vertices`."""
+        return self._mesh.snapshot()
+
+    def state(self) -> dict[str, AnyArray]:
+        """Copies of everything the next frames depend on, by name, as ``numpy.savez(file, **state)`` takes it."""
+        mesh = self.mesh
+        named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
+        return {"vertices": mesh.vertices, "faces": mesh.faces, **named}
+
+    @classmethod
+    def from_state(
+        cls, state: Mapping[str, AnyArray], thresholds: Thresholds, placement: Placement = _CHORD
+    ) -> Resampler:
+        """Go on from a `state`, bit for bit as if never stopped. Names it does not know are left alone."""
+        missing = {"vertices", "faces"} - set(state)
+        if missing:
+            raise UsageError(
+                f"the state holds no {' and no '.join(sorted(missing))}; it cannot be resumed from"
+            )
+        attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
+        return cls(TriangleMesh(state["vertices"], state["faces"], attributes), thresholds, placement)
+
+    def resample(self) -> Report:
+        """Bring the edges into the bracket again, in place.
+
+        Raises FrameError where a vertex is not finite or the budget of vertices does not suffice; the
+        surface is then still a sound one.
+        """
+        frame = _Frame(self._mesh, self.thresholds, self.placement)
+        frame.scan()
+        frame.split_long_edges()
+        frame.collapse_short_edges()
+        return frame.report()
+
+
+def resample(
+    mesh: TriangleMesh, thresholds: Thresholds, placement: Placement = _CHORD
+) -> tuple[TriangleMesh, Report]:
+    """One resampling of one mesh; for a film keep a `Resampler`, which keeps the connectivity."""
+    resampler = Resampler(mesh, thresholds, placement)
+    report = resampler.resample()
+    return resampler.mesh, report
+
+
+class _Frame:
+    """One resampling: its work lists, counters and steps."""
+
+    def __init__(self, mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement) -> None:
+        self.mesh, self.thresholds, self.placement = mesh, thresholds, placement
+        longest, shortest = thresholds.max_edge_length, thresholds.min_edge_length
+        cosine, midpoint = math.cos(thresholds.hard_angle), float(placement.merges_at_midpoint)
+        self.limits = np.array([longest * longest, shortest * shortest, cosine, midpoint])
+        self.extent: Floats = np.zeros(3)
+        self.splits = self.collapses = self.flips = self.passes = 0
+        self.refused: Indices = np.zeros(len(REASONS), np.int64)
+        self.marks = np.zeros(int(mesh.sizes[1]), np.uint8)
+
+    def scan(self) -> None:
+        """Find the edges out of the bracket."""
+        self.longs, self.shorts = _work_list(self.mesh.edges), _work_list(2 * self.mesh.edges)
+        self.extent[:] = math.inf, 0.0, 0.0
+        scan(self.mesh.surface, self.mesh.sizes[1], self.limits, self.longs, self.shorts, self.extent)
+        if self.extent[2]:
+            wild = int(np.argmin(np.isfinite(self.mesh.vertices).all(axis=1)))
+            raise FrameError(
+                f"vertex {wild} has left the numbers: {self.mesh.vertices[wild]}; calm the flow there"
+            )
+
+    def split_long_edges(self) -> None:
+        """Pass after pass until none is too long; every pass takes the longest first (P25)."""
+        while self.longs[0]:
+            room, first = int(self.longs[0]), int(self.mesh.sizes[0])
+            self._keep_to_budget(room)
+            self.mesh.reserve(room, 2 * room)
+            self.marks = np.concatenate([self.marks, np.zeros(2 * room, np.uint8)])
+            later, parents = _work_list(10 * room), _work_list(2 * room)
+            split_pass(
+                self.mesh.surface,
+                self.mesh.sizes,
+                self.limits,
+                self.longs,
+                later,
+                parents,
+                self.shorts,
+                self.marks,
+            )
+            self.placement.place(self.mesh, first, parents[1 : 1 + parents[0]].reshape(-1, 2))
+            self.splits += int(self.mesh.sizes[0]) - first
+            self.passes += 1
+            self.longs = later
+
+    def collapse_short_edges(self) -> None:
+        """Collapse, flip and look again, until every edge that is still short has a reason to be (P9)."""
+        self.dead_faces = _work_list(int(self.mesh.sizes[1]))
+        self.dead_vertices = _work_list(int(self.mesh.sizes[0]))
+        if self._collapse() or self.splits:
+            self._flip()
+            self.scan()
+            while self._collapse():
+                self._flip()
+                self.scan()
+        self.mesh.fill_holes(_items(self.dead_vertices), _items(self.dead_faces))
+
+    def _collapse(self) -> int:
+        self.refused[:] = 0
+        done = collapse_all(
+            self.mesh.surface,
+            self.limits,
+            self.shorts,
+            self.dead_faces,
+            self.dead_vertices,
+            self.marks,
+            self.refused,
+        )
+        self.collapses += done
+        return int(done)
+
+    def _flip(self) -> None:
+        faces = self.mesh.sizes[1]
+        edges = _work_list(8 * self.mesh.edges)
+        self.flips += flip_marked(self.mesh.surface, faces, self.limits, self.marks, edges)
+
+    def _keep_to_budget(self, more: int) -> None:
+        vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices
+        if vertices + more > budget:
+            raise FrameError(
+                f"{vertices} vertices and {more} edges to split exceed the budget of {budget} vertices "
+                f"(longest edge {math.sqrt(self.extent[1]):g}, allowed {self.thresholds.max_edge_length:g}); "
+                "raise max_vertices or max_edge_length"
+            )
+
+    def report(self) -> Report:
+        refused = {reason: int(n) for reason, n in zip(REASONS, self.refused, strict=True) if n}
+        return Report(
+            splits=self.splits,
+            collapses=self.collapses,
+            flips=self.flips,
+            passes=self.passes,
+            vertices=int(self.mesh.sizes[0]),
+            faces=int(self.mesh.sizes[1]),
+            edges=self.mesh.edges,
+            too_long=int(self.longs[0]),
+            too_short=int(self.shorts[0]),
+            shortest=math.sqrt(self.extent[0]),
+            longest=math.sqrt(self.extent[1]),
+            refused=refused,
+        )
+
+
+def _work_list(room: int) -> Indices:
+    """An empty list for kernels: the first entry counts those that follow."""
+    items = np.empty(room + 1, np.int32)
+    items[0] = 0
+    return items
+
+
+def _items(work_list: Indices) -> Indices:
+    return work_list[1 : 1 + work_list[0]]
