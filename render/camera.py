@@ -35,14 +35,14 @@ class Camera:
             raise BadInputError("a camera's numbers must all be finite")
         if not 0.0 < self.field_of_view < math.pi:
             raise BadInputError(
-                f"field_of_view is {math.degrees(self.field_of_view):.4g}°; it must be above 0° and below 180°"
+                f"field_of_view is {math.degrees(self.field_of_view):.4g}°; it must lie within 0° … 180°"
             )
         if not 0.0 < self.near < self.far:
             raise BadInputError(f"near is {self.near} and far is {self.far}; 0 < near < far must hold")
         direction = np.subtract(self.target, self.origin)
         if np.linalg.norm(np.cross(direction, self.up)) <= 1e-9 * np.linalg.norm(direction):
             raise BadInputError(
-                f"the camera at {self.origin} has no direction: its target must lie elsewhere and off its up axis"
+                f"the camera at {self.origin} has no direction; its target must lie elsewhere, off its up axis"
             )
 
     def axes(self) -> NDArray[np.float64]:

@@ -78,7 +78,9 @@ def _to_axis(light: NDArray[np.float32]) -> NDArray[np.float32]:
 @cache
 def _cube(display: str) -> NDArray[np.float32]:
     """The baked cube (65, 65, 65, 3), indexed by red, green, blue; kept in the user's cache."""
-    recipe = f"{oiio.__version__} {CONFIG} {SCENE_SPACE} {VIEW} {DISPLAYS[display]} {_SIDE} {_TOE} {_BRIGHTEST}"
+    recipe = (
+        f"{oiio.__version__} {CONFIG} {SCENE_SPACE} {VIEW} {DISPLAYS[display]} {_SIDE} {_TOE} {_BRIGHTEST}"
+    )
     name = hashlib.blake2b(recipe.encode(), digest_size=12).hexdigest()
     file = platformdirs.user_cache_path("flowsculpt") / "views" / f"{name}.npy"
     try:

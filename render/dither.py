@@ -14,4 +14,4 @@ def dither_pattern(height: int, width: int) -> NDArray[np.float32]:
     """
     y, x = np.mgrid[0:height, 0:width].astype(np.float64)
     noise = 52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0) % 1.0
-    return np.clip(noise, 1e-3, 1.0 - 1e-3).astype(np.float32)
+    return np.asarray(np.clip(noise, 1e-3, 1.0 - 1e-3), dtype=np.float32)

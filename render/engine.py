@@ -185,7 +185,15 @@ def _search_path() -> list[str]:
 
 def _memory(variant: str, library: LibLlvm | None) -> Path:
     """The file that holds the answer; its name is a hash of all that the answer depends on."""
-    parts = [platform.node(), platform.machine(), sys.version, sys.prefix, version("mitsuba"), version("drjit"), variant]
+    parts = [
+        platform.node(),
+        platform.machine(),
+        sys.version,
+        sys.prefix,
+        version("mitsuba"),
+        version("drjit"),
+        variant,
+    ]
     if library is not None:
         try:
             facts = library.path.stat()

@@ -124,9 +124,7 @@ def without_sparkles(light: NDArray[np.float32]) -> NDArray[np.float32]:
     luminance = light @ np.float32([0.2126, 0.7152, 0.0722])
     height, width = luminance.shape
     padded = np.pad(luminance, 1, mode="edge")
-    around = [
-        padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)
-    ]
+    around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)]
     third = np.partition(np.stack(around), 5, axis=0)[5]
     bound = np.float32(SPARKLE_FACTOR) * third + np.float32(1e-3)
     return np.asarray(light * np.minimum(1.0, bound / np.maximum(luminance, bound))[..., None], np.float32)

@@ -23,7 +23,14 @@ from render.frame import Layers
 Header = Mapping[str, Any]
 
 PREFIX = "flowsculpt:"
-_COMPONENTS = {"beauty": "RGB", "albedo": "RGB", "normal": "XYZ", "position": "XYZ", "depth": "Z", "matte": "A"}
+_COMPONENTS = {
+    "beauty": "RGB",
+    "albedo": "RGB",
+    "normal": "XYZ",
+    "position": "XYZ",
+    "depth": "Z",
+    "matte": "A",
+}
 _SIDE_BEARING = 0.06
 """Air after a letter, in font heights: OpenImageIO measures ink, not the font's advance."""
 
@@ -84,7 +91,9 @@ def read_header(path: Path) -> dict[str, Any]:
         return _header(file.spec())
 
 
-def write_png(path: Path, picture: NDArray[np.uint8] | NDArray[np.uint16], header: Header | None = None) -> None:
+def write_png(
+    path: Path, picture: NDArray[np.uint8] | NDArray[np.uint16], header: Header | None = None
+) -> None:
     """Write display values (H, W, 3) or (H, W, 4), 8 or 16 bits. Raises RenderEnvironmentError."""
     kinds = {np.dtype(np.uint8): oiio.UINT8, np.dtype(np.uint16): oiio.UINT16}
     if picture.ndim != 3 or picture.dtype not in kinds:
@@ -170,7 +179,9 @@ def _opened(path: Path) -> Iterator[Any]:
         raise MissingImageError(f"{path}: there is no such picture")
     file = oiio.ImageInput.open(str(path))
     if file is None:
-        raise CorruptImageError(f"{path}: cannot be opened ({oiio.geterror() or 'not a picture'}); make it again")
+        raise CorruptImageError(
+            f"{path}: cannot be opened ({oiio.geterror() or 'not a picture'}); make it again"
+        )
     try:
         yield file
     finally:

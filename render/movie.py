@@ -87,7 +87,9 @@ def probe_movie(path: Path) -> MovieFacts:
                 range=int(codec.color_range),
             )
     except (av.error.FFmpegError, IndexError, TypeError) as error:
-        raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); assemble it again") from None
+        raise CorruptImageError(
+            f"{path}: cannot be decoded to its end ({error}); assemble it again"
+        ) from None
 
 
 def read_movie(path: Path) -> Iterator[NDArray[np.uint8]]:
@@ -99,7 +101,9 @@ def read_movie(path: Path) -> Iterator[NDArray[np.uint8]]:
             for frame in container.decode(video=0):
                 yield frame.to_ndarray(format="rgb24")
     except av.error.FFmpegError as error:
-        raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); assemble it again") from None
+        raise CorruptImageError(
+            f"{path}: cannot be decoded to its end ({error}); assemble it again"
+        ) from None
 
 
 def _encode(temporary: Path, path: Path, frames: Iterator[Frame], rate: Fraction, bits: int) -> int:
@@ -137,7 +141,9 @@ def _name_colours(movie: Any) -> None:
 def _planes(frame: Frame, bits: int) -> NDArray[Any]:
     """Full-range RGB as limited-range BT.709 Y, Cb, Cr planes (3, H, W) of even size, dithered."""
     if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype not in (np.uint8, np.uint16):
-        raise BadInputError(f"a frame is {frame.dtype} of shape {frame.shape}; it must be uint8 or uint16 (H, W, 3)")
+        raise BadInputError(
+            f"a frame is {frame.dtype} of shape {frame.shape}; it must be uint8 or uint16 (H, W, 3)"
+        )
     height, width = frame.shape[:2]
     padded = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
     rgb = padded.astype(np.float32) / np.float32(np.iinfo(frame.dtype).max)

@@ -45,7 +45,9 @@ class Surface:
             raise BadInputError("the surface is empty; it needs at least one triangle")
         for name, array in (("vertices", self.vertices), ("normals", self.normals)):
             if array.shape != (count, 3):
-                raise BadInputError(f"the surface's {name} have shape {array.shape}; they must be ({count}, 3)")
+                raise BadInputError(
+                    f"the surface's {name} have shape {array.shape}; they must be ({count}, 3)"
+                )
             bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
             if len(bad):
                 raise BadInputError(

@@ -60,7 +60,9 @@ class Stage:
         if self.kind not in ("cyclorama", "none"):
             raise BadInputError(f"stage is {self.kind!r}; it can be cyclorama or none")
         if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
-            raise BadInputError("a cyclorama's floor and sweep must be above 0, its steepness within 0° … 90°")
+            raise BadInputError(
+                "a cyclorama's floor and sweep must be above 0, its steepness within 0° … 90°"
+            )
 
     def mesh(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
         """Vertices (V, 3), normals (V, 3) and faces (F, 3) of the cyclorama, seen from within."""

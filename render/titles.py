@@ -41,7 +41,9 @@ def title_frames(
     little while the words stand. Raises BadInputError where the fades do not fit into `count`.
     """
     if fade < 0 or count < 1 or 2 * fade > count:
-        raise BadInputError(f"a title of {count} frames cannot fade over {fade} at each end; fade at most half")
+        raise BadInputError(
+            f"a title of {count} frames cannot fade over {fade} at each end; fade at most half"
+        )
     title, subtitle = _words(card, size)
     for number in range(count):
         time = number / max(1, count - 1)
