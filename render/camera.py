@@ -42,7 +42,7 @@ class Camera:
         direction = np.subtract(self.target, self.origin)
         if np.linalg.norm(np.cross(direction, self.up)) <= 1e-9 * np.linalg.norm(direction):
             raise BadInputError(
-                f"the camera at {self.origin} has no direction; its target must lie elsewhere, off its up axis"
+                f"the camera at {self.origin} has no direction; its target must be off its up axis"
             )
 
     def axes(self) -> NDArray[np.float64]:

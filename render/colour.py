@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
+import OpenImageIO as oiio  # noqa: N813
 import platformdirs
 from numpy.typing import NDArray
 
@@ -54,7 +54,7 @@ def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
     top = 2**bits - 1
     noise = dither_pattern(*values.shape[:2])[..., None]
     steps = np.floor(np.clip(values, 0.0, 1.0) * np.float32(top) + noise)
-    return np.clip(steps, 0, top).astype(np.uint8 if bits <= 8 else np.uint16)
+    return np.asarray(np.clip(steps, 0, top), dtype=np.uint8 if bits <= 8 else np.uint16)
 
 
 def view_exactly(light: NDArray[np.float32], display: str = "rec709") -> NDArray[np.float32]:
@@ -72,7 +72,7 @@ def _to_axis(light: NDArray[np.float32]) -> NDArray[np.float32]:
     """Radiance to 0 … 1 along the cube's axes; what is negative or not a number counts as black."""
     bounded = np.clip(np.nan_to_num(light, nan=0.0, posinf=_BRIGHTEST, neginf=0.0), 0.0, _BRIGHTEST)
     scale = np.float32(1.0 / np.log2(1.0 + _BRIGHTEST / _TOE))
-    return np.log2(np.float32(1.0) + bounded * np.float32(1.0 / _TOE)) * scale
+    return np.asarray(np.log2(1.0 + bounded / np.float32(_TOE)) * scale, dtype=np.float32)
 
 
 @cache

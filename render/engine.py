@@ -185,15 +185,8 @@ def _search_path() -> list[str]:
 
 def _memory(variant: str, library: LibLlvm | None) -> Path:
     """The file that holds the answer; its name is a hash of all that the answer depends on."""
-    parts = [
-        platform.node(),
-        platform.machine(),
-        sys.version,
-        sys.prefix,
-        version("mitsuba"),
-        version("drjit"),
-        variant,
-    ]
+    parts = [variant, version("mitsuba"), version("drjit"), sys.version, sys.prefix]
+    parts += [platform.node(), platform.machine()]
     if library is not None:
         try:
             facts = library.path.stat()

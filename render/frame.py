@@ -32,6 +32,9 @@ SPARKLE_FACTOR = 3.0
 """A pixel of one pass may be this much brighter than the third brightest of its eight neighbours."""
 
 
+_LUMA = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+
+
 @dataclass(frozen=True, eq=False)
 class Layers:
     """A picture's named float32 arrays, (H, W, 3) or (H, W), and the facts about it.
@@ -97,7 +100,7 @@ def render_frame(
     passes = -(-quality.samples // samples)
     beauty, aovs = np.zeros(1), np.zeros(1)
     for number in range(passes):
-        light = _render(lit, samples, seed_of(seed, number, "beauty"))[..., :3]
+        light = _render(lit, samples, seed_of(seed, number, "beauty"))[..., :3].astype(np.float32)
         beauty = beauty + without_sparkles(light)
         aovs = aovs + _render(unlit, samples, seed_of(seed, number, "aovs"))
         if on_pass is not None:
@@ -121,7 +124,7 @@ def without_sparkles(light: NDArray[np.float32]) -> NDArray[np.float32]:
     A highlight or a thin bright line has at least three bright neighbours at every pixel and passes
     unchanged; a path that found a lamp by luck has none.
     """
-    luminance = light @ np.float32([0.2126, 0.7152, 0.0722])
+    luminance = light @ _LUMA
     height, width = luminance.shape
     padded = np.pad(luminance, 1, mode="edge")
     around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)]

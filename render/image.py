@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio
+import OpenImageIO as oiio  # noqa: N813
 from numpy.typing import NDArray
 
 from render.appear import appearing, cannot_write
@@ -21,19 +21,18 @@ from render.errors import BadInputError, CorruptImageError, MissingImageError
 from render.frame import Layers
 
 Header = Mapping[str, Any]
+Displayed = NDArray[np.uint8] | NDArray[np.uint16]
 
 PREFIX = "flowsculpt:"
 _COMPONENTS = {
     "beauty": "RGB",
+    "denoised": "RGB",
     "albedo": "RGB",
     "normal": "XYZ",
     "position": "XYZ",
     "depth": "Z",
     "matte": "A",
 }
-_SIDE_BEARING = 0.06
-"""Air after a letter, in font heights: OpenImageIO measures ink, not the font's advance."""
-
 _EXACT = ("position", "depth")
 """Layers kept in float32; half floats do for all others."""
 
@@ -70,7 +69,7 @@ def read_exr(path: Path) -> tuple[Layers, dict[str, Any]]:
     """
     with _opened(path) as file:
         spec = file.spec()
-        pixels = file.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
+        pixels: Any = file.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
         if pixels is None:
             raise CorruptImageError(f"{path}: cannot be read to its end ({_reason(file)}); render it again")
         header = _header(spec)
@@ -91,9 +90,7 @@ def read_header(path: Path) -> dict[str, Any]:
         return _header(file.spec())
 
 
-def write_png(
-    path: Path, picture: NDArray[np.uint8] | NDArray[np.uint16], header: Header | None = None
-) -> None:
+def write_png(path: Path, picture: Displayed, header: Header | None = None) -> None:
     """Write display values (H, W, 3) or (H, W, 4), 8 or 16 bits. Raises RenderEnvironmentError."""
     kinds = {np.dtype(np.uint8): oiio.UINT8, np.dtype(np.uint16): oiio.UINT16}
     if picture.ndim != 3 or picture.dtype not in kinds:
@@ -110,7 +107,7 @@ def read_png(path: Path) -> NDArray[Any]:
     """Display values (H, W, C), uint8 or uint16 as the file has them. Raises as `read_exr` does."""
     with _opened(path) as file:
         spec = file.spec()
-        pixels = file.read_image(0, 0, 0, spec.nchannels, spec.format)
+        pixels: Any = file.read_image(0, 0, 0, spec.nchannels, spec.format)
         if pixels is None:
             raise CorruptImageError(f"{path}: cannot be read to its end ({_reason(file)}); make it again")
         return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
@@ -125,20 +122,25 @@ def lettering(text: str, font: str, height: int, spacing: float = 0.0) -> NDArra
     """
     fine = 4
     size = height * fine
+    around = _ink_width("HH", size, font)
     offsets, x = [], 0.0
     for letter in text:
-        box = oiio.ImageBufAlgo.text_size(letter if letter.strip() else "n", size, font)
-        if not box.defined:
-            raise BadInputError(f"there is no font {font!r}; try DroidSans or DroidSerif")
         offsets.append(round(x))
-        x += box.xend + (spacing + _SIDE_BEARING) * size
+        x += _ink_width(f"H{letter}H", size, font) - around + spacing * size  # bearings included
     width = max(1, round(x - spacing * size))
     page = oiio.ImageBuf(oiio.ImageSpec(-(-width // fine) * fine, 2 * size, 3, oiio.FLOAT))
     for letter, offset in zip(text, offsets, strict=True):
         oiio.ImageBufAlgo.render_text(page, offset, int(1.4 * size), letter, size, font, [1.0, 1.0, 1.0])
-    ink = page.get_pixels(oiio.FLOAT)[..., 0]
+    ink = np.asarray(page.get_pixels(oiio.FLOAT))[..., 0]
     rows, columns = ink.shape[0] // fine, ink.shape[1] // fine
     return np.asarray(ink.reshape(rows, fine, columns, fine).mean(axis=(1, 3)), dtype=np.float32)
+
+
+def _ink_width(text: str, size: int, font: str) -> int:
+    box = oiio.ImageBufAlgo.text_size(text, size, font)
+    if not box.defined:
+        raise BadInputError(f"there is no font {font!r}; try DroidSans or DroidSerif")
+    return int(box.xend - box.xbegin)
 
 
 def _channel_names(layer: str, count: int) -> list[str]:
@@ -180,7 +182,7 @@ def _opened(path: Path) -> Iterator[Any]:
     file = oiio.ImageInput.open(str(path))
     if file is None:
         raise CorruptImageError(
-            f"{path}: cannot be opened ({oiio.geterror() or 'not a picture'}); make it again"
+            f"{path}: cannot be opened ({oiio.geterror() or 'no picture'}); make it again"
         )
     try:
         yield file
@@ -190,7 +192,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
     with appearing(path) as temporary:
-        output = oiio.ImageOutput.create(kind)
+        output: Any = oiio.ImageOutput.create(kind)
         written = output.open(str(temporary), spec) and output.write_image(pixels)
         reason = "" if written else _reason(output)
         if not (output.close() and written):

@@ -25,7 +25,7 @@ Frame = NDArray[np.uint8] | NDArray[np.uint16]
 
 _BT709 = 1
 _LIMITED = 1
-_LUMA = np.float32([0.2126, 0.7152, 0.0722])  # ITU-R BT.709-6, 3.2
+_LUMA = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709-6, 3.2
 _PIXELS = {8: ("yuv444p", "yuv420p"), 10: ("yuv444p10le", "yuv420p10le")}
 _ENCODER = {
     "preset": "medium",
@@ -87,9 +87,7 @@ def probe_movie(path: Path) -> MovieFacts:
                 range=int(codec.color_range),
             )
     except (av.error.FFmpegError, IndexError, TypeError) as error:
-        raise CorruptImageError(
-            f"{path}: cannot be decoded to its end ({error}); assemble it again"
-        ) from None
+        raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); make it again") from None
 
 
 def read_movie(path: Path) -> Iterator[NDArray[np.uint8]]:
@@ -101,9 +99,7 @@ def read_movie(path: Path) -> Iterator[NDArray[np.uint8]]:
             for frame in container.decode(video=0):
                 yield frame.to_ndarray(format="rgb24")
     except av.error.FFmpegError as error:
-        raise CorruptImageError(
-            f"{path}: cannot be decoded to its end ({error}); assemble it again"
-        ) from None
+        raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); make it again") from None
 
 
 def _encode(temporary: Path, path: Path, frames: Iterator[Frame], rate: Fraction, bits: int) -> int:
@@ -113,8 +109,8 @@ def _encode(temporary: Path, path: Path, frames: Iterator[Frame], rate: Fraction
     if first is None:
         raise BadInputError(f"{path}: a movie of no frames is not possible")
     given, stored = _PIXELS[bits]
-    options = {"movflags": "+faststart+write_colr"}
-    with iio.imopen(str(temporary), "w", plugin="pyav", container="mp4", options=options) as movie:
+    layout: dict[str, Any] = {"container": "mp4", "options": {"movflags": "+faststart+write_colr"}}
+    with iio.imopen(temporary, "w", plugin="pyav", **layout) as movie:
         movie.init_video_stream("libx264", fps=float(rate), pixel_format=stored)
         _name_colours(movie)
         movie.write_frame(_planes(first, bits), pixel_format=given)
@@ -141,9 +137,7 @@ def _name_colours(movie: Any) -> None:
 def _planes(frame: Frame, bits: int) -> NDArray[Any]:
     """Full-range RGB as limited-range BT.709 Y, Cb, Cr planes (3, H, W) of even size, dithered."""
     if frame.ndim != 3 or frame.shape[2] != 3 or frame.dtype not in (np.uint8, np.uint16):
-        raise BadInputError(
-            f"a frame is {frame.dtype} of shape {frame.shape}; it must be uint8 or uint16 (H, W, 3)"
-        )
+        raise BadInputError(f"a frame is {frame.dtype} {frame.shape}; it must be uint8 or uint16 (H, W, 3)")
     height, width = frame.shape[:2]
     padded = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
     rgb = padded.astype(np.float32) / np.float32(np.iinfo(frame.dtype).max)

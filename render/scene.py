@@ -45,9 +45,7 @@ class Surface:
             raise BadInputError("the surface is empty; it needs at least one triangle")
         for name, array in (("vertices", self.vertices), ("normals", self.normals)):
             if array.shape != (count, 3):
-                raise BadInputError(
-                    f"the surface's {name} have shape {array.shape}; they must be ({count}, 3)"
-                )
+                raise BadInputError(f"the surface's {name} have shape {array.shape}; not ({count}, 3)")
             bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
             if len(bad):
                 raise BadInputError(
@@ -128,7 +126,9 @@ def _mesh(name: str, surface: Surface, material: dict[str, Any], mark: tuple[flo
     values = mi.traverse(mesh)
     values["vertex_positions"] = _ravel(surface.vertices)
     values["vertex_normals"] = _ravel(surface.normals)
-    values["vertex_texcoords"] = _ravel(np.broadcast_to(np.float32(mark), (len(surface.vertices), 2)))
+    values["vertex_texcoords"] = _ravel(
+        np.broadcast_to(np.array(mark, dtype=np.float32), (len(surface.vertices), 2))
+    )
     values["faces"] = np.ascontiguousarray(surface.faces, dtype=np.uint32).ravel()
     values.update()
     for attribute, array in surface.attributes.items():
@@ -136,7 +136,7 @@ def _mesh(name: str, surface: Surface, material: dict[str, Any], mark: tuple[flo
     return mesh
 
 
-def _ravel(array: NDArray[Any]) -> NDArray[np.float32]:
+def _ravel(array: NDArray[Any]) -> Any:
     return np.ascontiguousarray(array, dtype=np.float32).ravel()
 
 
@@ -201,7 +201,7 @@ def _softbox(softbox: Softbox, to_scene: NDArray[np.float64]) -> dict[str, Any]:
     )
     return {
         "type": "rectangle",
-        "to_world": mi.ScalarTransform4f(to_scene) @ facing @ half,
+        "to_world": mi.ScalarTransform4f(to_scene.tolist()) @ facing @ half,
         "bsdf": {"type": "diffuse", "reflectance": {"type": "rgb", "value": [0.0, 0.0, 0.0]}},
         "emitter": {"type": "area", "radiance": {"type": "rgb", "value": list(softbox.radiance)}},
     }

@@ -26,7 +26,7 @@ class Placement:
     def __post_init__(self) -> None:
         if not (self.size > 0.0 and all(math.isfinite(x) for x in (*self.origin, self.size))):
             raise BadInputError(
-                f"placement has origin {self.origin} and size {self.size}; finite numbers and a positive size needed"
+                f"placement has origin {self.origin} and size {self.size}; finite and size above 0 needed"
             )
 
     def matrix(self) -> NDArray[np.float64]:
@@ -60,9 +60,7 @@ class Stage:
         if self.kind not in ("cyclorama", "none"):
             raise BadInputError(f"stage is {self.kind!r}; it can be cyclorama or none")
         if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
-            raise BadInputError(
-                "a cyclorama's floor and sweep must be above 0, its steepness within 0° … 90°"
-            )
+            raise BadInputError("a cyclorama's floor and sweep must be above 0, its steepness in 0° … 90°")
 
     def mesh(self) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
         """Vertices (V, 3), normals (V, 3) and faces (F, 3) of the cyclorama, seen from within."""

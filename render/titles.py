@@ -41,9 +41,7 @@ def title_frames(
     little while the words stand. Raises BadInputError where the fades do not fit into `count`.
     """
     if fade < 0 or count < 1 or 2 * fade > count:
-        raise BadInputError(
-            f"a title of {count} frames cannot fade over {fade} at each end; fade at most half"
-        )
+        raise BadInputError(f"a title of {count} frames cannot fade over {fade} at each end; at most half")
     title, subtitle = _words(card, size)
     for number in range(count):
         time = number / max(1, count - 1)
@@ -53,7 +51,7 @@ def title_frames(
         late = _fade(number - fade // 2, count - fade // 2, fade)
         for ink, mask, amount in ((card.ink, title, strength), (card.quiet, subtitle, late)):
             cover = (mask * amount)[..., None]
-            picture = picture * (1.0 - cover) + np.float32(ink) * cover
+            picture = picture * (1.0 - cover) + np.array(ink, dtype=np.float32) * cover
         yield np.asarray(picture, dtype=np.float32)
 
 
@@ -63,7 +61,7 @@ def _ground(card: TitleCard, size: tuple[int, int], swell: float) -> NDArray[np.
     across = (x - width / 2.0) / (0.80 * width)
     down = (y - 0.46 * height) / (0.95 * height)
     glow = np.exp(-(across**2 + down**2) / (0.10 + 0.03 * swell))[..., None]
-    ground, centre = np.float32(card.ground), np.float32(card.centre)
+    ground, centre = np.array(card.ground), np.array(card.centre)
     return np.asarray(ground + (centre - ground) * glow, dtype=np.float32)
 
 
