@@ -57,6 +57,12 @@ def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
     return np.asarray(np.clip(steps, 0, top), dtype=np.uint8 if bits <= 8 else np.uint16)
 
 
+def prepare() -> None:
+    """Bake every display's cube now, so that the first picture need not wait for it."""
+    for display in DISPLAYS:
+        _cube(display)
+
+
 def view_exactly(light: NDArray[np.float32], display: str = "rec709") -> NDArray[np.float32]:
     """The view as OpenColorIO computes it, slowly; the cube is baked with it and tested against it."""
     picture = oiio.ImageBuf(np.ascontiguousarray(light, dtype=np.float32))

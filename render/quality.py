@@ -26,7 +26,7 @@ class Quality:
     def __post_init__(self) -> None:
         if min(self.width, self.height, self.samples) < 1:
             raise BadInputError(
-                f"quality has {self.width}×{self.height} pixels, {self.samples} samples; each must be 1 or more"
+                f"quality: {self.width}×{self.height} pixels, {self.samples} samples; all must be above 0"
             )
         if self.depth < 2:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")

@@ -16,22 +16,26 @@ from render.plain import Triple
 class Placement:
     """Where the stage stands: the scene point under the subject's middle, and the subject's half-size.
 
-    Stage and lights are scaled by `size` and then moved by `origin`, so a sculpture and its enlarged copy
-    with an equally enlarged placement give the same picture.
+    Stage and lights are scaled by `size`, turned by `turn` radians about the vertical (from +z towards
+    +x) and then moved by `origin`, so a sculpture and its enlarged copy with an equally enlarged placement
+    give the same picture.
     """
 
     origin: Triple = (0.0, 0.0, 0.0)
     size: float = 1.0
+    turn: float = 0.0
 
     def __post_init__(self) -> None:
-        if not (self.size > 0.0 and all(math.isfinite(x) for x in (*self.origin, self.size))):
+        if not (self.size > 0.0 and all(math.isfinite(x) for x in (*self.origin, self.size, self.turn))):
             raise BadInputError(
                 f"placement has origin {self.origin} and size {self.size}; finite and size above 0 needed"
             )
 
     def matrix(self) -> NDArray[np.float64]:
         """(4, 4): stage units to scene units."""
-        transform = np.diag([self.size, self.size, self.size, 1.0])
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        transform = np.eye(4)
+        transform[:3, :3] = self.size * np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
         transform[:3, 3] = self.origin
         return transform
 
