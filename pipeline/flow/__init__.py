@@ -3,7 +3,8 @@
 from pipeline.flow.choreography import Keyframes, keyed
 from pipeline.flow.compose import Reversed, Sequence, Sum
 from pipeline.flow.easing import EASINGS
-from pipeline.flow.flow import Displacement, Flow, Function, as_flow, displaced
+from pipeline.flow.flow import Displacement, Flow, Function, as_flow
+from pipeline.flow.guard import displaced
 from pipeline.flow.velocity import Streamlines, VelocityField
 
 __all__ = [

@@ -23,7 +23,7 @@ def _sine(s: float) -> float:
 
 def _expo(s: float) -> float:
     """2^(10 (s − 1)), shifted and scaled so that it starts at 0 and ends at 1 exactly."""
-    return (2.0 ** (10.0 * s) - 1.0) / 1023.0
+    return (math.exp2(10.0 * s) - 1.0) / 1023.0
 
 
 def _circ(s: float) -> float:

@@ -14,11 +14,11 @@ from pipeline.errors import FrameError
 from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow.flow import Flow
 
-STEP_LIMIT = 0.25
+STEP_LIMIT = 0.1
 """The longest sub-step times the steepest velocity gradient.
 
 The classical Runge-Kutta step leaves out the terms of the exponential from (h L)^5 / 120 on, so at a
-quarter one sub-step errs by less than 1e-5 of the distance over which the field varies.
+tenth one sub-step errs by about 1e-7 of the distance over which the field varies.
 """
 
 MOST_SUBSTEPS = 10_000

@@ -1,0 +1,20 @@
+"""Shots: what a shot file says, as values."""
+
+from pipeline.shot.clock import Clock
+from pipeline.shot.read import read_film, read_shot
+from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
+from pipeline.shot.subject import Model, Solid, Subject
+
+__all__ = [
+    "CameraPath",
+    "Clock",
+    "Film",
+    "Model",
+    "Motion",
+    "Picture",
+    "Shot",
+    "Solid",
+    "Subject",
+    "read_film",
+    "read_shot",
+]

@@ -41,6 +41,6 @@ class Lorenz(Term):
         return (*place_at(self.centre, time), *(number_at(number, time) for number in numbers))
 
     def steepness(self, time: float) -> float:
-        """The Jacobian's norm on the attractor, where |x| stays below 20."""
+        """The Jacobian's norm on and about the attractor, where |x| stays below 20; far away it is more."""
         sigma, rho = abs(number_at(self.sigma, time)), abs(number_at(self.rho, time))
         return abs(number_at(self.time_scale, time)) * (sigma + rho + 20.0)

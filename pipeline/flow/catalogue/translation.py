@@ -12,16 +12,19 @@ from pipeline.flow.velocity import Term
 
 @dataclass(frozen=True)
 class Translation(Term):
-    """The same velocity everywhere, in units per second."""
+    """The same velocity everywhere.
 
-    velocity: Place = ORIGIN  # type: ignore[assignment]  # the field's one parameter, named as in the shot
+    rate  units per second along x, y and z
+    """
+
+    rate: Place = ORIGIN
 
     @property
     def kind(self) -> int:
         return kernels.TRANSLATION
 
     def row(self, time: float) -> tuple[float, ...]:
-        return place_at(self.velocity, time)
+        return place_at(self.rate, time)
 
     def steepness(self, time: float) -> float:
         return 0.0

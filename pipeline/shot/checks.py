@@ -1,0 +1,183 @@
+"""What a shot file must obey beyond the form of its values. Each check looks at the raw data, so that one
+mistake never hides another, and yields where it is and what to tell."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any, TypeGuard
+
+import numpy as np
+
+from pipeline.errors import UsageError
+from pipeline.frames import FrameRange, FrameRate
+from pipeline.shot.clock import Clock
+from pipeline.shot.fields import suggestion
+from pipeline.shot.source import Source, Where
+from pipeline.shot.subject import SOLIDS, Solid
+
+Problem = tuple[Where, str]
+
+MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
+
+DIRECTIONS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+
+def read_clock(source: Source) -> tuple[Clock | None, list[Problem]]:
+    """The shot's clock, or what keeps it from having one."""
+    problems: list[Problem] = []
+    frames, rate = source.get("frames"), source.get("rate")
+    range_, speed = None, None
+    if isinstance(frames, str):
+        try:
+            range_ = FrameRange.parse(frames)
+        except UsageError as error:
+            problems.append((("frames",), str(error)))
+    if range_ and range_.numbers != tuple(range(range_.first, range_.last + 1)):
+        problems.append((("frames",), f"frames {frames} skip or turn back; a shot plays all. Write 1-96."))
+        range_ = None
+    try:
+        speed = FrameRate.of(24 if rate is None else rate) if _is_rate(rate) else None
+    except UsageError as error:
+        problems.append((("rate",), str(error)))
+    return (Clock(range_, speed) if range_ and speed else None), problems
+
+
+def _is_rate(rate: Any) -> bool:
+    return rate is None or (isinstance(rate, int | float | str) and not isinstance(rate, bool))
+
+
+def keys(source: Source, clock: Clock | None) -> Iterator[Problem]:
+    """Keys are frames or seconds, ascending, and within the shot."""
+    for where, mapping in source.mappings():
+        if isinstance(mapping.get("keys"), dict):
+            yield from _times(mapping["keys"], (*where, "keys"), clock)
+
+
+def _times(keys: dict[Any, Any], where: Where, clock: Clock | None) -> Iterator[Problem]:
+    clock_or_any = clock or Clock(FrameRange.of([1]), FrameRate.of(24))
+    before: tuple[Any, float] | None = None
+    for key in keys:
+        seconds = clock_or_any.seconds(key)
+        if seconds is None:
+            yield (
+                (*where, key),
+                f"key {key!r} is no time; write a frame, such as 12, or seconds, such as 0.5s",
+            )
+            continue
+        if clock and not clock.holds(seconds):
+            yield (
+                (*where, key),
+                (
+                    f"key {key} is outside of the shot, which has frames {clock.frames} "
+                    f"({clock.duration:.4g} s). Move it inside."
+                ),
+            )
+        if before and seconds <= before[1]:
+            yield (*where, key), f"key {key} comes after key {before[0]}; keys go forward in time. Sort them."
+        before = key, seconds
+
+
+def directions(source: Source) -> Iterator[Problem]:
+    """Axes have a direction, and a shear slides across its axis."""
+    for where, mapping in source.mappings():
+        for name in ("axis", "direction"):
+            value = mapping.get(name)
+            if _is_triple(value) and math.hypot(*value) < 1e-12:
+                yield (*where, name), f"{name} {value} has no direction. Write x, y, z or a vector."
+        if where[-1:] == ("shear",):
+            axis, slide = _direction(mapping.get("axis", "y")), _direction(mapping.get("direction", "x"))
+            if axis and slide and _along(axis, slide):
+                yield (
+                    where,
+                    "shear slides along its own axis; direction must lie across axis. Turn one of them.",
+                )
+
+
+def _direction(value: Any) -> tuple[float, ...] | None:
+    if _is_triple(value):
+        return tuple(value)
+    return DIRECTIONS.get(value) if isinstance(value, str) else None
+
+
+def _along(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    """Whether two vectors are parallel, or one is none."""
+    cross = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return math.hypot(*cross) <= 1e-9 * math.hypot(*a) * math.hypot(*b)
+
+
+def thresholds(source: Source) -> Iterator[Problem]:
+    """P13: with a minimum of half the maximum or more, splitting and collapsing undo each other."""
+    longest, shortest = source.get("resample", "max_edge_length"), source.get("resample", "min_edge_length")
+    if not (_is_number(longest) and _is_number(shortest) and longest > 0):
+        return
+    if shortest >= 0.5 * longest:
+        yield (
+            ("resample", "min_edge_length"),
+            (
+                f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}; "
+                f"it must be below 50% (P13), or splitting and collapsing undo each other. "
+                f"Try {0.4 * longest:.3g}."
+            ),
+        )
+
+
+def solid(source: Source) -> Iterator[Problem]:
+    """A solid is given the measures it has."""
+    subject = source.get("subject")
+    name = subject.get("solid") if isinstance(subject, dict) else None
+    if not isinstance(name, str) or name not in SOLIDS:
+        return
+    measures = SOLIDS[name].measures
+    strangers = [m for m in subject if m in MEASURES and m not in measures]
+    yield from (
+        (("subject", m), f"{m} is no measure of a {name}. {suggestion(m, measures)}") for m in strangers
+    )
+    size = subject.get("size")
+    if isinstance(size, list) and "size" in measures and len(size) != np.size(measures["size"]):
+        wanted = np.size(measures["size"])
+        yield (
+            ("subject", "size"),
+            f"size of a {name} has {wanted} numbers, not {len(size)}. Write all of them.",
+        )
+    elif not strangers:
+        yield from _impossible(name, {m: subject[m] for m in measures if m in subject})
+
+
+def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:
+    """Measures that contradict each other, by trying them on the coarsest of meshes."""
+    if not all(
+        _is_number(x) and x > 0 for x in np.ravel([v for v in given.values() if not isinstance(v, str)])
+    ):
+        return
+    try:
+        Solid.of(name, given).build(1e6)
+    except UsageError as error:
+        yield ("subject",), f"{error}"
+
+
+def model(source: Source) -> Iterator[Problem]:
+    """The one problem that is a missing input: the model file is not there."""
+    name = source.get("subject", "model")
+    if isinstance(name, str) and not model_path(source, name).is_file():
+        yield (
+            ("subject", "model"),
+            (
+                f"model file {name} is not there; it is looked for beside the shot file, "
+                f"as {model_path(source, name)}. Put it there or correct the name."
+            ),
+        )
+
+
+def model_path(source: Source, name: str) -> Path:
+    """Files named in a shot stand relative to the shot file."""
+    return source.path.parent / name
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _is_triple(value: Any) -> TypeGuard[list[float]]:
+    return isinstance(value, list) and len(value) == 3 and all(_is_number(x) for x in value)

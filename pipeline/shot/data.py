@@ -1,0 +1,37 @@
+"""Values as JSON-able data: what keys are hashed from. Equal values give equal data on every machine."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+from fractions import Fraction
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import UsageError
+from pipeline.frames import FrameRange, FrameRate
+
+NOT_DATA = {"as_data": False}
+"""`field(metadata=NOT_DATA)`: something a value remembers that changes nothing."""
+
+
+def as_data(value: Any) -> Any:
+    """Dataclasses as dicts with their class under `is`; tuples as lists; numbers and text as they are.
+
+    Raises UsageError for a value that has no such form, a Python function for one.
+    """
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    if isinstance(value, np.integer | np.floating):
+        return value.item()
+    if isinstance(value, FrameRange | FrameRate | Fraction):
+        return str(value)
+    if isinstance(value, tuple | list):
+        return [as_data(item) for item in value]
+    if dataclasses.is_dataclass(value) and not isinstance(value, type):
+        fields = [f for f in dataclasses.fields(value) if f.metadata.get("as_data", True)]
+        return {"is": type(value).__name__, **{f.name: as_data(getattr(value, f.name)) for f in fields}}
+    what = "function" if isinstance(value, Callable | Path) else type(value).__name__  # type: ignore[arg-type]
+    raise UsageError(f"a {what} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")

@@ -1,0 +1,127 @@
+"""The layout of shot and film files: what may stand in them, of which kind."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from pipeline.shot.fields import Colour, Count, Document, Parameter, Positive, one_of
+from pipeline.shot.flows import FlowDocument
+from pipeline.shot.subject import SOLIDS
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.stage import STAGES
+
+
+class SolidDocument(Document):
+    """Which of the measures a solid takes is for `checks` to say."""
+
+    solid: Annotated[str, one_of(SOLIDS, "solid")]
+    size: list[Positive] | None = Field(None, min_length=2, max_length=3)
+    radius: Positive | None = None
+    length: Positive | None = None
+    tube_radius: Positive | None = None
+    caps: Literal["round", "flat"] | None = None
+
+
+class ModelDocument(Document):
+    model: str
+    scale: Positive = 1.0
+
+
+def _subject_form(value: Any) -> str:
+    return "a model file" if isinstance(value, dict) and "model" in value else "a solid"
+
+
+SubjectDocument = Annotated[
+    Annotated[SolidDocument, Tag("a solid")] | Annotated[ModelDocument, Tag("a model file")],
+    Discriminator(_subject_form),
+]
+
+
+class ResampleDocument(Document):
+    """hard_angle: degrees"""
+
+    max_edge_length: Positive
+    min_edge_length: Annotated[float, Field(ge=0)] | None = None
+    hard_angle: Annotated[float, Field(gt=0, lt=180)] = 40.0
+    max_vertices: Annotated[int, Field(ge=4)] | None = None
+
+
+def _named_or_spelt_out(value: Any) -> str:
+    return "spelt out" if isinstance(value, dict) else "by name"
+
+
+Resample = Annotated[
+    Annotated[Literal["off"], Tag("by name")] | Annotated[ResampleDocument, Tag("spelt out")],
+    Discriminator(_named_or_spelt_out),
+]
+
+
+class LookDocument(Document):
+    """A look of the registry with some of its values replaced; colour is linear Rec.709."""
+
+    material: Annotated[str, one_of(LOOKS, "look")]
+    colour: Colour | None = None
+    roughness: Annotated[float, Field(ge=0, le=1)] | None = None
+    sheen: Annotated[float, Field(ge=0, le=1)] | None = None
+    metallic: Annotated[float, Field(ge=0, le=1)] | None = None
+
+
+class CameraDocument(Document):
+    """Angles in degrees."""
+
+    azimuth: Parameter[float] = -30.0
+    elevation: Parameter[float] = 14.0
+    field_of_view: Parameter[Annotated[float, Field(gt=1, lt=150)]] = 26.0
+    margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
+
+
+class LightsDocument(Document):
+    """A rig of the registry; exposure in stops."""
+
+    rig: Annotated[str, one_of(LIGHTS, "light rig")] = "studio"
+    exposure: float = 0.0
+
+
+class StageDocument(Document):
+    kind: Annotated[str, one_of(STAGES, "stage")] = "cyclorama"
+    colour: Colour | None = None
+
+
+class ShotDocument(Document):
+    title: str
+    intent: str = ""
+    frames: str
+    rate: Positive | str = 24
+    subject: SubjectDocument
+    resample: Resample
+    flows: list[FlowDocument] = Field(default_factory=list)
+    substeps: Count | None = None
+    look: Annotated[
+        Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],
+        Discriminator(_named_or_spelt_out),
+    ] = "clay"
+    camera: CameraDocument = CameraDocument()
+    lights: Annotated[
+        Annotated[str, one_of(LIGHTS, "light rig"), Tag("by name")]
+        | Annotated[LightsDocument, Tag("spelt out")],
+        Discriminator(_named_or_spelt_out),
+    ] = "studio"
+    stage: Annotated[
+        Annotated[str, one_of(STAGES, "stage"), Tag("by name")] | Annotated[StageDocument, Tag("spelt out")],
+        Discriminator(_named_or_spelt_out),
+    ] = "cyclorama"
+
+
+class FilmDocument(Document):
+    """Shots are names of files beside the film's, without their ending, in the order of the edit."""
+
+    title: str
+    subtitle: str = ""
+    credits: list[str] = Field(default_factory=list)
+    shots: list[str] = Field(min_length=1)
+    rate: Positive | str = 24
+    title_seconds: Annotated[float, Field(ge=0)] = 3.0
+    credits_seconds: Annotated[float, Field(ge=0)] = 3.0

@@ -1,0 +1,219 @@
+"""From files to shots and films: everything wrong with a file is told at once, with line and column."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+from pathlib import Path
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from pipeline.errors import FlowsculptError, MissingInputError, ShotError
+from pipeline.flow import Sequence
+from pipeline.frames import FrameRate
+from pipeline.resample import Thresholds
+from pipeline.shot import checks
+from pipeline.shot.clock import Clock
+from pipeline.shot.documents import (
+    FilmDocument,
+    LookDocument,
+    ModelDocument,
+    ResampleDocument,
+    ShotDocument,
+    StageDocument,
+)
+from pipeline.shot.fields import DEGREE, Document, number, suggestion
+from pipeline.shot.messages import findings
+from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
+from pipeline.shot.source import Source, Where
+from pipeline.shot.subject import Model, Solid, Subject
+from render.lights import LIGHTS, LightRig
+from render.look import LOOKS, Look
+from render.stage import STAGES, Stage
+
+D = TypeVar("D", bound=Document)
+
+
+def read_shot(path: str | Path, text: str | None = None) -> Shot:
+    """The shot of a YAML file (docs/shot-files.md), or of `text` as if it stood there.
+
+    Raises ShotError with one message `file:line:column: …` for each thing that is wrong, and
+    MissingInputError where the file, or a model that it names, is not there.
+    """
+    source = Source.read(Path(path), text)
+    clock, problems = checks.read_clock(source)
+    problems += checks.keys(source, clock)
+    for check in (checks.directions, checks.thresholds, checks.solid):
+        problems += check(source)
+    missing = list(checks.model(source))
+    document = _parsed(source, ShotDocument, problems, missing)
+    assert clock is not None, "without problems there is a clock"
+    return Shot(
+        name=Path(path).stem,
+        title=document.title,
+        intent=document.intent,
+        motion=_motion(document, clock, source),
+        picture=_picture(document, clock),
+        path=Path(path),
+    )
+
+
+def read_film(path: str | Path) -> Film:
+    """The film of a YAML file, with all its shots read.
+
+    Raises ShotError with everything wrong in all of the files, and MissingInputError where one is not there.
+    """
+    path = Path(path)
+    source = Source.read(path)
+    problems: list[tuple[Where, str]] = []
+    shots: list[Shot] = []
+    failed: list[FlowsculptError] = []
+    rate = _film_rate(source, problems)
+    names = source.get("shots")
+    for index, name in enumerate(names if isinstance(names, list) else []):
+        if not isinstance(name, str):
+            continue
+        file = path.parent / f"{name}.yaml"
+        if not file.is_file():
+            known = sorted(f.stem for f in path.parent.glob("*.yaml") if f != path)
+            hint = suggestion(name, known) if known else "There are none."
+            failed.append(
+                MissingInputError(f"{source.place(('shots', index))}: there is no shot {file}. {hint}")
+            )
+            continue
+        try:
+            shots.append(read_shot(file))
+        except (ShotError, MissingInputError) as error:
+            failed.append(error)
+            continue
+        if rate and shots[-1].rate != rate:
+            problems.append(
+                (
+                    ("shots", index),
+                    f"{name} plays at {shots[-1].rate} frames per second and the film at {rate}; "
+                    "all shots of a film share its rate. Change one of them.",
+                )
+            )
+    document = _parsed(source, FilmDocument, problems, [], failed)
+    return Film(
+        title=document.title,
+        subtitle=document.subtitle,
+        credits=tuple(document.credits),
+        shots=tuple(shots),
+        rate=FrameRate.of(document.rate),
+        title_seconds=float(document.title_seconds),
+        credits_seconds=float(document.credits_seconds),
+        path=path,
+    )
+
+
+def _film_rate(source: Source, problems: list[tuple[Where, str]]) -> FrameRate | None:
+    rate = source.get("rate")
+    if rate is not None and not isinstance(rate, int | float | str):
+        return None
+    try:
+        return FrameRate.of(24 if rate is None else rate)
+    except FlowsculptError as error:
+        problems.append((("rate",), str(error)))
+        return None
+
+
+def _parsed(
+    source: Source,
+    kind: type[D],
+    problems: list[tuple[Where, str]],
+    missing: list[tuple[Where, str]],
+    failed: list[FlowsculptError] | None = None,
+) -> D:
+    """The file as a document, or all problems together; only missing files make a MissingInputError."""
+    wrong, document = [*source.problems, *problems], None
+    try:
+        document = kind.model_validate(source.data)
+    except ValidationError as error:
+        wrong += findings(error, source, kind)
+    told = {where for where, _ in wrong}
+    absent = [f"{source.place(where)}: {text}" for where, text in missing if where not in told]
+    others = failed or []
+    absent += [str(error) for error in others if isinstance(error, MissingInputError)]
+    lines = [f"{source.place(where)}: {text}" for where, text in sorted(wrong, key=_in_order(source))]
+    lines += [line for error in others if isinstance(error, ShotError) for line in error.messages]
+    if lines:
+        raise ShotError(*lines, *absent)
+    if absent:
+        raise MissingInputError("\n".join(absent))
+    assert document is not None
+    return document
+
+
+def _in_order(source: Source) -> Any:
+    def line_and_column(problem: tuple[Where, str]) -> tuple[int, ...]:
+        return tuple(int(part) for part in source.place(problem[0]).split(":")[-2:])
+
+    return line_and_column
+
+
+def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
+    resample = document.resample
+    flows = tuple(entry.build(clock, document.substeps) for entry in document.flows)
+    return Motion(
+        frames=clock.frames,
+        rate=clock.rate,
+        subject=_subject(document, source),
+        flow=Sequence(flows),
+        thresholds=_thresholds(resample) if isinstance(resample, ResampleDocument) else None,
+    )
+
+
+def _thresholds(document: ResampleDocument) -> Thresholds:
+    given = document.model_dump(exclude_none=True, exclude={"hard_angle"})
+    return Thresholds(**given, hard_angle=document.hard_angle * DEGREE)
+
+
+def _subject(document: ShotDocument, source: Source) -> Subject:
+    subject = document.subject
+    if isinstance(subject, ModelDocument):
+        file = checks.model_path(source, subject.model)
+        digest = hashlib.sha256(file.read_bytes()).hexdigest()
+        return Model(digest=digest, scale=float(subject.scale), path=file)
+    given = subject.model_dump(exclude_none=True, exclude={"solid"})
+    return Solid.of(subject.solid, given)
+
+
+def _picture(document: ShotDocument, clock: Clock) -> Picture:
+    camera = document.camera
+    return Picture(
+        look=_look(document.look),
+        camera=CameraPath(
+            azimuth=number(camera.azimuth, clock, DEGREE),
+            elevation=number(camera.elevation, clock, DEGREE),
+            field_of_view=number(camera.field_of_view, clock, DEGREE),
+            margin=float(camera.margin),
+        ),
+        lights=_lights(document.lights),
+        stage=_stage(document.stage),
+    )
+
+
+def _look(value: str | LookDocument) -> Look:
+    if isinstance(value, str):
+        return LOOKS[value]
+    return dataclasses.replace(LOOKS[value.material], **_given(value, "material"))
+
+
+def _lights(value: Any) -> LightRig:
+    if isinstance(value, str):
+        return LIGHTS[value]
+    return dataclasses.replace(LIGHTS[value.rig], exposure=float(value.exposure))
+
+
+def _stage(value: str | StageDocument) -> Stage:
+    if isinstance(value, str):
+        return STAGES[value]
+    return dataclasses.replace(STAGES[value.kind], **_given(value, "kind"))
+
+
+def _given(document: Document, registry: str) -> dict[str, Any]:
+    """What a document sets beyond the registry's name, lists as tuples."""
+    values = document.model_dump(exclude_none=True, exclude={registry})
+    return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

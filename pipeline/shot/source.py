@@ -1,0 +1,141 @@
+"""YAML text as plain values that remember where they stand.
+
+ruamel.yaml's node tree is walked directly: YAML 1.2 (`on` and `12:30` are text), every key with its line
+and column, and every duplicate key reported instead of the first only.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+
+from pipeline.errors import MissingInputError, ShotError
+
+Where = tuple[Any, ...]
+"""The way to a value: keys of mappings and indices of lists, from the top."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A file's text as dicts, lists, numbers and strings.
+
+    places    line and column, from 1, of each key (or list item) by its path
+    problems  what is wrong with the text itself, ready to report
+    """
+
+    path: Path
+    data: Any
+    places: dict[Where, tuple[int, int]]
+    problems: list[tuple[Where, str]] = field(default_factory=list)
+
+    @classmethod
+    def read(cls, path: Path, text: str | None = None) -> Source:
+        """The file at `path`, or `text` as if it stood there.
+
+        Raises MissingInputError where there is no such file, ShotError where it is no YAML.
+        """
+        try:
+            text = path.read_text(encoding="utf-8") if text is None else text
+        except OSError as error:
+            raise MissingInputError(
+                f"{path}: {error.strerror or error}; give the path of a shot file, or its name in shots/"
+            ) from None
+        except UnicodeDecodeError as error:
+            raise ShotError(
+                f"{path}:1:1: byte {error.start} is not UTF-8; a shot file is plain text. Save it as UTF-8."
+            ) from None
+        try:
+            node = YAML().compose(text)
+        except MarkedYAMLError as error:
+            mark = error.problem_mark or error.context_mark
+            place = f"{mark.line + 1}:{mark.column + 1}" if mark else "1:1"
+            raise ShotError(
+                f"{path}:{place}: {error.problem or error.context}; this is not YAML. "
+                "Look for a missing colon, quote or bracket, or a tab."
+            ) from None
+        if node is None:
+            raise ShotError(f"{path}:1:1: the file is empty; it must hold at least title, frames and subject")
+        source = cls(path, None, {})
+        object.__setattr__(source, "data", source._value(node, (), ()))
+        return source
+
+    def place(self, where: Where) -> str:
+        """`file:line:column` of a path, or of the nearest thing around it that stands in the file."""
+        for length in range(len(where), -1, -1):
+            if where[:length] in self.places:
+                line, column = self.places[where[:length]]
+                return f"{self.path}:{line}:{column}"
+        return f"{self.path}:1:1"
+
+    def get(self, *where: Any) -> Any:
+        """The value at a path, or None."""
+        value = self.data
+        for step in where:
+            try:
+                value = value[step]
+            except (KeyError, IndexError, TypeError):
+                return None
+        return value
+
+    def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:
+        """All mappings of the file with their paths, from the top down."""
+        waiting: list[tuple[Where, Any]] = [((), self.data)]
+        while waiting:
+            where, value = waiting.pop(0)
+            if isinstance(value, dict):
+                yield where, value
+                waiting += [((*where, key), inner) for key, inner in value.items()]
+            elif isinstance(value, list):
+                waiting += [((*where, index), inner) for index, inner in enumerate(value)]
+
+    def _value(self, node: Node, where: Where, around: tuple[Node, ...]) -> Any:
+        self.places.setdefault(where, (node.start_mark.line + 1, node.start_mark.column + 1))
+        if any(node is outer for outer in around):
+            self.problems.append((where, "an alias stands within what it names; write the value out"))
+            return None
+        if isinstance(node, MappingNode):
+            return self._mapping(node, where, (*around, node))
+        if isinstance(node, SequenceNode):
+            items = enumerate(node.value)
+            return [self._value(item, (*where, index), (*around, node)) for index, item in items]
+        return _scalar(node) if isinstance(node, ScalarNode) else None
+
+    def _mapping(self, node: MappingNode, where: Where, around: tuple[Node, ...]) -> dict[Any, Any]:
+        values: dict[Any, Any] = {}
+        for key_node, value_node in node.value:
+            key = _scalar(key_node) if isinstance(key_node, ScalarNode) else str(key_node.value)
+            mark = key_node.start_mark
+            if key in values:
+                line = self.places[(*where, key)][0]
+                problem = (
+                    f"{key} is given twice, first in line {line}; one would be lost. Remove one of them."
+                )
+                self.places[(*where, key, "again")] = (mark.line + 1, mark.column + 1)
+                self.problems.append(((*where, key, "again"), problem))
+                continue
+            self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
+            values[key] = self._value(value_node, (*where, key), around)
+        return values
+
+
+def _scalar(node: ScalarNode) -> Any:
+    """A scalar by the core schema of YAML 1.2; what is quoted is text."""
+    text, kind = node.value, str(node.tag).rpartition(":")[2]
+    try:
+        if kind == "int":
+            return (
+                int(text.replace("_", ""), 0) if text.lstrip("+-")[:2].lower() in ("0x", "0o") else int(text)
+            )
+        if kind == "float":
+            return float(text.replace(".inf", "inf").replace(".nan", "nan").replace(".NaN", "nan"))
+    except ValueError:
+        return text
+    if kind == "bool":
+        return text.lower() == "true"
+    return None if kind == "null" else text

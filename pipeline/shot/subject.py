@@ -1,0 +1,110 @@
+"""What the flow works on: a solid by name, or a model from a file."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, rod, sheet, torus
+from pipeline.shot.data import NOT_DATA
+
+Measure = float | str | tuple[float, ...]
+
+
+class Subject(ABC):
+    """Knows its mesh at rest."""
+
+    @abstractmethod
+    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
+        """The surface at rest.
+
+        A solid is meshed for edges of at most max_edge_length, scene units (a coarse default where it is
+        None). A model is as its file says: long edges are split on the first frame (P20, P25).
+        """
+
+
+@dataclass(frozen=True)
+class SolidKind:
+    """A solid that shots can name.
+
+    measures  what it is measured by, in scene units, and what it measures if nothing is said
+    make      `make(edge_length, *measures)`: its mesh
+    """
+
+    measures: Mapping[str, Measure]
+    make: Callable[..., TriangleMesh]
+
+
+def _icosphere(edge_length: float, radius: float) -> TriangleMesh:
+    edges = math.ceil(radius * math.atan(2.0) / edge_length)  # along one edge of the icosahedron
+    return icosphere(max(1, edges), radius)
+
+
+SOLIDS: Mapping[str, SolidKind] = {
+    "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge)),
+    "icosphere": SolidKind({"radius": 1.0}, _icosphere),
+    "rod": SolidKind(
+        {"length": 3.0, "radius": 0.5, "caps": "round"},
+        lambda edge, length, radius, caps: rod(length, radius, edge, caps),
+    ),
+    "sheet": SolidKind({"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge)),
+    "torus": SolidKind(
+        {"radius": 1.0, "tube_radius": 0.4},
+        lambda edge, radius, tube_radius: torus(radius, tube_radius, edge),
+    ),
+}
+
+MIDDLE = 0.62
+"""Solids are meshed near the geometric middle of the bracket from 40% to 100% of the maximum edge."""
+
+COARSE = 1 / 16
+"""Edge length over size where there is no bracket."""
+
+
+@dataclass(frozen=True)
+class Solid(Subject):
+    """A solid of SOLIDS. `measures` holds all of its measures by name, in the order of the registry."""
+
+    solid: str
+    measures: tuple[tuple[str, Measure], ...]
+
+    @classmethod
+    def of(cls, solid: str, given: Mapping[str, Any]) -> Solid:
+        """`Solid.of("box", {"size": [2, 2, 1]})`; measures left out take their defaults."""
+        values = {**SOLIDS[solid].measures, **given}
+        return cls(solid, tuple((name, _measure(values[name])) for name in SOLIDS[solid].measures))
+
+    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
+        values = [value for _, value in self.measures]
+        largest = max(np.ravel([value for value in values if not isinstance(value, str)]))
+        edge = MIDDLE * max_edge_length if max_edge_length else COARSE * float(largest)
+        return SOLIDS[self.solid].make(edge, *values)
+
+
+@dataclass(frozen=True)
+class Model(Subject):
+    """A mesh file, known by its contents: the same model elsewhere makes the same frames.
+
+    digest  SHA-256 of the file
+    scale   factor on all coordinates
+    """
+
+    digest: str
+    scale: float = 1.0
+    path: Path = field(default=Path(), metadata=NOT_DATA)
+
+    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
+        mesh = read_mesh(self.path)
+        return mesh.with_vertices(self.scale * mesh.vertices)
+
+
+def _measure(value: Any) -> Measure:
+    if isinstance(value, list | tuple):
+        return tuple(float(x) for x in value)
+    return value if isinstance(value, str) else float(value)

@@ -1,0 +1,195 @@
+"""Velocity fields and their integration."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.arrays import Points, Vectors
+from pipeline.errors import FrameError
+from pipeline.flow import Reversed, Sequence, Streamlines, Sum, VelocityField, keyed
+from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow.catalogue import Expansion, Lorenz, Rotation, Strain, Translation, Vortex
+from pipeline.flow.velocity import kinds_of, table_of
+
+TILTED = (1.0, 2.0, -0.5)
+OFF = (0.3, -0.2, 0.4)
+
+FIELDS: dict[str, VelocityField] = {
+    "translation": Translation((0.3, -1.0, 0.2)),
+    "lamb-oseen vortex": Vortex(TILTED, OFF, 0.7, 3.0),
+    "gaussian vortex": Vortex(TILTED, OFF, 0.7, 3.0, "gaussian"),
+    "rotation": Rotation(TILTED, OFF, 2.0),
+    "strain": Strain(TILTED, OFF, 0.8),
+    "ball": Expansion("ball", TILTED, OFF, 1.5, 0.8),
+    "disc": Expansion("disc", TILTED, OFF, 1.5, -0.8),
+    "lorenz": Lorenz(OFF),
+}
+each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
+
+
+@pytest.fixture
+def points() -> Points:
+    return np.random.default_rng(7).normal(size=(200, 3))
+
+
+def jacobian(field: VelocityField, points: Points, h: float = 1e-5) -> Vectors:
+    """(N, 3, 3): the derivative of velocity i in direction j, by central differences."""
+    columns = []
+    for j in range(3):
+        aside = np.zeros(3)
+        aside[j] = h
+        columns.append((field.velocity(points + aside, 0.0) - field.velocity(points - aside, 0.0)) / (2 * h))
+    return np.stack(columns, axis=2)
+
+
+@each_field
+def test_halving_the_step_divides_the_error_by_sixteen(field: VelocityField, points: Points) -> None:
+    if isinstance(field, Translation):
+        pytest.skip("exact at any step")
+    inside = 0.4 * points + OFF
+    exact = Streamlines(field, 512).displace(inside, 0.0, 0.8)
+    errors = [
+        np.sqrt(np.mean((Streamlines(field, n).displace(inside, 0.0, 0.8) - exact) ** 2)) for n in (16, 32)
+    ]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
+
+
+def test_the_order_holds_for_keyed_parameters_too(points: Points) -> None:
+    field = Vortex(strength=keyed((0.0, 2.0), (0.0, 6.0), "sine_in"), radius=0.8)
+    exact = Streamlines(field, 512).displace(points, 0.1, 0.8)
+    errors = [np.abs(Streamlines(field, n).displace(points, 0.1, 0.8) - exact).max() for n in (8, 16)]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
+
+
+@each_field
+def test_the_chosen_substeps_are_accurate(field: VelocityField, points: Points) -> None:
+    chosen = Streamlines(field).displace(points, 0.0, 0.25)
+    exact = Streamlines(field, 400).displace(points, 0.0, 0.25)
+    assert np.abs(chosen - exact).max() < 2e-5
+
+
+@each_field
+def test_the_steepness_bounds_the_gradient(field: VelocityField, points: Points) -> None:
+    steepest = np.linalg.norm(jacobian(field, 0.3 * points), ord=2, axis=(1, 2)).max()
+    assert steepest <= sum(term.steepness(0.0) for term in field.terms) * (1 + 1e-6)
+
+
+@pytest.mark.parametrize(
+    "name", ["lamb-oseen vortex", "gaussian vortex", "rotation", "strain", "translation"]
+)
+def test_flows_that_keep_volume_have_no_divergence(name: str, points: Points) -> None:
+    divergence = np.trace(jacobian(FIELDS[name], points), axis1=1, axis2=2)
+    assert np.abs(divergence).max() < 1e-8
+
+
+def test_lorenz_shrinks_volume_at_its_constant_rate(points: Points) -> None:
+    divergence = np.trace(jacobian(Lorenz(time_scale=0.3), points), axis1=1, axis2=2)
+    np.testing.assert_allclose(divergence, -0.3 * (10 + 1 + 8 / 3), rtol=1e-6)
+
+
+@pytest.mark.parametrize("name", ["lamb-oseen vortex", "gaussian vortex", "rotation"])
+def test_turning_flows_keep_the_distance_from_the_axis_and_the_height(name: str, points: Points) -> None:
+    axis = np.array(TILTED) / np.linalg.norm(TILTED)
+    moved = Streamlines(FIELDS[name], 64).displace(points, 0.0, 1.0)
+    for before, after in ((points - OFF, moved - OFF),):
+        np.testing.assert_allclose(after @ axis, before @ axis, atol=1e-9)
+        across = [np.linalg.norm(p - np.outer(p @ axis, axis), axis=1) for p in (before, after)]
+        np.testing.assert_allclose(across[1], across[0], atol=1e-7)
+
+
+def test_a_flow_is_the_same_seen_from_around_its_axis(points: Points) -> None:
+    turn = np.array([[0.6, -0.8, 0.0], [0.8, 0.6, 0.0], [0.0, 0.0, 1.0]])
+    for field in (Vortex(), Expansion("disc"), Strain(axis=(0.0, 0.0, 1.0))):
+        np.testing.assert_allclose(
+            field.velocity(points @ turn.T, 0.0), field.velocity(points, 0.0) @ turn.T, atol=1e-13
+        )
+
+
+@pytest.mark.parametrize("name", sorted(FIELDS.keys() - {"translation", "lorenz"}))
+def test_the_centre_is_a_fixed_point(name: str) -> None:
+    centre = np.array([OFF])
+    np.testing.assert_allclose(Streamlines(FIELDS[name]).displace(centre, 0.0, 2.0), centre, atol=1e-15)
+
+
+def test_the_eyes_of_lorenz_are_fixed_points() -> None:
+    eye = math.sqrt(8 / 3 * 27)
+    eyes = np.array([[eye, 0.0, -eye], [-eye, 0.0, eye]]) / 20.0
+    moved = Streamlines(Lorenz(time_scale=1.0)).displace(eyes, 0.0, 0.1)
+    np.testing.assert_allclose(moved, eyes, atol=1e-14)
+
+
+def test_lorenz_in_its_own_coordinates_is_the_equations_of_1963() -> None:
+    x, y, z = 3.0, -5.0, 20.0
+    own = 10.0 * (y - x), x * (28.0 - z) - y, x * y - 8 / 3 * z
+    here = np.array([[x, z - 27.0, -y]]) / 20.0
+    velocity = Lorenz(time_scale=0.5).velocity(here, 0.0)[0] * 20.0 / 0.5
+    np.testing.assert_allclose(velocity, [own[0], own[2], -own[1]], rtol=1e-13)
+
+
+def test_nothing_moves_on_and_beyond_the_rim_of_an_expansion(points: Points) -> None:
+    far = points / np.linalg.norm(points, axis=1)[:, None] * np.linspace(1.5, 9.0, len(points))[:, None]
+    ball = Streamlines(Expansion("ball", radius=1.5, rate=5.0))
+    np.testing.assert_array_equal(ball.displace(far, 0.0, 1.0), far)
+
+
+def test_both_vortices_turn_alike_on_the_axis_and_differ_far_away() -> None:
+    near, far = np.array([[1e-4, 0.0, 0.0]]), np.array([[5.0, 0.0, 0.0]])
+    lamb, gauss = Vortex(strength=2.0), Vortex(strength=2.0, profile="gaussian")
+    np.testing.assert_allclose(lamb.velocity(near, 0.0), gauss.velocity(near, 0.0), rtol=1e-7)
+    assert lamb.velocity(far, 0.0)[0, 1] == pytest.approx(2.0 / (math.pi * 5.0))
+    assert gauss.velocity(far, 0.0)[0, 1] < 1e-9
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(-4, 4), st.floats(0.3, 2.0), st.floats(-1, 1), st.floats(0.1, 1.0))
+def test_a_reversed_flow_returns_every_point(strength: float, radius: float, rate: float, dt: float) -> None:
+    points = np.random.default_rng(3).normal(size=(50, 3))
+    strengths = keyed((0.0, 1.0), (0.0, strength))
+    field = Sum((Vortex(radius=radius, strength=strengths), Strain(rate=rate)))
+    flow = Sequence((Streamlines(field, 200), Streamlines(Rotation(), 100)))
+    there = flow.displace(points, 0.0, dt)
+    back = Reversed(flow, dt).displace(there, 0.0, dt)
+    np.testing.assert_allclose(back, points, atol=1e-6)
+
+
+def test_the_number_of_threads_changes_no_bit(points: Points) -> None:
+    many = np.random.default_rng(1).normal(size=(10_007, 3))
+    flow = Streamlines(Sum(tuple(FIELDS.values())))
+    before = numba.get_num_threads()
+    try:
+        results = []
+        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+            numba.set_num_threads(threads)
+            results.append(flow.displace(many, 0.0, 0.1))
+    finally:
+        numba.set_num_threads(before)
+    np.testing.assert_array_equal(results[0], results[1])
+    alone = np.concatenate([flow.displace(many[i : i + 1], 0.0, 0.1) for i in range(20)])
+    np.testing.assert_array_equal(results[0][:20], alone)
+
+
+@each_field
+def test_the_kernel_says_the_same_as_plain_python(field: VelocityField, points: Points) -> None:
+    row, kind = table_of(field, 0.0)[0], int(kinds_of(field)[0])
+    plain = [kernels.one_velocity.py_func(kind, row, *point) for point in points[:20]]
+    np.testing.assert_allclose(field.velocity(points[:20], 0.0), plain, rtol=1e-12, atol=1e-12)
+
+
+def test_parameters_and_compositions_compile_nothing(points: Points) -> None:
+    before = len(kernels.advect.signatures), len(kernels.velocities.signatures)
+    for count in range(1, 6):
+        fields = tuple(list(FIELDS.values())[:count])
+        Streamlines(Sum(fields), count).displace(points * count, 0.1 * count, 0.02 * count)
+    assert (len(kernels.advect.signatures), len(kernels.velocities.signatures)) == before == (1, 1)
+
+
+def test_a_field_too_steep_to_follow_is_refused_by_name() -> None:
+    flow = Streamlines(Vortex(radius=1e-4, strength=100.0))
+    with pytest.raises(FrameError, match=r"flow vortex at 0 s is so steep .* Lower its strength"):
+        flow.displace(np.zeros((1, 3)), 0.0, 1 / 24)
