@@ -1,0 +1,1 @@
+"""The production around a shot: keys, the store, the plan, the tasks that Snakemake runs, and the run itself."""

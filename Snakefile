@@ -1,0 +1,37 @@
+"""The workflow: one rule for each job of a plan.
+
+`flowsculpt` hands over a frozen plan in `config["plan"]`. Called directly, `snakemake --cores 2` plans the
+film itself; `--config shot=A020_lorenz frames=10-20x2 quality=preview` plans frames of one shot.
+Parameters, not file times, decide what is stale, and each run's plan has its own name: a job stands
+in a plan because it must run.
+"""
+
+import sys
+
+from pipeline.production.workflow import plan_of
+
+plan, plan_file = plan_of(config, cores=workflow.cores or 1, main=workflow.is_main_process)
+
+
+rule all:
+    default_target: True
+    input:
+        plan.targets,
+
+
+for job in plan.jobs:
+
+    rule:
+        name:
+            job.name
+        input:
+            job.inputs,
+        output:
+            job.outputs,
+        params:
+            job=job.name,
+            plan=plan_file,
+            python=sys.executable,
+        threads: job.threads
+        shell:
+            "{params.python:q} -m pipeline.production.tasks {params.plan:q} {params.job:q}"

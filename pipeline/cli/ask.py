@@ -1,0 +1,80 @@
+"""Commands that tell: status, doctor."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from importlib.metadata import version
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from pipeline.cli.options import Common
+from pipeline.cli.say import answer, out
+from pipeline.kernels import cache_folder, compile_all
+from pipeline.production.state import FrameStates, states
+from pipeline.production.workflow import Studio, find_shot, shot_names
+from render import colour, engine
+from render.quality import QUALITIES
+
+
+def status(
+    common: Common,
+    shots: Annotated[list[str] | None, typer.Argument(metavar="SHOT…", help="By default every shot.")] = None,
+) -> None:
+    """Say of every shot which frames are done, stale and missing, at each quality that was begun."""
+    studio = Studio(common.root, common.cores)
+    rows: list[FrameStates] = []
+    for shot in shots or shot_names():
+        takes = [studio.take(find_shot(shot), quality) for quality in QUALITIES]
+        rows += states(takes, studio.store)
+    if common.json:
+        answer("", [row.as_data() for row in rows], as_json=True)
+        return
+    table = Table(box=None, pad_edge=False)
+    for heading in ("shot", "what", "done", "stale", "missing"):
+        table.add_column(heading)
+    for row in rows:
+        table.add_row(row.shot, row.what, str(row.done) or "–", str(row.stale) or "–", str(row.missing) or "–")
+    out.print(table if rows else "No shots here; flowsculpt new makes one.")
+
+
+def doctor(
+    common: Common,
+    prepare: Annotated[
+        bool, typer.Option("--prepare", help="Compile the kernels and bake the view, as set-up does.")
+    ] = False,
+) -> None:
+    """Say what is in use here, and what would make it faster."""
+    if prepare and not common.dry_run:
+        compile_all()
+        colour.prepare()
+    renderer = engine.facts()
+    usage = shutil.disk_usage(common.root)
+    facts: dict[str, Any] = {
+        "flowsculpt": version("flowsculpt"),
+        "python": platform.python_version(),
+        "cores": common.cores,
+        **renderer,
+        "kernels": str(cache_folder()),
+        "packages": {name: version(name) for name in ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")},
+        "root": str(common.root),
+        "free_gigabytes": round(usage.free / 1e9, 1),
+    }
+    answer(_diagnosis(facts), facts, common.json)
+    if renderer["renderer"] == "none":
+        raise typer.Exit(4)
+
+
+def _diagnosis(facts: dict[str, Any]) -> str:
+    packages = ", ".join(f"{name} {number}" for name, number in facts["packages"].items())
+    lines = [
+        f"flowsculpt {facts['flowsculpt']} on Python {facts['python']}, {facts['cores']} cores",
+        f"Renderer: {facts['renderer']} ({facts['why']})",
+        f"Faster:   {facts['faster'] or 'nothing to be done'}",
+        f"Packages: {packages}",
+        f"Kernels:  {facts['kernels']}",
+        f"Root:     {facts['root']}, {facts['free_gigabytes']} GB free",
+    ]
+    return "\n".join(lines)

@@ -1,0 +1,131 @@
+"""Commands that make files: simulate, render, film, turntable."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.options import Common
+from pipeline.cli.progress import STAGES, Bars
+from pipeline.cli.say import answer, complain, err
+from pipeline.production.plan import Plan
+from pipeline.production.run import Outcome, run
+from pipeline.production.workflow import FILM, Studio
+from render.quality import QUALITIES
+
+Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")]
+Frames = Annotated[
+    str | None,
+    typer.Option("-f", "--frames", metavar="RANGE", help="Frames: 12, 1-48, 1-48x2, 1-24,30; by default all."),
+]
+Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
+
+
+def simulate(common: Common, shots: Shots, frames: Frames = None) -> None:
+    """Simulate shots: move and resample their surfaces, frame by frame.
+
+    Mesh frames appear in renders/SHOT/meshes. A simulation goes on from the last frame that an edit left valid.
+    """
+    _make(common, lambda: Studio(common.root, common.cores).meshes(shots, frames))
+
+
+def render(common: Common, shots: Shots, frames: Frames = None, quality: Quality = "draft") -> None:
+    """Render shots, or a range of their frames, and assemble the movie.
+
+    Only what is missing or stale is made: `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six
+    frames, and nothing when called again.
+    """
+    _make(common, lambda: Studio(common.root, common.cores).pictures(shots, quality, frames))
+
+
+def film(
+    common: Common,
+    edit: Annotated[Path, typer.Argument(help="The edit: title, and the shots in their order.")] = FILM,
+    quality: Quality = "draft",
+) -> None:
+    """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4."""
+    _make(common, lambda: Studio(common.root, common.cores).film(quality, edit))
+
+
+def turntable(
+    common: Common,
+    subject: Annotated[str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF or GLB.")],
+    at: Annotated[int | None, typer.Option(metavar="FRAME", help="The shot's frame; by default its first.")] = None,
+    frames: Annotated[int, typer.Option(help="How many pictures a full turn has.")] = 72,
+    look: Annotated[str | None, typer.Option(help="The look of a mesh file; shots have their own.")] = None,
+    quality: Quality = "preview",
+) -> None:
+    """Turn one frame of a shot, or a mesh file, through 360° before the camera."""
+    _make(common, lambda: Studio(common.root, common.cores).turntable(subject, quality, at, frames, look))
+
+
+def _make(common: Common, make_plan: Callable[[], Plan]) -> None:
+    """Plan, run, and say what became of it."""
+    if common.dry_run:
+        plan = make_plan()
+        answer(_intended(plan), _plan_facts(plan), common.json)
+        return
+    started = time.monotonic()
+    watch = (lambda plan, reader: Bars(plan, reader, err)) if common.progress else lambda plan, reader: nullcontext()
+    outcome = run(make_plan, common.root, common.cores, watch)
+    for failure in outcome.failures:
+        complain(_failure(failure))
+    seconds = time.monotonic() - started
+    answer(_achieved(outcome, seconds), _outcome_facts(outcome, seconds), common.json)
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)
+
+
+def _intended(plan: Plan) -> str:
+    if not plan.jobs:
+        return "Nothing to be done."
+    counts: Counter[str] = Counter()
+    for job in plan.jobs:
+        counts[job.task] += len(job.frames)
+    stages = ", ".join(f"{STAGES[task]} {counts[task]} frames" for task in STAGES if counts[task])
+    return f"To be done: {stages}."
+
+
+def _achieved(outcome: Outcome, seconds: float) -> str:
+    films = [target for target in outcome.plan.targets if target.endswith(".mp4")]
+    if outcome.unfinished:
+        return f"Not finished after {seconds:.0f} s; what is done stays done."
+    shown = ", ".join(films) or f"{len(outcome.plan.targets)} files"
+    if not outcome.events:
+        again = f" ({outcome.restored} links restored)" if outcome.restored else ""
+        return f"Nothing to be done{again}: {shown}"
+    return f"Done in {seconds:.0f} s ({outcome.made('render')} frames rendered): {shown}"
+
+
+def _failure(event: dict[str, Any]) -> str:
+    frame = event.get("frame")
+    where = f"{event['shot']} frame {frame}" if frame is not None else str(event["shot"])
+    message = str(event["message"])
+    return message if message.startswith(where) else f"{where}: {message}"
+
+
+def _plan_facts(plan: Plan) -> dict[str, Any]:
+    jobs = [{"job": job.name, "task": job.task, "frames": list(job.frames)} for job in plan.jobs]
+    return {"jobs": jobs, "targets": list(plan.targets)}
+
+
+def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
+    return {
+        "done": not outcome.unfinished,
+        "seconds": round(seconds, 2),
+        "made": {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)},
+        "links_restored": outcome.restored,
+        "failed": [
+            {name: failure.get(name) for name in ("shot", "stage", "frame", "message")}
+            for failure in outcome.failures
+        ],
+        "targets": list(outcome.plan.targets),
+    }
+
+

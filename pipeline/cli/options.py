@@ -1,0 +1,100 @@
+"""Options that every command takes, before the command's name or after it."""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import os
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+
+_PANEL = "Options of every command"
+
+
+@dataclass(frozen=True)
+class Common:
+    """What the common options say."""
+
+    json: bool
+    progress: bool
+    cores: int
+    dry_run: bool
+    root: Path
+
+
+Json = Annotated[
+    bool, typer.Option("--json", help="Answer in JSON; messages go to standard error.", rich_help_panel=_PANEL)
+]
+NoProgress = Annotated[bool, typer.Option("--no-progress", help="Draw no progress bars.", rich_help_panel=_PANEL)]
+Cores = Annotated[
+    int | None,
+    typer.Option("-j", min=1, metavar="N", help="Use N cores; by default all.", rich_help_panel=_PANEL),
+]
+DryRun = Annotated[
+    bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.", rich_help_panel=_PANEL)
+]
+Root = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="DIR",
+        help="Put outputs and the store under DIR; by default the working folder.",
+        rich_help_panel=_PANEL,
+    ),
+]
+
+
+@dataclass
+class _Said:
+    """The common options as typed: what is not said stays empty."""
+
+    json_: Json = False
+    no_progress: NoProgress = False
+    cores: Cores = None
+    dry_run: DryRun = False
+    root: Root = None
+
+    def over(self, earlier: _Said) -> _Said:
+        """What is said after the command wins over what is said before it."""
+        return _Said(*(getattr(self, f.name) or getattr(earlier, f.name) for f in fields(self)))
+
+    def common(self) -> Common:
+        return Common(
+            json=self.json_,
+            progress=not (self.no_progress or self.json_),
+            cores=self.cores or len(os.sched_getaffinity(0)),
+            dry_run=self.dry_run,
+            root=(self.root or Path()).resolve(),
+        )
+
+
+def remember(
+    ctx: typer.Context,
+    json_: Json = False,
+    no_progress: NoProgress = False,
+    cores: Cores = None,
+    dry_run: DryRun = False,
+    root: Root = None,
+) -> None:
+    """Keep what was said before the command's name."""
+    ctx.obj = _Said(json_, no_progress, cores, dry_run, root)
+
+
+def with_common(function: Callable[..., None]) -> Callable[..., None]:
+    """Give a command the common options; it is called with a `Common` first, then with its own parameters."""
+    own = inspect.signature(function, eval_str=True).parameters
+    shared = inspect.signature(remember, eval_str=True).parameters
+
+    @functools.wraps(function)
+    def command(ctx: typer.Context, **values: Any) -> None:
+        said = _Said(**{f.name: values.pop(f.name) for f in fields(_Said)})
+        function(said.over(ctx.obj or _Said()).common(), **values)
+
+    parameters = [shared["ctx"], *list(own.values())[1:], *[p for n, p in shared.items() if n != "ctx"]]
+    keyword_only = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters]
+    command.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]
+    command.__annotations__ = {p.name: p.annotation for p in keyword_only}
+    return command

@@ -1,0 +1,84 @@
+"""Commands that begin the work: new, validate."""
+
+from __future__ import annotations
+
+import re
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.options import Common
+from pipeline.cli.say import answer, complain
+from pipeline.errors import FlowsculptError, UsageError
+from pipeline.production.disk import disk_faults
+from pipeline.production.workflow import FILM, SHOTS, find_shot, shot_names
+from pipeline.shot import read_film, read_shot
+
+TEMPLATE = """\
+title: {title}
+intent: What this shot should show, in one sentence.
+
+frames: 1-72
+rate: 24
+
+# What flows: a box, icosphere, rod, torus or sheet, or a model file: {{model: models/bunny.obj}}.
+subject: {{solid: box, size: [2, 2, 2]}}
+
+# Edges longer than this are split, those shorter than 40% of it collapse. `resample: off` compares.
+resample: {{max_edge_length: 0.08}}
+
+# Flows act one after another in each frame; under `sum:` they act at once. Keys are frames.
+flows:
+  - twist: {{axis: y, amount: {{ease: sine_in_out, keys: {{1: 0, 60: 90}}}}}}
+
+look: clay
+camera: {{azimuth: {{keys: {{1: -35, 72: -15}}}}, elevation: 14}}
+lights: studio
+stage: cyclorama
+"""
+
+
+def new(
+    common: Common,
+    name: Annotated[str, typer.Argument(help="The shot's name, as its file and its frames are called.")],
+) -> None:
+    """Begin a shot: write shots/NAME.yaml, ready to render and to be changed."""
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
+        raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
+    path = SHOTS / f"{name}.yaml"
+    if path.exists():
+        raise UsageError(f"{path} is there already; choose another name or edit that file")
+    if not common.dry_run:
+        with disk_faults(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(TEMPLATE.format(title=name.replace("_", " ").replace("-", " ")))
+    answer(f"{path}: written. Look at it: flowsculpt render {name} -q preview", {"path": str(path)}, common.json)
+
+
+def validate(
+    common: Common,
+    shots: Annotated[
+        list[str] | None, typer.Argument(metavar="SHOT…", help="By default every shot, and the film.")
+    ] = None,
+) -> None:
+    """Read shot files and say everything that is wrong with them, by file, line and column."""
+    failed: list[FlowsculptError] = []
+    facts: list[dict[str, Any]] = []
+    for path in [find_shot(shot) for shot in shots or shot_names()]:
+        try:
+            shot = read_shot(path)
+            facts.append({"shot": shot.name, "path": str(path), "frames": str(shot.frames), "errors": []})
+        except FlowsculptError as error:
+            failed.append(error)
+            facts.append({"shot": path.stem, "path": str(path), "errors": str(error).splitlines()})
+    if not shots and FILM.is_file() and not failed:
+        read_film(FILM)
+        facts.append({"shot": "film", "path": str(FILM), "errors": []})
+    for error in failed:
+        complain(str(error))
+    good = [f"{fact['path']}: good" for fact in facts if not fact["errors"]]
+    answer("\n".join(good) or "No shot is good.", facts, common.json)
+    if failed:
+        raise typer.Exit(max(error.exit_code for error in failed))
+
+

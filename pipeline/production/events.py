@@ -1,0 +1,55 @@
+"""The event log: one JSON object a line, appended by every task, read by whoever shows progress.
+
+A line is written with one `write` on a descriptor opened for appending, so lines of several processes
+never mix. Events: `begin`, `end` and `fail` of a job; `frame` of a stage, with the seconds it took and
+whether the store had it already; `note` for what a person should read.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+Event = dict[str, Any]
+
+
+@dataclass
+class EventLog:
+    """The log of one run, to append to."""
+
+    path: Path
+    job: str = ""
+
+    def write(self, event: str, **facts: Any) -> None:
+        line = json.dumps({"time": round(time.time(), 3), "event": event, "job": self.job, **facts})
+        self.path.parent.mkdir(parents=True, exist_ok=True)
+        descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+        try:
+            os.write(descriptor, line.encode() + b"\n")
+        finally:
+            os.close(descriptor)
+
+
+@dataclass
+class EventReader:
+    """Reads a log that is still being written, from where the last reading ended."""
+
+    path: Path
+    _offset: int = field(default=0, init=False)
+
+    def new(self) -> Iterator[Event]:
+        try:
+            with self.path.open("rb") as file:
+                file.seek(self._offset)
+                for line in file:
+                    if not line.endswith(b"\n"):  # still being written
+                        return
+                    self._offset += len(line)
+                    yield json.loads(line)
+        except FileNotFoundError:
+            return

@@ -1,0 +1,56 @@
+"""Keys: what a file was made from, as a short hash.
+
+A key is the SHA-256 of canonical JSON (sorted names, shortest round-trip numbers), cut to 128 bits.
+Two files with the same key hold the same content, wherever and whenever they were made; what does not
+change the content (a comment, the order of a YAML mapping, a file's time) must stay out of it.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+Key = str
+
+_ROOM = Path(__file__).parents[2]
+
+SIMULATION_CODE = (
+    "pipeline/mesh",
+    "pipeline/resample",
+    "pipeline/flow",
+    "pipeline/animation.py",
+    "pipeline/statistics.py",
+    "pipeline/shot/subject.py",
+)
+NORMALS_CODE = ("pipeline/mesh/normals.py", "pipeline/mesh/_kernels_normals.py")
+FRAMING_CODE = ("pipeline/production/framing.py",)
+PICTURE_CODE = tuple(f"render/{name}.py" for name in ("frame", "scene", "stage", "camera", "image"))
+FINISH_CODE = ("render/denoise.py", "render/image.py")
+MOVIE_CODE = tuple(f"render/{name}.py" for name in ("colour", "dither", "movie", "titles"))
+
+
+def key_of(*parts: Any) -> Key:
+    """The key of plain data: None, bool, int, float, str, lists, tuples and mappings of these.
+
+    Raises TypeError for anything else, and ValueError for NaN or infinity, which JSON cannot say.
+    """
+    text = json.dumps(parts, sort_keys=True, separators=(",", ":"), allow_nan=False)
+    return hashlib.sha256(text.encode()).hexdigest()[:32]
+
+
+@cache
+def code_key(sources: tuple[str, ...], packages: tuple[str, ...] = ()) -> Key:
+    """The key of source files (folders are taken whole) and of the versions of the packages they rest on."""
+    digest = hashlib.sha256()
+    for source in sources:
+        place = _ROOM / source
+        for file in sorted(place.rglob("*.py")) if place.is_dir() else [place]:
+            digest.update(file.relative_to(_ROOM).as_posix().encode())
+            digest.update(file.read_bytes())
+    for package in packages:
+        digest.update(f"{package}={version(package)}".encode())
+    return digest.hexdigest()[:32]

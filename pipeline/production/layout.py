@@ -1,0 +1,57 @@
+"""Where things lie under the root, as paths relative to it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+STATE = Path(".flowsculpt")
+PLANS = STATE / "plans"
+EVENTS = STATE / "events"
+LOGS = STATE / "logs"
+
+
+@dataclass(frozen=True)
+class Folders:
+    """The folders of one sequence of frames: a shot's, or a turntable's.
+
+    home      renders/<shot>, or renders/turntable/<name>
+    name      what files are called before the frame number
+    """
+
+    home: Path
+    name: str
+
+    @classmethod
+    def of_shot(cls, name: str) -> Folders:
+        return cls(Path("renders") / name, name)
+
+    @classmethod
+    def of_turntable(cls, name: str) -> Folders:
+        return cls(Path("renders") / "turntable" / name, name)
+
+    def _frame(self, folder: Path, number: int, suffix: str) -> Path:
+        return folder / f"{self.name}.{number:04d}{suffix}"
+
+    def mesh(self, number: int) -> Path:
+        return self._frame(self.home / "meshes", number, ".npz")
+
+    def normals(self, number: int) -> Path:
+        return self._frame(self.home / "normals", number, ".npz")
+
+    def cameras(self) -> Path:
+        return self.home / f"{self.name}.cameras.json"
+
+    def raw(self, quality: str, number: int) -> Path:
+        return self._frame(self.home / quality / "raw", number, ".exr")
+
+    def frame(self, quality: str, number: int) -> Path:
+        return self._frame(self.home / quality / "frames", number, ".exr")
+
+    def movie(self, quality: str, frames: str | None = None) -> Path:
+        """The film of all frames, or of a range: `<shot>.10-20x2.mp4`."""
+        return self.home / quality / (f"{self.name}.{frames}.mp4" if frames else f"{self.name}.mp4")
+
+
+def film(quality: str) -> Path:
+    return Path("renders") / "film" / quality / "film.mp4"

@@ -1,0 +1,108 @@
+"""The plan: which jobs are needed, decided by keys, frozen to a file that Snakemake and the tasks read.
+
+Planning walks back from what was asked for. A link that shows the right store entry needs nothing; an
+entry in the store needs its link; anything else needs a job, and that job's inputs in turn. A plan thus
+holds only necessary jobs, and none when all is done.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.production.disk import disk_faults
+from pipeline.production.keys import Key
+from pipeline.production.layout import PLANS
+from pipeline.production.store import Store
+
+BATCH = 24
+"""Frames a process renders before it gives its memory back."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """One rule of the workflow.
+
+    task     the function of `pipeline.production.tasks` that does it
+    take     the index in the plan's takes of the sequence it belongs to; -1 for the film
+    frames   the numbers it makes
+    """
+
+    name: str
+    task: str
+    take: int
+    frames: tuple[int, ...]
+    inputs: tuple[str, ...]
+    outputs: tuple[str, ...]
+    threads: int = 1
+
+
+@dataclass(frozen=True)
+class Link:
+    """A file in the store that should be visible at `target`, relative to the root."""
+
+    kind: str
+    key: Key
+    target: str
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs."""
+
+    takes: tuple[dict[str, Any], ...]
+    film: dict[str, Any] | None
+    jobs: tuple[Job, ...]
+    links: tuple[Link, ...]
+    targets: tuple[str, ...]
+    name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
+
+    def restore_links(self, store: Store) -> int:
+        """Show again what the store holds but a folder has lost; returns how many links were made."""
+        lost = [link for link in self.links if not store.shows(link.kind, link.key, Path(link.target))]
+        for link in lost:
+            store.link(link.kind, link.key, Path(link.target))
+        return len(lost)
+
+    def freeze(self, root: Path) -> Path:
+        """Write the plan, and that it is the latest, under `root`; returns the file, relative to `root`."""
+        path = PLANS / f"{self.name}.json"
+        with disk_faults(root / path):
+            (root / PLANS).mkdir(parents=True, exist_ok=True)
+            draft = root / PLANS / f".{self.name}.tmp"
+            draft.write_text(json.dumps(asdict(self)))
+            draft.replace(root / path)
+        return path
+
+    @classmethod
+    def thaw(cls, path: Path) -> Plan:
+        data = json.loads(path.read_text())
+        jobs = tuple(
+            Job(**{k: tuple(v) if isinstance(v, list) else v for k, v in job.items()}) for job in data["jobs"]
+        )
+        return cls(
+            takes=tuple(data["takes"]),
+            film=data["film"],
+            jobs=jobs,
+            links=tuple(Link(**link) for link in data["links"]),
+            targets=tuple(data["targets"]),
+            name=data["name"],
+        )
+
+    def job(self, name: str) -> Job:
+        return next(job for job in self.jobs if job.name == name)
+
+
+def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
+    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy."""
+    size = max(1, min(BATCH, -(-len(numbers) // max(1, cores))))
+    return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
+
+
+def paths(places: Iterable[Path]) -> tuple[str, ...]:
+    return tuple(place.as_posix() for place in places)

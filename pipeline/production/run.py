@@ -1,0 +1,109 @@
+"""Running a plan: one lock, Snakemake underneath, and as many rounds as healing needs."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import filelock
+
+from pipeline.errors import EnvironmentFault, FrameError
+from pipeline.production import scheduler
+from pipeline.production.disk import disk_faults
+from pipeline.production.events import Event, EventReader
+from pipeline.production.layout import EVENTS, STATE
+from pipeline.production.plan import Plan
+from pipeline.production.store import Store
+
+ROUNDS = 4
+"""How often a run plans anew after something healed: a corrupt file forgotten, a crashed variant avoided."""
+
+
+@dataclass
+class Outcome:
+    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault)."""
+
+    plan: Plan
+    restored: int = 0
+    events: list[Event] = field(default_factory=list)
+    unfinished: bool = False
+
+    @property
+    def failures(self) -> list[Event]:
+        """What failed and was not made good by a later round, the first of each job and frame."""
+        seen: dict[tuple[object, ...], Event] = {}
+        for event in self.events:
+            if event["event"] == "fail":
+                seen.setdefault((event.get("shot"), event.get("stage"), event.get("frame")), event)
+        return list(seen.values()) if self.unfinished else []
+
+    @property
+    def exit_code(self) -> int:
+        codes = [int(event.get("exit_code", FrameError.exit_code)) for event in self.failures]
+        return max(codes, default=FrameError.exit_code) if self.unfinished else 0
+
+    def made(self, stage: str) -> int:
+        """How many frames of a stage were computed, not found."""
+        return sum(e["event"] == "frame" and e["stage"] == stage and not e["found"] for e in self.events)
+
+
+@contextmanager
+def exclusive(root: Path) -> Iterator[None]:
+    """Hold the lock of `root`: the kernel releases it when the process ends, however it ends.
+
+    Raises EnvironmentFault where another run holds it.
+    """
+    path = root / STATE / "lock"
+    with disk_faults(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            with filelock.FileLock(path, timeout=0):
+                yield
+        except filelock.Timeout:
+            raise EnvironmentFault(
+                f"{root}: another flowsculpt run is at work here; one run at a time may write to a root. "
+                "Wait for it, stop it, or choose another folder with --root."
+            ) from None
+
+
+def run(
+    make_plan: Callable[[], Plan], root: Path, cores: int, watch: Callable[[Plan, EventReader], scheduler.Watcher]
+) -> Outcome:
+    """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
+
+    `watch(plan, reader)` is a context manager that shows progress while Snakemake works.
+    Raises EnvironmentFault where the lock is held or the disk refuses.
+    """
+    store = Store(root)
+    with exclusive(root):
+        store.sweep()
+        outcome = Outcome(make_plan())
+        for round_ in range(ROUNDS):
+            outcome.restored += outcome.plan.restore_links(store)
+            if not outcome.plan.jobs:
+                outcome.unfinished = False
+                return outcome
+            events = _execute(outcome.plan, root, cores, watch)
+            outcome.events += events
+            outcome.plan = make_plan()
+            outcome.unfinished = True
+            healed = any(event["event"] == "healed" for event in events)
+            if outcome.plan.jobs and not (healed and round_ < ROUNDS - 1):
+                break
+        outcome.restored += outcome.plan.restore_links(store)
+        outcome.unfinished = bool(outcome.plan.jobs)
+        return outcome
+
+
+def _execute(
+    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], scheduler.Watcher]
+) -> list[Event]:
+    log = root / EVENTS / f"{plan.name}.jsonl"
+    frozen = plan.freeze(root)
+    with watch(plan, EventReader(log)):
+        scheduler.execute(frozen, root, cores)
+    return list(EventReader(log).new())

@@ -1,0 +1,121 @@
+"""The content-addressed store: every file a key, every file written once and never changed.
+
+Snakemake deletes a job's declared outputs before the job runs and after it fails, so those outputs
+are links; the store is what survives. A file appears under its name whole or not at all: it is written
+in `tmp/` beside the store, synced, made read-only and renamed into place.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import uuid
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from pipeline.production.disk import disk_faults
+from pipeline.production.keys import Key
+
+SUFFIXES = {
+    "mesh": ".npz",
+    "normals": ".npz",
+    "cameras": ".json",
+    "raw": ".exr",
+    "frame": ".exr",
+    "movie": ".mp4",
+}
+
+
+@dataclass(frozen=True)
+class Store:
+    """The store of one root folder; `root/.flowsculpt/` holds it."""
+
+    root: Path
+
+    @property
+    def scratch(self) -> Path:
+        return self.root / ".flowsculpt" / "tmp"
+
+    def path(self, kind: str, key: Key) -> Path:
+        return self.root / ".flowsculpt" / "store" / kind / key[:2] / (key + SUFFIXES[kind])
+
+    def holds(self, kind: str, key: Key | None) -> bool:
+        return key is not None and self.path(kind, key).exists()
+
+    def put(self, kind: str, key: Key, write: Callable[[Path], object]) -> Path:
+        """Have `write(path)` make the file of `key`, unless it is there already; returns where it lies.
+
+        Raises EnvironmentFault where the disk refuses; nothing half-written is left.
+        """
+        final = self.path(kind, key)
+        if final.exists():
+            return final
+        draft = self.scratch / f"{uuid.uuid4().hex}{SUFFIXES[kind]}"
+        with disk_faults(final):
+            try:
+                draft.parent.mkdir(parents=True, exist_ok=True)
+                final.parent.mkdir(parents=True, exist_ok=True)
+                write(draft)
+                _sync(draft)
+                draft.chmod(0o444)
+                draft.replace(final)
+            finally:
+                draft.unlink(missing_ok=True)
+        return final
+
+    def link(self, kind: str, key: Key, target: Path) -> None:
+        """Make `target` (relative to the root) show the file of `key`: a hard link, or a copy on another file system."""
+        if self.shows(kind, key, target):
+            return
+        source, place = self.path(kind, key), self.root / target
+        draft = self.scratch / uuid.uuid4().hex
+        with disk_faults(place):
+            try:
+                place.parent.mkdir(parents=True, exist_ok=True)
+                draft.parent.mkdir(parents=True, exist_ok=True)
+                try:
+                    os.link(source, draft)
+                    draft.replace(place)
+                except OSError:
+                    draft.unlink(missing_ok=True)
+                    beside = place.with_name(f".{draft.name}.tmp")
+                    try:
+                        shutil.copy2(source, beside)
+                        beside.replace(place)
+                    finally:
+                        beside.unlink(missing_ok=True)
+            finally:
+                draft.unlink(missing_ok=True)
+
+    def shows(self, kind: str, key: Key | None, target: Path) -> bool:
+        """Whether `target` is there and is the file of `key`: the same inode, or a copy of the same size and time."""
+        if key is None:
+            return False
+        try:
+            ours, theirs = self.path(kind, key).stat(), (self.root / target).stat()
+        except OSError:
+            return False
+        return os.path.samestat(ours, theirs) or (
+            (ours.st_size, ours.st_mtime_ns) == (theirs.st_size, theirs.st_mtime_ns)
+        )
+
+    def discard(self, kind: str, key: Key) -> None:
+        """Forget a file found to be corrupt; it is made anew when next asked for."""
+        with disk_faults(self.path(kind, key)):
+            self.path(kind, key).unlink(missing_ok=True)
+
+    def sweep(self) -> None:
+        """Remove what killed processes left in `tmp/`. Only whoever holds the root's lock may call this."""
+        if self.scratch.exists():
+            with contextlib.suppress(OSError):
+                shutil.rmtree(self.scratch)
+
+
+def _sync(path: Path) -> None:
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,227 @@
+"""A take: the pictures of one shot at one quality, and the key of every file on the way to them.
+
+A shot's own take shows each mesh frame once. A turntable's shows one mesh frame many times, turned.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from pipeline.frames import FrameRange
+from pipeline.production.edit import movie_bits
+from pipeline.production.framing import Framing, View
+from pipeline.production.keys import (
+    FINISH_CODE,
+    FRAMING_CODE,
+    MOVIE_CODE,
+    NORMALS_CODE,
+    PICTURE_CODE,
+    SIMULATION_CODE,
+    Key,
+    code_key,
+    key_of,
+)
+from pipeline.production.layout import Folders
+from pipeline.production.store import Store
+from pipeline.resample import Thresholds
+from pipeline.shot import Shot, read_shot
+from render.frame import seed_of
+from render.plain import to_plain
+from render.quality import QUALITIES, Quality
+
+
+@dataclass(frozen=True)
+class Pose:
+    """What one picture shows: a mesh frame, turned about the vertical by `spin` radians."""
+
+    mesh: int
+    spin: float = 0.0
+
+
+@dataclass(frozen=True)
+class Turntable:
+    """A full turn of one mesh frame; the end point, which equals the start, is left out."""
+
+    at: int
+    frames: int
+
+
+@dataclass(frozen=True)
+class Take:
+    """The pictures of one shot at one quality, rendered by one variant.
+
+    text, path  the shot file as it was when the work was planned, and where it lies
+    requested   the frames asked for
+    """
+
+    text: str
+    path: Path
+    quality_name: str
+    variant: str
+    requested: tuple[int, ...]
+    turntable: Turntable | None = None
+
+    def as_data(self) -> dict[str, Any]:
+        return {
+            "text": self.text,
+            "path": str(self.path),
+            "quality": self.quality_name,
+            "variant": self.variant,
+            "requested": list(self.requested),
+            "turntable": [self.turntable.at, self.turntable.frames] if self.turntable else None,
+        }
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Take:
+        return cls(
+            text=data["text"],
+            path=Path(data["path"]),
+            quality_name=data["quality"],
+            variant=data["variant"],
+            requested=tuple(data["requested"]),
+            turntable=Turntable(*data["turntable"]) if data["turntable"] else None,
+        )
+
+    @cached_property
+    def shot(self) -> Shot:
+        return read_shot(self.path, self.text)
+
+    @property
+    def quality(self) -> Quality:
+        return QUALITIES[self.quality_name]
+
+    @property
+    def motion_folders(self) -> Folders:
+        """Where mesh frames lie: with the shot, for its turntables too."""
+        return Folders.of_shot(self.shot.name)
+
+    @property
+    def folders(self) -> Folders:
+        """Where pictures lie."""
+        if self.turntable is None:
+            return self.motion_folders
+        many = len(self.shot.motion.frames) > 1
+        return Folders.of_turntable(f"{self.shot.name}.{self.turntable.at:04d}" if many else self.shot.name)
+
+    @property
+    def label(self) -> str:
+        return f"{self.folders.name}_{self.quality_name}" + ("_turntable" if self.turntable else "")
+
+    @cached_property
+    def poses(self) -> dict[int, Pose]:
+        """By picture number, all that the take could show."""
+        if self.turntable is None:
+            return {number: Pose(number) for number in self.shot.motion.frames}
+        count = self.turntable.frames
+        return {i + 1: Pose(self.turntable.at, 2 * math.pi * i / count) for i in range(count)}
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether every picture of the take was asked for."""
+        return set(self.requested) == set(self.poses)
+
+    @property
+    def movie_path(self) -> Path:
+        return self.folders.movie(
+            self.quality_name, None if self.is_whole else str(FrameRange.of(self.requested))
+        )
+
+    # Keys, each made of the one before
+
+    @cached_property
+    def _mesh_keys(self) -> dict[int, Key]:
+        """A chain: each key holds the one before and what acts between the two frames."""
+        motion = self.shot.motion
+        code = code_key(SIMULATION_CODE, ("numba", "numpy", "trimesh"))
+        key = key_of("mesh", code, motion.start_data())
+        first, *others = sorted(motion.frames)
+        keys = {first: key}
+        for number in others:
+            key = key_of(key, motion.step_data(number))
+            keys[number] = key
+        return keys
+
+    def mesh_key(self, number: int) -> Key:
+        return self._mesh_keys[number]
+
+    def normals_key(self, number: int) -> Key:
+        return key_of("normals", code_key(NORMALS_CODE), self.mesh_key(number), self.hard_angle)
+
+    @property
+    def hard_angle(self) -> float:
+        """Radians: a dihedral sharper than this stays a crease in the picture."""
+        return (self.shot.motion.thresholds or Thresholds(1.0)).hard_angle
+
+    @cached_property
+    def cameras_key(self) -> Key:
+        shown = sorted({pose.mesh for pose in self.poses.values()})
+        return key_of(
+            "cameras",
+            code_key(FRAMING_CODE),
+            [self.mesh_key(n) for n in shown],
+            [[n, pose.mesh, pose.spin, to_plain(self.view(n))] for n, pose in self.poses.items()],
+            self.quality.aspect,
+        )
+
+    def view(self, number: int) -> View:
+        """From where a picture is seen; a turntable stands still."""
+        path = self.shot.picture.camera
+        azimuth, elevation, field_of_view = path.at(self.shot.motion.clock.time(self.poses[number].mesh))
+        return View(azimuth, elevation, field_of_view, path.margin)
+
+    def framings(self, store: Store) -> dict[int, Framing] | None:
+        """Every picture's camera and stage, where the store has them."""
+        try:
+            data = json.loads(store.path("cameras", self.cameras_key).read_text())
+        except FileNotFoundError:
+            return None
+        return {int(number): Framing.from_data(framing) for number, framing in data.items()}
+
+    def picture_keys(self, number: int, framing: Framing) -> PictureKeys:
+        picture, pose = self.shot.picture, self.poses[number]
+        raw = key_of(
+            "raw",
+            code_key(PICTURE_CODE, ("mitsuba", "drjit")),
+            self.normals_key(pose.mesh),
+            pose.spin,
+            framing.as_data(),
+            to_plain(picture.look),
+            to_plain(replace(picture.lights, exposure=0.0)),
+            to_plain(picture.stage),
+            to_plain(self.quality),
+            self.variant,
+            self.seed(number),
+        )
+        return PictureKeys(
+            raw, key_of("frame", code_key(FINISH_CODE, ("pyoidn",)), raw, self.quality.denoise)
+        )
+
+    def all_picture_keys(self, store: Store) -> dict[int, PictureKeys] | None:
+        """The keys of every picture of the take, once its cameras are known."""
+        framings = self.framings(store)
+        return {n: self.picture_keys(n, framings[n]) for n in self.poses} if framings else None
+
+    def seed(self, number: int) -> int:
+        return seed_of(self.folders.name, number)
+
+    def movie_key(self, frame_keys: list[Key]) -> Key:
+        return key_of(
+            "movie",
+            code_key(MOVIE_CODE, ("av", "OpenImageIO")),
+            frame_keys,
+            str(self.shot.motion.rate),
+            self.shot.picture.lights.exposure,
+            movie_bits(self.quality_name),
+        )
+
+
+@dataclass(frozen=True)
+class PictureKeys:
+    raw: Key
+    frame: Key

@@ -1,0 +1,112 @@
+"""What a task works on, and how it makes, reads and reports files."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TypeVar
+
+from pipeline.errors import FlowsculptError, FrameError
+from pipeline.production.events import EventLog
+from pipeline.production.keys import Key
+from pipeline.production.plan import Job, Plan
+from pipeline.production.store import Store
+from pipeline.production.take import PictureKeys, Take
+from render.errors import CorruptImageError, RenderError
+
+T = TypeVar("T")
+
+REPORTED = (FlowsculptError, RenderError)
+"""What is told in one line; anything else is a bug, and its traceback goes to the log."""
+
+ENVIRONMENT = 4
+"""The exit code of the machine's faults, which further frames would meet as well."""
+
+
+@dataclass(frozen=True)
+class Context:
+    """One job of a plan, at work in `root`."""
+
+    root: Path
+    plan: Plan
+    job: Job
+    log: EventLog
+
+    @property
+    def store(self) -> Store:
+        return Store(self.root)
+
+    @cached_property
+    def take(self) -> Take:
+        return Take.from_data(self.plan.takes[self.job.take])
+
+    @cached_property
+    def takes(self) -> list[Take]:
+        return [Take.from_data(data) for data in self.plan.takes]
+
+    def picture_keys(self, take: Take, numbers: Iterable[int]) -> dict[int, PictureKeys]:
+        """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
+        keys = take.all_picture_keys(self.store)
+        if keys is None:
+            raise FrameError(f"{take.folders.cameras()} is gone; run again to find the cameras anew")
+        return {n: keys[n] for n in numbers}
+
+    def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
+        """Have the file of `key` made unless the store holds it, and show it; whether it was there."""
+        found = self.store.holds(kind, key)
+        if not found:
+            self.store.put(kind, key, write)
+        self.store.link(kind, key, target)
+        return found
+
+    def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
+        """A stored file, read whole. A corrupt one is forgotten, so that the next round makes it anew."""
+        path = self.store.path(kind, key)
+        try:
+            return reader(path)
+        except (CorruptImageError, ValueError, KeyError, EOFError, OSError) as error:
+            self.store.discard(kind, key)
+            self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
+            raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
+
+    def each(self, frames: Iterable[int], work: Callable[[int], bool]) -> bool:
+        """Do `work(number)` for every frame and tell; a frame that fails leaves the others to be made.
+
+        `work` returns whether the frame had been there already. Returns whether all went well.
+        """
+        well = True
+        for number in frames:
+            started = time.perf_counter()
+            try:
+                found = work(number)
+            except REPORTED as error:
+                self.fail(error, number)
+                well = False
+                if error.exit_code == ENVIRONMENT:
+                    break
+            else:
+                self.tell(number, found, time.perf_counter() - started)
+        return well
+
+    def tell(self, number: int, found: bool, seconds: float) -> None:
+        self.log.write(
+            "frame", stage=self.job.task, shot=self.subject, frame=number, found=found, seconds=round(seconds, 4)
+        )
+
+    def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:
+        self.log.write(
+            "fail",
+            stage=self.job.task,
+            shot=self.subject,
+            frame=number,
+            message=str(error),
+            exit_code=error.exit_code,
+        )
+
+    @property
+    def subject(self) -> str:
+        """What the job is about: a shot's name, or the film."""
+        return self.take.folders.name if self.job.take >= 0 else "film"

@@ -1,0 +1,122 @@
+"""From a shot to surfaces and cameras: simulate, smooth the normals, frame."""
+
+from __future__ import annotations
+
+import json
+import time
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.animation import MeshFrame, animate
+from pipeline.arrays import AnyArray, Points
+from pipeline.errors import FlowsculptError, FrameError
+from pipeline.mesh.normals import split_at_creases
+from pipeline.production.framing import frame_all, turned
+from pipeline.production.tasks.context import Context
+
+
+def simulate(context: Context) -> bool:
+    """Make the missing mesh frames of a shot, going on from the last stored frame before them."""
+    take, store = context.take, context.store
+    missing = set(context.job.frames)
+    started = time.perf_counter()
+    number = min(missing)
+    try:
+        for frame in animate(take.shot, resume=_last_before(context, number)):
+            number = frame.number
+            key, target = take.mesh_key(number), take.motion_folders.mesh(number)
+            found = store.holds("mesh", key)
+            store.put("mesh", key, partial(_write_arrays, frame.to_arrays()))
+            if number in missing:
+                store.link("mesh", key, target)
+                context.tell(number, found, time.perf_counter() - started)
+                missing.discard(number)
+            if not missing:
+                break
+            started = time.perf_counter()
+    except FlowsculptError as error:
+        context.fail(error, min(missing))
+        return False
+    return True
+
+
+def smooth_normals(context: Context) -> bool:
+    """Give mesh frames their Gouraud normals, vertices split at the creases."""
+    take = context.take
+
+    def work(number: int) -> bool:
+        target = take.motion_folders.normals(number)
+
+        def write(path: Path) -> None:
+            mesh = read_mesh_frame(context, number).mesh
+            vertices, normals, faces, source = split_at_creases(mesh, take.hard_angle)
+            _write_arrays(
+                {
+                    "vertices": vertices.astype(np.float32),
+                    "normals": normals.astype(np.float32),
+                    "faces": faces,
+                    "source_vertex": source,
+                },
+                path,
+            )
+
+        return context.make("normals", take.normals_key(number), target, write)
+
+    return context.each(context.job.frames, work)
+
+
+def frame_camera(context: Context) -> bool:
+    """Look at all the mesh frames of a take and find each picture's camera and stage."""
+    take = context.take
+    poses = list(take.poses.items())
+
+    def points_of(index: int) -> Points:
+        pose = poses[index][1]
+        return turned(read_mesh_frame(context, pose.mesh).mesh.vertices, pose.spin)
+
+    def write(path: Path) -> None:
+        views = [take.view(number) for number, _ in poses]
+        framings = frame_all(views, points_of, take.quality.aspect, still=take.turntable is not None)
+        data = {str(n): framing.as_data() for (n, _), framing in zip(poses, framings, strict=True)}
+        path.write_text(json.dumps(data))
+
+    started = time.perf_counter()
+    try:
+        found = context.make("cameras", take.cameras_key, take.folders.cameras(), write)
+    except FlowsculptError as error:
+        context.fail(error)
+        return False
+    each = (time.perf_counter() - started) / len(poses)
+    for number, _ in poses:
+        context.tell(number, found, each)
+    return True
+
+
+def read_mesh_frame(context: Context, number: int) -> MeshFrame:
+    """A mesh frame from the store. Raises FrameError where it is missing or corrupt."""
+    take = context.take
+    target = take.motion_folders.mesh(number)
+    return context.read("mesh", take.mesh_key(number), target, lambda p: MeshFrame.from_arrays(read_arrays(p)))
+
+
+def read_arrays(path: Path) -> dict[str, AnyArray]:
+    with np.load(path, allow_pickle=False) as arrays:
+        return {name: arrays[name] for name in arrays.files}
+
+
+def _write_arrays(arrays: dict[str, AnyArray], path: Path) -> None:
+    np.savez(path, allow_pickle=False, **arrays)
+
+
+def _last_before(context: Context, number: int) -> MeshFrame | None:
+    """The latest readable mesh frame before `number`, to go on from."""
+    take = context.take
+    for earlier in sorted((n for n in take.shot.motion.frames if n < number), reverse=True):
+        if context.store.holds("mesh", take.mesh_key(earlier)):
+            try:
+                return read_mesh_frame(context, earlier)
+            except FrameError:
+                continue
+    return None

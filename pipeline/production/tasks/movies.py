@@ -1,0 +1,88 @@
+"""From pictures to movies: each frame is read to its end, seen through the view, and encoded as it comes."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+from pipeline.frames import FrameRate
+from pipeline.production.edit import Cut, movie_bits
+from pipeline.production.keys import Key
+from pipeline.production.planner import film_key
+from pipeline.production.take import Take
+from pipeline.production.tasks.context import REPORTED, Context
+from pipeline.errors import FrameError
+from render.colour import quantise, to_display
+from render.image import read_exr
+from render.movie import Frame, write_movie
+from render.titles import TitleCard, title_frames
+
+
+def assemble(context: Context) -> bool:
+    """Encode the finished frames of one take, in ascending order."""
+    take = context.take
+    keys = context.picture_keys(take, sorted(take.requested))
+    key = take.movie_key([pair.frame for pair in keys.values()])
+    frames = _shown(context, take, list(keys))
+    return _movie(context, key, take.movie_path, frames, take.shot.motion.rate, take.quality_name)
+
+
+def film(context: Context) -> bool:
+    """Encode the film: title, shots in the order of the edit, credits."""
+    takes = context.takes
+    cut = Cut.from_data(context.plan.film or {})
+    key = film_key(cut, takes, context.store)
+    if key is None:
+        raise FrameError("the film's cameras are gone; run again to find them anew")
+    quality_name = takes[0].quality_name
+    frames = _cut_together(context, cut, takes)
+    return _movie(context, key, cut.path(quality_name), frames, cut.frame_rate, quality_name)
+
+
+def _movie(
+    context: Context, key: Key, target: Path, frames: Iterator[Frame], rate: FrameRate, quality_name: str
+) -> bool:
+    counted = _told(context, frames)
+    try:
+        context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, movie_bits(quality_name)))
+    except REPORTED as error:
+        context.fail(error)
+        return False
+    return True
+
+
+def _told(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The frames as they are; progress hears of each."""
+    started = time.perf_counter()
+    for number, frame in enumerate(frames, 1):
+        yield frame
+        context.tell(number, False, time.perf_counter() - started)
+        started = time.perf_counter()
+
+
+def _cut_together(context: Context, cut: Cut, takes: list[Take]) -> Iterator[Frame]:
+    size = takes[0].quality.width, takes[0].quality.height
+    yield from _card(TitleCard(cut.title, cut.subtitle), size, cut.title_frames)
+    for take in takes:
+        yield from _shown(context, take, list(take.requested))
+    if cut.credits_frames:
+        first, *others = cut.credits
+        yield from _card(TitleCard(first, " · ".join(others)), size, cut.credits_frames)
+
+
+def _card(card: TitleCard, size: tuple[int, int], count: int) -> Iterator[Frame]:
+    """A card's frames; the words take a quarter of its time to come, and another to go."""
+    if count:
+        for picture in title_frames(card, size, count, fade=count // 4):
+            yield quantise(picture, bits=16)
+
+
+def _shown(context: Context, take: Take, numbers: list[int]) -> Iterator[Frame]:
+    """Finished frames as a display shows them. A frame that cannot be read to its end is forgotten."""
+    keys = context.picture_keys(take, numbers)
+    exposure = take.shot.picture.lights.exposure
+    for number in numbers:
+        target = take.folders.frame(take.quality_name, number)
+        layers, _ = context.read("frame", keys[number].frame, target, read_exr)
+        yield quantise(to_display(layers["beauty"], exposure), bits=16)

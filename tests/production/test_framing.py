@@ -1,0 +1,81 @@
+"""Framing: nothing leaves the picture, and the camera is calm."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pipeline.production.framing import View, envelope, frame_all, smooth, turned
+
+ASPECT = 16 / 9
+VIEW = View(azimuth=0.4, elevation=0.25, field_of_view=np.radians(26), margin=0.08)
+
+
+def blobs(seed: int, frames: int) -> list[np.ndarray]:
+    """A cloud that wanders, breathes and is drawn out, as sculptures are."""
+    rng = np.random.default_rng(seed)
+    cloud = rng.normal(size=(200, 3))
+    drift = np.cumsum(rng.normal(scale=0.3, size=(frames, 3)), axis=0)
+    stretch = np.exp(np.cumsum(rng.normal(scale=0.1, size=(frames, 3)), axis=0))
+    return [cloud * s + d for s, d in zip(stretch, drift, strict=True)]
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.floats(-3, 3), st.floats(0, 0.6), st.integers(1, 40))
+def test_every_vertex_of_every_frame_stays_within_the_margins(seed, azimuth, elevation, frames):
+    clouds = blobs(seed, frames)
+    views = [View(azimuth + 0.02 * i, elevation, np.radians(26), 0.08) for i in range(frames)]
+    for framing, cloud in zip(frame_all(views, clouds.__getitem__, ASPECT), clouds, strict=True):
+        x, y, depth = framing.camera.project(cloud, ASPECT).T
+        assert depth.min() > 0
+        assert np.abs(x).max() <= 1 - 2 * 0.08 + 1e-9
+        assert np.abs(y).max() <= 1 - 2 * 0.08 + 1e-9
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.integers(1, 40))
+def test_the_floor_never_cuts_into_the_sculpture(seed, frames):
+    clouds = blobs(seed, frames)
+    for framing, cloud in zip(frame_all([VIEW] * frames, clouds.__getitem__, ASPECT), clouds, strict=True):
+        assert framing.placement.origin[1] <= cloud[:, 1].min() + 1e-9
+
+
+def test_a_sculpture_at_rest_stands_on_the_floor_and_fills_the_safe_area():
+    cube = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, -1).T.astype(float)
+    framing = frame_all([VIEW] * 30, lambda i: cube, ASPECT)[15]
+    assert framing.placement.origin[1] == pytest.approx(-1)
+    x, y, _ = framing.camera.project(cube, ASPECT).T
+    assert max(np.abs(x).max(), np.abs(y).max()) == pytest.approx(1 - 2 * 0.08)
+
+
+def test_an_edit_late_in_the_shot_leaves_early_cameras_alone():
+    early, late = blobs(3, 90), blobs(3, 90)
+    late[80] = late[80] * 3
+    views = [VIEW] * 90
+    before, after = (frame_all(views, clouds.__getitem__, ASPECT) for clouds in (early, late))
+    assert before[:40] == after[:40]
+    assert before[80] != after[80]
+
+
+def test_a_turntable_holds_its_camera_still():
+    cloud = blobs(5, 1)[0]
+    angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
+    framings = frame_all([VIEW] * 12, lambda i: turned(cloud, angles[i]), ASPECT, still=True)
+    assert len(set(framings)) == 1
+
+
+def test_turning_keeps_the_axis_and_all_distances():
+    cloud = blobs(7, 1)[0]
+    spun = turned(cloud, 1.1)
+    assert np.allclose(spun[:, 1], cloud[:, 1])
+    assert np.allclose(np.linalg.norm(spun[1:] - spun[:-1], axis=1), np.linalg.norm(cloud[1:] - cloud[:-1], axis=1))
+    assert turned(cloud, 0.0) is cloud
+
+
+@given(st.lists(st.floats(-10, 10), min_size=1, max_size=60), st.integers(0, 12))
+def test_the_smoothed_envelope_never_cuts_a_peak(values, radius):
+    track = np.array(values)
+    assert (smooth(envelope(track, radius, np.max), radius) >= track - 1e-9).all()
+
+
+def test_smoothing_leaves_a_constant_track_alone():
+    assert np.allclose(smooth(np.full(20, 2.5), 6), 2.5)

@@ -1,0 +1,100 @@
+"""The store: whole files or none, found again by key, shown as links."""
+
+import os
+import resource
+import signal
+from pathlib import Path
+
+import pytest
+from pipeline.errors import EnvironmentFault
+from pipeline.production.store import Store
+
+KEY = "ab" * 16
+
+
+@pytest.fixture
+def store(tmp_path):
+    return Store(tmp_path)
+
+
+def fill(store, text="content", key=KEY):
+    return store.put("cameras", key, lambda path: path.write_text(text))
+
+
+def leftovers(store):
+    return list(store.scratch.rglob("*")) if store.scratch.exists() else []
+
+
+def test_what_is_put_is_held_and_cannot_be_written(store):
+    path = fill(store)
+    assert store.holds("cameras", KEY)
+    assert path.read_text() == "content"
+    assert not path.stat().st_mode & 0o222
+    assert leftovers(store) == []
+
+
+def test_a_key_is_written_once(store):
+    fill(store, "first")
+    assert fill(store, "second").read_text() == "first"
+
+
+def test_a_writer_that_fails_leaves_nothing(store):
+    def write(path: Path) -> None:
+        path.write_text("half")
+        raise RuntimeError("interrupted")
+
+    with pytest.raises(RuntimeError):
+        store.put("cameras", KEY, write)
+    assert not store.holds("cameras", KEY)
+    assert leftovers(store) == []
+
+
+def test_a_link_shows_the_file_and_replaces_what_was_there(store):
+    fill(store)
+    target = Path("renders/a/a.cameras.json")
+    (store.root / target).parent.mkdir(parents=True)
+    (store.root / target).write_text("something else")
+    assert not store.shows("cameras", KEY, target)
+    store.link("cameras", KEY, target)
+    assert store.shows("cameras", KEY, target)
+    assert (store.root / target).read_text() == "content"
+
+
+def test_another_version_is_not_taken_for_this_one(store):
+    other = "cd" * 16
+    fill(store), fill(store, "content", other)
+    store.link("cameras", other, Path("shown.json"))
+    os.utime(store.path("cameras", KEY), ns=(1, 1))
+    assert not store.shows("cameras", KEY, Path("shown.json"))
+
+
+def test_where_links_cannot_be_made_copies_serve(store, monkeypatch):
+    def refuse(*_: object) -> None:
+        raise OSError(18, "Invalid cross-device link")
+
+    monkeypatch.setattr(os, "link", refuse)
+    fill(store)
+    store.link("cameras", KEY, Path("renders/copy.json"))
+    assert store.shows("cameras", KEY, Path("renders/copy.json"))
+    assert not os.path.samefile(store.path("cameras", KEY), store.root / "renders/copy.json")
+    assert [p.name for p in (store.root / "renders").iterdir()] == ["copy.json"]
+
+
+def test_a_disk_that_is_full_is_told_in_one_line_and_nothing_is_left(store):
+    signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
+    try:
+        with pytest.raises(EnvironmentFault, match="larger than this process may write"):
+            fill(store, "x" * 100_000)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not store.holds("cameras", KEY)
+    assert leftovers(store) == []
+
+
+def test_sweeping_removes_what_a_killed_process_left(store):
+    store.scratch.mkdir(parents=True)
+    (store.scratch / "half.exr").write_text("half a frame")
+    store.sweep()
+    assert leftovers(store) == []
