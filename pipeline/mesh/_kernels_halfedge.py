@@ -6,7 +6,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numba
 import numpy as np
@@ -15,6 +15,10 @@ from pipeline.arrays import Floats, Indices
 from pipeline.kernels import kernel
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
+
+LEAN: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+"""Options for kernels that allocate nothing. Without numba's run-time system no call counts references
+to its arrays, which for helpers this small costs several times their own work."""
 
 
 class Surface(NamedTuple):
@@ -33,19 +37,19 @@ VECTOR = numba.float64[::1]
 SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS], Surface)
 
 
-@kernel("int64(int64)")
+@kernel("int64(int64)", **LEAN)
 def following(h: int) -> int:
     """The half-edge after h in its face."""
     return h - 2 if h % 3 == 2 else h + 1
 
 
-@kernel("int64(int64)")
+@kernel("int64(int64)", **LEAN)
 def preceding(h: int) -> int:
     """The half-edge before h in its face."""
     return h + 2 if h % 3 == 0 else h - 1
 
 
-@kernel("void(int32[::1], int64, int64)")
+@kernel("void(int32[::1], int64, int64)", **LEAN)
 def join(twin: Indices, h: int, k: int) -> None:
     """Make h and k each other's twin; either may be -1, the outside."""
     if h >= 0:
@@ -93,7 +97,7 @@ def match_twins(vert: Indices, vertices: int, twin: Indices) -> tuple[int, int]:
     return SOUND, -1
 
 
-@kernel("int64(int32[::1], int64)")
+@kernel("int64(int32[::1], int64)", **LEAN)
 def fan_start(twin: Indices, h: int) -> int:
     """Of the half-edges that leave the vertex of h, the most clockwise one; h itself in a closed fan."""
     k = h

@@ -7,21 +7,32 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, MATRIX, SURFACE, VECTOR, Surface, following, join, preceding
+from pipeline.mesh._kernels_halfedge import (
+    INTS,
+    LEAN,
+    MATRIX,
+    SURFACE,
+    VECTOR,
+    Surface,
+    following,
+    join,
+    preceding,
+)
 from pipeline.resample._kernels_lists import BYTES, push, squared, squared_length
-from pipeline.resample._kernels_ring import RING, Ring, new_ring, walk, weigh
+from pipeline.resample._kernels_ring import RING, Ring, walk, weigh
 
 REASONS = ("link", "boundary", "feature", "too_long", "fold", "crowded")
 LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, CROWDED = range(6)
 FREE = -1
 
 AT_START, AT_END, AT_MIDDLE = 0, 1, 2
+_RINGS = numba.types.UniTuple(RING, 2)
 _LEAST_COSINE = 0.2  # a face may turn by 78 degrees in one collapse, not more
 _THIN = 0.02  # twice the area over the longest side squared; below it a face counts as a sliver
 _STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that bends less is a straight line
 
 
-@kernel(numba.int64(SURFACE, numba.int64, RING, RING))
+@kernel(numba.int64(SURFACE, numba.int64, RING, RING), **LEAN)
 def _link_fault(surface: Surface, h: int, near: Ring, far: Ring) -> int:
     """The link condition: the two ends may share only the corners opposite their edge."""
     vert, twin = surface.vert, surface.twin
@@ -45,7 +56,7 @@ def _link_fault(surface: Surface, h: int, near: Ring, far: Ring) -> int:
     return FREE
 
 
-@kernel(numba.float64(SURFACE, numba.int64, numba.int64, RING))
+@kernel(numba.float64(SURFACE, numba.int64, numba.int64, RING), **LEAN)
 def _bend(surface: Surface, centre: int, other: int, ring: Ring) -> float:
     """Cosine of the turn that a crease through `centre` makes between `other` and its second hard spoke."""
     points = surface.points
@@ -60,7 +71,7 @@ def _bend(surface: Surface, centre: int, other: int, ring: Ring) -> float:
     return -1.0
 
 
-@kernel(numba.int64(SURFACE, numba.int64, RING, numba.float64))
+@kernel(numba.int64(SURFACE, numba.int64, RING, numba.float64), **LEAN)
 def _rank(surface: Surface, centre: int, ring: Ring, cosine: float) -> int:
     """Hard edges at a vertex; a crease that turns by more than the hard angle makes a corner, ranked 3."""
     if ring.size[2] != 2:
@@ -72,7 +83,7 @@ def _rank(surface: Surface, centre: int, ring: Ring, cosine: float) -> int:
     return 3 if _bend(surface, centre, other, ring) < cosine else 2
 
 
-@kernel(numba.types.UniTuple(numba.int64, 3)(SURFACE, numba.int64, RING, RING, VECTOR))
+@kernel(numba.types.UniTuple(numba.int64, 3)(SURFACE, numba.int64, RING, RING, VECTOR), **LEAN)
 def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tuple[int, int, int]:
     """Where the remaining vertex may lie, best first; FREE fills up, all FREE means a feature forbids it.
 
@@ -103,7 +114,7 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
     return AT_END, AT_START if two > _STRAIGHT else FREE, FREE
 
 
-@kernel(numba.int64(MATRIX, RING, numba.int64, VECTOR, numba.float64))
+@kernel(numba.int64(MATRIX, RING, numba.int64, VECTOR, numba.float64), **LEAN)
 def _move_fault(points: Points, ring: Ring, other: int, place: Floats, longest: float) -> int:
     """Whether the ring's centre may move to `place`, where `other` joins it: no edge too long, no face folded."""
     faces, spokes = ring.size[0], ring.size[1]
@@ -132,7 +143,7 @@ def _move_fault(points: Points, ring: Ring, other: int, place: Floats, longest: 
     return FREE
 
 
-@kernel((MATRIX, numba.int64, numba.int64, numba.int64, VECTOR))
+@kernel((MATRIX, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)
 def _set_place(points: Points, a: int, b: int, where: int, place: Floats) -> None:
     for k in range(3):
         if where == AT_START:
@@ -143,11 +154,11 @@ def _set_place(points: Points, a: int, b: int, where: int, place: Floats) -> Non
             place[k] = 0.5 * (points[a, k] + points[b, k])
 
 
-@kernel(numba.types.UniTuple(numba.int64, 2)(SURFACE, numba.int64, RING, RING, VECTOR, VECTOR))
-def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats, place: Floats) -> tuple[int, int]:
+@kernel(numba.types.UniTuple(numba.int64, 2)(SURFACE, numba.int64, RING, RING, VECTOR), **LEAN)
+def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tuple[int, int]:
     """May the edge of h collapse? Answers (where the vertex then lies, FREE) or (FREE, the reason why not).
 
-    `near` and `far` are filled with the rings of its two ends, `place` with the position.
+    `near` and `far` are filled with the rings of its two ends, `near.place` with the position.
     """
     vert, twin, points = surface.vert, surface.twin, surface.points
     a, b = vert[h], vert[following(h)]
@@ -163,12 +174,12 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats, place
     for where in _candidates(surface, h, near, far, limits):
         if where == FREE:
             break
-        _set_place(points, a, b, where, place)
+        _set_place(points, a, b, where, near.place)
         fault = FREE
         if where != AT_START:
-            fault = _move_fault(points, near, b, place, limits[0])
+            fault = _move_fault(points, near, b, near.place, limits[0])
         if fault == FREE and where != AT_END:
-            fault = _move_fault(points, far, a, place, limits[0])
+            fault = _move_fault(points, far, a, near.place, limits[0])
         if fault == FREE:
             return where, FREE
         if reason == FEATURE:
@@ -176,7 +187,7 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats, place
     return FREE, reason
 
 
-@kernel((SURFACE, numba.int64, INTS))
+@kernel((SURFACE, numba.int64, INTS), **LEAN)
 def _drop_face(surface: Surface, h: int, dead_faces: Indices) -> None:
     """Take out the face of h, whose edge h has shrunk to a point, and sew its other two sides together."""
     vert, twin = surface.vert, surface.twin
@@ -188,7 +199,7 @@ def _drop_face(surface: Surface, h: int, dead_faces: Indices) -> None:
     push(dead_faces, f)
 
 
-@kernel((SURFACE, numba.int64, RING, numba.int64, VECTOR, INTS))
+@kernel((SURFACE, numba.int64, RING, numba.int64, VECTOR, INTS), **LEAN)
 def collapse_edge(
     surface: Surface, h: int, far: Ring, where: int, place: Floats, dead_faces: Indices
 ) -> None:
@@ -209,7 +220,7 @@ def collapse_edge(
         _drop_face(surface, back, dead_faces)
 
 
-@kernel((SURFACE, RING, VECTOR, INTS, BYTES))
+@kernel((SURFACE, RING, VECTOR, INTS, BYTES), **LEAN)
 def _look_around(surface: Surface, ring: Ring, limits: Floats, shorts: Indices, marks: AnyArray) -> None:
     """After a collapse: mark the faces of a ring that are left, and list their spokes that are short."""
     for i in range(ring.size[0]):
@@ -223,10 +234,11 @@ def _look_around(surface: Surface, ring: Ring, limits: Floats, shorts: Indices, 
             push(shorts, preceding(h))
 
 
-@kernel(numba.int64(SURFACE, VECTOR, INTS, INTS, INTS, BYTES, numba.int64[::1]))
+@kernel(numba.int64(SURFACE, VECTOR, _RINGS, INTS, INTS, INTS, BYTES, numba.int64[::1]), **LEAN)
 def collapse_all(
     surface: Surface,
     limits: Floats,
+    rings: tuple[Ring, Ring],
     shorts: Indices,
     dead_faces: Indices,
     dead_vertices: Indices,
@@ -238,19 +250,19 @@ def collapse_all(
     Edges that become short join the list as it is worked through. `refused` counts the others by
     REASONS. `marks` notes the faces touched.
     """
-    near, far, place = new_ring(), new_ring(), np.empty(3)
+    near, far = rings
     done, next_one = 0, 1
     while next_one <= shorts[0]:
         h = shorts[next_one]
         next_one += 1
         if surface.vert[h] < 0 or squared_length(surface, h) >= limits[1]:
             continue
-        where, reason = judge(surface, h, near, far, limits, place)
+        where, reason = judge(surface, h, near, far, limits)
         if where == FREE:
             refused[reason] += 1
             continue
         push(dead_vertices, surface.vert[following(h)])
-        collapse_edge(surface, h, far, where, place, dead_faces)
+        collapse_edge(surface, h, far, where, near.place, dead_faces)
         done += 1
         _look_around(surface, near, limits, shorts, marks)
         _look_around(surface, far, limits, shorts, marks)

@@ -10,12 +10,12 @@ import numba
 
 from pipeline.arrays import Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, MATRIX, SURFACE, Surface, following
+from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, Surface, following
 
 BYTES = numba.uint8[::1]
 
 
-@kernel((INTS, numba.int64))
+@kernel((INTS, numba.int64), **LEAN)
 def push(items: Indices, item: int) -> None:
     n = items[0] + 1
     if n < len(items):
@@ -23,7 +23,7 @@ def push(items: Indices, item: int) -> None:
         items[0] = n
 
 
-@kernel(numba.float64(MATRIX, numba.int64, numba.int64))
+@kernel(numba.float64(MATRIX, numba.int64, numba.int64), **LEAN)
 def squared(points: Points, a: int, b: int) -> float:
     """Squared distance between two vertices."""
     x = points[a, 0] - points[b, 0]
@@ -32,7 +32,7 @@ def squared(points: Points, a: int, b: int) -> float:
     return x * x + y * y + z * z
 
 
-@kernel(numba.types.UniTuple(numba.float64, 3)(MATRIX, numba.int64, numba.int64, numba.int64))
+@kernel(numba.types.UniTuple(numba.float64, 3)(MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
 def area_vector(points: Points, a: int, b: int, c: int) -> tuple[float, float, float]:
     """Normal of the triangle abc, as long as twice its area."""
     ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
@@ -40,7 +40,7 @@ def area_vector(points: Points, a: int, b: int, c: int) -> tuple[float, float, f
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@kernel(numba.float64(SURFACE, numba.int64))
+@kernel(numba.float64(SURFACE, numba.int64), **LEAN)
 def squared_length(surface: Surface, h: int) -> float:
     """Squared length of the edge of half-edge h."""
     return squared(surface.points, surface.vert[h], surface.vert[following(h)])

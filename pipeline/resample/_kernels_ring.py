@@ -14,7 +14,17 @@ import numpy as np
 
 from pipeline.arrays import Floats, Indices
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, MATRIX, SURFACE, Surface, fan_start, following, preceding
+from pipeline.mesh._kernels_halfedge import (
+    INTS,
+    LEAN,
+    MATRIX,
+    SURFACE,
+    VECTOR,
+    Surface,
+    fan_start,
+    following,
+    preceding,
+)
 from pipeline.resample._kernels_lists import area_vector
 
 MOST_SPOKES = 512
@@ -28,23 +38,13 @@ class Ring(NamedTuple):
     normals: Floats  # (MOST_SPOKES, 3) area vector of face i
     hard: Indices  # (MOST_SPOKES,) 1 where spoke i is a hard edge
     size: Indices  # (3,) faces, spokes, hard spokes
+    place: Floats  # (3,) where the centre might move
 
 
-RING = numba.types.NamedTuple([INTS, INTS, MATRIX, INTS, INTS], Ring)
+RING = numba.types.NamedTuple([INTS, INTS, MATRIX, INTS, INTS, VECTOR], Ring)
 
 
-@kernel(RING())
-def new_ring() -> Ring:
-    return Ring(
-        np.empty(MOST_SPOKES, np.int32),
-        np.empty(MOST_SPOKES, np.int32),
-        np.empty((MOST_SPOKES, 3)),
-        np.empty(MOST_SPOKES, np.int32),
-        np.zeros(3, np.int32),
-    )
-
-
-@kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.float64))
+@kernel(numba.boolean(MATRIX, numba.int64, numba.int64, numba.float64), **LEAN)
 def turned(normals: Floats, i: int, j: int, cosine: float) -> bool:
     """Whether two faces meet at more than the angle of that cosine. A face without area decides nothing."""
     dot = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
@@ -53,7 +53,7 @@ def turned(normals: Floats, i: int, j: int, cosine: float) -> bool:
     return dot < cosine * np.sqrt(m * n)
 
 
-@kernel(numba.boolean(SURFACE, numba.int64, RING))
+@kernel(numba.boolean(SURFACE, numba.int64, RING), **LEAN)
 def walk(surface: Surface, h: int, ring: Ring) -> bool:
     """Lay out spokes and faces around the start of h; false where there are too many."""
     vert, twin = surface.vert, surface.twin
@@ -76,7 +76,7 @@ def walk(surface: Surface, h: int, ring: Ring) -> bool:
             return True
 
 
-@kernel((SURFACE, numba.int64, RING, numba.float64))
+@kernel((SURFACE, numba.int64, RING, numba.float64), **LEAN)
 def weigh(surface: Surface, centre: int, ring: Ring, cosine: float) -> None:
     """Fill in the normals and which spokes are hard (P29); a boundary edge counts as hard."""
     faces, spokes = ring.size[0], ring.size[1]

@@ -7,11 +7,11 @@ import numpy as np
 
 from pipeline.arrays import Floats, Indices
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, SURFACE, VECTOR, Surface
+from pipeline.mesh._kernels_halfedge import INTS, LEAN, SURFACE, VECTOR, Surface
 from pipeline.resample._kernels_lists import push, squared
 
 
-@kernel((SURFACE, numba.int64, numba.float64, VECTOR, INTS, INTS, VECTOR))
+@kernel((SURFACE, numba.int64, numba.float64, VECTOR, INTS, INTS, VECTOR), **LEAN)
 def _list(
     surface: Surface, h: int, length: float, limits: Floats, longs: Indices, shorts: Indices, extent: Floats
 ) -> None:
@@ -25,7 +25,7 @@ def _list(
         push(shorts, h)
 
 
-@kernel((SURFACE, numba.int64, VECTOR, INTS, INTS, VECTOR))
+@kernel((SURFACE, numba.int64, VECTOR, INTS, INTS, VECTOR), **LEAN)
 def scan(
     surface: Surface, faces: int, limits: Floats, longs: Indices, shorts: Indices, extent: Floats
 ) -> None:

@@ -7,13 +7,13 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, SURFACE, VECTOR, Surface, following, join, preceding
+from pipeline.mesh._kernels_halfedge import INTS, LEAN, SURFACE, VECTOR, Surface, following, join, preceding
 from pipeline.resample._kernels_lists import BYTES, push, squared, squared_length
 
 _CLASSES = 16
 
 
-@kernel((SURFACE, numba.int64, numba.int64, numba.int64))
+@kernel((SURFACE, numba.int64, numba.int64, numba.int64), **LEAN)
 def _split_face(surface: Surface, h: int, middle: int, face: int) -> None:
     """Cut the face of h: a→b by the line from `middle` to its third corner c; `face` becomes (middle, b, c).
 
@@ -27,7 +27,7 @@ def _split_face(surface: Surface, h: int, middle: int, face: int) -> None:
     join(twin, onward, new + 2)
 
 
-@kernel(numba.int64(SURFACE, numba.int64, numba.int64, numba.int64))
+@kernel(numba.int64(SURFACE, numba.int64, numba.int64, numba.int64), **LEAN)
 def split_edge(surface: Surface, h: int, middle: int, faces: int) -> int:
     """Put vertex `middle` on the edge of h and cut the faces beside it; answers the new number of faces."""
     twin = surface.twin
@@ -42,7 +42,7 @@ def split_edge(surface: Surface, h: int, middle: int, faces: int) -> int:
     return faces + 2
 
 
-@kernel((SURFACE, numba.int64, numba.int64, numba.int64))
+@kernel((SURFACE, numba.int64, numba.int64, numba.int64), **LEAN)
 def _set_middle(surface: Surface, middle: int, a: int, b: int) -> None:
     points, carried, blends = surface.points, surface.carried, surface.blends
     for k in range(3):
@@ -51,7 +51,7 @@ def _set_middle(surface: Surface, middle: int, a: int, b: int) -> None:
         carried[middle, k] = 0.5 * (carried[a, k] + carried[b, k]) if blends[k] > 0 else carried[a, k]
 
 
-@kernel((SURFACE, numba.int64, VECTOR, INTS, INTS))
+@kernel((SURFACE, numba.int64, VECTOR, INTS, INTS), **LEAN)
 def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: Indices) -> None:
     """List an edge that is new, or that has moved to another place in the table, if it is out of the bracket."""
     length = squared_length(surface, h)
@@ -62,7 +62,7 @@ def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: 
 
 
 @kernel(INTS(SURFACE, INTS, VECTOR, INTS))
-def _longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indices) -> Indices:
+def longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indices) -> Indices:
     """The edges of this pass, longest first in sixteen classes; those shorter than 1/√2 of the longest wait."""
     lengths = np.empty(longs[0])
     longest = 0.0
@@ -89,25 +89,24 @@ def _longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indi
     return order
 
 
-@kernel((SURFACE, numba.int64[::1], VECTOR, INTS, INTS, INTS, INTS, BYTES))
+@kernel((SURFACE, numba.int64[::1], VECTOR, INTS, INTS, INTS, INTS, BYTES), **LEAN)
 def split_pass(
     surface: Surface,
     sizes: Indices,
     limits: Floats,
-    longs: Indices,
+    order: Indices,
     later: Indices,
     parents: Indices,
     shorts: Indices,
     marks: AnyArray,
 ) -> None:
-    """Split the edges of `longs` that are long, each once; what is long then stands in `later`.
+    """Split the edges of `order` that are long, each once; what is long then stands in `later`.
 
     New vertices lie at the middle of their parents, which are noted in `parents` (two a vertex), so
     that a placement may move them all together before the next pass. `marks` notes the faces touched.
-    The arrays must have room for as many vertices, and twice as many faces, as `longs` has entries.
+    The arrays must have room for as many vertices, and twice as many faces, as `order` has entries.
     """
     vert, twin = surface.vert, surface.twin
-    order = _longest_first(surface, longs, limits, later)
     fresh = sizes[0]
     for h in order:
         a, b = vert[h], vert[following(h)]

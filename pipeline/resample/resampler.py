@@ -18,7 +18,8 @@ from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_collapse import REASONS, collapse_all
 from pipeline.resample._kernels_flip import flip_marked
 from pipeline.resample._kernels_scan import scan
-from pipeline.resample._kernels_split import split_pass
+from pipeline.resample._kernels_ring import MOST_SPOKES, Ring
+from pipeline.resample._kernels_split import longest_first, split_pass
 from pipeline.resample.placement import Chord, Placement
 from pipeline.resample.report import Report
 from pipeline.resample.thresholds import Thresholds
@@ -126,11 +127,12 @@ class _Frame:
             self.mesh.reserve(room, 2 * room)
             self.marks = np.concatenate([self.marks, np.zeros(2 * room, np.uint8)])
             later, parents = _work_list(10 * room), _work_list(2 * room)
+            order = longest_first(self.mesh.surface, self.longs, self.limits, later)
             split_pass(
                 self.mesh.surface,
                 self.mesh.sizes,
                 self.limits,
-                self.longs,
+                order,
                 later,
                 parents,
                 self.shorts,
@@ -158,6 +160,7 @@ class _Frame:
         done = collapse_all(
             self.mesh.surface,
             self.limits,
+            (_new_ring(), _new_ring()),
             self.shorts,
             self.dead_faces,
             self.dead_vertices,
@@ -208,3 +211,15 @@ def _work_list(room: int) -> Indices:
 
 def _items(work_list: Indices) -> Indices:
     return work_list[1 : 1 + work_list[0]]
+
+
+def _new_ring() -> Ring:
+    """Room for a ring."""
+    return Ring(
+        np.empty(MOST_SPOKES, np.int32),
+        np.empty(MOST_SPOKES, np.int32),
+        np.empty((MOST_SPOKES, 3)),
+        np.empty(MOST_SPOKES, np.int32),
+        np.zeros(3, np.int32),
+        np.zeros(3),
+    )
