@@ -59,15 +59,27 @@ class LightRig:
     exposure: float = 0.0
 
 
-_FAINT_BLUE = (0.09, 0.10, 0.12)
+_FILL = (0.42, 0.47, 0.56)
+
+_KEY = Softbox((-4.4, 5.4, 4.0), 1.9, 1.9, (136.0, 119.0, 97.0))
+"""Warm, from the upper left front: it models the form."""
+
+_RIM = Softbox((4.9, 3.4, -4.4), 0.55, 2.8, (110.0, 132.0, 172.0))
+"""A cool strip behind on the right: it draws the lips of the creases."""
+
+_BACK = Softbox((0.0, 8.6, -5.0), 4.0, 2.4, (15.0, 15.3, 16.0), target=(0.0, 0.0, -4.2))
+"""High over the ground behind the subject, which it lifts from the wall's darkness."""
 
 LIGHTS = {
-    "studio": LightRig(
-        softboxes=(
-            Softbox((-4.2, 5.6, 3.8), 1.6, 1.6, (16.0, 14.5, 12.5)),
-            Softbox((4.6, 3.6, -4.2), 0.5, 2.2, (14.0, 17.0, 22.0)),
-            Softbox((0.4, 7.0, -0.6), 2.0, 2.0, (1.8, 1.8, 1.8)),
+    "studio": LightRig((_KEY, _RIM, _BACK), sky=Sky(_FILL, _FILL, _FILL)),
+    # Long strips all around: a mirror shows its form only by what it has to bend.
+    "gallery": LightRig(
+        (
+            Softbox((-5.4, 3.4, 2.6), 0.7, 5.0, (74.0, 66.0, 56.0)),
+            Softbox((3.2, 3.0, 6.0), 0.35, 4.6, (40.0, 41.0, 44.0)),
+            Softbox((5.2, 3.6, -3.6), 0.55, 4.4, (76.0, 90.0, 118.0)),
+            Softbox((0.0, 7.6, -1.0), 5.0, 0.8, (42.0, 42.0, 42.0)),
         ),
-        sky=Sky(_FAINT_BLUE, _FAINT_BLUE, _FAINT_BLUE),
+        sky=Sky((0.30, 0.34, 0.42), (0.12, 0.13, 0.16), (0.1, 0.1, 0.1)),
     ),
 }

@@ -41,9 +41,9 @@ class Look:
 
 
 LOOKS = {
-    "clay": Look("plastic", (0.62, 0.545, 0.455), roughness=0.45),
-    "glaze": Look("plastic", (0.42, 0.018, 0.012), roughness=0.06),
-    "chrome": Look("metal", (0.78, 0.79, 0.80), roughness=0.04),
-    "taffy": Look("satin", (0.72, 0.30, 0.36), roughness=0.35, sheen=0.6, metallic=0.25),
-    "pearl": Look("satin", (0.74, 0.72, 0.76), roughness=0.28, sheen=0.4, metallic=0.35),
+    "clay": Look("diffuse", (0.73, 0.595, 0.46)),
+    "glaze": Look("plastic", (0.38, 0.012, 0.008), roughness=0.055),
+    "chrome": Look("metal", (0.80, 0.81, 0.82), roughness=0.04),
+    "taffy": Look("satin", (0.80, 0.26, 0.34), roughness=0.32, sheen=0.5, metallic=0.2),
+    "pearl": Look("satin", (0.80, 0.76, 0.74), roughness=0.26, sheen=0.4, metallic=0.45),
 }

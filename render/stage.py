@@ -55,10 +55,10 @@ class Stage:
     """
 
     kind: str = "cyclorama"
-    colour: Triple = (0.46, 0.455, 0.45)
-    floor: float = 5.0
-    sweep: float = 13.0
-    steepness: float = math.radians(68.0)
+    colour: Triple = (0.36, 0.355, 0.35)
+    floor: float = 7.0
+    sweep: float = 14.0
+    steepness: float = math.radians(55.0)
 
     def __post_init__(self) -> None:
         if self.kind not in ("cyclorama", "none"):
