@@ -16,7 +16,7 @@ from pipeline.kernels import kernel
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
 
-LEAN: dict[str, Any] = {"_nrt": False, "error_model": "numpy"}
+LEAN: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "forceinline": True}
 """Options for kernels that allocate nothing. Without numba's run-time system no call counts references
 to its arrays, which for helpers this small costs several times their own work."""
 
