@@ -28,89 +28,100 @@ DISC = 6  # centre 0:3, axis 3:6, radius 6, rate 7
 LORENZ = 7  # centre 0:3, sigma 3, rho 4, beta 5, scale 6, time scale 7
 
 
-@kernel("UniTuple(f8, 3)(i4, f8[::1], f8, f8, f8)")
-def one_velocity(kind: int, p: Floats, x: float, y: float, z: float) -> Velocity:
-    """The velocity of one field at one point; the equations stand in the catalogue."""
+@kernel("UniTuple(f8, 3)(i4, f8[::1], i8, f8, f8, f8)")
+def one_velocity(kind: int, p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
+    """The velocity of one field at one point; its row begins at p[o]. The catalogue has the equations."""
     if kind == TRANSLATION:
-        return p[0], p[1], p[2]
-    rx, ry, rz = x - p[0], y - p[1], z - p[2]
+        return p[o], p[o + 1], p[o + 2]
+    rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
     if kind == LORENZ:
         # attractor coordinates: its z is our y (up), its y our -z
-        scale, speed = p[6], p[7] / p[6]
-        lx, ly, lz = scale * rx, -scale * rz, scale * ry + p[4] - 1.0
+        scale, speed = p[o + 6], p[o + 7] / p[o + 6]
+        lx, ly, lz = scale * rx, -scale * rz, scale * ry + p[o + 4] - 1.0
         return (
-            speed * p[3] * (ly - lx),
-            speed * (lx * ly - p[5] * lz),
-            -speed * (lx * (p[4] - lz) - ly),
+            speed * p[o + 3] * (ly - lx),
+            speed * (lx * ly - p[o + 5] * lz),
+            -speed * (lx * (p[o + 4] - lz) - ly),
         )
-    along = p[3] * rx + p[4] * ry + p[5] * rz
+    along = p[o + 3] * rx + p[o + 4] * ry + p[o + 5] * rz
     if kind == BALL:
         along = 0.0
     # the part perpendicular to the axis
-    qx, qy, qz = rx - along * p[3], ry - along * p[4], rz - along * p[5]
+    qx, qy, qz = rx - along * p[o + 3], ry - along * p[o + 4], rz - along * p[o + 5]
     if kind == STRAIN:
-        rate, half = p[6], -0.5 * p[6]
+        rate, half = p[o + 6], -0.5 * p[o + 6]
         return (
-            rate * along * p[3] + half * qx,
-            rate * along * p[4] + half * qy,
-            rate * along * p[5] + half * qz,
+            rate * along * p[o + 3] + half * qx,
+            rate * along * p[o + 4] + half * qy,
+            rate * along * p[o + 5] + half * qz,
         )
     distance2 = qx * qx + qy * qy + qz * qz
     if kind in (BALL, DISC):
-        inside = max(0.0, 1.0 - distance2 / (p[6] * p[6]))
-        rate = p[7] * inside * inside
+        inside = max(0.0, 1.0 - distance2 / (p[o + 6] * p[o + 6]))
+        rate = p[o + 7] * inside * inside
         return rate * qx, rate * qy, rate * qz
     if kind == ROTATION:
-        spin = p[6]
+        spin = p[o + 6]
     else:
-        core2 = p[6] * p[6]
+        core2 = p[o + 6] * p[o + 6]
         ratio = distance2 / core2
-        spin = p[7] / (math.pi * core2)
+        spin = p[o + 7] / (math.pi * core2)
         if kind == GAUSSIAN:
             spin *= math.exp(-ratio)
         elif ratio > 1e-12:
             spin *= -math.expm1(-ratio) / ratio
     return (
-        spin * (p[4] * qz - p[5] * qy),
-        spin * (p[5] * qx - p[3] * qz),
-        spin * (p[3] * qy - p[4] * qx),
+        spin * (p[o + 4] * qz - p[o + 5] * qy),
+        spin * (p[o + 5] * qx - p[o + 3] * qz),
+        spin * (p[o + 3] * qy - p[o + 4] * qx),
     )
 
 
-@kernel("UniTuple(f8, 3)(i4[::1], f8[:, ::1], f8, f8, f8)")
-def summed_velocity(kinds: Indices, table: Floats, x: float, y: float, z: float) -> Velocity:
-    """The sum of all fields of a table (K, COLUMNS) at one point."""
+@kernel("UniTuple(f8, 3)(i4[::1], f8[::1], i8, f8, f8, f8)")
+def summed_velocity(kinds: Indices, p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
+    """The sum of all fields of a table at one point; the table's K rows begin at p[o].
+
+    Tables are handed on whole and flat: slicing them here would count references for every point.
+    """
     u, v, w = 0.0, 0.0, 0.0
     for k in range(len(kinds)):
-        du, dv, dw = one_velocity(kinds[k], table[k], x, y, z)
+        du, dv, dw = one_velocity(kinds[k], p, o + k * COLUMNS, x, y, z)
         u += du
         v += dv
         w += dw
     return u, v, w
 
 
-@kernel("void(f8[:, ::1], i4[::1], f8[:, ::1], f8[:, ::1])", parallel=True)
+@kernel("void(f8[:, ::1], i4[::1], f8[::1], f8[:, ::1])", parallel=True)
 def velocities(points: Points, kinds: Indices, table: Floats, out: Vectors) -> None:
-    """Velocities (N, 3) at points (N, 3) into `out`."""
+    """Velocities (N, 3) at points (N, 3) into `out`; the table is flat, K rows of COLUMNS."""
     for i in prange(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        out[i, 0], out[i, 1], out[i, 2] = summed_velocity(kinds, table, x, y, z)
+        out[i, 0], out[i, 1], out[i, 2] = summed_velocity(kinds, table, 0, x, y, z)
 
 
-@kernel("void(f8[:, ::1], i4[::1], f8[:, :, ::1], f8, f8[:, ::1])", parallel=True)
+@kernel("void(f8[:, ::1], i4[::1], f8[::1], f8, f8[:, ::1])", parallel=True)
 def advect(points: Points, kinds: Indices, tables: Floats, h: float, out: Points) -> None:
     """Classical Runge-Kutta of order 4 from points (N, 3) into `out`, in sub-steps of h seconds.
 
-    tables (2 S + 1, K, COLUMNS) holds the fields at the start, middle and end of each of S sub-steps.
+    tables holds the fields at the start, middle and end of each of S sub-steps: 2 S + 1 tables of K
+    rows of COLUMNS, flat.
     """
+    size = len(kinds) * COLUMNS
+    steps = (len(tables) // size - 1) // 2 if size else 0
     for i in prange(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        for step in range(len(tables) // 2):
-            start, middle, end = tables[2 * step], tables[2 * step + 1], tables[2 * step + 2]
-            ax, ay, az = summed_velocity(kinds, start, x, y, z)
-            bx, by, bz = summed_velocity(kinds, middle, x + 0.5 * h * ax, y + 0.5 * h * ay, z + 0.5 * h * az)
-            cx, cy, cz = summed_velocity(kinds, middle, x + 0.5 * h * bx, y + 0.5 * h * by, z + 0.5 * h * bz)
-            dx, dy, dz = summed_velocity(kinds, end, x + h * cx, y + h * cy, z + h * cz)
+        for step in range(steps):
+            start = 2 * step * size
+            middle, end = start + size, start + 2 * size
+            ax, ay, az = summed_velocity(kinds, tables, start, x, y, z)
+            bx, by, bz = summed_velocity(
+                kinds, tables, middle, x + 0.5 * h * ax, y + 0.5 * h * ay, z + 0.5 * h * az
+            )
+            cx, cy, cz = summed_velocity(
+                kinds, tables, middle, x + 0.5 * h * bx, y + 0.5 * h * by, z + 0.5 * h * bz
+            )
+            dx, dy, dz = summed_velocity(kinds, tables, end, x + h * cx, y + h * cy, z + h * cz)
             x += h / 6.0 * (ax + 2.0 * (bx + cx) + dx)
             y += h / 6.0 * (ay + 2.0 * (by + cy) + dy)
             z += h / 6.0 * (az + 2.0 * (bz + cz) + dz)

@@ -40,7 +40,7 @@ class VelocityField(ABC):
         """Velocities (N, 3) at points (N, 3)."""
         points = np.ascontiguousarray(points, dtype=np.float64)
         out = np.empty_like(points)
-        kernels.velocities(points, kinds_of(self), table_of(self, time), out)
+        kernels.velocities(points, kinds_of(self), table_of(self, time).ravel(), out)
         return out
 
 
@@ -99,7 +99,7 @@ class Streamlines(Flow):
         points = np.ascontiguousarray(points, dtype=np.float64)
         tables, step = self._tables(time, dt)
         out = np.empty_like(points)
-        kernels.advect(points, kinds_of(self.field), tables, step, out)
+        kernels.advect(points, kinds_of(self.field), tables.ravel(), step, out)
         return out
 
     def acting(self, time: float, dt: float) -> Any:

@@ -177,7 +177,7 @@ def test_the_number_of_threads_changes_no_bit(points: Points) -> None:
 @each_field
 def test_the_kernel_says_the_same_as_plain_python(field: VelocityField, points: Points) -> None:
     row, kind = table_of(field, 0.0)[0], int(kinds_of(field)[0])
-    plain = [kernels.one_velocity.py_func(kind, row, *point) for point in points[:20]]
+    plain = [kernels.one_velocity.py_func(kind, row, 0, *point) for point in points[:20]]
     np.testing.assert_allclose(field.velocity(points[:20], 0.0), plain, rtol=1e-12, atol=1e-12)
 
 
