@@ -126,7 +126,7 @@ def second_fan(vert: Indices, twin: Indices, vertices: int) -> int:
             if k < 0 or k == first:
                 break
         if reached < corners[v]:
-            return v
+            return int(v)
         corners[v] = -1
     return -1
 

@@ -110,7 +110,7 @@ def _length(rows: Floats, i: int) -> float:
 
 @kernel((FACES, MATRIX, MATRIX, MATRIX))
 def sum_normals(faces: Faces, face_normals: Vectors, weights: Floats, normals: Vectors) -> None:
-    """Unit normals of vertices: the mean of their faces', weighted by corner; always finite and of length 1."""
+    """Unit normals of vertices: the mean of their faces', weighted by corner; always finite and unit."""
     normals[:] = 0.0
     for f in range(len(faces)):
         for i in range(3):

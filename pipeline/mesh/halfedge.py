@@ -28,7 +28,7 @@ class HalfedgeMesh:
     def __init__(self, mesh: TriangleMesh) -> None:
         self.euler = require(mesh).euler
         self._columns = _Columns.of(mesh.attributes)
-        self.sizes = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
+        self.sizes: AnyArray = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
         self.surface = Surface(
             np.array(mesh.vertices),
             self._columns.pack(mesh.attributes, len(mesh.vertices)),

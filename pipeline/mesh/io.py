@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import trimesh
 
-from pipeline.arrays import Faces, Points
+from pipeline.arrays import AnyArray, Faces, Points
 from pipeline.errors import EnvironmentFault, MeshError, MissingInputError
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
@@ -62,7 +62,7 @@ def write_mesh(mesh: TriangleMesh, path: str | Path) -> None:
         raise EnvironmentFault(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _merged(points: Points, faces: Faces) -> tuple[Points, Faces]:
+def _merged(points: Points, faces: AnyArray) -> tuple[Points, Faces]:
     """Join coincident vertices, keep the order of their first use, drop what is then without use."""
     span = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
     cells = np.round((points - points.min(axis=0)) / (_MERGE * span)).astype(np.int64)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import MeshError
 from pipeline.mesh._kernels_halfedge import SOUND, match_twins
 from pipeline.mesh._kernels_normals import face_frames, find_hard, number_fans, sum_normals
@@ -94,6 +94,6 @@ def _twins(mesh: TriangleMesh) -> Indices:
     return twin
 
 
-def _own(array: Faces) -> Faces:
+def _own(array: AnyArray) -> AnyArray:
     """A writable copy, as compiled kernels declare their arguments."""
     return np.array(array)

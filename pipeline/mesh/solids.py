@@ -8,7 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.arrays import Faces, Points
+from pipeline.arrays import AnyArray, Faces, Floats, Points
 from pipeline.errors import UsageError
 from pipeline.mesh.triangles import TriangleMesh
 
@@ -42,7 +42,7 @@ def box(
 def sheet(
     size: tuple[float, float] = (2.0, 2.0), edge_length: float | None = None, centre: ArrayLike = ORIGIN
 ) -> TriangleMesh:
-    """A flat rectangle in the plane y = 0 that faces upwards: open, with a boundary. `size` is along x and z."""
+    """A flat rectangle in the plane y = 0 that faces upwards, with a boundary. `size` is along x and z."""
     extents = np.asarray(size, np.float64)
     _positive("size", extents)
     grid, faces = _grid(_count(extents[1], edge_length), _count(extents[0], edge_length))
@@ -116,7 +116,8 @@ def _revolved(profile: Sequence[Points], edge_length: float, centre: ArrayLike) 
     poles. A profile that returns to its first row closes a ring of rings; otherwise both ends are poles.
     """
     closed = bool(np.array_equal(profile[0], profile[-1]))
-    rings, points, start = [], [], 0
+    rings: list[tuple[AnyArray, Floats]] = []
+    points, start = [], 0
     for row, (radius, height) in enumerate(profile[:-1] if closed else profile):
         pole = not closed and row in (0, len(profile) - 1)
         count = 1 if pole else max(5, round(2 * math.pi * radius / edge_length))
@@ -133,7 +134,7 @@ def _revolved(profile: Sequence[Points], edge_length: float, centre: ArrayLike) 
     return TriangleMesh(np.concatenate(points) + np.asarray(centre, np.float64), np.concatenate(faces))
 
 
-def _zipped(low: Faces, low_angle: Points, high: Faces, high_angle: Points) -> Faces:
+def _zipped(low: AnyArray, low_angle: Floats, high: AnyArray, high_angle: Floats) -> Faces:
     """Triangles between two rings, always taking the next vertex that comes first around the axis."""
     m, n = len(low), len(high)
     faces, i, j = [], 0, 0

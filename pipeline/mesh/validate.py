@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Indices
+from pipeline.arrays import AnyArray, Indices
 from pipeline.errors import MeshError
 from pipeline.mesh._kernels_halfedge import CROWDED, SOUND, match_twins, second_fan
 from pipeline.mesh.triangles import TriangleMesh
@@ -14,7 +14,7 @@ from pipeline.mesh.triangles import TriangleMesh
 
 @dataclass(frozen=True)
 class Soundness:
-    """What `validate` found. Where `problem` is set, the counts of edges are zero: there may be none to count.
+    """What `validate` found. Where `problem` is set, edges are not counted.
 
     euler is V - E + F: 2 for each closed piece of the kind of a sphere, 0 for a torus.
     """
@@ -55,7 +55,7 @@ def validate(mesh: TriangleMesh) -> Soundness:
 
 
 def require(mesh: TriangleMesh, closed: bool = False, name: str = "mesh") -> Soundness:
-    """Like `validate`, but raises MeshError in one sentence that begins with `name` where a rule is broken."""
+    """Like `validate`, but raises MeshError, in one sentence that begins with `name`, at a broken rule."""
     found = validate(mesh)
     if found.problem is not None:
         raise MeshError(f"{name}: {found.problem}")
@@ -70,9 +70,10 @@ def require(mesh: TriangleMesh, closed: bool = False, name: str = "mesh") -> Sou
 def _points_problem(mesh: TriangleMesh) -> str | None:
     if len(mesh.faces) == 0:
         return "there are no faces; a surface needs at least one triangle"
-    wild = ~np.isfinite(mesh.vertices).all(axis=1)
+    wild = np.logical_not(np.isfinite(mesh.vertices).all(axis=1))
     if wild.any():
-        return f"vertex {_first(wild)} is not finite (and {int(wild.sum()) - 1} more); coordinates must be numbers"
+        more = int(wild.sum()) - 1
+        return f"vertex {_first(wild)} is not finite (and {more} more); coordinates must be numbers"
     a, b, c = mesh.faces.T
     collapsed = (a == b) | (b == c) | (c == a)
     if collapsed.any():
@@ -80,7 +81,8 @@ def _points_problem(mesh: TriangleMesh) -> str | None:
         return f"face {f} {_names(mesh, f)} names a vertex twice; remove such degenerate faces"
     unused = np.bincount(mesh.faces.reshape(-1), minlength=len(mesh.vertices)) == 0
     if unused.any():
-        return f"vertex {_first(unused)} belongs to no face (and {int(unused.sum()) - 1} more); remove unused vertices"
+        more = int(unused.sum()) - 1
+        return f"vertex {_first(unused)} belongs to no face (and {more} more); remove unused vertices"
     return None
 
 
@@ -93,7 +95,7 @@ def _edges_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
     around = np.flatnonzero((mesh.faces == a).any(axis=1) & (mesh.faces == b).any(axis=1))
     corners = np.sort(mesh.faces[around], axis=1)
     if len(np.unique(corners, axis=0)) < len(corners):
-        return f"faces {_listed(around)} hold the same three vertices or share the edge {a}-{b}; remove duplicates"
+        return f"among faces {_listed(around)}, at edge {a}-{b}, one stands twice; remove duplicates"
     if fault == CROWDED:
         return (
             f"edge {a}-{b} has {len(around)} faces ({_listed(around)}); it may have two at most: "
@@ -111,7 +113,7 @@ def _doubled_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
     if not doubled.any():
         return None
     f = _first(doubled)
-    return f"face {f} {_names(mesh, f)} has another face with the same vertices on its back; remove one of the two"
+    return f"face {f} {_names(mesh, f)} has a face with the same vertices on its back; remove one of the two"
 
 
 def _fans_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
@@ -121,7 +123,7 @@ def _fans_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
     return f"vertex {v} joins two parts of the surface by a point only; give each part a vertex of its own"
 
 
-def _first(flags: Indices) -> int:
+def _first(flags: AnyArray) -> int:
     return int(np.argmax(flags))
 
 
@@ -129,6 +131,6 @@ def _names(mesh: TriangleMesh, face: int) -> str:
     return "(" + ", ".join(str(v) for v in mesh.faces[face]) + ")"
 
 
-def _listed(faces: Indices) -> str:
+def _listed(faces: AnyArray) -> str:
     shown = ", ".join(str(f) for f in faces[:4])
     return shown + (", …" if len(faces) > 4 else "")

@@ -75,7 +75,7 @@ def _bend(surface: Surface, centre: int, other: int, ring: Ring) -> float:
 def _rank(surface: Surface, centre: int, ring: Ring, cosine: float) -> int:
     """Hard edges at a vertex; a crease that turns by more than the hard angle makes a corner, ranked 3."""
     if ring.size[2] != 2:
-        return ring.size[2]
+        return int(ring.size[2])
     other = -1
     for i in range(ring.size[1]):
         if ring.hard[i]:
@@ -116,7 +116,7 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
 
 @kernel(numba.int64(MATRIX, RING, numba.int64, VECTOR, numba.float64), **LEAN)
 def _move_fault(points: Points, ring: Ring, other: int, place: Floats, longest: float) -> int:
-    """Whether the ring's centre may move to `place`, where `other` joins it: no edge too long, no face folded."""
+    """Why the ring's centre may not move to `place`, where `other` joins it: too long an edge, a folded face."""
     faces, spokes = ring.size[0], ring.size[1]
     for i in range(spokes):
         v = ring.vertex[i]

@@ -31,7 +31,7 @@ def _openness(points: Points, apex: int, a: int, b: int) -> float:
     x = (points[a, 0] - points[apex, 0]) * (points[b, 0] - points[apex, 0])
     y = (points[a, 1] - points[apex, 1]) * (points[b, 1] - points[apex, 1])
     z = (points[a, 2] - points[apex, 2]) * (points[b, 2] - points[apex, 2])
-    return x + y + z
+    return float(x + y + z)
 
 
 @kernel(numba.boolean(SURFACE, numba.int64, numba.int64), **LEAN)

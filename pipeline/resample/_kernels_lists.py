@@ -29,7 +29,7 @@ def squared(points: Points, a: int, b: int) -> float:
     x = points[a, 0] - points[b, 0]
     y = points[a, 1] - points[b, 1]
     z = points[a, 2] - points[b, 2]
-    return x * x + y * y + z * z
+    return float(x * x + y * y + z * z)
 
 
 @kernel(numba.types.UniTuple(numba.float64, 3)(MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)

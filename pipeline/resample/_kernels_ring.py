@@ -50,7 +50,7 @@ def turned(normals: Floats, i: int, j: int, cosine: float) -> bool:
     dot = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
     m = normals[i, 0] ** 2 + normals[i, 1] ** 2 + normals[i, 2] ** 2
     n = normals[j, 0] ** 2 + normals[j, 1] ** 2 + normals[j, 2] ** 2
-    return dot < cosine * np.sqrt(m * n)
+    return bool(dot < cosine * np.sqrt(m * n))
 
 
 @kernel(numba.boolean(SURFACE, numba.int64, RING), **LEAN)

@@ -53,7 +53,7 @@ def _set_middle(surface: Surface, middle: int, a: int, b: int) -> None:
 
 @kernel((SURFACE, numba.int64, VECTOR, INTS, INTS), **LEAN)
 def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: Indices) -> None:
-    """List an edge that is new, or that has moved to another place in the table, if it is out of the bracket."""
+    """List an edge that is new, or has another place in the table, if it is out of the bracket."""
     length = squared_length(surface, h)
     if length > limits[0]:
         push(later, h)
@@ -63,7 +63,11 @@ def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: 
 
 @kernel(INTS(SURFACE, INTS, VECTOR, INTS))
 def longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indices) -> Indices:
-    """The edges of this pass, longest first in sixteen classes; those shorter than 1/√2 of the longest wait."""
+    """The edges of this pass, longest first in sixteen classes; those below 1/√2 of the longest wait.
+
+    Nothing new can then be longer than √(1 - 1/8) of the longest edge, so splitting ends, and thin
+    triangles are cut across rather than along.
+    """
     lengths = np.empty(longs[0])
     longest = 0.0
     for i in range(longs[0]):

@@ -17,7 +17,7 @@ class Placement(Protocol):
         """Whether two soft ends merge halfway (P27) or at one of them."""
 
     def place(self, mesh: HalfedgeMesh, first: int, parents: Indices) -> None:
-        """Move the vertices `first`, `first` + 1, … of a pass, which lie at the middle of their `parents` (N, 2).
+        """Move the vertices from `first` on, which now lie at the middle of their `parents` (N, 2).
 
         Called once after each pass of splits, with all its new vertices together.
         """

@@ -21,7 +21,7 @@ class Report:
                                fold       a face would turn over or become a sliver
                                crowded    an end has more than 500 neighbours
     vertices, faces, edges     what there is now
-    too_long, too_short        edges out of the bracket; too_long is always 0, and too_short the sum of `refused`
+    too_long, too_short        edges out of the bracket; too_long is always 0, too_short the sum of `refused`
     shortest, longest          edge lengths, scene units
     """
 

@@ -17,8 +17,8 @@ from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_collapse import REASONS, collapse_all
 from pipeline.resample._kernels_flip import flip_marked
-from pipeline.resample._kernels_scan import scan
 from pipeline.resample._kernels_ring import MOST_SPOKES, Ring
+from pipeline.resample._kernels_scan import scan
 from pipeline.resample._kernels_split import longest_first, split_pass
 from pipeline.resample.placement import Chord, Placement
 from pipeline.resample.report import Report
@@ -55,7 +55,7 @@ class Resampler:
         return self._mesh.snapshot()
 
     def state(self) -> dict[str, AnyArray]:
-        """Copies of everything the next frames depend on, by name, as ``numpy.savez(file, **state)`` takes it."""
+        """Copies of all that the next frames depend on, by name: ``numpy.savez(file, **state)`` keeps it."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
         return {"vertices": mesh.vertices, "faces": mesh.faces, **named}

@@ -20,7 +20,7 @@ class Thresholds:
 
     max_edge_length   scene units; afterwards no edge is longer (P8)
     min_edge_length   scene units; shorter edges collapse where they may (P9); 40% of the maximum by default
-    hard_angle        radians between the normals of two faces; an edge that turns more is kept (P29); 40° by default
+    hard_angle        radians between the normals of two faces; an edge that turns more is hard (P29); 40°
     max_vertices      a frame that would need more stops with an error instead of filling the memory
 
     Raises UsageError for numbers that cannot be.
@@ -46,8 +46,9 @@ class Thresholds:
             raise UsageError(f"min_edge_length {shortest:g} must not be negative; 0 removes nothing")
         if shortest >= HIGHEST_RATIO * longest:
             raise UsageError(
-                f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}; it must "
-                f"be below 50%, or splitting and collapsing undo each other. Try {DEFAULT_RATIO * longest:g}."
+                f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}; "
+                f"it must be below 50%, or splitting and collapsing undo each other. "
+                f"Try {DEFAULT_RATIO * longest:g}."
             )
         if not 0 < hard_angle <= math.pi:
             raise UsageError(

@@ -1,0 +1,73 @@
+"""Mesh files come in as one connected surface, or with a sentence that says why not."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.errors import EnvironmentFault, MeshError, MissingInputError
+from pipeline.mesh import box, icosphere, read_mesh, require, write_mesh
+
+
+@pytest.mark.parametrize("suffix", ["obj", "ply", "stl", "glb", "off"])
+def test_a_written_mesh_is_read_back_whole(tmp_path: Path, suffix: str) -> None:
+    mesh = icosphere(5)
+    write_mesh(mesh, tmp_path / f"ball.{suffix}")
+    again = read_mesh(tmp_path / f"ball.{suffix}")
+    assert require(again, closed=True).euler == 2
+    assert len(again.vertices) == len(mesh.vertices)
+    assert np.allclose(np.sort(again.vertices, axis=0), np.sort(mesh.vertices, axis=0), atol=1e-6)
+
+
+def test_polygons_are_triangulated_and_objects_joined(tmp_path: Path) -> None:
+    file = tmp_path / "tray.obj"
+    file.write_text(
+        "o one\nv 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n"
+        "o two\nv 1 0 0\nv 2 0 0\nv 2.5 .5 0\nv 2 1 0\nv 1 1 0\nf 5 6 7 8 9\n"
+    )
+    mesh = read_mesh(file)
+    assert len(mesh.faces) == 5
+    assert len(mesh.vertices) == 7, "the two polygons share an edge"
+
+
+def test_a_scene_is_joined_into_one_mesh(tmp_path: Path) -> None:
+    scene = trimesh.Scene([trimesh.Trimesh(m.vertices, m.faces) for m in (box(), box(1.0, centre=(9, 0, 0)))])
+    scene.export(tmp_path / "two.glb")
+    assert require(read_mesh(tmp_path / "two.glb"), closed=True).euler == 4
+
+
+def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
+    with pytest.raises(MissingInputError, match=r"nothing\.obj: there is no such file"):
+        read_mesh(tmp_path / "nothing.obj")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "fault"),
+    [
+        ("a.txt", "hello", "not a mesh format"),
+        ("a.obj", "", "no faces|cannot be read"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\n", "no faces|cannot be read"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", "not finite"),
+        ("a.ply", "this is no ply", "cannot be read"),
+        ("a.glb", "this is no glb", "cannot be read"),
+        ("a.stl", "this is no stl", "cannot be read|no faces"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 1 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n", "3 faces"),
+    ],
+)
+def test_a_bad_file_is_named_with_its_fault(tmp_path: Path, name: str, content: str, fault: str) -> None:
+    (tmp_path / name).write_text(content)
+    with pytest.raises(MeshError, match=fault) as error:
+        read_mesh(tmp_path / name)
+    assert str(error.value).startswith(str(tmp_path / name))
+
+
+def test_a_format_that_is_not_known_is_not_written(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="not a mesh format"):
+        write_mesh(box(), tmp_path / "box.doc")
+
+
+def test_a_folder_that_is_a_file_is_the_environments_fault(tmp_path: Path) -> None:
+    (tmp_path / "taken").write_text("")
+    with pytest.raises(EnvironmentFault, match="cannot be written"):
+        write_mesh(box(), tmp_path / "taken" / "box.ply")

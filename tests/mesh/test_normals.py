@@ -1,0 +1,100 @@
+"""Normals shade a polyhedron smooth where it is smooth, and split it where it is not (P29, P39)."""
+
+import math
+import time
+
+import numpy as np
+import pytest
+
+from pipeline.arrays import Vectors
+from pipeline.errors import MeshError
+from pipeline.mesh import (
+    TriangleMesh,
+    box,
+    dihedral_angles,
+    face_normals,
+    icosphere,
+    sheet,
+    split_at_creases,
+    vertex_normals,
+)
+
+
+def unit(normals: Vectors) -> bool:
+    return bool(np.isfinite(normals).all() and np.allclose(np.linalg.norm(normals, axis=1), 1))
+
+
+def test_a_smooth_ball_is_not_split_and_its_normals_are_radial() -> None:
+    ball = icosphere(16)
+    shaded = split_at_creases(ball)
+    assert len(shaded.vertices) == len(ball.vertices)
+    assert np.array_equal(shaded.faces, ball.faces)
+    assert (np.einsum("ij,ij->i", shaded.normals, ball.vertices) > math.cos(math.radians(0.2))).all()
+
+
+def test_a_box_gets_the_normals_of_its_six_sides() -> None:
+    cube = box(edge_length=0.5)
+    shaded = split_at_creases(cube)
+    assert len(shaded.vertices) == 6 * 25
+    assert np.allclose(shaded.normals[shaded.faces], face_normals(cube)[:, None])
+    assert np.array_equal(cube.vertices[shaded.source_vertex], shaded.vertices)
+    assert np.array_equal(shaded.source_vertex[shaded.faces], cube.faces)
+
+
+def test_a_wide_hard_angle_leaves_a_box_whole() -> None:
+    assert len(split_at_creases(box(edge_length=0.5), math.pi / 2 + 0.01).vertices) == 98
+
+
+def test_a_crease_that_fades_out_leaves_no_seam() -> None:
+    """A sheet folded along a line that ends at its middle: the last vertex of the crease has one normal."""
+    flat = sheet((4, 4), 0.5)
+    x, z = flat.vertices[:, 0], flat.vertices[:, 2]
+    ridge = np.clip(z, 0, None) * 0.5 * np.clip(1 - np.abs(x), 0, None)
+    folded = flat.with_vertices(flat.vertices + np.column_stack([0 * x, ridge, 0 * x]))
+    shaded = split_at_creases(folded, math.radians(20))
+    split = np.flatnonzero(np.bincount(shaded.source_vertex) > 1)
+    assert len(split), "the crease is one"
+    angles = dihedral_angles(folded)
+    hard = np.nan_to_num(angles, nan=9.0) > math.radians(20)
+    spokes = np.bincount(folded.faces.reshape(-1)[hard], minlength=len(flat.vertices))
+    rim = np.bincount(folded.faces.reshape(-1)[np.isnan(angles)], minlength=len(flat.vertices)) > 0
+    assert not np.isin(np.flatnonzero((spokes == 1) & ~rim), split).any()
+    assert unit(shaded.normals)
+
+
+def test_normals_do_not_depend_on_how_a_side_is_triangulated() -> None:
+    corner = box()
+    diagonal = vertex_normals(corner)
+    assert np.allclose(np.abs(diagonal), 1 / math.sqrt(3)), "weighted by angle, not by number of faces"
+
+
+def test_faces_without_area_do_not_spoil_normals() -> None:
+    points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (1, 0, -1), (1, 0, 0)]
+    mesh = TriangleMesh(points, [(0, 1, 2), (0, 2, 3), (1, 0, 4)])
+    shaded = split_at_creases(mesh)
+    assert unit(shaded.normals)
+    assert np.allclose(shaded.normals[shaded.faces[1]], (0, 1, 0))
+    assert unit(vertex_normals(TriangleMesh(np.zeros((3, 3)), [(0, 1, 2)])))
+
+
+def test_dihedral_angles_are_those_of_the_geometry() -> None:
+    angles = dihedral_angles(box())
+    assert np.allclose(np.sort(np.unique(angles.round(9))), [0, math.pi / 2])
+    assert np.isnan(dihedral_angles(sheet(edge_length=1.0))).sum() == 8
+
+
+def test_a_surface_that_is_no_manifold_is_refused() -> None:
+    with pytest.raises(MeshError, match="3 faces"):
+        split_at_creases(TriangleMesh(np.eye(5, 3), [(0, 1, 2), (1, 0, 3), (0, 1, 4)]))
+
+
+def test_twenty_five_thousand_vertices_are_quick() -> None:
+    ball = icosphere(50)
+    best = min(_seconds(ball) for _ in range(5))
+    assert best < 0.25, "about 15 ms on an idle core"
+
+
+def _seconds(mesh: TriangleMesh) -> float:
+    start = time.perf_counter()
+    split_at_creases(mesh)
+    return time.perf_counter() - start
