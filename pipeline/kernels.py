@@ -48,20 +48,30 @@ def cache_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="flowsculpt-kernels-"))
 
 
-def kernel(signature: Any = None, **options: Any) -> Callable[[F], F]:
-    """`numba.njit` with our cache folder: ``@kernel()``, or with types so that it compiles on import."""
+def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
+    """`numba.njit` in our cache folder, for arguments of the types that `signature` names.
+
+    Nothing is compiled or loaded on import: the first call loads what set-up has compiled, so that a
+    process pays for the kernels it uses and no others.
+    """
     numba.config.CACHE_DIR = str(cache_folder())
 
     def decorate(function: F) -> F:
-        compiled = numba.njit(signature, cache=True, **options) if signature else numba.njit(cache=True, **options)
-        return compiled(function)  # type: ignore[no-any-return]
+        dispatcher = numba.njit(cache=True, **options)(function)
+        DECLARED.append((dispatcher, signature))
+        return dispatcher  # type: ignore[no-any-return]
 
     return decorate
 
 
-def compile_all() -> list[str]:
-    """Import every kernel module, which compiles what declares its types; returns their names."""
-    names = kernel_modules()
-    for name in names:
+DECLARED: list[tuple[Any, Any]] = []
+"""Every kernel imported so far, and the types it is compiled for."""
+
+
+def compile_all() -> int:
+    """Compile every kernel for its declared types; returns how many there are."""
+    for name in kernel_modules():
         importlib.import_module(name)
-    return names
+    for dispatcher, signature in DECLARED:
+        dispatcher.compile(signature)
+    return len(DECLARED)

@@ -15,7 +15,7 @@ from pipeline.production.keys import Key
 from pipeline.production.plan import Job, Plan
 from pipeline.production.store import Store
 from pipeline.production.take import PictureKeys, Take
-from render.errors import CorruptImageError, RenderError
+from render.errors import CorruptImageError, MissingImageError, RenderError
 
 T = TypeVar("T")
 
@@ -67,7 +67,7 @@ class Context:
         path = self.store.path(kind, key)
         try:
             return reader(path)
-        except (CorruptImageError, ValueError, KeyError, EOFError, OSError) as error:
+        except (CorruptImageError, MissingImageError, ValueError, KeyError, EOFError, OSError) as error:
             self.store.discard(kind, key)
             self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
             raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
