@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from render.camera import Camera
 from render.engine import Engine
+from render.errors import BadInputError
 from render.lights import LightRig
 from render.look import Look
 from render.quality import Quality
@@ -32,12 +33,15 @@ SPARKLE_FACTOR = 3.0
 """A pixel of one pass may be this much brighter than the third brightest of its eight neighbours."""
 
 
-_LUMA = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)
+_LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(frozen=True, eq=False)
 class Layers:
     """A picture's named float32 arrays, (H, W, 3) or (H, W), and the facts about it.
+
+    `facts` are the same whenever the same frame is rendered; `seconds` say where this rendering's time
+    went.
 
     beauty    linear Rec.709 radiance
     albedo    reflectance, within 0 … 1
@@ -52,13 +56,14 @@ class Layers:
 
     arrays: Mapping[str, Layer]
     facts: Mapping[str, Any] = field(default_factory=dict)
+    seconds: Mapping[str, float] = field(default_factory=dict)
 
     def __getitem__(self, name: str) -> Layer:
         return self.arrays[name]
 
     def with_(self, **arrays: Layer) -> Layers:
         """The same picture with some layers added or replaced."""
-        return Layers({**self.arrays, **arrays}, self.facts)
+        return Layers({**self.arrays, **arrays}, self.facts, self.seconds)
 
     @property
     def size(self) -> tuple[int, int]:
@@ -96,29 +101,29 @@ def render_frame(
         surface, look, lights, stage, placement, camera, (quality.width, quality.height), quality.depth
     )
     built = time.perf_counter()
-    samples = min(quality.samples, PASS_SAMPLES)
-    passes = -(-quality.samples // samples)
-    beauty, aovs = np.zeros(1), np.zeros(1)
-    for number in range(passes):
-        light = _render(lit, samples, seed_of(seed, number, "beauty"))[..., :3].astype(np.float32)
-        beauty = beauty + without_sparkles(light)
-        aovs = aovs + _render(unlit, samples, seed_of(seed, number, "aovs"))
+    passes = [*_passes("guides", unlit, quality.guides), *_passes("beauty", lit, quality.samples)]
+    sums: dict[str, NDArray[np.float64]] = {}
+    for number, (layer, scene, samples) in enumerate(passes):
+        picture = _render(scene, samples, seed_of(seed, number, layer))
+        if layer == "beauty":
+            picture = without_sparkles(picture[..., :3])
+        sums[layer] = sums[layer] + picture if layer in sums else picture
         if on_pass is not None:
-            on_pass(number + 1, passes)
+            on_pass(number + 1, len(passes))
+    seconds = {"building": built - begun, "rendering": time.perf_counter() - built}
     facts = {
         "seed": seed,
-        "samples": passes * samples,
-        "depth_of_paths": quality.depth,
+        "samples": quality.samples,
+        "guides": quality.guides,
+        "depth": quality.depth,
         "surface_vertices": len(surface.vertices),
         "surface_faces": len(surface.faces),
-        "seconds_building": round(built - begun, 3),
-        "seconds_rendering": round(time.perf_counter() - built, 3),
         **engine.facts(),
     }
-    return Layers(_named(beauty / passes, aovs / passes), facts)
+    return Layers(_named(sums, passes), facts, seconds)
 
 
-def without_sparkles(light: NDArray[np.float32]) -> NDArray[np.float32]:
+def without_sparkles(light: NDArray[np.float64]) -> NDArray[np.float64]:
     """(H, W, 3) radiance of one pass, lone bright pixels dimmed to the bound that SPARKLE_FACTOR sets.
 
     A highlight or a thin bright line has at least three bright neighbours at every pixel and passes
@@ -129,8 +134,8 @@ def without_sparkles(light: NDArray[np.float32]) -> NDArray[np.float32]:
     padded = np.pad(luminance, 1, mode="edge")
     around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)]
     third = np.partition(np.stack(around), 5, axis=0)[5]
-    bound = np.float32(SPARKLE_FACTOR) * third + np.float32(1e-3)
-    return np.asarray(light * np.minimum(1.0, bound / np.maximum(luminance, bound))[..., None], np.float32)
+    bound = SPARKLE_FACTOR * third + 1e-3
+    return np.asarray(light * (bound / np.maximum(luminance, bound))[..., None], dtype=np.float64)
 
 
 def _render(scene: Any, samples: int, seed: int) -> NDArray[np.float64]:
@@ -142,10 +147,22 @@ def _render(scene: Any, samples: int, seed: int) -> NDArray[np.float64]:
     return picture
 
 
-def _named(beauty: NDArray[np.float64], aovs: NDArray[np.float64]) -> dict[str, Layer]:
-    """Mitsuba's channels: albedo 3, depth 1, position 3, normal 3, matte and an unused one."""
+def _passes(layer: str, scene: Any, samples: int) -> list[tuple[str, Any, int]]:
+    """Whole passes of equal weight; a last one that is smaller would count too much."""
+    each = min(samples, PASS_SAMPLES)
+    if samples % each:
+        raise BadInputError(
+            f"{samples} samples for the {layer} do not divide into passes of {each}; take 16, 64, …"
+        )
+    return [(layer, scene, each)] * (samples // each)
+
+
+def _named(sums: Mapping[str, NDArray[np.float64]], passes: list[tuple[str, Any, int]]) -> dict[str, Layer]:
+    """Averages by name. Mitsuba's AOVs: albedo 3, depth 1, position 3, normal 3, matte and an unused one."""
+    count = {layer: sum(1 for name, _, _ in passes if name == layer) for layer in sums}
+    aovs = sums["guides"] / count["guides"]
     parts = {
-        "beauty": beauty,
+        "beauty": sums["beauty"] / count["beauty"],
         "albedo": np.clip(aovs[..., 0:3], 0.0, 1.0),
         "normal": aovs[..., 7:10],
         "position": aovs[..., 4:7],

@@ -13,25 +13,30 @@ class Quality:
 
     width, height   pixels
     samples         paths a pixel; multijitter wants a square number: 4, 16, 64, 256
+    guides          samples a pixel of the AOVs, which are free of noise but for their edges
     depth           vertices a path may have: 2 is direct light alone
     denoise         "none", "frame" (each by itself) or "time" (along the surface's motion as well)
+    effort          the denoiser's: "fast", "balanced" or "high"
     """
 
     width: int
     height: int
     samples: int
     depth: int
+    guides: int = 16
     denoise: str = "frame"
+    effort: str = "high"
 
     def __post_init__(self) -> None:
-        if min(self.width, self.height, self.samples) < 1:
-            raise BadInputError(
-                f"quality: {self.width}×{self.height} pixels, {self.samples} samples; all must be above 0"
-            )
+        for name in ("width", "height", "samples", "guides"):
+            if getattr(self, name) < 1:
+                raise BadInputError(f"quality has {name} {getattr(self, name)}; it must be at least 1")
         if self.depth < 2:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("none", "frame", "time"):
             raise BadInputError(f"denoise is {self.denoise!r}; it can be none, frame or time")
+        if self.effort not in ("fast", "balanced", "high"):
+            raise BadInputError(f"effort is {self.effort!r}; it can be fast, balanced or high")
 
     @property
     def aspect(self) -> float:
@@ -39,8 +44,8 @@ class Quality:
 
 
 QUALITIES = {
-    "preview": Quality(480, 270, samples=4, depth=3, denoise="frame"),
-    "draft": Quality(480, 270, samples=16, depth=4, denoise="frame"),
-    "daily": Quality(960, 540, samples=16, depth=6, denoise="time"),
-    "final": Quality(1920, 1080, samples=64, depth=10, denoise="time"),
+    "preview": Quality(480, 270, samples=4, depth=3, guides=4, effort="balanced"),
+    "draft": Quality(480, 270, samples=16, depth=4, guides=9, effort="balanced"),
+    "daily": Quality(960, 540, samples=16, depth=6, guides=16, denoise="time"),
+    "final": Quality(1920, 1080, samples=64, depth=10, guides=64, denoise="time"),
 }
