@@ -26,26 +26,31 @@ DIRECTIONS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
 def read_clock(source: Source) -> tuple[Clock | None, list[Problem]]:
     """The shot's clock, or what keeps it from having one."""
-    problems: list[Problem] = []
-    frames, rate = source.get("frames"), source.get("rate")
-    range_, speed = None, None
-    if isinstance(frames, str):
-        try:
-            range_ = FrameRange.parse(frames)
-        except UsageError as error:
-            problems.append((("frames",), str(error)))
-    if range_ and range_.numbers != tuple(range(range_.first, range_.last + 1)):
-        problems.append((("frames",), f"frames {frames} skip or turn back; a shot plays all. Write 1-96."))
-        range_ = None
+    rate, problems = read_rate(source)
+    text = source.get("frames")
+    if not isinstance(text, str):
+        return None, problems  # the form is for the document to judge
     try:
-        speed = FrameRate.of(24 if rate is None else rate) if _is_rate(rate) else None
+        frames = FrameRange.parse(text)
     except UsageError as error:
-        problems.append((("rate",), str(error)))
-    return (Clock(range_, speed) if range_ and speed else None), problems
+        return None, [*problems, (("frames",), str(error))]
+    if frames.numbers != tuple(range(frames.first, frames.last + 1)):
+        return None, [
+            *problems,
+            (("frames",), f"frames {text} skip or turn back; a shot plays all. Write 1-96."),
+        ]
+    return (Clock(frames, rate) if rate else None), problems
 
 
-def _is_rate(rate: Any) -> bool:
-    return rate is None or (isinstance(rate, int | float | str) and not isinstance(rate, bool))
+def read_rate(source: Source) -> tuple[FrameRate | None, list[Problem]]:
+    """Frames per second, 24 where nothing is said."""
+    rate = source.get("rate")
+    if isinstance(rate, bool | list | dict):
+        return None, [(("rate",), f"rate is {rate!r}; it must be frames per second. Write 24 or 24000/1001.")]
+    try:
+        return FrameRate.of(24 if rate is None else rate), []
+    except UsageError as error:
+        return None, [(("rate",), str(error))]
 
 
 def keys(source: Source, clock: Clock | None) -> Iterator[Problem]:
@@ -147,9 +152,8 @@ def solid(source: Source) -> Iterator[Problem]:
 
 def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:
     """Measures that contradict each other, by trying them on the coarsest of meshes."""
-    if not all(
-        _is_number(x) and x > 0 for x in np.ravel([v for v in given.values() if not isinstance(v, str)])
-    ):
+    parts = [part for value in given.values() for part in (value if isinstance(value, list) else [value])]
+    if not all(isinstance(part, str) or (_is_number(part) and part > 0) for part in parts):
         return
     try:
         Solid.of(name, given).build(1e6)

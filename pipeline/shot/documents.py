@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from pipeline.shot.fields import Colour, Count, Document, Parameter, Positive, one_of
+from pipeline.shot.fields import Colour, Count, Document, NumberField, Positive, PositiveField, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.subject import SOLIDS
 from render.lights import LIGHTS
@@ -72,9 +72,9 @@ class LookDocument(Document):
 class CameraDocument(Document):
     """Angles in degrees."""
 
-    azimuth: Parameter[float] = -30.0
-    elevation: Parameter[float] = 14.0
-    field_of_view: Parameter[Annotated[float, Field(gt=1, lt=150)]] = 26.0
+    azimuth: NumberField = -30.0
+    elevation: NumberField = 14.0
+    field_of_view: PositiveField = 26.0
     margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
 
 
@@ -94,7 +94,7 @@ class ShotDocument(Document):
     title: str
     intent: str = ""
     frames: str
-    rate: Positive | str = 24
+    rate: Any = 24
     subject: SubjectDocument
     resample: Resample
     flows: list[FlowDocument] = Field(default_factory=list)
@@ -122,6 +122,6 @@ class FilmDocument(Document):
     subtitle: str = ""
     credits: list[str] = Field(default_factory=list)
     shots: list[str] = Field(min_length=1)
-    rate: Positive | str = 24
+    rate: Any = 24
     title_seconds: Annotated[float, Field(ge=0)] = 3.0
     credits_seconds: Annotated[float, Field(ge=0)] = 3.0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from difflib import get_close_matches
-from typing import Annotated, Any, Generic, Literal, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
@@ -82,13 +82,21 @@ class Keyed(Document, Generic[T]):
     ease: Ease = "sine_in_out"
 
 
-Parameter = Annotated[
-    Annotated[T, Tag("plain")] | Annotated[T, Tag("list")] | Annotated[Keyed[T], Tag("keyed")],
+# A constant or keys. Spelt out for each kind: a generic alias would lose the kind within Keyed.
+NumberField = Annotated[
+    Annotated[float, Tag("plain")] | Annotated[float, Tag("list")] | Annotated[Keyed[float], Tag("keyed")],
     Discriminator(_form),
 ]
-"""A constant or keys."""
-
-Profile = Literal["lamb_oseen", "gaussian"]
+PositiveField = Annotated[
+    Annotated[Positive, Tag("plain")]
+    | Annotated[Positive, Tag("list")]
+    | Annotated[Keyed[Positive], Tag("keyed")],
+    Discriminator(_form),
+]
+PlaceField = Annotated[
+    Annotated[Triple, Tag("plain")] | Annotated[Triple, Tag("list")] | Annotated[Keyed[Triple], Tag("keyed")],
+    Discriminator(_form),
+]
 
 
 def number(parameter: float | Keyed[Any], clock: Clock, unit: float = 1.0) -> Number:

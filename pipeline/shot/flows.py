@@ -16,8 +16,9 @@ from pipeline.shot.fields import (
     DEGREE,
     Axis,
     Document,
-    Parameter,
-    Positive,
+    NumberField,
+    PlaceField,
+    PositiveField,
     Triple,
     axis,
     number,
@@ -30,9 +31,9 @@ HERE = [0.0, 0.0, 0.0]
 
 class VortexDocument(Document):
     axis: Axis = "z"
-    centre: Parameter[Triple] = HERE
-    radius: Parameter[Positive] = 1.0
-    strength: Parameter[float] = 1.0
+    centre: PlaceField = HERE
+    radius: PositiveField = 1.0
+    strength: NumberField = 1.0
     profile: Literal["lamb_oseen", "gaussian"] = "lamb_oseen"
 
     def build(self, clock: Clock) -> VelocityField:
@@ -49,8 +50,8 @@ class RotationDocument(Document):
     """speed: degrees per second"""
 
     axis: Axis = "y"
-    centre: Parameter[Triple] = HERE
-    speed: Parameter[float]
+    centre: PlaceField = HERE
+    speed: NumberField
 
     def build(self, clock: Clock) -> VelocityField:
         return catalogue.Rotation(
@@ -59,7 +60,7 @@ class RotationDocument(Document):
 
 
 class TranslationDocument(Document):
-    rate: Parameter[Triple]
+    rate: PlaceField
 
     def build(self, clock: Clock) -> VelocityField:
         return catalogue.Translation(place(self.rate, clock))
@@ -67,8 +68,8 @@ class TranslationDocument(Document):
 
 class StrainDocument(Document):
     axis: Axis = "y"
-    centre: Parameter[Triple] = HERE
-    rate: Parameter[float]
+    centre: PlaceField = HERE
+    rate: NumberField
 
     def build(self, clock: Clock) -> VelocityField:
         return catalogue.Strain(axis(self.axis), place(self.centre, clock), number(self.rate, clock))
@@ -77,9 +78,9 @@ class StrainDocument(Document):
 class ExpansionDocument(Document):
     shape: Literal["disc", "ball"] = "ball"
     axis: Axis = "z"
-    centre: Parameter[Triple] = HERE
-    radius: Parameter[Positive] = 1.0
-    rate: Parameter[float]
+    centre: PlaceField = HERE
+    radius: PositiveField = 1.0
+    rate: NumberField
 
     def build(self, clock: Clock) -> VelocityField:
         return catalogue.Expansion(
@@ -92,12 +93,12 @@ class ExpansionDocument(Document):
 
 
 class LorenzDocument(Document):
-    centre: Parameter[Triple] = HERE
-    sigma: Parameter[float] = 10.0
-    rho: Parameter[float] = 28.0
-    beta: Parameter[float] = 8.0 / 3.0
-    scale: Parameter[Positive] = 20.0
-    time_scale: Parameter[float] = 0.1
+    centre: PlaceField = HERE
+    sigma: NumberField = 10.0
+    rho: NumberField = 28.0
+    beta: NumberField = 8.0 / 3.0
+    scale: PositiveField = 20.0
+    time_scale: NumberField = 0.1
 
     def build(self, clock: Clock) -> VelocityField:
         names = ("sigma", "rho", "beta", "scale", "time_scale")
@@ -113,21 +114,21 @@ class DeformationDocument(Document):
 class TwistDocument(DeformationDocument):
     """amount: degrees per unit"""
 
-    amount: Parameter[float]
+    amount: NumberField
 
     def build(self, clock: Clock) -> Flow:
         return catalogue.Twist(axis(self.axis), vector(self.centre), number(self.amount, clock, DEGREE))
 
 
 class TaperDocument(DeformationDocument):
-    amount: Parameter[float]
+    amount: NumberField
 
     def build(self, clock: Clock) -> Flow:
         return catalogue.Taper(axis(self.axis), vector(self.centre), number(self.amount, clock))
 
 
 class StretchDocument(DeformationDocument):
-    amount: Parameter[Positive]
+    amount: PositiveField
     keep_volume: bool = True
 
     def build(self, clock: Clock) -> Flow:
@@ -137,7 +138,7 @@ class StretchDocument(DeformationDocument):
 
 class ShearDocument(DeformationDocument):
     direction: Axis = "x"
-    amount: Parameter[float]
+    amount: NumberField
 
     def build(self, clock: Clock) -> Flow:
         amount = number(self.amount, clock)

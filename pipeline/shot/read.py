@@ -109,14 +109,9 @@ def read_film(path: str | Path) -> Film:
 
 
 def _film_rate(source: Source, problems: list[tuple[Where, str]]) -> FrameRate | None:
-    rate = source.get("rate")
-    if rate is not None and not isinstance(rate, int | float | str):
-        return None
-    try:
-        return FrameRate.of(24 if rate is None else rate)
-    except FlowsculptError as error:
-        problems.append((("rate",), str(error)))
-        return None
+    rate, found = checks.read_rate(source)
+    problems += found
+    return rate
 
 
 def _parsed(
