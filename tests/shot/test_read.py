@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import math
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from pipeline.errors import MissingInputError, ShotError
 from pipeline.flow import Sequence, Streamlines, keyed
@@ -246,3 +249,44 @@ def test_the_films_own_shots_are_good() -> None:
     assert len(film.shots) == 3
     assert all(len(shot.frames) >= 48 for shot in film.shots)
     assert 190 <= sum(len(shot.frames) for shot in film.shots) <= 230
+
+
+def test_the_documented_shot_is_good(tmp_path: Path) -> None:
+    page = Path(__file__).parents[2] / "docs" / "shot-files.md"
+    example = page.read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
+    assert read_shot(written(tmp_path, example)).motion.thresholds is not None
+
+
+STRAYS = [
+    "",
+    "null",
+    "[]",
+    "{}",
+    "[1, 2, 3]",
+    "{keys: {}}",
+    "{keys: [1]}",
+    "{? [1] : 2}",
+    "-1",
+    "true",
+    ".nan",
+    "'x'",
+]
+
+
+@settings(max_examples=150, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(line=st.integers(0, 10), stray=st.sampled_from(STRAYS), colon=st.integers(0, 5))
+def test_no_stray_value_anywhere_raises_anything_else(
+    tmp_path: Path, line: int, stray: str, colon: int
+) -> None:
+    lines = GOOD.splitlines()
+    parts = lines[line].split(": ")
+    kept = parts[: min(colon, len(parts) - 1) + 1]
+    open_brackets = sum(": ".join(kept).count(mark) for mark in "{") - ": ".join(kept).count("}")
+    lines[line] = ": ".join([*kept, stray]) + "}" * max(0, open_brackets)
+    with contextlib.suppress(ShotError, MissingInputError):
+        read_shot(written(tmp_path, "\n".join(lines)))
+
+
+@pytest.mark.parametrize("text", ["[1, 2]", "just words", "null", "3", "title: {}", "? [a, b]\n: 1\n"])
+def test_what_is_no_shot_at_all_is_told(tmp_path: Path, text: str) -> None:
+    assert all(line.startswith("a.yaml:") for line in told(tmp_path, text))
