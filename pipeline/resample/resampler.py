@@ -114,7 +114,8 @@ class _Frame:
         self.extent[:] = math.inf, 0.0, 0.0
         scan(self.mesh.surface, self.mesh.sizes[1], self.limits, self.longs, self.shorts, self.extent)
         if self.extent[2]:
-            wild = int(np.argmin(np.isfinite(self.mesh.vertices).all(axis=1)))
+            size = np.abs(self.mesh.vertices).max(axis=1)
+            wild = int(np.argmax(np.where(np.isnan(size), math.inf, size)))
             raise FrameError(
                 f"vertex {wild} has left the numbers: {self.mesh.vertices[wild]}; calm the flow there"
             )
@@ -160,7 +161,7 @@ class _Frame:
         done = collapse_all(
             self.mesh.surface,
             self.limits,
-            (_new_ring(), _new_ring()),
+            (new_ring(), new_ring()),
             self.shorts,
             self.dead_faces,
             self.dead_vertices,
@@ -213,7 +214,7 @@ def _items(work_list: Indices) -> Indices:
     return work_list[1 : 1 + work_list[0]]
 
 
-def _new_ring() -> Ring:
+def new_ring() -> Ring:
     """Room for a ring."""
     return Ring(
         np.empty(MOST_SPOKES, np.int32),

@@ -1,0 +1,34 @@
+"""What memory allows: one pass over all edges that computes their squared lengths, one thread."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numba
+
+from pipeline.arrays import Indices, Points
+
+
+@numba.njit(fastmath=True, cache=False)  # type: ignore[untyped-decorator]
+def edge_pass(points: Points, edges: Indices, bound: float) -> int:
+    """How many edges have a squared length over the bound."""
+    count = 0
+    for i in range(len(edges)):
+        a, b = edges[i, 0], edges[i, 1]
+        x = points[a, 0] - points[b, 0]
+        y = points[a, 1] - points[b, 1]
+        z = points[a, 2] - points[b, 2]
+        count += (x * x + y * y + z * z) > bound
+    return count
+
+
+def best_of(work: Callable[[], object], repeats: int) -> float:
+    """Seconds of the quickest of `repeats` runs, after one to warm up."""
+    work()
+    seconds = []
+    for _ in range(repeats):
+        start = time.perf_counter()
+        work()
+        seconds.append(time.perf_counter() - start)
+    return min(seconds)
