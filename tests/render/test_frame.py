@@ -1,0 +1,222 @@
+"""A frame is the same to the last bit, and shows what it was asked to show."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from render.camera import Camera
+from render.denoise import denoise
+from render.engine import Engine
+from render.errors import BadInputError
+from render.frame import Layers, render_frame, seed_of, without_sparkles
+from render.lights import LIGHTS, LightRig, Sky, Sun
+from render.look import LOOKS, Look
+from render.quality import QUALITIES, Quality
+from render.scene import Surface
+from render.stage import STAGES, Placement
+
+Rendered = Callable[..., Layers]
+
+
+def same_bits(one: Layers, other: Layers) -> bool:
+    return one.facts == other.facts and all(
+        np.array_equal(one[name].view(np.uint32), other[name].view(np.uint32)) for name in one.arrays
+    )
+
+
+def test_rendering_again_gives_the_same_bits(rendered: Rendered, picture: Layers) -> None:
+    assert same_bits(rendered(), picture)
+
+
+def test_one_thread_and_two_give_the_same_bits(rendered: Rendered, picture: Layers, engine: Engine) -> None:
+    alone = rendered(engine=replace(engine, threads=1))
+    engine.start()
+    assert same_bits(alone, picture)
+
+
+def test_another_seed_gives_another_noise(rendered: Rendered, picture: Layers) -> None:
+    other = rendered(seed=8)
+    assert not np.array_equal(other["beauty"], picture["beauty"])
+    assert abs(other["beauty"].mean() / picture["beauty"].mean() - 1.0) < 0.05
+
+
+def test_the_sphere_is_lit_and_covers_what_the_camera_projects(picture: Layers) -> None:
+    assert np.isfinite(picture["beauty"]).all()
+    assert 0.05 < picture["beauty"].mean() < 2.0
+    matte = picture["matte"]
+    assert matte[13, 24] == 1.0
+    assert matte[0].max() == matte[:, 0].max() == 0.0
+    # A sphere at distance d has the angular radius asin(1/d); the lens spans 26° over 48 pixels.
+    distance = np.linalg.norm(np.subtract((3.2, 2.9, 8.8), (0.0, 1.0, 0.0)))
+    radius = np.tan(np.arcsin(1.0 / distance)) / np.tan(np.radians(13.0)) * 24.0
+    assert matte.sum() == pytest.approx(np.pi * radius**2, rel=0.06)
+
+
+def test_layers_tell_where_the_surface_is(picture: Layers) -> None:
+    inside = picture["matte"] == 1.0
+    centre = picture["position"][inside] - [0.0, 1.0, 0.0]
+    assert np.linalg.norm(centre, axis=1) == pytest.approx(1.0, abs=0.05)
+    assert (centre * picture["normal"][inside]).sum(axis=1).min() > 0.9
+    away = np.linalg.norm(picture["position"][inside] - np.array((3.2, 2.9, 8.8)), axis=1)
+    assert picture["depth"][inside] == pytest.approx(away, rel=0.01)
+    assert picture["albedo"][inside] == pytest.approx(
+        np.tile(LOOKS["clay"].colour, (inside.sum(), 1)), abs=1e-3
+    )
+
+
+def test_an_enlarged_copy_on_an_enlarged_stage_is_the_same_picture(
+    rendered: Rendered, picture: Layers, sphere: Surface
+) -> None:
+    size, origin = 8.0, np.array([16.0, -4.0, 32.0])
+    moved = replace(sphere, vertices=(sphere.vertices * size + origin).astype(np.float32))
+    camera = Camera(
+        tuple(np.multiply((3.2, 2.9, 8.8), size) + origin),
+        tuple(np.multiply((0.0, 0.95, 0.0), size) + origin),
+    )
+    large = rendered(surface=moved, placement=Placement(tuple(origin), size), camera=camera)
+    assert np.abs(large["matte"] - picture["matte"]).max() <= 0.25  # one sample of four may change sides
+    difference = np.abs(large["beauty"] - picture["beauty"])
+    assert np.median(difference) < 1e-3
+    assert large["beauty"].mean() == pytest.approx(picture["beauty"].mean(), rel=5e-3)
+
+
+def test_the_lens_does_not_see_the_lamps(rendered: Rendered) -> None:
+    key = LIGHTS["studio"].softboxes[0]
+    into_it = Camera((0.0, 1.0, 0.0), key.position)
+    assert rendered(camera=into_it)["beauty"].max() < min(key.radiance) / 10.0
+
+
+@pytest.mark.parametrize("name", LOOKS)
+def test_every_look_renders(name: str, rendered: Rendered) -> None:
+    layers = rendered(look=LOOKS[name])
+    inside = layers["matte"] == 1.0
+    assert np.isfinite(layers["beauty"]).all()
+    assert layers["beauty"][inside].mean() > 0.02
+    assert layers["albedo"].max() <= 1.0
+
+
+def test_a_subject_may_stand_before_the_sky_alone(rendered: Rendered) -> None:
+    sky = Sky((0.1, 0.2, 0.8), (0.9, 0.8, 0.7), (0.2, 0.2, 0.2), visible=True)
+    rig = LightRig(suns=(Sun((1.0, -1.0, -1.0), (2.0, 2.0, 2.0)),), sky=sky)
+    layers = rendered(stage=STAGES["none"], lights=rig)
+    top, middle = layers["beauty"][0].mean(axis=0), layers["beauty"][8].mean(axis=0)
+    assert top.min() > 0.0
+    assert layers["beauty"][layers["matte"] == 1.0].mean() > 0.05
+    assert not np.allclose(top, middle)
+
+
+def test_a_look_takes_its_colour_from_an_attribute(rendered: Rendered, sphere: Surface) -> None:
+    speed = np.zeros((len(sphere.vertices), 3), dtype=np.float32)
+    speed[:, 1] = 0.5
+    layers = rendered(
+        surface=replace(sphere, attributes={"speed": speed}),
+        look=Look("diffuse", (1.0, 1.0, 1.0), colour_from="speed"),
+    )
+    assert layers["albedo"][layers["matte"] == 1.0] == pytest.approx(
+        np.tile([0.0, 0.5, 0.0], (int((layers["matte"] == 1.0).sum()), 1)), abs=1e-3
+    )
+
+
+def test_a_missing_attribute_is_named(rendered: Rendered) -> None:
+    with pytest.raises(BadInputError, match="'speed'"):
+        rendered(look=Look("diffuse", (1.0, 1.0, 1.0), colour_from="speed"))
+
+
+def _spoilt(surface: Surface, **changes: object) -> Surface:
+    return replace(surface, **changes)  # type: ignore[arg-type]
+
+
+def test_surfaces_that_would_render_wrongly_are_refused(rendered: Rendered, sphere: Surface) -> None:
+    broken = sphere.vertices.copy()
+    broken[5, 1] = np.nan
+    outside = sphere.faces.copy()
+    outside[3, 2] = len(sphere.vertices)
+    nothing = np.zeros((0, 3), dtype=np.float32)
+    cases = {
+        "empty": _spoilt(sphere, faces=np.zeros((0, 3), dtype=np.int32)),
+        "it needs at least one triangle": Surface(nothing, nothing, np.zeros((0, 3), dtype=np.int32)),
+        "not finite at vertex 5": _spoilt(sphere, vertices=broken),
+        "names vertex": _spoilt(sphere, faces=outside),
+        "normals have shape": _spoilt(sphere, normals=sphere.normals[:-1]),
+        "attribute 'speed'": _spoilt(sphere, attributes={"speed": np.zeros((2, 3), dtype=np.float32)}),
+    }
+    for message, surface in cases.items():
+        with pytest.raises(BadInputError, match=message):
+            rendered(surface=surface)
+
+
+def test_passes_are_reported_and_can_be_stopped(rendered: Rendered) -> None:
+    seen: list[tuple[int, int]] = []
+    rendered(quality=Quality(16, 9, samples=32, depth=2, guides=4), on_pass=lambda *each: seen.append(each))
+    assert seen == [(1, 3), (2, 3), (3, 3)]
+
+    def stop(done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        rendered(on_pass=stop)
+
+
+def test_more_samples_are_less_noisy(rendered: Rendered) -> None:
+    def noise(samples: int) -> float:
+        quality = Quality(32, 18, samples=samples, depth=3, guides=4)
+        one, other = (rendered(quality=quality, seed=seed)["beauty"] for seed in (1, 2))
+        return float(np.median(np.abs(one - other)))
+
+    assert noise(64) < 0.7 * noise(4)
+
+
+def test_denoising_takes_the_noise_and_leaves_the_light(rendered: Rendered, picture: Layers) -> None:
+    truth = rendered(quality=replace(QUALITIES["draft"], width=48, height=27, samples=256, depth=3))["beauty"]
+    clean = denoise(picture)
+    assert clean.shape == truth.shape
+    assert clean.dtype == np.float32
+    assert np.abs(clean - truth).mean() < 0.8 * np.abs(picture["beauty"] - truth).mean()
+    assert clean.mean() == pytest.approx(truth.mean(), rel=0.03)
+
+
+def test_denoising_is_repeatable(picture: Layers) -> None:
+    assert np.array_equal(denoise(picture), denoise(picture))
+
+
+def test_a_lone_spark_is_dimmed_and_a_line_of_light_is_not() -> None:
+    light = np.full((9, 9, 3), 0.2)
+    light[4, 4] = 50.0
+    assert without_sparkles(light)[4, 4].max() < 1.0
+    line = np.full((9, 9, 3), 0.2)
+    line[:, 4:6] = 50.0
+    assert np.array_equal(without_sparkles(line), line)
+
+
+@given(st.lists(st.one_of(st.integers(), st.text(max_size=5)), min_size=1, max_size=4))
+def test_seeds_fit_and_tell_their_parts_apart(parts: list[int | str]) -> None:
+    assert 0 <= seed_of(*parts) < 2**32
+    assert seed_of(*parts) == seed_of(*parts)
+    assert seed_of(*parts, 0) != seed_of(*parts, 1)
+
+
+def test_samples_that_make_no_whole_passes_are_refused(rendered: Rendered) -> None:
+    with pytest.raises(BadInputError, match="24 samples"):
+        rendered(quality=Quality(16, 9, samples=24, depth=2))
+
+
+def test_render_frame_needs_nothing_but_arrays(sphere: Surface, engine: Engine) -> None:
+    layers = render_frame(
+        sphere,
+        LOOKS["glaze"],
+        LIGHTS["studio"],
+        STAGES["cyclorama"],
+        Placement(),
+        Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)),
+        Quality(16, 9, samples=1, depth=2, guides=1),
+        1,
+        engine,
+    )
+    assert layers.size == (16, 9)
+    assert layers.facts["variant"] == engine.variant

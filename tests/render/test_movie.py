@@ -1,0 +1,146 @@
+"""A movie has the frames, the size, the rate and the colours it was given."""
+
+from __future__ import annotations
+
+import resource
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from render.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.movie import probe_movie, read_movie, write_movie
+
+PATCHES = np.array(
+    [
+        [200, 40, 30],
+        [30, 160, 60],
+        [40, 60, 190],
+        [128, 128, 128],
+        [250, 250, 250],
+        [8, 8, 8],
+        [180, 150, 90],
+        [60, 20, 70],
+    ],
+    dtype=np.uint8,
+)
+
+
+def patches(count: int, height: int = 64, width: int = 128) -> Iterator[np.ndarray]:
+    """Eight broad stripes of colour that move one place a frame."""
+    for number in range(count):
+        stripes = np.roll(PATCHES, number, axis=0)[np.arange(width) * len(PATCHES) // width]
+        yield np.tile(stripes, (height, 1, 1))
+
+
+@pytest.mark.parametrize("bits", [8, 10])
+def test_a_movie_names_its_colours_and_keeps_them(bits: int, tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    assert write_movie(path, patches(5), Fraction(24), bits) == 5
+    facts = probe_movie(path)
+    assert (facts.frames, facts.width, facts.height, facts.rate) == (5, 128, 64, Fraction(24))
+    assert (facts.primaries, facts.transfer, facts.matrix, facts.range) == (1, 1, 1, 1)
+    assert facts.pixel_format == ("yuv420p" if bits == 8 else "yuv420p10le")
+    for given, shown in zip(patches(5), read_movie(path), strict=True):
+        inner = np.arange(128).reshape(8, 16)[:, 5:11].ravel()  # colour is stored at half resolution
+        assert np.abs(given[:, inner].astype(int) - shown[:, inner]).max() <= 2
+
+
+def test_an_odd_size_is_padded_by_its_last_row_and_column(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    write_movie(path, patches(2, 33, 65), Fraction(24))
+    facts = probe_movie(path)
+    assert (facts.width, facts.height) == (66, 34)
+    frame = next(iter(read_movie(path))).astype(int)
+    assert np.abs(frame[-1] - frame[-2]).mean() < 3.0
+
+
+def test_ntsc_rates_are_exact(tmp_path: Path) -> None:
+    write_movie(tmp_path / "a.mp4", patches(3), Fraction(24000, 1001))
+    assert probe_movie(tmp_path / "a.mp4").rate == Fraction(24000, 1001)
+
+
+def test_sixteen_bits_keep_a_gradient_that_eight_would_band(tmp_path: Path) -> None:
+    ramp = np.linspace(0.20, 0.23, 256) * 65535
+    frame = np.repeat(np.tile(ramp, (64, 1))[..., None], 3, axis=2).astype(np.uint16)
+    write_movie(tmp_path / "a.mp4", iter([frame]), Fraction(24), bits=10)
+    shown = next(iter(read_movie(tmp_path / "a.mp4")))[..., 1].mean(axis=0) / 255.0
+    assert (
+        np.abs(shown.reshape(16, 16).mean(axis=1) - ramp.reshape(16, 16).mean(axis=1) / 65535).max() < 1 / 255
+    )
+
+
+def test_the_same_frames_are_the_same_file(tmp_path: Path) -> None:
+    for name in ("a.mp4", "b.mp4"):
+        write_movie(tmp_path / name, patches(4), Fraction(24))
+    assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
+
+
+def test_a_movie_starts_before_it_is_loaded(tmp_path: Path) -> None:
+    write_movie(tmp_path / "a.mp4", patches(4), Fraction(24))
+    content = (tmp_path / "a.mp4").read_bytes()
+    assert content.index(b"moov") < content.index(b"mdat")
+
+
+def test_frames_are_taken_one_by_one(tmp_path: Path) -> None:
+    """A failing source leaves no movie behind, and what stood there stays."""
+    path = tmp_path / "a.mp4"
+    path.write_bytes(b"an older movie")
+
+    def failing() -> Iterator[np.ndarray]:
+        yield from patches(3)
+        raise CorruptImageError("a.0004.exr: cannot be read")
+
+    with pytest.raises(CorruptImageError, match="0004"):
+        write_movie(path, failing(), Fraction(24))
+    assert path.read_bytes() == b"an older movie"
+    assert [file.name for file in tmp_path.iterdir()] == ["a.mp4"]
+
+
+def test_frames_of_two_sizes_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match="frame 1 has 32×64"):
+        write_movie(tmp_path / "a.mp4", iter([*patches(1), *patches(1, 64, 32)]), Fraction(24))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_movie_of_nothing_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(BadInputError, match="no frames"):
+        write_movie(tmp_path / "a.mp4", iter(()), Fraction(24))
+    with pytest.raises(BadInputError, match="float64"):
+        write_movie(tmp_path / "a.mp4", iter([np.zeros((4, 4, 3))]), Fraction(24))  # type: ignore[list-item]
+    with pytest.raises(BadInputError, match="12 bits"):
+        write_movie(tmp_path / "a.mp4", patches(1), Fraction(24), bits=12)
+
+
+def test_a_full_disk_is_reported(tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    noise = (rng.integers(0, 255, (64, 64, 3)).astype(np.uint8) for _ in range(12))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
+    try:
+        with pytest.raises(RenderEnvironmentError, match="free space"):
+            write_movie(tmp_path / "a.mp4", noise, Fraction(24))
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_movie_that_is_none_is_reported(tmp_path: Path) -> None:
+    (tmp_path / "a.mp4").write_bytes(b"nothing")
+    with pytest.raises(CorruptImageError):
+        probe_movie(tmp_path / "a.mp4")
+    with pytest.raises(MissingImageError):
+        probe_movie(tmp_path / "b.mp4")
+
+
+def test_a_truncated_movie_is_reported_or_shorter(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    write_movie(path, patches(8), Fraction(24))
+    whole = path.read_bytes()
+    path.write_bytes(whole[: len(whole) * 2 // 3])
+    try:
+        assert probe_movie(path).frames < 8
+    except CorruptImageError as error:
+        assert "make it again" in str(error)
