@@ -157,6 +157,12 @@ def test_a_surface_that_outgrows_its_budget_stops_with_the_frame(motion: Motion)
             pass
 
 
+def test_a_threshold_far_too_fine_for_the_budget_stops_at_the_first_frame(motion: Motion) -> None:
+    fine = Thresholds(max_edge_length=1e-7, max_vertices=5000)
+    with pytest.raises(FrameError, match=r"^frame 5: .*5000"):
+        next(animate(dataclasses.replace(motion, subject=Solid.of("sheet", {}), thresholds=fine)))
+
+
 def test_the_report_says_how_mesh_like_the_surface_is(motion: Motion) -> None:
     """P7: edges are much shorter than the whole, and neighbours nearly flat."""
     statistics = next(animate(motion)).report.statistics

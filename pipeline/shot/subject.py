@@ -66,6 +66,9 @@ MIDDLE = 0.62
 COARSE = 1 / 16
 """Edge length over size where there is no bracket."""
 
+FINE = 1 / 500
+"""Finest edge length over size: beyond, splitting goes on, and stops at the budget of vertices."""
+
 
 @dataclass(frozen=True)
 class Solid(Subject):
@@ -82,9 +85,9 @@ class Solid(Subject):
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         values = [value for _, value in self.measures]
-        largest = max(np.ravel([value for value in values if not isinstance(value, str)]))
-        edge = MIDDLE * max_edge_length if max_edge_length else COARSE * float(largest)
-        return SOLIDS[self.solid].make(edge, *values)
+        largest = float(max(np.ravel([value for value in values if not isinstance(value, str)])))
+        edge = MIDDLE * max_edge_length if max_edge_length else COARSE * largest
+        return SOLIDS[self.solid].make(max(edge, FINE * largest), *values)
 
 
 @dataclass(frozen=True)
