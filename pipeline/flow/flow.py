@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from pipeline.arrays import Points
 
 Displacement = Callable[[Points, float, float], Points]
@@ -52,6 +54,11 @@ class Function(Flow):
     @property
     def name(self) -> str:
         return getattr(self.displacement, "__qualname__", type(self.displacement).__name__)
+
+
+def for_kernels(points: Points) -> Points:
+    """Points (N, 3) as the kernels' declared type; a read-only array would be another type to compile for."""
+    return np.require(points, np.float64, ["C", "W"])
 
 
 def as_flow(flow: Flow | Displacement) -> Flow:

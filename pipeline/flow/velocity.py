@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.flow import _kernels_velocity as kernels
-from pipeline.flow.flow import Flow
+from pipeline.flow.flow import Flow, for_kernels
 
 STEP_LIMIT = 0.1
 """The longest sub-step times the steepest velocity gradient.
@@ -38,7 +38,7 @@ class VelocityField(ABC):
 
     def velocity(self, points: Points, time: float) -> Vectors:
         """Velocities (N, 3) at points (N, 3)."""
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = for_kernels(points)
         out = np.empty_like(points)
         kernels.velocities(points, kinds_of(self), table_of(self, time).ravel(), out)
         return out
@@ -96,7 +96,7 @@ class Streamlines(Flow):
     order: ClassVar[int] = 4
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = for_kernels(points)
         tables, step = self._tables(time, dt)
         out = np.empty_like(points)
         kernels.advect(points, kinds_of(self.field), tables.ravel(), step, out)

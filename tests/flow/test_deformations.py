@@ -11,7 +11,8 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow import Flow, Sequence, Streamlines, keyed
+from pipeline.flow import Flow, Keyframes, Sequence, Streamlines, keyed
+from pipeline.flow import _kernels_deform as kernels
 from pipeline.flow.catalogue import Rotation, Shear, Stretch, Taper, Twist
 
 POINTS = np.random.default_rng(2).uniform(-1, 1, size=(300, 3))
@@ -90,3 +91,14 @@ def test_what_other_flows_do_in_between_is_kept() -> None:
 def test_a_stretch_to_nothing_is_refused() -> None:
     with pytest.raises(FrameError, match="stretch amount 0 is not above 0"):
         Stretch(amount=keyed((0, 1), (1, 0))).displace(POINTS, 0.0, 1.0)
+
+
+def test_no_amount_and_no_kind_of_array_compiles_anything() -> None:
+    frozen = POINTS.copy()
+    frozen.flags.writeable = False
+    keys = Keyframes((0, 1), ((1,), (2,)), ("linear", "linear"))
+    for flow in (Twist(amount=keys), Taper(amount=keys), Stretch(amount=keys), Shear(amount=keys)):
+        for array in (POINTS, frozen, np.asfortranarray(POINTS)):
+            flow.displace(array, 0, 1)
+    used = (kernels.twist, kernels.taper, kernels.stretch, kernels.shear)
+    assert [len(kernel.signatures) for kernel in used] == [1, 1, 1, 1]

@@ -31,5 +31,5 @@ def test_rates_and_numpy_numbers_have_a_form() -> None:
 
 
 def test_a_function_has_none() -> None:
-    with pytest.raises(UsageError, match="a function .* use a flow of the catalogue"):
+    with pytest.raises(UsageError, match=r"a function .* use a flow of the catalogue"):
         as_data(Function(lambda points, time, dt: points))

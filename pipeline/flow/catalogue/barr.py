@@ -22,7 +22,7 @@ from pipeline.errors import FrameError
 from pipeline.flow import _kernels_deform as kernels
 from pipeline.flow.catalogue.directions import ORIGIN, X, Y, unit
 from pipeline.flow.choreography import Number, Vector, number_at
-from pipeline.flow.flow import Flow
+from pipeline.flow.flow import Flow, for_kernels
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Deformation(Flow):
     amount: Number = 0.0
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        points = np.ascontiguousarray(points, dtype=np.float64)
+        points = for_kernels(points)
         before, after = self._amounts(time, dt)
         if before == after:
             return points
@@ -51,7 +51,7 @@ class Deformation(Flow):
         """D(after) D(before)⁻¹ of points (N, 3) into `out`."""
 
     def _amounts(self, time: float, dt: float) -> tuple[float, float]:
-        return number_at(self.amount, time), number_at(self.amount, time + dt)
+        return float(number_at(self.amount, time)), float(number_at(self.amount, time + dt))
 
     def _line(self) -> tuple[Floats, Floats]:
         return np.array(self.centre, dtype=np.float64), np.array(unit(self.axis))
