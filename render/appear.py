@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from render.errors import RenderEnvironmentError
@@ -27,7 +27,8 @@ def appearing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise cannot_write(path, error.strerror or str(error)) from None
     finally:
-        temporary.unlink(missing_ok=True)
+        with suppress(OSError):  # not there, or its folder is no folder
+            temporary.unlink()
 
 
 def cannot_write(path: Path, reason: str) -> RenderEnvironmentError:

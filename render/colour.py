@@ -1,7 +1,9 @@
 """From linear light to a display: the ACES 2.0 view by a baked table. One of two rooms that know OpenImageIO.
 
 OpenColorIO computes the view exactly but slowly (over a second for 1920×1080), so it is asked once, on a
-cube of 65³ colours, and pictures are looked up in it. The cube's axes are logarithmic.
+cube of 65³ colours, and pictures are looked up in it. The cube's axes are logarithmic. What surfaces
+reflect comes out within one step of 255; only pure, very bright blues and reds beyond any paint, where the
+view folds sharply, differ by up to seven.
 """
 
 from __future__ import annotations
@@ -27,8 +29,8 @@ DISPLAYS = {"rec709": "Rec.1886 Rec.709 - Display", "srgb": "sRGB - Display"}
 """rec709 for movies, srgb for pictures on a page."""
 
 _SIDE = 65
-_TOE = 2.0**-7
-_BRIGHTEST = 2.0**7
+_TOE = 2.0**-6
+_BRIGHTEST = 2.0**6
 """Axes run over log2(1 + x/toe) from 0 to this radiance, which the view shows as white."""
 
 

@@ -154,7 +154,8 @@ def _encoded(name: str, value: Any) -> str:
     """Strings as they are and the rest as JSON; a string that would read as JSON is quoted as JSON."""
     try:
         if isinstance(value, str):
-            return json.dumps(value) if _decoded(value) != value else value
+            plain = value != "" and _decoded(value) == value  # OpenImageIO drops empty entries
+            return value if plain else json.dumps(value)
         return json.dumps(value, allow_nan=False)
     except (TypeError, ValueError):
         raise BadInputError(f"header entry {name!r} is {value!r}; it must be what JSON can say") from None
@@ -181,9 +182,7 @@ def _opened(path: Path) -> Iterator[Any]:
         raise MissingImageError(f"{path}: there is no such picture")
     file = oiio.ImageInput.open(str(path))
     if file is None:
-        raise CorruptImageError(
-            f"{path}: cannot be opened ({oiio.geterror() or 'no picture'}); make it again"
-        )
+        raise CorruptImageError(f"{path}: cannot be opened ({_reason(oiio)}); make it again")
     try:
         yield file
     finally:
@@ -197,7 +196,20 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
         reason = "" if written else _reason(output)
         if not (output.close() and written):
             raise cannot_write(path, reason or _reason(output))
+        _check_whole(temporary, path)
 
 
-def _reason(file: Any) -> str:
-    return " ".join(str(file.geterror()).split()) or "no reason given"
+def _check_whole(temporary: Path, path: Path) -> None:
+    """Read what was written: the PNG writer does not notice a disk that fills up."""
+    file = oiio.ImageInput.open(str(temporary))
+    whole = file is not None and file.read_image(0, 0, 0, file.spec().nchannels, oiio.UNKNOWN) is not None
+    if file is not None:
+        file.close()
+    if not whole:
+        raise cannot_write(path, f"what was written cannot be read: {_reason(file or oiio)}")
+
+
+def _reason(source: Any) -> str:
+    """The last thing OpenImageIO had to say, in one line."""
+    complaints = str(source.geterror()).strip().splitlines()
+    return complaints[-1].strip() if complaints else "no reason given"

@@ -6,7 +6,9 @@ turned into BT.709 limited range here, to the last bit, and handed over as plane
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Iterator
+from contextlib import closing
 from dataclasses import dataclass
 from fractions import Fraction
 from pathlib import Path
@@ -90,16 +92,38 @@ def probe_movie(path: Path) -> MovieFacts:
         raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); make it again") from None
 
 
-def read_movie(path: Path) -> Iterator[NDArray[np.uint8]]:
-    """The movie's frames as full-range RGB, uint8 (H, W, 3). Raises as `probe_movie` does."""
-    if not path.is_file():
-        raise MissingImageError(f"{path}: there is no such movie")
-    try:
-        with av.open(str(path)) as container:
-            for frame in container.decode(video=0):
-                yield frame.to_ndarray(format="rgb24")
-    except av.error.FFmpegError as error:
-        raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); make it again") from None
+class _Sink:
+    """The file that imageio writes to. It keeps the disk's complaint until somebody can hear it.
+
+    FFmpeg calls back into Python to write, where an exception would be printed and lost.
+    """
+
+    def __init__(self, path: Path) -> None:
+        self.name = str(path)
+        self.error: OSError | None = None
+        self._file = path.open("w+b", buffering=0)
+
+    def write(self, data: bytes) -> int:
+        view = memoryview(data)
+        while len(view) and self.error is None:
+            try:
+                view = view[self._file.write(view) :]
+            except OSError as error:
+                self.error = error
+        return len(data)
+
+    def seek(self, offset: int, whence: int = 0) -> int:
+        return self._file.seek(offset, whence)
+
+    def tell(self) -> int:
+        return self._file.tell()
+
+    def close(self) -> None:
+        self._file.close()
+
+    def check(self) -> None:
+        if self.error is not None:
+            raise self.error
 
 
 def _encode(temporary: Path, path: Path, frames: Iterator[Frame], rate: Fraction, bits: int) -> int:
@@ -110,19 +134,21 @@ def _encode(temporary: Path, path: Path, frames: Iterator[Frame], rate: Fraction
         raise BadInputError(f"{path}: a movie of no frames is not possible")
     given, stored = _PIXELS[bits]
     layout: dict[str, Any] = {"container": "mp4", "options": {"movflags": "+faststart+write_colr"}}
-    with iio.imopen(temporary, "w", plugin="pyav", **layout) as movie:
-        movie.init_video_stream("libx264", fps=float(rate), pixel_format=stored)
-        _name_colours(movie)
-        movie.write_frame(_planes(first, bits), pixel_format=given)
-        count = 1
-        for frame in frames:
-            if frame.shape != first.shape:
-                raise BadInputError(
-                    f"{path}: frame {count} has {frame.shape[1]}×{frame.shape[0]} pixels where the first has "
-                    f"{first.shape[1]}×{first.shape[0]}; all must have the same"
-                )
-            movie.write_frame(_planes(frame, bits), pixel_format=given)
-            count += 1
+    with closing(_Sink(temporary)) as sink:
+        with iio.imopen(sink, "w", plugin="pyav", extension=".mp4", **layout) as movie:
+            movie.init_video_stream("libx264", fps=float(rate), pixel_format=stored)
+            _name_colours(movie)
+            count = 0
+            for frame in itertools.chain([first], frames):
+                if frame.shape != first.shape:
+                    raise BadInputError(
+                        f"{path}: frame {count} has {frame.shape[1]}×{frame.shape[0]} pixels where the first "
+                        f"has {first.shape[1]}×{first.shape[0]}; all must have the same"
+                    )
+                movie.write_frame(_planes(frame, bits), pixel_format=given)
+                sink.check()
+                count += 1
+        sink.check()
     return count
 
 

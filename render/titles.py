@@ -77,9 +77,9 @@ def _fitted(text: str, font: str, height: float, spacing: float, width: int) -> 
     """The line at that height in pixels, or smaller where it would fill over four fifths of the width."""
     if not text.strip():
         return np.zeros((1, 1), dtype=np.float32)
-    line = lettering(text, font, max(6, round(height)), spacing)
+    line = lettering(text, font, max(2, round(height)), spacing)
     if line.shape[1] > 0.8 * width:
-        line = lettering(text, font, max(6, int(height * 0.8 * width / line.shape[1])), spacing)
+        line = lettering(text, font, max(2, int(height * 0.8 * width / line.shape[1])), spacing)
     return line[:, :width]
 
 

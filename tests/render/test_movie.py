@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from fractions import Fraction
 from pathlib import Path
 
+import av
 import numpy as np
 import pytest
 
 from render.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
-from render.movie import probe_movie, read_movie, write_movie
+from render.movie import probe_movie, write_movie
 
 PATCHES = np.array(
     [
@@ -35,6 +36,17 @@ def patches(count: int, height: int = 64, width: int = 128) -> Iterator[np.ndarr
         yield np.tile(stripes, (height, 1, 1))
 
 
+def decoded(path: Path) -> Iterator[np.ndarray]:
+    """RGB 0 … 255 as float, by the BT.709 equations rather than by a player's approximation of them."""
+    with av.open(str(path)) as container:
+        for frame in container.decode(video=0):
+            planes = frame.reformat(format="yuv444p16le").to_ndarray().astype(np.float64) / 256.0
+            y = (planes[..., 0] - 16.0) / 219.0
+            cb, cr = (planes[..., 1] - 128.0) / 224.0, (planes[..., 2] - 128.0) / 224.0
+            red, blue = y + 1.5748 * cr, y + 1.8556 * cb
+            yield 255.0 * np.stack([red, (y - 0.2126 * red - 0.0722 * blue) / 0.7152, blue], axis=-1)
+
+
 @pytest.mark.parametrize("bits", [8, 10])
 def test_a_movie_names_its_colours_and_keeps_them(bits: int, tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
@@ -43,9 +55,10 @@ def test_a_movie_names_its_colours_and_keeps_them(bits: int, tmp_path: Path) -> 
     assert (facts.frames, facts.width, facts.height, facts.rate) == (5, 128, 64, Fraction(24))
     assert (facts.primaries, facts.transfer, facts.matrix, facts.range) == (1, 1, 1, 1)
     assert facts.pixel_format == ("yuv420p" if bits == 8 else "yuv420p10le")
-    for given, shown in zip(patches(5), read_movie(path), strict=True):
-        inner = np.arange(128).reshape(8, 16)[:, 5:11].ravel()  # colour is stored at half resolution
-        assert np.abs(given[:, inner].astype(int) - shown[:, inner]).max() <= 2
+    for given, shown in zip(patches(5), decoded(path), strict=True):
+        inner = np.arange(128).reshape(8, 16)[:, 5:11]  # colour is stored at half resolution
+        assert np.abs(given[:, inner] - shown[:, inner]).max() <= 4.0
+        assert np.abs((given[:, inner] - shown[:, inner]).mean(axis=(0, 2))).max() <= 2.0
 
 
 def test_an_odd_size_is_padded_by_its_last_row_and_column(tmp_path: Path) -> None:
@@ -53,7 +66,7 @@ def test_an_odd_size_is_padded_by_its_last_row_and_column(tmp_path: Path) -> Non
     write_movie(path, patches(2, 33, 65), Fraction(24))
     facts = probe_movie(path)
     assert (facts.width, facts.height) == (66, 34)
-    frame = next(iter(read_movie(path))).astype(int)
+    frame = next(iter(decoded(path)))
     assert np.abs(frame[-1] - frame[-2]).mean() < 3.0
 
 
@@ -66,7 +79,7 @@ def test_sixteen_bits_keep_a_gradient_that_eight_would_band(tmp_path: Path) -> N
     ramp = np.linspace(0.20, 0.23, 256) * 65535
     frame = np.repeat(np.tile(ramp, (64, 1))[..., None], 3, axis=2).astype(np.uint16)
     write_movie(tmp_path / "a.mp4", iter([frame]), Fraction(24), bits=10)
-    shown = next(iter(read_movie(tmp_path / "a.mp4")))[..., 1].mean(axis=0) / 255.0
+    shown = next(iter(decoded(tmp_path / "a.mp4")))[..., 1].mean(axis=0) / 255.0
     assert (
         np.abs(shown.reshape(16, 16).mean(axis=1) - ramp.reshape(16, 16).mean(axis=1) / 65535).max() < 1 / 255
     )
