@@ -19,16 +19,16 @@ Velocity = tuple[float, float, float]
 COLUMNS = 10
 
 TRANSLATION = 0  # velocity 0:3
-LAMB_OSEEN = 1  # centre 0:3, axis 3:6, radius 6, circulation 7
+LAMB_OSEEN = 1  # centre 0:3, axis 3:6, 1 / radius² 6, angular speed on the axis 7
 GAUSSIAN = 2  # the same
 ROTATION = 3  # centre 0:3, axis 3:6, angular speed 6
 STRAIN = 4  # centre 0:3, axis 3:6, rate 6
-BALL = 5  # centre 0:3, -, radius 6, rate 7
-DISC = 6  # centre 0:3, axis 3:6, radius 6, rate 7
+BALL = 5  # centre 0:3, -, 1 / radius² 6, rate 7
+DISC = 6  # centre 0:3, axis 3:6, 1 / radius² 6, rate 7
 LORENZ = 7  # centre 0:3, sigma 3, rho 4, beta 5, scale 6, time scale 7
 
 
-@kernel("UniTuple(f8, 3)(i4, f8[::1], i8, f8, f8, f8)")
+@kernel("UniTuple(f8, 3)(i4, f8[::1], i8, f8, f8, f8)", forceinline=True)
 def one_velocity(kind: int, p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     """The velocity of one field at one point; its row begins at p[o]. The catalogue has the equations."""
     if kind == TRANSLATION:
@@ -57,19 +57,20 @@ def one_velocity(kind: int, p: Floats, o: int, x: float, y: float, z: float) -> 
         )
     distance2 = qx * qx + qy * qy + qz * qz
     if kind in (BALL, DISC):
-        inside = max(0.0, 1.0 - distance2 / (p[o + 6] * p[o + 6]))
+        inside = max(0.0, 1.0 - distance2 * p[o + 6])
         rate = p[o + 7] * inside * inside
         return rate * qx, rate * qy, rate * qz
     if kind == ROTATION:
         spin = p[o + 6]
     else:
-        core2 = p[o + 6] * p[o + 6]
-        ratio = distance2 / core2
-        spin = p[o + 7] / (math.pi * core2)
+        ratio = distance2 * p[o + 6]
+        spin = p[o + 7]
         if kind == GAUSSIAN:
             spin *= math.exp(-ratio)
-        elif ratio > 1e-12:
-            spin *= -math.expm1(-ratio) / ratio
+        elif ratio > 0.02:
+            spin *= (1.0 - math.exp(-ratio)) / ratio
+        else:  # the same as a series, where the difference would lose digits
+            spin *= 1.0 - ratio / 2.0 * (1.0 - ratio / 3.0 * (1.0 - ratio / 4.0 * (1.0 - ratio / 5.0)))
     return (
         spin * (p[o + 4] * qz - p[o + 5] * qy),
         spin * (p[o + 5] * qx - p[o + 3] * qz),
@@ -77,7 +78,7 @@ def one_velocity(kind: int, p: Floats, o: int, x: float, y: float, z: float) -> 
     )
 
 
-@kernel("UniTuple(f8, 3)(i4[::1], f8[::1], i8, f8, f8, f8)")
+@kernel("UniTuple(f8, 3)(i4[::1], f8[::1], i8, f8, f8, f8)", forceinline=True)
 def summed_velocity(kinds: Indices, p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     """The sum of all fields of a table at one point; the table's K rows begin at p[o].
 

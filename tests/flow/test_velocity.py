@@ -132,6 +132,13 @@ def test_lorenz_in_its_own_coordinates_is_the_equations_of_1963() -> None:
     np.testing.assert_allclose(velocity, [own[0], own[2], -own[1]], rtol=1e-13)
 
 
+def test_a_vortex_is_the_formula_of_the_textbook_near_and_far() -> None:
+    r = np.geomspace(1e-6, 50.0, 400)
+    points = np.stack([r, 0 * r, 0 * r], axis=1)
+    speed = Vortex(radius=0.7, strength=3.0).velocity(points, 0.0)[:, 1]
+    np.testing.assert_allclose(speed, -3.0 / (2 * np.pi * r) * np.expm1(-((r / 0.7) ** 2)), rtol=3e-11)
+
+
 def test_nothing_moves_on_and_beyond_the_rim_of_an_expansion(points: Points) -> None:
     far = points / np.linalg.norm(points, axis=1)[:, None] * np.linspace(1.5, 9.0, len(points))[:, None]
     ball = Streamlines(Expansion("ball", radius=1.5, rate=5.0))
@@ -142,7 +149,7 @@ def test_both_vortices_turn_alike_on_the_axis_and_differ_far_away() -> None:
     near, far = np.array([[1e-4, 0.0, 0.0]]), np.array([[5.0, 0.0, 0.0]])
     lamb, gauss = Vortex(strength=2.0), Vortex(strength=2.0, profile="gaussian")
     np.testing.assert_allclose(lamb.velocity(near, 0.0), gauss.velocity(near, 0.0), rtol=1e-7)
-    assert lamb.velocity(far, 0.0)[0, 1] == pytest.approx(2.0 / (math.pi * 5.0))
+    assert lamb.velocity(far, 0.0)[0, 1] == pytest.approx(2.0 / (2 * math.pi * 5.0))
     assert gauss.velocity(far, 0.0)[0, 1] < 1e-9
 
 

@@ -34,8 +34,8 @@ class Expansion(Term):
         return kernels.DISC if self.shape == "disc" else kernels.BALL
 
     def row(self, time: float) -> tuple[float, ...]:
-        radius, rate = number_at(self.radius, time), number_at(self.rate, time)
-        return (*place_at(self.centre, time), *unit(self.axis), radius, rate)
+        narrowness = number_at(self.radius, time) ** -2.0
+        return (*place_at(self.centre, time), *unit(self.axis), narrowness, number_at(self.rate, time))
 
     def steepness(self, time: float) -> float:
         return abs(number_at(self.rate, time))

@@ -20,10 +20,10 @@ class Vortex(Term):
 
     At the distance r from the axis, with the core's radius R and the circulation Γ, it turns at
 
-        lamb_oseen  Γ / (π r²) · (1 − exp(−r²/R²))      in radians per second
-        gaussian    Γ / (π R²) · exp(−r²/R²)
+        lamb_oseen  Γ / (2 π r²) · (1 − exp(−r²/R²))      in radians per second
+        gaussian    Γ / (2 π R²) · exp(−r²/R²)
 
-    so both turn at Γ / (π R²) on the axis. The first reaches far (its speed falls as 1/r), the second
+    so both turn at Γ / (2 π R²) on the axis. The first reaches far (its speed falls as 1/r), the second
     leaves alone what is beyond two radii.
 
     strength  Γ, square units per second; positive turns counter-clockwise seen against the axis
@@ -42,9 +42,10 @@ class Vortex(Term):
         return kernels.GAUSSIAN if self.profile == "gaussian" else kernels.LAMB_OSEEN
 
     def row(self, time: float) -> tuple[float, ...]:
-        radius, strength = number_at(self.radius, time), number_at(self.strength, time)
-        return (*place_at(self.centre, time), *unit(self.axis), radius, strength)
+        narrowness = number_at(self.radius, time) ** -2.0
+        spin = number_at(self.strength, time) / (2 * math.pi) * narrowness
+        return (*place_at(self.centre, time), *unit(self.axis), narrowness, spin)
 
     def steepness(self, time: float) -> float:
         """The turning on the axis; nowhere is the gradient steeper than that times 1.3."""
-        return 1.3 * abs(number_at(self.strength, time)) / (math.pi * number_at(self.radius, time) ** 2)
+        return 1.3 * abs(number_at(self.strength, time)) / (2 * math.pi * number_at(self.radius, time) ** 2)
