@@ -17,7 +17,7 @@ from render.llvm import LibLlvm
 
 @pytest.fixture
 def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    monkeypatch.setattr(engine.platformdirs, "user_cache_path", lambda name: tmp_path / name)
+    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / name)
     return tmp_path
 
 
@@ -58,7 +58,7 @@ def test_a_cache_that_cannot_be_written_only_costs_a_probe(
 ) -> None:
     blocked = tmp_path / "file"
     blocked.write_text("")
-    monkeypatch.setattr(engine.platformdirs, "user_cache_path", lambda name: blocked / name)
+    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: blocked / name)
     assert works("scalar_rgb")
 
 
@@ -78,7 +78,12 @@ def test_an_unknown_renderer_is_named() -> None:
 
 def test_a_gpu_is_used_only_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[str] = []
-    monkeypatch.setattr(engine, "works", lambda variant, library=None: asked.append(variant) or True)
+
+    def works(variant: str, library: LibLlvm | None = None) -> bool:
+        asked.append(variant)
+        return True
+
+    monkeypatch.setattr(engine, "works", works)
     monkeypatch.setattr(llvm, "candidates", list)
     assert choose().variant == "scalar_rgb"
     assert choose(["cuda_ad_rgb"]).variant == "cuda_ad_rgb"

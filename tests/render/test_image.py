@@ -147,7 +147,9 @@ def test_a_folder_that_cannot_be_made_is_reported(layers: Layers, tmp_path: Path
 
 @pytest.mark.parametrize("kind", [np.uint8, np.uint16])
 def test_display_values_come_back_as_they_were(kind: type, tmp_path: Path) -> None:
-    values = np.random.default_rng(1).integers(0, np.iinfo(kind).max, (9, 7, 3), endpoint=True).astype(kind)
+    values: Any = (
+        np.random.default_rng(1).integers(0, np.iinfo(kind).max, (9, 7, 3), endpoint=True).astype(kind)
+    )
     write_png(tmp_path / "a.png", values, {"look": "clay"})
     again = read_png(tmp_path / "a.png")
     assert again.dtype == kind
