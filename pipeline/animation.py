@@ -102,22 +102,30 @@ def animate(
     surface: _Surface
     if resume is None:
         number = motion.frames.first
-        surface = _surface(motion.subject.build(_longest(motion.thresholds)), motion.thresholds)
+        surface = _at_rest(motion)
         yield surface.frame(number)
     else:
         number = resume.number
-        surface = _surface(resume.mesh, motion.thresholds)
+        surface = _resumed(resume.mesh, motion.thresholds)
     for frame in range(number + 1, motion.frames.last + 1):
         surface.move(displaced(moving, surface.vertices, *motion.clock.step(frame), frame))
         yield surface.frame(frame)
 
 
-def _longest(thresholds: Thresholds | None) -> float | None:
-    return thresholds.max_edge_length if thresholds else None
+def _at_rest(motion: Motion) -> _Surface:
+    if motion.thresholds is None:
+        return _Surface(motion.subject.build())
+    mesh = motion.subject.build(motion.thresholds.max_edge_length)
+    return _Resampled(Resampler(mesh, motion.thresholds))
 
 
-def _surface(mesh: TriangleMesh, thresholds: Thresholds | None) -> _Surface:
-    return _Resampled(mesh, thresholds) if thresholds else _Surface(mesh)
+def _resumed(mesh: TriangleMesh, thresholds: Thresholds | None) -> _Surface:
+    """The surface as it was when its frame was taken: vertices and faces keep their order."""
+    if thresholds is None:
+        return _Surface(mesh)
+    attributes = {f"attribute.{name}": values for name, values in mesh.attributes.items()}
+    state = {"vertices": mesh.vertices, "faces": mesh.faces, **attributes}
+    return _Resampled(Resampler.from_state(state, thresholds))
 
 
 class _Surface:
@@ -140,8 +148,8 @@ class _Surface:
 class _Resampled(_Surface):
     """A surface that is resampled when its frame is taken."""
 
-    def __init__(self, mesh: TriangleMesh, thresholds: Thresholds) -> None:
-        self._resampler = Resampler(mesh, thresholds)
+    def __init__(self, resampler: Resampler) -> None:
+        self._resampler = resampler
 
     @property
     def vertices(self) -> Points:

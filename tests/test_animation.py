@@ -16,8 +16,8 @@ from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Sequence, Streamlines, Sum, keyed
 from pipeline.flow.catalogue import Lorenz, Twist, Vortex
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh import validate
-from pipeline.resample import Thresholds
+from pipeline.mesh import TriangleMesh, validate
+from pipeline.resample import Resampler, Thresholds
 from pipeline.shot import Motion, Solid, read_shot
 
 EDGE = 0.25
@@ -63,11 +63,22 @@ def test_every_frame_is_in_the_bracket_and_a_closed_surface(motion: Motion) -> N
 
 def test_going_on_from_any_frame_gives_the_same_bits_as_never_stopping(motion: Motion) -> None:
     through = list(animate(motion))
-    for stop in (0, 3, 11, 18):
+    for stop in (0, 3, 6, 11, 14, 18):
         stored = MeshFrame.from_arrays(through[stop].to_arrays())
         rest = list(animate(motion, resume=stored))
         assert len(rest) == len(through) - stop - 1
         assert all(same(a, b) for a, b in zip(rest, through[stop + 1 :], strict=True))
+
+
+def test_a_resampler_is_resumed_from_what_a_frame_holds(motion: Motion) -> None:
+    """The frame's arrays are the resampler's whole state, under the names that it takes them by."""
+    *_, last = animate(motion)
+    tags = {"heat": np.arange(float(len(last.mesh.vertices)))}
+    mesh = TriangleMesh(last.mesh.vertices, last.mesh.faces, tags)
+    assert motion.thresholds is not None
+    assert set(Resampler(mesh, motion.thresholds).state()) == {"vertices", "faces", "attribute.heat"}
+    tagged = dataclasses.replace(last, number=20, mesh=mesh)
+    assert "heat" in next(animate(motion, resume=tagged)).mesh.attributes
 
 
 def test_nothing_is_left_to_do_after_the_last_frame(motion: Motion) -> None:
@@ -89,7 +100,7 @@ def test_the_number_of_threads_changes_no_bit(motion: Motion) -> None:
 def test_a_frame_survives_a_file(motion: Motion, tmp_path: Path) -> None:
     *_, last = animate(motion)
     tagged = dataclasses.replace(
-        last, mesh=type(last.mesh)(last.mesh.vertices, last.mesh.faces, {"heat": last.mesh.vertices[:, 0]})
+        last, mesh=TriangleMesh(last.mesh.vertices, last.mesh.faces, {"heat": last.mesh.vertices[:, 0]})
     )
     np.savez(tmp_path / "f.npz", **tagged.to_arrays())  # type: ignore[arg-type]
     with np.load(tmp_path / "f.npz", allow_pickle=False) as arrays:
