@@ -124,7 +124,7 @@ def _resumed(mesh: TriangleMesh, thresholds: Thresholds | None) -> _Surface:
     if thresholds is None:
         return _Surface(mesh)
     attributes = {f"attribute.{name}": values for name, values in mesh.attributes.items()}
-    state = {"vertices": mesh.vertices, "faces": mesh.faces, **attributes}
+    state: dict[str, AnyArray] = {"vertices": mesh.vertices, "faces": mesh.faces, **attributes}
     return _Resampled(Resampler.from_state(state, thresholds))
 
 
