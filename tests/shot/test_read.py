@@ -99,8 +99,8 @@ def test_a_key_changed_late_leaves_the_earlier_steps_alone(tmp_path: Path) -> No
 BROKEN = [
     ("axis: z, cen", "axiz: z, cen",
      "a.yaml:8:18: axiz is not known under flows.0.sum.0.vortex. Did you mean 'axis'?"),
-    ("strength", "strenght",
-     "a.yaml:8:61: strenght is not known under flows.0.sum.0.vortex. Did you mean 'strength'?"),
+    ("strength", "strengths",
+     "a.yaml:8:61: strengths is not known under flows.0.sum.0.vortex. Did you mean 'strength'?"),
     ("- vortex", "- vortx", "a.yaml:8:9: vortx is not known under flows.0.sum.0. Did you mean 'vortex'?"),
     ("solid: box", "solid: bax", "a.yaml:4:11: subject.solid: 'bax' is no solid. Did you mean 'box'?"),
     ("linear", "lineal",
