@@ -10,7 +10,9 @@ import sys
 
 from pipeline.production.workflow import plan_of
 
-plan, plan_file = plan_of(config, cores=workflow.cores or 1, main=workflow.is_main_process)
+plan, plan_file, logs = plan_of(
+    config, cores=workflow.cores or 1, main=workflow.is_main_process
+)
 
 
 rule all:
@@ -28,10 +30,12 @@ for job in plan.jobs:
             job.inputs,
         output:
             job.outputs,
+        log:
+            f"{logs}/{job.name}.log",
+        threads: job.threads
         params:
             job=job.name,
             plan=plan_file,
             python=sys.executable,
-        threads: job.threads
         shell:
-            "{params.python:q} -m pipeline.production.tasks {params.plan:q} {params.job:q}"
+            "{params.python:q} -m pipeline.production.tasks {params.plan:q} {params.job:q} >{log:q} 2>&1"

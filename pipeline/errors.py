@@ -41,7 +41,7 @@ class FrameError(FlowsculptError):
     exit_code = 1
 
 
-class EnvironmentFault(FlowsculptError):
+class MachineError(FlowsculptError):
     """The machine's fault: disk full, no permission, a renderer that cannot run (exit code 4)."""
 
     exit_code = 4

@@ -37,7 +37,10 @@ def cache_folder() -> Path:
     for file in (Path(__file__), *sorted(_PACKAGE.rglob("_kernels*.py"))):
         digest.update(file.read_bytes())
     name = digest.hexdigest()[:16]
-    for base in (platformdirs.user_cache_path("flowsculpt"), Path(tempfile.gettempdir()) / "flowsculpt-cache"):
+    for base in (
+        platformdirs.user_cache_path("flowsculpt"),
+        Path(tempfile.gettempdir()) / "flowsculpt-cache",
+    ):
         folder = base / "kernels" / name
         try:
             folder.mkdir(parents=True, exist_ok=True)

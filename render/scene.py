@@ -78,8 +78,6 @@ def build_scene(
     Lamps are hidden from the lens in the lit scene, but AOVs would show them. `size` is width and height
     in pixels. Raises BadInputError for a surface or a look that cannot be rendered.
     """
-    import mitsuba as mi
-
     surface.check()
     shapes = {"subject": _mesh("subject", surface, _material(look, surface), SUBJECT)}
     to_scene = placement.matrix()
@@ -93,7 +91,18 @@ def build_scene(
         lit[f"sun{index}"] = _sun(sun)
     lit["sky"] = _sky(lights.sky)
     unlit = {**common, "integrator": _aovs()}
-    return mi.load_dict(lit, parallel=False), mi.load_dict(unlit, parallel=False)
+    return _load(lit), _load(unlit)
+
+
+def _load(scene: dict[str, Any]) -> Any:
+    """Load a scene in the order it is written.
+
+    Mitsuba's optimizer merges shapes by where their materials happen to lie in memory; lamps then change
+    places from one run to the next, and with them the noise.
+    """
+    import mitsuba as mi
+
+    return mi.load_dict(scene, parallel=False, optimize=False)
 
 
 def _beauty(depth: int, lights: LightRig) -> dict[str, Any]:

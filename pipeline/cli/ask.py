@@ -36,7 +36,9 @@ def status(
     for heading in ("shot", "what", "done", "stale", "missing"):
         table.add_column(heading)
     for row in rows:
-        table.add_row(row.shot, row.what, str(row.done) or "–", str(row.stale) or "–", str(row.missing) or "–")
+        table.add_row(
+            row.shot, row.what, str(row.done) or "–", str(row.stale) or "–", str(row.missing) or "–"
+        )
     out.print(table if rows else "No shots here; flowsculpt new makes one.")
 
 
@@ -58,7 +60,9 @@ def doctor(
         "cores": common.cores,
         **renderer,
         "kernels": str(cache_folder()),
-        "packages": {name: version(name) for name in ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")},
+        "packages": {
+            name: version(name) for name in ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")
+        },
         "root": str(common.root),
         "free_gigabytes": round(usage.free / 1e9, 1),
     }

@@ -1,4 +1,4 @@
-"""The command `flowsculpt`: one line for everything that goes wrong, and the exit code that says what kind it is."""
+"""The command `flowsculpt`: one line for what goes wrong, and an exit code that says of what kind it is."""
 
 from __future__ import annotations
 
@@ -18,8 +18,11 @@ from render.errors import RenderError
 
 INTERRUPTED = 130
 
-EPILOG = """Exit codes: 0 done · 1 some frames failed, the rest done · 2 bad usage or shot · 3 a missing input ·
-4 the environment (disk full, no permission, renderer unusable) · 130 interrupted. What is done stays done: run again to go on."""
+EPILOG = (
+    "Exit codes: 0 done · 1 some frames failed, the rest done · 2 bad usage or shot · 3 a missing input · "
+    "4 the environment (disk full, no permission, renderer unusable) · 130 interrupted. "
+    "What is done stays done: run again to go on."
+)
 
 app = typer.Typer(
     name="flowsculpt",
@@ -46,7 +49,8 @@ def before_the_command(
     dry_run: DryRun = False,
     root: Root = None,
     version_: Annotated[
-        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit.")
+        bool,
+        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
     remember(ctx, json_, no_progress, cores, dry_run, root)

@@ -22,7 +22,9 @@ from render.quality import QUALITIES
 Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")]
 Frames = Annotated[
     str | None,
-    typer.Option("-f", "--frames", metavar="RANGE", help="Frames: 12, 1-48, 1-48x2, 1-24,30; by default all."),
+    typer.Option(
+        "-f", "--frames", metavar="RANGE", help="Frames: 12, 1-48, 1-48x2, 1-24,30; by default all."
+    ),
 ]
 Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
 
@@ -30,7 +32,8 @@ Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.joi
 def simulate(common: Common, shots: Shots, frames: Frames = None) -> None:
     """Simulate shots: move and resample their surfaces, frame by frame.
 
-    Mesh frames appear in renders/SHOT/meshes. A simulation goes on from the last frame that an edit left valid.
+    Mesh frames appear in renders/SHOT/meshes. After an edit a simulation goes on from the last frame that
+    the edit left valid.
     """
     _make(common, lambda: Studio(common.root, common.cores).meshes(shots, frames))
 
@@ -55,8 +58,12 @@ def film(
 
 def turntable(
     common: Common,
-    subject: Annotated[str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF or GLB.")],
-    at: Annotated[int | None, typer.Option(metavar="FRAME", help="The shot's frame; by default its first.")] = None,
+    subject: Annotated[
+        str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF or GLB.")
+    ],
+    at: Annotated[
+        int | None, typer.Option(metavar="FRAME", help="The shot's frame; by default its first.")
+    ] = None,
     frames: Annotated[int, typer.Option(help="How many pictures a full turn has.")] = 72,
     look: Annotated[str | None, typer.Option(help="The look of a mesh file; shots have their own.")] = None,
     quality: Quality = "preview",
@@ -72,7 +79,11 @@ def _make(common: Common, make_plan: Callable[[], Plan]) -> None:
         answer(_intended(plan), _plan_facts(plan), common.json)
         return
     started = time.monotonic()
-    watch = (lambda plan, reader: Bars(plan, reader, err)) if common.progress else lambda plan, reader: nullcontext()
+    watch = (
+        (lambda plan, reader: Bars(plan, reader, err))
+        if common.progress
+        else lambda plan, reader: nullcontext()
+    )
     outcome = run(make_plan, common.root, common.cores, watch)
     for failure in outcome.failures:
         complain(_failure(failure))
@@ -127,5 +138,3 @@ def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
         ],
         "targets": list(outcome.plan.targets),
     }
-
-

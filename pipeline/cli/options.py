@@ -27,9 +27,12 @@ class Common:
 
 
 Json = Annotated[
-    bool, typer.Option("--json", help="Answer in JSON; messages go to standard error.", rich_help_panel=_PANEL)
+    bool,
+    typer.Option("--json", help="Answer in JSON; messages go to standard error.", rich_help_panel=_PANEL),
 ]
-NoProgress = Annotated[bool, typer.Option("--no-progress", help="Draw no progress bars.", rich_help_panel=_PANEL)]
+NoProgress = Annotated[
+    bool, typer.Option("--no-progress", help="Draw no progress bars.", rich_help_panel=_PANEL)
+]
 Cores = Annotated[
     int | None,
     typer.Option("-j", min=1, metavar="N", help="Use N cores; by default all.", rich_help_panel=_PANEL),

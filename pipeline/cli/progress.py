@@ -34,7 +34,7 @@ STAGES = {
 
 
 class Bars:
-    """Shows the stages of a plan while Snakemake works; a context manager for `pipeline.production.run.run`."""
+    """Shows the stages of a plan while Snakemake works: the context manager that `run` asks for."""
 
     def __init__(self, plan: Plan, reader: EventReader, console: Console) -> None:
         self._reader = reader

@@ -52,7 +52,9 @@ def new(
         with disk_faults(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(TEMPLATE.format(title=name.replace("_", " ").replace("-", " ")))
-    answer(f"{path}: written. Look at it: flowsculpt render {name} -q preview", {"path": str(path)}, common.json)
+    answer(
+        f"{path}: written. Look at it: flowsculpt render {name} -q preview", {"path": str(path)}, common.json
+    )
 
 
 def validate(
@@ -80,5 +82,3 @@ def validate(
     answer("\n".join(good) or "No shot is good.", facts, common.json)
     if failed:
         raise typer.Exit(max(error.exit_code for error in failed))
-
-

@@ -8,7 +8,7 @@ import numpy as np
 import trimesh
 
 from pipeline.arrays import AnyArray, Faces, Points
-from pipeline.errors import EnvironmentFault, MeshError, MissingInputError
+from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
@@ -48,7 +48,7 @@ def read_mesh(path: str | Path) -> TriangleMesh:
 
 
 def write_mesh(mesh: TriangleMesh, path: str | Path) -> None:
-    """Write vertices and faces in the format of the suffix. Raises MeshError or EnvironmentFault."""
+    """Write vertices and faces in the format of the suffix. Raises MeshError or MachineError."""
     path = Path(path)
     if path.suffix.lstrip(".").lower() not in FORMATS:
         raise MeshError(
@@ -59,7 +59,7 @@ def write_mesh(mesh: TriangleMesh, path: str | Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         surface.export(path)
     except OSError as error:
-        raise EnvironmentFault(f"{path}: cannot be written: {error.strerror}") from error
+        raise MachineError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _merged(points: Points, faces: AnyArray) -> tuple[Points, Faces]:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from pipeline.errors import EnvironmentFault
+from pipeline.errors import MachineError
 
 _REMEDIES = {
     errno.ENOSPC: "the disk is full; free some space and run again; nothing done is lost",
@@ -21,10 +21,10 @@ _REMEDIES = {
 
 @contextmanager
 def disk_faults(path: Path) -> Iterator[None]:
-    """Turn what the disk refuses at `path` into an EnvironmentFault of one line."""
+    """Turn what the disk refuses at `path` into an MachineError of one line."""
     try:
         yield
     except OSError as error:
         if error.errno not in _REMEDIES:
             raise
-        raise EnvironmentFault(f"{path}: {_REMEDIES[error.errno]}") from error
+        raise MachineError(f"{path}: {_REMEDIES[error.errno]}") from error

@@ -143,9 +143,7 @@ def _framing(view: View, target: Floats, distance: float, floor: float) -> Frami
         origin=_plain(origin), target=_plain(target), up=(0.0, 1.0, 0.0), field_of_view=view.field_of_view
     )
     size = distance * np.tan(view.field_of_view / 2) / STAGE_HALF_WIDTH
-    placement = Placement(
-        origin=_plain([target[0], floor, target[2]]), size=float(size), turn=view.azimuth
-    )
+    placement = Placement(origin=_plain([target[0], floor, target[2]]), size=float(size), turn=view.azimuth)
     return Framing(camera, placement)
 
 

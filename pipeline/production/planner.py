@@ -142,11 +142,11 @@ class Planner:
     def _link(self, kind: str, key: Key, path: Path) -> None:
         self._links[path.as_posix()] = Link(kind, key, path.as_posix())
 
-    def _add(
-        self, take: Take, task: str, frames: list[int], inputs: list[Path], outputs: list[Path]
-    ) -> None:
+    def _add(self, take: Take, task: str, frames: list[int], inputs: list[Path], outputs: list[Path]) -> None:
         if frames:
-            name = f"{task}_{take.label}_{min(frames):04d}_{max(frames):04d}".replace(".", "_").replace("-", "_")
+            name = f"{task}_{take.label}_{min(frames):04d}_{max(frames):04d}".replace(".", "_").replace(
+                "-", "_"
+            )
             index = self.takes.index(take)
             self._jobs.append(Job(name, task, index, tuple(frames), paths(inputs), paths(outputs)))
 

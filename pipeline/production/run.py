@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -11,7 +9,7 @@ from pathlib import Path
 
 import filelock
 
-from pipeline.errors import EnvironmentFault, FrameError
+from pipeline.errors import FrameError, MachineError
 from pipeline.production import scheduler
 from pipeline.production.disk import disk_faults
 from pipeline.production.events import Event, EventReader
@@ -55,7 +53,7 @@ class Outcome:
 def exclusive(root: Path) -> Iterator[None]:
     """Hold the lock of `root`: the kernel releases it when the process ends, however it ends.
 
-    Raises EnvironmentFault where another run holds it.
+    Raises MachineError where another run holds it.
     """
     path = root / STATE / "lock"
     with disk_faults(path):
@@ -64,19 +62,22 @@ def exclusive(root: Path) -> Iterator[None]:
             with filelock.FileLock(path, timeout=0):
                 yield
         except filelock.Timeout:
-            raise EnvironmentFault(
+            raise MachineError(
                 f"{root}: another flowsculpt run is at work here; one run at a time may write to a root. "
                 "Wait for it, stop it, or choose another folder with --root."
             ) from None
 
 
 def run(
-    make_plan: Callable[[], Plan], root: Path, cores: int, watch: Callable[[Plan, EventReader], scheduler.Watcher]
+    make_plan: Callable[[], Plan],
+    root: Path,
+    cores: int,
+    watch: Callable[[Plan, EventReader], scheduler.Watcher],
 ) -> Outcome:
     """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
 
     `watch(plan, reader)` is a context manager that shows progress while Snakemake works.
-    Raises EnvironmentFault where the lock is held or the disk refuses.
+    Raises MachineError where the lock is held or the disk refuses.
     """
     store = Store(root)
     with exclusive(root):

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import logging
-import os
+import signal
 from collections.abc import Iterator
 from contextlib import AbstractContextManager
 from pathlib import Path
+from types import FrameType
 
-from pipeline.errors import EnvironmentFault
+from pipeline.errors import MachineError
 from pipeline.production.layout import LOGS
 
 Watcher = AbstractContextManager[object]
@@ -21,11 +22,11 @@ def snakefile() -> Path:
     for place in (here.parents[2] / "Snakefile", here.with_name("Snakefile")):
         if place.is_file():
             return place
-    raise EnvironmentFault("no Snakefile beside the package; install flowsculpt again")
+    raise MachineError("no Snakefile beside the package; install flowsculpt again")
 
 
 def execute(plan: Path, root: Path, cores: int) -> bool:
-    """Run a frozen plan (relative to `root`); whether every job ended well.
+    """Run a frozen plan (relative to `root`); whether every job ended well. Raises KeyboardInterrupt.
 
     The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys in
     the plan do, and a plan holds only jobs that are needed.
@@ -40,7 +41,11 @@ def execute(plan: Path, root: Path, cores: int) -> bool:
         quiet=frozenset({Quietness.ALL}), show_failed_logs=False, enable_file_logging=False
     )
     try:
-        with _told_to_a_file(root / LOGS / f"{plan.stem}.log"), SnakemakeApi(output) as api:
+        with (
+            _told_to_a_file(root / LOGS / plan.stem / "snakemake.log"),
+            _interruptible(),
+            SnakemakeApi(output) as api,
+        ):
             workflow = api.workflow(
                 resource_settings=settings.ResourceSettings(cores=cores),
                 config_settings=settings.ConfigSettings(config={"plan": plan.as_posix()}),
@@ -63,6 +68,28 @@ def execute(plan: Path, root: Path, cores: int) -> bool:
     except WorkflowError:
         return False  # what went wrong stands in the event log, job by job
     return True
+
+
+@contextlib.contextmanager
+def _interruptible() -> Iterator[None]:
+    """Snakemake ends its jobs on an interrupt and then speaks of a failure; make it an interrupt again."""
+    interrupted = False
+
+    def note(number: int, frame: FrameType | None) -> None:
+        nonlocal interrupted
+        interrupted = True
+        signal.default_int_handler(number, frame)
+
+    usual = signal.signal(signal.SIGINT, note)
+    try:
+        yield
+    except Exception:
+        if not interrupted:
+            raise
+    finally:
+        signal.signal(signal.SIGINT, usual)
+    if interrupted:
+        raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

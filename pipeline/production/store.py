@@ -47,7 +47,7 @@ class Store:
     def put(self, kind: str, key: Key, write: Callable[[Path], object]) -> Path:
         """Have `write(path)` make the file of `key`, unless it is there already; returns where it lies.
 
-        Raises EnvironmentFault where the disk refuses; nothing half-written is left.
+        Raises MachineError where the disk refuses; nothing half-written is left.
         """
         final = self.path(kind, key)
         if final.exists():

@@ -12,7 +12,7 @@ from pipeline.errors import MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.mesh.io import FORMATS
 from pipeline.production.edit import Cut
-from pipeline.production.layout import PLANS
+from pipeline.production.layout import LOGS, PLANS
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.store import Store
@@ -66,7 +66,9 @@ class Studio:
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
         """A full turn of one frame of a shot, or of a mesh file."""
         if frames < 2:
-            raise UsageError(f"a turntable of {frames} frames does not turn; it needs at least 2, and 72 is usual")
+            raise UsageError(
+                f"a turntable of {frames} frames does not turn; it needs at least 2, and 72 is usual"
+            )
         text, path = _turntable_subject(subject, look)
         take = self._of_text(text, path, quality, None)
         first = at if at is not None else take.shot.frames.first
@@ -110,8 +112,8 @@ class Studio:
             planner.pictures(whole)
 
 
-def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, str]:
-    """The plan a Snakefile runs, and its frozen file relative to the working folder.
+def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, str, str]:
+    """The plan a Snakefile runs, its frozen file, and the folder for what its jobs print.
 
     `config["plan"]` names one; without it the main process makes one of `config`'s shot, frames and
     quality (by default the film at draft), and the processes of its jobs take the latest.
@@ -125,11 +127,16 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
     else:
         studio, quality = Studio(root, cores), str(config.get("quality", "draft"))
         frames = str(config["frames"]) if "frames" in config else None
-        plan = studio.pictures([str(config["shot"])], quality, frames) if "shot" in config else studio.film(quality)
+        plan = (
+            studio.pictures([str(config["shot"])], quality, frames)
+            if "shot" in config
+            else studio.film(quality)
+        )
         plan.restore_links(studio.store)
         path = plan.freeze(root)
         (root / latest).write_text(path.as_posix())
-    return Plan.thaw(root / path), path.as_posix()
+    plan = Plan.thaw(root / path)
+    return plan, path.as_posix(), (LOGS / plan.name).as_posix()
 
 
 def find_shot(name: str) -> Path:

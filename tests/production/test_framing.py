@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+
 from pipeline.production.framing import View, envelope, frame_all, smooth, turned
 
 ASPECT = 16 / 9
@@ -67,7 +68,9 @@ def test_turning_keeps_the_axis_and_all_distances():
     cloud = blobs(7, 1)[0]
     spun = turned(cloud, 1.1)
     assert np.allclose(spun[:, 1], cloud[:, 1])
-    assert np.allclose(np.linalg.norm(spun[1:] - spun[:-1], axis=1), np.linalg.norm(cloud[1:] - cloud[:-1], axis=1))
+    assert np.allclose(
+        np.linalg.norm(spun[1:] - spun[:-1], axis=1), np.linalg.norm(cloud[1:] - cloud[:-1], axis=1)
+    )
     assert turned(cloud, 0.0) is cloud
 
 

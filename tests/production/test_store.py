@@ -6,7 +6,8 @@ import signal
 from pathlib import Path
 
 import pytest
-from pipeline.errors import EnvironmentFault
+
+from pipeline.errors import MachineError
 from pipeline.production.store import Store
 
 KEY = "ab" * 16
@@ -85,7 +86,7 @@ def test_a_disk_that_is_full_is_told_in_one_line_and_nothing_is_left(store):
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, hard))
     try:
-        with pytest.raises(EnvironmentFault, match="larger than this process may write"):
+        with pytest.raises(MachineError, match="larger than this process may write"):
             fill(store, "x" * 100_000)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

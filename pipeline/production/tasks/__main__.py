@@ -71,4 +71,7 @@ def _supervise(context: Context, plan_path: str) -> int:
 
 
 if __name__ == "__main__":
-    sys.exit(main(sys.argv[1], sys.argv[2], child="--child" in sys.argv[3:]))
+    try:
+        sys.exit(main(sys.argv[1], sys.argv[2], child="--child" in sys.argv[3:]))
+    except KeyboardInterrupt:
+        sys.exit(130)

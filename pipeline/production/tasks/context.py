@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 import time
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -93,10 +94,16 @@ class Context:
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
         self.log.write(
-            "frame", stage=self.job.task, shot=self.subject, frame=number, found=found, seconds=round(seconds, 4)
+            "frame",
+            stage=self.job.task,
+            shot=self.subject,
+            frame=number,
+            found=found,
+            seconds=round(seconds, 4),
         )
 
     def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:
+        print(error, file=sys.stderr)
         self.log.write(
             "fail",
             stage=self.job.task,

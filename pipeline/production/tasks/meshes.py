@@ -98,7 +98,9 @@ def read_mesh_frame(context: Context, number: int) -> MeshFrame:
     """A mesh frame from the store. Raises FrameError where it is missing or corrupt."""
     take = context.take
     target = take.motion_folders.mesh(number)
-    return context.read("mesh", take.mesh_key(number), target, lambda p: MeshFrame.from_arrays(read_arrays(p)))
+    return context.read(
+        "mesh", take.mesh_key(number), target, lambda p: MeshFrame.from_arrays(read_arrays(p))
+    )
 
 
 def read_arrays(path: Path) -> dict[str, AnyArray]:

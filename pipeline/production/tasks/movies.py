@@ -6,13 +6,13 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
+from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
 from pipeline.production.edit import Cut, movie_bits
 from pipeline.production.keys import Key
 from pipeline.production.planner import film_key
 from pipeline.production.take import Take
 from pipeline.production.tasks.context import REPORTED, Context
-from pipeline.errors import FrameError
 from render.colour import quantise, to_display
 from render.image import read_exr
 from render.movie import Frame, write_movie
@@ -45,7 +45,9 @@ def _movie(
 ) -> bool:
     counted = _told(context, frames)
     try:
-        context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, movie_bits(quality_name)))
+        context.make(
+            "movie", key, target, lambda p: write_movie(p, counted, rate.fps, movie_bits(quality_name))
+        )
     except REPORTED as error:
         context.fail(error)
         return False

@@ -1,0 +1,90 @@
+"""What tests share: a studio with a tiny shot, and the real command."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+TINY = """\
+title: A box, twisted
+frames: 1-6
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 0.5}
+flows:
+  - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 4: 36, 6: 60}}}
+camera: {azimuth: -30, elevation: 14}
+"""
+
+FILM = """\
+title: Tiny
+subtitle: six frames
+shots: [T010_tiny]
+title_seconds: 0.5
+credits_seconds: 0
+"""
+
+
+@dataclass(frozen=True)
+class Run:
+    """What a command said, and how it ended."""
+
+    code: int
+    out: str
+    err: str
+
+
+@dataclass(frozen=True)
+class StudioFolder:
+    """A working folder with `shots/`, and the command run in it."""
+
+    path: Path
+
+    @property
+    def shot(self) -> Path:
+        return self.path / "shots" / "T010_tiny.yaml"
+
+    def run(self, *words: str, cores: int = 2) -> Run:
+        command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", str(cores), *words]
+        done = subprocess.run(command, cwd=self.path, capture_output=True, text=True, timeout=300)
+        assert "Traceback" not in done.stdout + done.stderr, done.stderr
+        return Run(done.returncode, done.stdout, done.stderr)
+
+    def frames(self, quality: str = "preview", kind: str = "frames") -> list[Path]:
+        return sorted((self.path / "renders" / "T010_tiny" / quality / kind).glob("*.exr"))
+
+    def copy(self, place: Path) -> StudioFolder:
+        shutil.copytree(self.path, place, copy_function=shutil.copy2)
+        return StudioFolder(place)
+
+
+@pytest.fixture
+def studio(tmp_path: Path) -> StudioFolder:
+    """A working folder with one tiny shot and an edit; nothing made yet."""
+    return _new_studio(tmp_path)
+
+
+@pytest.fixture(scope="session")
+def finished_studio(tmp_path_factory: pytest.TempPathFactory) -> StudioFolder:
+    """The same, its film made at preview quality; tests work on copies of it."""
+    made = _new_studio(tmp_path_factory.mktemp("finished"))
+    done = made.run("film", "-q", "preview")
+    assert done.code == 0, done.err
+    return made
+
+
+@pytest.fixture
+def finished(finished_studio: StudioFolder, tmp_path: Path) -> StudioFolder:
+    """A copy of a finished studio. Links have become copies, as on a file system without them."""
+    return finished_studio.copy(tmp_path / "studio")
+
+
+def _new_studio(path: Path) -> StudioFolder:
+    (path / "shots").mkdir()
+    (path / "shots" / "T010_tiny.yaml").write_text(TINY)
+    (path / "shots" / "film.yaml").write_text(FILM)
+    return StudioFolder(path)

@@ -1,0 +1,256 @@
+"""Real runs: real Snakemake, real Mitsuba, a tiny shot."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from render.image import read_exr, read_header
+from render.movie import probe_movie
+
+NAME = "T010_tiny"
+
+
+def facts(run):
+    return json.loads(run.out)
+
+
+def pixels(paths):
+    return [read_exr(path)[0]["beauty"] for path in paths]
+
+
+def test_the_film_holds_its_title_and_every_frame_of_its_shots(finished_studio):
+    movie = probe_movie(finished_studio.path / "renders/film/preview/film.mp4")
+    assert movie.frames == 12 + 6
+    assert (movie.width, movie.height) == (480, 270)
+    assert (movie.primaries, movie.transfer, movie.matrix, movie.range) == (1, 1, 1, 1)
+
+
+def test_pictures_show_the_sculpture_clear_of_the_edges(finished_studio):
+    for path in finished_studio.frames(kind="raw"):
+        matte = read_exr(path)[0]["matte"]
+        assert matte.max() > 0.99
+        border = np.concatenate(
+            [matte[:8].ravel(), matte[-8:].ravel(), matte[:, :8].ravel(), matte[:, -8:].ravel()]
+        )
+        assert border.max() == 0
+
+
+def test_a_frame_says_how_it_was_made(finished_studio):
+    header = read_header(finished_studio.frames()[2])
+    assert header["shot"] == NAME
+    assert header["frame"] == 3
+    assert header["max_edge_length"] == 0.5
+    assert header["variant"] in ("llvm_ad_rgb", "scalar_rgb")
+    assert set(header["camera"]) >= {"origin", "target", "field_of_view"}
+
+
+def test_a_second_run_does_nothing_and_says_so(finished):
+    before = (finished.path / "renders/film/preview/film.mp4").stat().st_mtime_ns
+    again = finished.run("film", "-q", "preview")
+    assert again.code == 0
+    assert again.out.startswith("Nothing to be done")
+    assert (finished.path / "renders/film/preview/film.mp4").stat().st_mtime_ns == before
+
+
+def test_a_stepped_range_renders_just_its_frames(studio):
+    done = studio.run("render", NAME, "-f", "2-6x2", "-q", "preview")
+    assert done.code == 0, done.err
+    assert [path.name for path in studio.frames()] == [f"{NAME}.{n:04d}.exr" for n in (2, 4, 6)]
+    assert probe_movie(studio.path / f"renders/{NAME}/preview/{NAME}.2-6x2.mp4").frames == 3
+    assert not (studio.path / f"renders/{NAME}/preview/{NAME}.mp4").exists()
+
+
+def test_deleted_links_come_back_without_rendering(finished):
+    for path in finished.frames()[1:4]:
+        path.unlink()
+    done = finished.run("--json", "render", NAME, "-q", "preview")
+    assert facts(done)["made"] == {}
+    assert facts(done)["links_restored"] == 3
+    assert len(finished.frames()) == 6
+
+
+def test_deleted_frames_are_rendered_again_those_alone_and_to_the_same_bits(finished):
+    before = pixels(finished.frames())
+    for number in (2, 5):
+        header = read_header(finished.frames()[number - 1])
+        for kind in ("frame", "raw"):
+            folder = finished.path / ".flowsculpt/store" / kind
+            key = (
+                header["key"]
+                if kind == "frame"
+                else read_header(finished.frames(kind="raw")[number - 1])["key"]
+            )
+            (folder / key[:2] / f"{key}.exr").unlink()
+    done = finished.run("--json", "render", NAME, "-q", "preview")
+    assert facts(done)["made"] == {"render": 2, "finish": 2}
+    for a, b in zip(before, pixels(finished.frames()), strict=True):
+        assert np.array_equal(a, b)
+
+
+def test_a_comment_changes_nothing(finished):
+    finished.shot.write_text("# looks good\n" + finished.shot.read_text())
+    assert finished.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
+
+
+def test_a_new_camera_renders_without_simulating_and_the_old_one_costs_nothing(finished):
+    text = finished.shot.read_text()
+    finished.shot.write_text(text.replace("azimuth: -30", "azimuth: 20"))
+    made = facts(finished.run("--json", "render", NAME, "-f", "1-2", "-q", "preview"))["made"]
+    assert "simulate" not in made
+    assert made["render"] == 2
+    finished.shot.write_text(text)
+    assert facts(finished.run("--json", "render", NAME, "-q", "preview"))["made"] == {}
+
+
+def test_an_edit_in_the_middle_simulates_from_there(finished):
+    text = finished.shot.read_text()
+    finished.shot.write_text(text.replace("6: 60}", "6: 90}"))
+    made = facts(finished.run("--json", "simulate", NAME))["made"]
+    assert made == {"simulate": 2}
+
+
+def test_a_truncated_picture_is_found_before_assembly_and_made_again(finished):
+    header = read_header(finished.frames()[3])
+    stored = finished.path / ".flowsculpt/store/frame" / header["key"][:2] / f"{header['key']}.exr"
+    stored.chmod(0o644)
+    os.truncate(stored, 2000)
+    (finished.path / "shots/film.yaml").write_text(
+        "title: Other\nshots: [T010_tiny]\ntitle_seconds: 0.25\ncredits_seconds: 0\n"
+    )
+    done = finished.run("--json", "film", "-q", "preview")
+    assert done.code == 0, done.err
+    assert facts(done)["made"]["finish"] == 1
+    assert probe_movie(finished.path / "renders/film/preview/film.mp4").frames == 6 + 6
+
+
+def start(studio, *words):
+    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", *words]
+    return subprocess.Popen(
+        command,
+        cwd=studio.path,
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_until(condition, seconds=120):
+    limit = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < limit, "waited in vain"
+        time.sleep(0.02)
+
+
+def processes_of(group, word):
+    """Those of a process group whose command line has `word`."""
+    found = []
+    for folder in Path("/proc").iterdir():
+        try:
+            if folder.name.isdigit() and os.getpgid(int(folder.name)) == group:
+                if word in (folder / "cmdline").read_bytes().decode().split("\0"):
+                    found.append(int(folder.name))
+        except (OSError, ProcessLookupError):
+            continue
+    return found
+
+
+def test_a_killed_run_goes_on_without_a_manual_step_to_the_same_pixels(studio, finished_studio):
+    process = start(studio, "render", NAME, "-q", "preview")
+    wait_until(lambda: studio.frames(kind="raw"))
+    os.killpg(process.pid, signal.SIGKILL)
+    process.communicate()
+    done = studio.run("render", NAME, "-q", "preview")
+    assert done.code == 0, done.err
+    for a, b in zip(pixels(finished_studio.frames()), pixels(studio.frames()), strict=True):
+        assert np.array_equal(a, b)
+    assert [p for p in studio.path.rglob("*") if ".tmp" in p.name or ".partial" in p.name] == []
+
+
+def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(studio):
+    process = start(studio, "render", NAME, "-q", "preview")
+    wait_until(lambda: studio.frames(kind="raw"))
+    os.killpg(process.pid, signal.SIGINT)
+    _, words = process.communicate(timeout=60)
+    assert process.returncode == 130, words
+    assert "interrupted" in words
+    assert "Traceback" not in words
+
+
+def test_two_runs_at_once_are_refused_in_one_line(studio):
+    process = start(studio, "render", NAME, "-q", "preview")
+    try:
+        wait_until(lambda: (studio.path / ".flowsculpt/events").exists())
+        other = studio.run("render", NAME, "-q", "preview")
+        assert other.code == 4
+        assert "another flowsculpt run" in other.err
+    finally:
+        os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
+def test_where_a_renderer_crashes_its_shot_starts_again_on_the_next(studio):
+    if "llvm_ad_rgb" not in studio.run("doctor").out:
+        pytest.skip("there is only one variant here to choose from")
+    process = start(studio, "render", NAME, "-q", "preview")
+    wait_until(lambda: studio.frames(kind="raw"))
+    for child in processes_of(process.pid, "--child"):
+        os.kill(child, signal.SIGABRT)
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, out + err
+    variants = {read_header(path)["variant"] for path in studio.frames()}
+    assert variants == {"scalar_rgb"}
+
+
+def test_a_flow_that_explodes_stops_its_shot_and_keeps_the_frames_before(studio):
+    studio.shot.write_text(
+        studio.shot.read_text()
+        .replace("max_edge_length: 0.5", "max_edge_length: 0.5, max_vertices: 3000")
+        .replace(
+            "- twist:", "- stretch: {axis: x, amount: {ease: linear, keys: {1: 1, 6: 4000}}}\n  - twist:"
+        )
+    )
+    done = studio.run("simulate", NAME)
+    assert done.code == 1
+    assert "frame" in done.err and "3000" in done.err
+    assert (studio.path / f"renders/{NAME}/meshes/{NAME}.0001.npz").exists()
+
+
+def test_a_folder_that_cannot_be_written_is_told_in_one_line(studio):
+    done = studio.run("--root", "/sys", "simulate", NAME)
+    assert done.code == 4
+    assert done.err.count("\n") == 1
+    assert "--root" in done.err
+
+
+def test_plain_snakemake_does_the_same_work(studio, finished_studio):
+    project = Path(__file__).parents[2]
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(project / "Snakefile"), "--cores", "2"]
+    command += ["--workflow-profile", str(project / "profiles/default"), "--config", "quality=preview"]
+    done = subprocess.run(command, cwd=studio.path, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    for a, b in zip(pixels(finished_studio.frames()), pixels(studio.frames()), strict=True):
+        assert np.array_equal(a, b)
+    again = subprocess.run(command, cwd=studio.path, capture_output=True, text=True, timeout=300)
+    assert "Nothing to be done" in again.stderr + again.stdout
+
+
+def test_a_turntable_turns_a_mesh_file_once_around(studio):
+    (studio.path / "wedge.obj").write_text(
+        "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+    )
+    done = studio.run("turntable", "wedge.obj", "--frames", "4")
+    assert done.code == 0, done.err
+    folder = studio.path / "renders/turntable/wedge/preview"
+    first, *others = pixels(sorted((folder / "frames").glob("*.exr")))
+    assert len(others) == 3
+    assert all(np.abs(first - other).max() > 0.05 for other in others)
+    assert probe_movie(folder / "wedge.mp4").frames == 4
