@@ -44,9 +44,14 @@ def scan(
         if a < 0:
             continue
         ab, bc, ca = squared(points, a, b), squared(points, b, c), squared(points, c, a)
-        small, large = min(ab, bc, ca), max(ab, bc, ca)
-        low, high = min(low, small), max(high, large)
-        if not (ab <= most and bc <= most and ca <= most and small >= least):
+        small = ab if ab < bc else bc
+        small = ca if ca < small else small
+        large = ab if ab > bc else bc
+        large = ca if ca > large else large
+        low = small if small < low else low
+        high = large if large > high else high
+        finite = ab + bc + ca < np.inf  # comparisons with nan are false, and lose it above
+        if not (large <= most and small >= least and finite):
             _list(surface, h, ab, limits, longs, shorts, extent)
             _list(surface, h + 1, bc, limits, longs, shorts, extent)
             _list(surface, h + 2, ca, limits, longs, shorts, extent)
