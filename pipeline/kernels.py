@@ -32,7 +32,7 @@ def kernel_modules() -> list[str]:
 
 @cache
 def cache_folder() -> Path:
-    """The folder of this version of the sources, under the user's cache or, unwritable, the temporary folder."""
+    """The folder of these sources, in the user's cache or, where unwritable, among temporary files."""
     digest = hashlib.sha256(numba.__version__.encode())
     for file in (Path(__file__), *sorted(_PACKAGE.rglob("_kernels*.py"))):
         digest.update(file.read_bytes())

@@ -88,7 +88,7 @@ def build_scene(
     for index, softbox in enumerate(lights.softboxes):
         lit[f"softbox{index}"] = _softbox(softbox, to_scene)
     for index, sun in enumerate(lights.suns):
-        lit[f"sun{index}"] = _sun(sun)
+        lit[f"sun{index}"] = _sun(sun, to_scene)
     lit["sky"] = _sky(lights.sky)
     unlit = {**common, "integrator": _aovs()}
     return _load(lit), _load(unlit)
@@ -195,10 +195,12 @@ def _one_sided(look: Look, colour: dict[str, Any]) -> dict[str, Any]:
 
 def _cyclorama(stage: Stage, to_scene: NDArray[np.float64]) -> Any:
     vertices, normals, faces = stage.mesh()
-    moved = (vertices.astype(np.float64) @ to_scene[:3, :3].T + to_scene[:3, 3]).astype(np.float32)
+    linear = to_scene[:3, :3]
+    moved = (vertices.astype(np.float64) @ linear.T + to_scene[:3, 3]).astype(np.float32)
+    turned = (normals.astype(np.float64) @ linear.T / np.linalg.norm(linear[:, 1])).astype(np.float32)
     material = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(stage.colour)}}
     two_sided = {"type": "twosided", "material": material}
-    return _mesh("stage", Surface(moved, normals, faces), two_sided, SURROUNDINGS)
+    return _mesh("stage", Surface(moved, turned, faces), two_sided, SURROUNDINGS)
 
 
 def _softbox(softbox: Softbox, to_scene: NDArray[np.float64]) -> dict[str, Any]:
@@ -222,10 +224,11 @@ def _up_for(softbox: Softbox) -> list[float]:
     return [0.0, 1.0, 0.0] if math.hypot(x, z) > 1e-3 else [0.0, 0.0, -1.0]
 
 
-def _sun(sun: Sun) -> dict[str, Any]:
+def _sun(sun: Sun, to_scene: NDArray[np.float64]) -> dict[str, Any]:
+    direction = to_scene[:3, :3] @ sun.direction
     return {
         "type": "directional",
-        "direction": list(sun.direction),
+        "direction": list(direction / np.linalg.norm(direction)),
         "irradiance": {"type": "rgb", "value": list(sun.irradiance)},
     }
 

@@ -76,9 +76,9 @@ def validate(
     if not shots and FILM.is_file() and not failed:
         read_film(FILM)
         facts.append({"shot": "film", "path": str(FILM), "errors": []})
-    for error in failed:
-        complain(str(error))
+    for failure in failed:
+        complain(str(failure))
     good = [f"{fact['path']}: good" for fact in facts if not fact["errors"]]
     answer("\n".join(good) or "No shot is good.", facts, common.json)
     if failed:
-        raise typer.Exit(max(error.exit_code for error in failed))
+        raise typer.Exit(max(failure.exit_code for failure in failed))

@@ -1,1 +1,1 @@
-"""The production around a shot: keys, the store, the plan, the tasks that Snakemake runs, and the run itself."""
+"""The production around a shot: keys, store, plan, the tasks that Snakemake runs, and the run itself."""

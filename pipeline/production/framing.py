@@ -24,10 +24,10 @@ STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""
 
 FOOTING = 4
-"""Frames to either side over which the floor is smoothed: few, so that the sculpture stands and does not hover."""
+"""Frames to either side over which the floor is smoothed: few, so that the sculpture stands, not hovers."""
 
 STAGE_HALF_WIDTH = 1.5
-"""Half the width, in stage units, of what the lens sees at its target: a sculpture of half-size 1, and air."""
+"""Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
 
 
 @dataclass(frozen=True)
@@ -74,7 +74,7 @@ class Framing:
 def frame_all(
     views: Sequence[View], points_of: Callable[[int], Points], aspect: float, still: bool = False
 ) -> list[Framing]:
-    """Frame a sequence: `points_of(i)` gives the (N, 3) vertices seen by `views[i]`; aspect is width by height.
+    """Frame a sequence: `points_of(i)` gives (N, 3) vertices seen by `views[i]`; aspect is width to height.
 
     `still` holds the distance, the aim and the floor for the whole sequence, as a turntable wants them.
     """

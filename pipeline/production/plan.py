@@ -41,6 +41,11 @@ class Job:
     outputs: tuple[str, ...]
     threads: int = 1
 
+    @classmethod
+    def from_data(cls, data: dict[str, Any]) -> Job:
+        lists = {name: tuple(data[name]) for name in ("frames", "inputs", "outputs")}
+        return cls(data["name"], data["task"], data["take"], threads=data["threads"], **lists)
+
 
 @dataclass(frozen=True)
 class Link:
@@ -82,9 +87,7 @@ class Plan:
     @classmethod
     def thaw(cls, path: Path) -> Plan:
         data = json.loads(path.read_text())
-        jobs = tuple(
-            Job(**{k: tuple(v) if isinstance(v, list) else v for k, v in job.items()}) for job in data["jobs"]
-        )
+        jobs = tuple(Job.from_data(job) for job in data["jobs"])
         return cls(
             takes=tuple(data["takes"]),
             film=data["film"],

@@ -37,8 +37,8 @@ class Planner:
         keys = take.all_picture_keys(self.store)
         frames = take.requested
         self._targets += [take.folders.frame(take.quality_name, n) for n in frames]
-        unfinished = self._absent("frame", take, frames, lambda n: keys and keys[n].frame)
-        unrendered = self._absent("raw", take, unfinished, lambda n: keys and keys[n].raw)
+        unfinished = self._absent("frame", take, frames, lambda n: keys[n].frame if keys else None)
+        unrendered = self._absent("raw", take, unfinished, lambda n: keys[n].raw if keys else None)
         shown = {take.poses[n].mesh for n in unrendered}
         needs_cameras = bool(unrendered) and keys is None
         if unrendered and keys is not None:

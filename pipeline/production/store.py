@@ -66,7 +66,7 @@ class Store:
         return final
 
     def link(self, kind: str, key: Key, target: Path) -> None:
-        """Make `target` (relative to the root) show the file of `key`: a hard link, or a copy on another file system."""
+        """Show the file of `key` at `target` under the root: a hard link, or a copy where none can be."""
         if self.shows(kind, key, target):
             return
         source, place = self.path(kind, key), self.root / target
@@ -90,7 +90,7 @@ class Store:
                 draft.unlink(missing_ok=True)
 
     def shows(self, kind: str, key: Key | None, target: Path) -> bool:
-        """Whether `target` is there and is the file of `key`: the same inode, or a copy of the same size and time."""
+        """Whether `target` is the file of `key`: the same inode, or a copy of the same size and time."""
         if key is None:
             return False
         try:

@@ -1,4 +1,4 @@
-"""What can be asked for, and the plan that answers it: a shot's meshes, its pictures, a turntable, the film."""
+"""What can be asked for and the plan that answers it: a shot's meshes or pictures, a turntable, the film."""
 
 from __future__ import annotations
 

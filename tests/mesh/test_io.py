@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from pipeline.errors import EnvironmentFault, MeshError, MissingInputError
+from pipeline.errors import MachineError, MeshError, MissingInputError
 from pipeline.mesh import box, icosphere, read_mesh, require, write_mesh
 
 
@@ -69,5 +69,5 @@ def test_a_format_that_is_not_known_is_not_written(tmp_path: Path) -> None:
 
 def test_a_folder_that_is_a_file_is_the_environments_fault(tmp_path: Path) -> None:
     (tmp_path / "taken").write_text("")
-    with pytest.raises(EnvironmentFault, match="cannot be written"):
+    with pytest.raises(MachineError, match="cannot be written"):
         write_mesh(box(), tmp_path / "taken" / "box.ply")

@@ -151,15 +151,15 @@ def wait_until(condition, seconds=120):
 
 def processes_of(group, word):
     """Those of a process group whose command line has `word`."""
-    found = []
-    for folder in Path("/proc").iterdir():
+
+    def belongs(folder):
         try:
-            if folder.name.isdigit() and os.getpgid(int(folder.name)) == group:
-                if word in (folder / "cmdline").read_bytes().decode().split("\0"):
-                    found.append(int(folder.name))
+            words = (folder / "cmdline").read_bytes().decode().split("\0")
+            return os.getpgid(int(folder.name)) == group and word in words
         except (OSError, ProcessLookupError):
-            continue
-    return found
+            return False
+
+    return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if belongs(folder)]
 
 
 def test_a_killed_run_goes_on_without_a_manual_step_to_the_same_pixels(studio, finished_studio):

@@ -77,7 +77,7 @@ def test_where_links_cannot_be_made_copies_serve(store, monkeypatch):
     fill(store)
     store.link("cameras", KEY, Path("renders/copy.json"))
     assert store.shows("cameras", KEY, Path("renders/copy.json"))
-    assert not os.path.samefile(store.path("cameras", KEY), store.root / "renders/copy.json")
+    assert not store.path("cameras", KEY).samefile(store.root / "renders/copy.json")
     assert [p.name for p in (store.root / "renders").iterdir()] == ["copy.json"]
 
 

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+import math
+import subprocess
+import sys
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+import render
 from render.camera import Camera
 from render.denoise import denoise
-from render.engine import Engine
+from render.engine import DEFAULT_ORDER, Engine
 from render.errors import BadInputError
 from render.frame import Layers, render_frame, seed_of, without_sparkles
 from render.lights import LIGHTS, LightRig, Sky, Sun
@@ -22,6 +27,8 @@ from render.scene import Surface
 from render.stage import STAGES, Placement
 
 Rendered = Callable[..., Layers]
+
+CAMERA_ORIGIN, CAMERA_TARGET = (3.2, 2.9, 8.8), (0.0, 0.95, 0.0)
 
 
 def same_bits(one: Layers, other: Layers) -> bool:
@@ -53,7 +60,7 @@ def test_the_sphere_is_lit_and_covers_what_the_camera_projects(picture: Layers) 
     assert matte[13, 24] == 1.0
     assert matte[0].max() == matte[:, 0].max() == 0.0
     # A sphere at distance d has the angular radius asin(1/d); the lens spans 26° over 48 pixels.
-    distance = np.linalg.norm(np.subtract((3.2, 2.9, 8.8), (0.0, 1.0, 0.0)))
+    distance = np.linalg.norm(np.subtract(CAMERA_ORIGIN, (0.0, 1.0, 0.0)))
     radius = np.tan(np.arcsin(1.0 / distance)) / np.tan(np.radians(13.0)) * 24.0
     assert matte.sum() == pytest.approx(np.pi * radius**2, rel=0.06)
 
@@ -63,7 +70,7 @@ def test_layers_tell_where_the_surface_is(picture: Layers) -> None:
     centre = picture["position"][inside] - [0.0, 1.0, 0.0]
     assert np.linalg.norm(centre, axis=1) == pytest.approx(1.0, abs=0.05)
     assert (centre * picture["normal"][inside]).sum(axis=1).min() > 0.9
-    away = np.linalg.norm(picture["position"][inside] - np.array((3.2, 2.9, 8.8)), axis=1)
+    away = np.linalg.norm(picture["position"][inside] - np.array(CAMERA_ORIGIN), axis=1)
     assert picture["depth"][inside] == pytest.approx(away, rel=0.01)
     assert picture["albedo"][inside] == pytest.approx(
         np.tile(LOOKS["clay"].colour, (inside.sum(), 1)), abs=1e-3
@@ -76,14 +83,28 @@ def test_an_enlarged_copy_on_an_enlarged_stage_is_the_same_picture(
     size, origin = 8.0, np.array([16.0, -4.0, 32.0])
     moved = replace(sphere, vertices=(sphere.vertices * size + origin).astype(np.float32))
     camera = Camera(
-        tuple(np.multiply((3.2, 2.9, 8.8), size) + origin),
-        tuple(np.multiply((0.0, 0.95, 0.0), size) + origin),
+        tuple(np.multiply(CAMERA_ORIGIN, size) + origin),
+        tuple(np.multiply(CAMERA_TARGET, size) + origin),
     )
     large = rendered(surface=moved, placement=Placement(tuple(origin), size), camera=camera)
     assert np.abs(large["matte"] - picture["matte"]).max() <= 0.25  # one sample of four may change sides
     difference = np.abs(large["beauty"] - picture["beauty"])
     assert np.median(difference) < 1e-3
     assert large["beauty"].mean() == pytest.approx(picture["beauty"].mean(), rel=5e-3)
+
+
+def test_a_camera_that_goes_around_with_the_stage_sees_the_same_light(
+    rendered: Rendered, picture: Layers
+) -> None:
+    turn = math.radians(70.0)
+    cos, sin = math.cos(turn), math.sin(turn)
+    x, y, z = CAMERA_ORIGIN
+    camera = Camera((cos * x + sin * z, y, cos * z - sin * x), CAMERA_TARGET)
+    turned = rendered(camera=camera, placement=Placement(turn=turn))
+    assert np.median(np.abs(turned["beauty"] - picture["beauty"])) < 2e-2
+    assert turned["beauty"].mean() == pytest.approx(picture["beauty"].mean(), rel=5e-3)
+    fixed = rendered(camera=camera)
+    assert np.median(np.abs(fixed["beauty"] - picture["beauty"])) > 2e-2
 
 
 def test_the_lens_does_not_see_the_lamps(rendered: Rendered) -> None:
@@ -213,10 +234,61 @@ def test_render_frame_needs_nothing_but_arrays(sphere: Surface, engine: Engine) 
         LIGHTS["studio"],
         STAGES["cyclorama"],
         Placement(),
-        Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)),
+        Camera(CAMERA_ORIGIN, CAMERA_TARGET),
         Quality(16, 9, samples=1, depth=2, guides=1),
         1,
         engine,
     )
     assert layers.size == (16, 9)
     assert layers.facts["variant"] == engine.variant
+
+
+_ANOTHER_PROCESS = """
+import sys
+from pathlib import Path
+import numpy as np
+import render
+from render.camera import Camera
+from render.engine import choose
+from render.frame import render_frame
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.quality import Quality
+from render.scene import Surface
+from render.stage import STAGES, Placement
+
+arrays = np.load(sys.argv[1])
+surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
+layers = render_frame(
+    surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(),
+    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(48, 27, samples=4, depth=3, guides=4), 7,
+    choose([sys.argv[2]], threads=int(sys.argv[4])),
+)
+np.savez(sys.argv[3], **layers.arrays)
+"""
+
+
+@pytest.mark.parametrize("variant", DEFAULT_ORDER)
+def test_two_processes_give_the_same_bits(
+    variant: str, sphere: Surface, picture: Layers, engine: Engine, tmp_path: Path
+) -> None:
+    if variant == "llvm_ad_rgb" and engine.variant != variant:
+        variant = engine.variant  # no libLLVM here: the scalar variant is asked twice
+    np.savez(tmp_path / "in.npz", vertices=sphere.vertices, normals=sphere.normals, faces=sphere.faces)
+    found = []
+    for threads in ("1", "2"):
+        out = tmp_path / f"{threads}.npz"
+        command = [
+            sys.executable,
+            "-c",
+            _ANOTHER_PROCESS,
+            str(tmp_path / "in.npz"),
+            variant,
+            str(out),
+            threads,
+        ]
+        subprocess.run(command, check=True, cwd=Path(render.__file__).parent.parent)
+        found.append(np.load(out))
+    for name in picture.arrays:
+        assert np.array_equal(found[0][name], found[1][name]), name
+        assert np.array_equal(found[0][name], picture[name]) or variant != engine.variant
