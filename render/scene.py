@@ -22,6 +22,10 @@ from render.stage import Placement, Stage
 SUBJECT, SURROUNDINGS = (1.0, 0.0), (0.0, 0.0)
 """Texture coordinates given to every vertex: their first number, averaged over a pixel, is the matte."""
 
+BLOCK_SIZE = 16
+"""Pixels along a block of the scalar variant. Each block has its own random numbers, and left alone Mitsuba
+cuts the picture by the number of threads."""
+
 
 @dataclass(frozen=True, eq=False)
 class Surface:
@@ -111,12 +115,13 @@ def _beauty(depth: int, lights: LightRig) -> dict[str, Any]:
         "max_depth": depth,
         "rr_depth": max(depth, 5),
         "hide_emitters": not lights.sky.visible,
+        "block_size": BLOCK_SIZE,
     }
 
 
 def _aovs() -> dict[str, Any]:
     wanted = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
-    return {"type": "aov", "aovs": wanted}
+    return {"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE}
 
 
 def _mesh(name: str, surface: Surface, material: dict[str, Any], mark: tuple[float, float]) -> Any:
