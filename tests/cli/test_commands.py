@@ -1,0 +1,126 @@
+"""The command line, as a user meets it: real processes, exit codes, one line a fault."""
+
+import json
+import re
+
+import pytest
+
+NAME = "T010_tiny"
+
+
+def lines(text):
+    return [line for line in text.splitlines() if line.strip()]
+
+
+def test_help_names_every_command_and_the_exit_codes(studio):
+    done = studio.run("--help")
+    assert done.code == 0
+    for word in ("new", "validate", "simulate", "render", "film", "turntable", "status", "doctor", "130"):
+        assert word in done.out
+
+
+@pytest.mark.parametrize(
+    "command", ["new", "validate", "simulate", "render", "film", "turntable", "status", "doctor"]
+)
+def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
+    done = studio.run(command, "--help")
+    assert done.code == 0
+    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root"):
+        assert option in done.out
+
+
+def test_common_options_may_stand_before_or_after_the_command(studio):
+    before = studio.run("--json", "--dry-run", "simulate", NAME)
+    after = studio.run("simulate", NAME, "--json", "--dry-run")
+    assert before.code == after.code == 0
+    assert json.loads(before.out)["targets"] == json.loads(after.out)["targets"]
+
+
+def test_a_dry_run_says_what_would_be_done_and_does_nothing(studio):
+    done = studio.run("--dry-run", "render", NAME, "-f", "1-3")
+    assert "rendering 3 frames" in done.out
+    assert not (studio.path / "renders").exists()
+    assert not (studio.path / ".flowsculpt").exists()
+
+
+def test_a_new_shot_is_good_and_can_be_simulated(studio):
+    assert studio.run("new", "A020_new").code == 0
+    assert studio.run("validate", "A020_new").code == 0
+    done = studio.run("--json", "simulate", "A020_new", "-f", "1-2")
+    assert done.code == 0, done.err
+    assert json.loads(done.out)["made"] == {"simulate": 2}
+
+
+def test_new_never_overwrites(studio):
+    before = studio.shot.read_text()
+    done = studio.run("new", NAME)
+    assert done.code == 2
+    assert studio.shot.read_text() == before
+
+
+def test_validate_tells_everything_at_once_with_line_and_column(studio):
+    studio.shot.write_text(
+        studio.shot.read_text()
+        .replace("max_edge_length: 0.5", "max_edge_length: 0.5, min_edge_length: 0.3")
+        .replace("axis: y", "axxis: y")
+    )
+    done = studio.run("validate", NAME)
+    assert done.code == 2
+    assert re.search(r"T010_tiny\.yaml:4:\d+: .*60%.*50%", done.err)
+    assert re.search(r"T010_tiny\.yaml:6:\d+: .*axis", done.err)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (("render", "T010_tinny"), 3, "did you mean T010_tiny"),
+        (("render", "shots/none.yaml"), 3, "none.yaml"),
+        (("render", NAME, "-f", "5-9"), 2, "7-9"),
+        (("render", NAME, "-f", "a-b"), 2, "frame range"),
+        (("render", NAME, "-q", "best"), 2, "preview, draft, daily, final"),
+        (("turntable", "none.obj"), 3, "none.obj"),
+        (("turntable", NAME, "--at", "99"), 2, "1-6"),
+        (("turntable", NAME, "--frames", "1"), 2, "72"),
+        (("film", "none.yaml"), 3, "none.yaml"),
+    ],
+)
+def test_bad_usage_gets_one_line_and_its_exit_code(studio, words, code, says):
+    done = studio.run(*words)
+    assert done.code == code
+    assert says in done.err
+    assert len(lines(done.err)) == 1
+    assert not (studio.path / "renders").exists()
+
+
+@pytest.mark.parametrize(
+    ("name", "text", "says"),
+    [
+        ("empty.obj", "v 0 0 0\n", "no faces"),
+        ("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
+        ("three.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n", "manifold"),
+    ],
+)
+def test_a_mesh_that_is_no_surface_is_refused_in_one_line(studio, name, text, says):
+    (studio.path / name).write_text(text)
+    done = studio.run("turntable", name, "--frames", "2")
+    assert done.code == 2
+    assert says in done.err
+    assert name in done.err
+    assert len(lines(done.err)) == 1
+
+
+def test_status_tells_done_stale_and_missing(finished):
+    rows = {row["what"]: row for row in json.loads(finished.run("--json", "status").out)}
+    assert rows["preview"]["done"] == [1, 2, 3, 4, 5, 6]
+    finished.frames()[0].unlink()
+    finished.shot.write_text(finished.shot.read_text().replace("azimuth: -30", "azimuth: 5"))
+    rows = {row["what"]: row for row in json.loads(finished.run("--json", "status").out)}
+    assert rows["meshes"]["done"] == [1, 2, 3, 4, 5, 6]
+    assert rows["preview"]["missing"] == [1]
+    assert rows["preview"]["stale"] == [2, 3, 4, 5, 6]
+
+
+def test_doctor_says_which_renderer_is_in_use(studio):
+    facts = json.loads(studio.run("--json", "doctor").out)
+    assert re.search("llvm_ad_rgb|scalar_rgb", facts["renderer"])
+    assert facts["faster"] == "" if "llvm" in facts["renderer"] else "libLLVM" in facts["faster"]
