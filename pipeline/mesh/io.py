@@ -1,11 +1,13 @@
-"""Reading and writing meshes by trimesh: OBJ, PLY, STL, GLB, OFF."""
+"""Reading and writing meshes by trimesh: OBJ, PLY, STL, GLB, OFF.
+
+trimesh is imported where it is used: most runs never read a mesh file.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 import numpy as np
-import trimesh
 
 from pipeline.arrays import AnyArray, Faces, Points
 from pipeline.errors import MachineError, MeshError, MissingInputError
@@ -32,6 +34,8 @@ def read_mesh(path: str | Path) -> TriangleMesh:
         raise MeshError(
             f"{path}: {path.suffix or 'no suffix'} is not a mesh format; use one of {', '.join(FORMATS)}"
         )
+    import trimesh
+
     try:
         loaded = trimesh.load(path, force="mesh", process=False, maintain_order=True)
         points, faces = np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces, np.int64)
@@ -54,6 +58,8 @@ def write_mesh(mesh: TriangleMesh, path: str | Path) -> None:
         raise MeshError(
             f"{path}: {path.suffix or 'no suffix'} is not a mesh format; use one of {', '.join(FORMATS)}"
         )
+    import trimesh
+
     surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

@@ -116,7 +116,7 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
 
 @kernel(numba.int64(MATRIX, RING, numba.int64, VECTOR, numba.float64), **LEAN)
 def _move_fault(points: Points, ring: Ring, other: int, place: Floats, longest: float) -> int:
-    """Why the ring's centre may not move to `place`, where `other` joins it: too long an edge, a folded face."""
+    """Why the ring's centre may not move to `place`, where `other` joins it: an edge too long, a fold."""
     faces, spokes = ring.size[0], ring.size[1]
     for i in range(spokes):
         v = ring.vertex[i]

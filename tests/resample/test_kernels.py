@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, dihedral_angles, icosphere, rod, sheet, torus
 from pipeline.resample import Thresholds, resample
-from pipeline.resample._kernels_collapse import BOUNDARY, LINK, judge
+from pipeline.resample._kernels_collapse import BOUNDARY, CROWDED, LINK, judge
 from pipeline.resample._kernels_flip import flip_edge, worth_flipping
+from pipeline.resample._kernels_ring import MOST_SPOKES
 from pipeline.resample.resampler import new_ring
 
 TUBE = rod(2.0, 0.1, 0.4)
@@ -165,3 +166,14 @@ def test_flips_leave_creases_and_good_edges_alone() -> None:
     assert not worth_flipping(flat.surface, 0, np.array([0.2, 0.0, 0.7, 1.0])), (
         "the new edge would be too long"
     )
+
+
+def test_an_end_with_too_many_neighbours_is_left_alone() -> None:
+    turn = 2 * math.pi * np.arange(MOST_SPOKES + 1) / (MOST_SPOKES + 1)
+    rim = np.column_stack([np.cos(turn), 0 * turn, -np.sin(turn)])
+    n = len(rim)
+    faces = [(i, (i + 1) % n, n) for i in range(n)] + [((i + 1) % n, i, n + 1) for i in range(n)]
+    top = TriangleMesh([*rim, (0, 1, 0), (0, -1, 0)], faces)
+    limits = np.array([math.inf, math.inf, -2.0, 1.0])
+    assert judge(HalfedgeMesh(top).surface, 1, new_ring(), new_ring(), limits)[1] == CROWDED
+    assert judge(HalfedgeMesh(top).surface, 0, new_ring(), new_ring(), limits)[1] != CROWDED
