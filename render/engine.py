@@ -55,7 +55,12 @@ class Engine:
         Raises RenderEnvironmentError where another variant runs already: pictures of two variants
         differ, and never stand in one shot.
         """
-        if self.llvm is not None and "drjit" not in sys.modules:
+        if self.llvm is not None and os.environ.get(llvm.ENVIRONMENT_NAME) != str(self.llvm.path):
+            if "drjit" in sys.modules:
+                raise RenderEnvironmentError(
+                    "Mitsuba was imported before its engine was started and may have taken a libLLVM that "
+                    "crashes; start the engine first"
+                )
             self.llvm.load()
         import drjit as dr
         import mitsuba as mi
