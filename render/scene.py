@@ -106,7 +106,26 @@ def _load(scene: dict[str, Any]) -> Any:
     """
     import mitsuba as mi
 
-    return mi.load_dict(scene, parallel=False, optimize=False)
+    loaded = mi.load_dict(scene, parallel=False, optimize=False)
+    if mi.variant() != "scalar_rgb":
+        _keep_out_of_kernels(loaded)
+    return loaded
+
+
+def _keep_out_of_kernels(scene: Any) -> None:
+    """Make where things stand data of the compiled code, not constants in it.
+
+    Otherwise every frame whose stage moves or grows a little is compiled anew, which takes a third of a
+    second and a place on the disk.
+    """
+    import drjit as dr
+    import mitsuba as mi
+
+    values = mi.traverse(scene)
+    for name in [name for name in values.keys() if name.endswith("to_world")]:  # noqa: SIM118 not a dict
+        dr.make_opaque(values[name])
+        values[name] = values[name]
+    values.update()
 
 
 def _beauty(depth: int, lights: LightRig) -> dict[str, Any]:

@@ -243,6 +243,24 @@ def test_render_frame_needs_nothing_but_arrays(sphere: Surface, engine: Engine) 
     assert layers.facts["variant"] == engine.variant
 
 
+def test_a_stage_that_moves_compiles_nothing(rendered: Rendered, engine: Engine) -> None:
+    if engine.variant == "scalar_rgb":
+        pytest.skip("nothing is ever compiled there")
+    import drjit as dr
+
+    somewhere = np.random.default_rng().uniform(1.0, 2.0, (3, 5))  # never met, so in no cache on the disk
+    for x, y, z, size, turn in somewhere[:2]:  # what differs in kind is compiled once
+        rendered(placement=Placement((x, y, z), size, turn))
+    dr.set_flag(dr.JitFlag.KernelHistory, True)
+    dr.kernel_history_clear()
+    x, y, z, size, turn = somewhere[2]
+    rendered(placement=Placement((x, y, z), size, turn))
+    history = dr.kernel_history()
+    dr.set_flag(dr.JitFlag.KernelHistory, False)
+    assert history
+    assert all(kernel.get("cache_hit", True) for kernel in history)
+
+
 _ANOTHER_PROCESS = """
 import sys
 from pathlib import Path
