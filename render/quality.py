@@ -12,7 +12,7 @@ class Quality:
     """What a picture costs and what it is good for.
 
     width, height   pixels
-    samples         paths a pixel; multijitter wants a square number: 4, 16, 64, 256
+    samples         paths a pixel; multijitter wants a square number: 4, 9, 16, 64
     guides          samples a pixel of the AOVs, which are free of noise but for their edges
     depth           vertices a path may have: 2 is direct light alone
     denoise         "none", "frame" (each by itself) or "time" (along the surface's motion as well)
@@ -45,7 +45,7 @@ class Quality:
 
 QUALITIES = {
     "preview": Quality(480, 270, samples=4, depth=3, guides=4, effort="balanced"),
-    "draft": Quality(480, 270, samples=16, depth=4, guides=9, effort="balanced"),
+    "draft": Quality(480, 270, samples=9, depth=4, guides=9, effort="balanced"),
     "daily": Quality(960, 540, samples=16, depth=6, guides=16, denoise="time"),
     "final": Quality(1920, 1080, samples=64, depth=10, guides=64, denoise="time"),
 }
