@@ -71,7 +71,7 @@ for command in (
 
 def main() -> None:
     """Run the command line; never shows a traceback for what a user can mend."""
-    signal.signal(signal.SIGTERM, signal.getsignal(signal.SIGINT))
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm or a service manager sends
     try:
         app()
     except (FlowsculptError, RenderError) as error:
