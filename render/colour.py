@@ -19,6 +19,7 @@ import OpenImageIO as oiio  # noqa: N813
 import platformdirs
 from numpy.typing import NDArray
 
+from render._kernels_view import look_up
 from render.dither import dither_pattern
 from render.errors import BadInputError
 
@@ -43,8 +44,10 @@ def to_display(
     """
     if display not in DISPLAYS:
         raise BadInputError(f"display is {display!r}; it can be {', '.join(DISPLAYS)}")
-    exposed = light * np.float32(2.0**exposure)
-    return _lookup(_cube(display), _to_axis(exposed) * np.float32(_SIDE - 1))
+    flat = np.ascontiguousarray(light, dtype=np.float32).reshape(-1, 3)
+    shown = np.empty_like(flat)
+    look_up(flat, 2.0**exposure, _TOE, _BRIGHTEST, _cube(display), shown)
+    return shown.reshape(light.shape)
 
 
 def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
@@ -60,9 +63,9 @@ def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
 
 
 def prepare() -> None:
-    """Bake every display's cube now, so that the first picture need not wait for it."""
+    """Bake every display's cube and compile the look-up, so that the first picture need not wait for it."""
     for display in DISPLAYS:
-        _cube(display)
+        to_display(np.zeros((1, 1, 3), np.float32), display=display)
 
 
 def view_exactly(light: NDArray[np.float32], display: str = "rec709") -> NDArray[np.float32]:
@@ -74,13 +77,6 @@ def view_exactly(light: NDArray[np.float32], display: str = "rec709") -> NDArray
     if shown.has_error:
         raise BadInputError(f"OpenColorIO cannot show {display!r}: {shown.geterror()}")
     return np.asarray(shown.get_pixels(oiio.FLOAT), dtype=np.float32)
-
-
-def _to_axis(light: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Radiance to 0 … 1 along the cube's axes; what is negative or not a number counts as black."""
-    bounded = np.clip(np.nan_to_num(light, nan=0.0, posinf=_BRIGHTEST, neginf=0.0), 0.0, _BRIGHTEST)
-    scale = np.float32(1.0 / np.log2(1.0 + _BRIGHTEST / _TOE))
-    return np.asarray(np.log2(1.0 + bounded / np.float32(_TOE)) * scale, dtype=np.float32)
 
 
 @cache
@@ -118,21 +114,3 @@ def _keep(file: Path, cube: NDArray[np.float32]) -> None:
         Path(temporary.name).replace(file)
     except OSError:
         return
-
-
-def _lookup(cube: NDArray[np.float32], where: NDArray[np.float32]) -> NDArray[np.float32]:
-    """Trilinear interpolation of the cube at `where` (H, W, 3), in steps of the cube."""
-    table = cube.reshape(-1, 3)
-    low = np.minimum(where.astype(np.int32), _SIDE - 2)
-    part = where - low
-    base = (low[..., 0] * _SIDE + low[..., 1]) * _SIDE + low[..., 2]
-    result = np.zeros((*where.shape[:-1], 3), dtype=np.float32)
-    for corner in range(8):
-        r, g, b = corner >> 2, corner >> 1 & 1, corner & 1
-        weight = _share(part[..., 0], r) * _share(part[..., 1], g) * _share(part[..., 2], b)
-        result += weight[..., None] * np.take(table, base + (r * _SIDE + g) * _SIDE + b, axis=0)
-    return np.clip(result, 0.0, 1.0)
-
-
-def _share(part: NDArray[np.float32], upper: int) -> NDArray[np.float32]:
-    return part if upper else np.float32(1.0) - part

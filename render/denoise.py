@@ -13,8 +13,8 @@ from render.frame import Layers
 def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
     """The beauty without noise, float32 (H, W, 3). Needs the layers beauty, albedo and normal.
 
-    `effort` is a Quality's: "balanced" takes half the time of "high" and is hard to tell from it at small
-    sizes. A pinhole's first hit has no noise but at edges, so the guides count as clean:
+    `effort` is a Quality's `denoise`: "balanced" takes half the time of "high" and is hard to tell from it
+    at small sizes. A pinhole's first hit has no noise but at edges, so the guides count as clean:
     that keeps creases crisp. Raises RenderEnvironmentError where the denoiser cannot run.
     """
     beauty = np.maximum(layers["beauty"], np.float32(0.0))
@@ -28,5 +28,5 @@ def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
             quality=effort,
         )
     except RuntimeError as error:
-        raise RenderEnvironmentError(f"the denoiser cannot run: {error}; render with denoise: none") from None
+        raise RenderEnvironmentError(f"the denoiser cannot run: {error}; render with denoise: off") from None
     return np.asarray(clean, dtype=np.float32)

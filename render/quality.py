@@ -12,11 +12,10 @@ class Quality:
     """What a picture costs and what it is good for.
 
     width, height   pixels
-    samples         paths a pixel; multijitter wants a square number: 4, 9, 16, 64
+    samples         paths a pixel; multijitter rounds up to a rectangle: 4, 6, 9, 16, 64
     guides          samples a pixel of the AOVs, which are free of noise but for their edges
     depth           vertices a path may have: 2 is direct light alone
-    denoise         "none", "frame" (each by itself) or "time" (along the surface's motion as well)
-    effort          the denoiser's: "fast", "balanced" or "high"
+    denoise         "off", or the denoiser's effort: "fast", "balanced" or "high"
     """
 
     width: int
@@ -24,8 +23,7 @@ class Quality:
     samples: int
     depth: int
     guides: int = 16
-    denoise: str = "frame"
-    effort: str = "high"
+    denoise: str = "high"
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "samples", "guides"):
@@ -33,10 +31,8 @@ class Quality:
                 raise BadInputError(f"quality has {name} {getattr(self, name)}; it must be at least 1")
         if self.depth < 2:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
-        if self.denoise not in ("none", "frame", "time"):
-            raise BadInputError(f"denoise is {self.denoise!r}; it can be none, frame or time")
-        if self.effort not in ("fast", "balanced", "high"):
-            raise BadInputError(f"effort is {self.effort!r}; it can be fast, balanced or high")
+        if self.denoise not in ("off", "fast", "balanced", "high"):
+            raise BadInputError(f"denoise is {self.denoise!r}; it can be off, fast, balanced or high")
 
     @property
     def aspect(self) -> float:
@@ -44,8 +40,8 @@ class Quality:
 
 
 QUALITIES = {
-    "preview": Quality(480, 270, samples=4, depth=3, guides=4, effort="balanced"),
-    "draft": Quality(480, 270, samples=9, depth=4, guides=9, effort="balanced"),
-    "daily": Quality(960, 540, samples=16, depth=6, guides=16, denoise="time"),
-    "final": Quality(1920, 1080, samples=64, depth=10, guides=64, denoise="time"),
+    "preview": Quality(480, 270, samples=4, depth=3, guides=4, denoise="balanced"),
+    "draft": Quality(480, 270, samples=6, depth=4, guides=6, denoise="balanced"),
+    "daily": Quality(960, 540, samples=16, depth=6, guides=16),
+    "final": Quality(1920, 1080, samples=64, depth=10, guides=64),
 }

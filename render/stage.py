@@ -11,6 +11,9 @@ from numpy.typing import NDArray
 from render.errors import BadInputError
 from render.plain import Triple
 
+RINGS, SIDES = 33, 64
+"""How finely a cyclorama is cut. Its normals are exact, so more would change no picture and cost rays."""
+
 
 @dataclass(frozen=True)
 class Placement:
@@ -76,7 +79,7 @@ class Stage:
         The slope follows a smoothstep, so that the curvature begins and ends at 0: a plain arc meets
         the floor with a jump of curvature that reflections and gradients show as a line.
         """
-        t = np.linspace(0.0, 1.0, 97)
+        t = np.linspace(0.0, 1.0, RINGS)
         slope = self.steepness * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
         steps = np.stack([np.cos(slope), np.sin(slope)], axis=1)
         curve = np.concatenate([[[0.0, 0.0]], np.cumsum((steps[1:] + steps[:-1]) / 2.0, axis=0)])
@@ -87,7 +90,7 @@ class Stage:
 
 
 def _revolve(
-    profile: NDArray[np.float64], normals: NDArray[np.float64], sides: int = 192
+    profile: NDArray[np.float64], normals: NDArray[np.float64], sides: int = SIDES
 ) -> tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]:
     """Turn a profile of (radius, height) about the y axis; faces look towards the axis."""
     angle = np.linspace(0.0, 2.0 * math.pi, sides, endpoint=False)

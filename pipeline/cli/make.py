@@ -17,6 +17,7 @@ from pipeline.cli.say import answer, complain, err
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
 from pipeline.production.workflow import FILM, Studio
+from render.engine import VARIANTS
 from render.quality import QUALITIES
 
 Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")]
@@ -24,6 +25,12 @@ Frames = Annotated[
     str | None,
     typer.Option(
         "-f", "--frames", metavar="RANGE", help="Frames: 12, 1-48, 1-48x2, 1-24,30; by default all."
+    ),
+]
+Variant = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Render with this Mitsuba variant: {', '.join(VARIANTS)}; by default the first that works."
     ),
 ]
 Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
@@ -38,22 +45,25 @@ def simulate(common: Common, shots: Shots, frames: Frames = None) -> None:
     _make(common, lambda: Studio(common.root, common.cores).meshes(shots, frames))
 
 
-def render(common: Common, shots: Shots, frames: Frames = None, quality: Quality = "draft") -> None:
+def render(
+    common: Common, shots: Shots, frames: Frames = None, quality: Quality = "draft", variant: Variant = None
+) -> None:
     """Render shots, or a range of their frames, and assemble the movie.
 
     Only what is missing or stale is made: `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six
     frames, and nothing when called again.
     """
-    _make(common, lambda: Studio(common.root, common.cores).pictures(shots, quality, frames))
+    _make(common, lambda: Studio(common.root, common.cores, variant).pictures(shots, quality, frames))
 
 
 def film(
     common: Common,
     edit: Annotated[Path, typer.Argument(help="The edit: title, and the shots in their order.")] = FILM,
     quality: Quality = "draft",
+    variant: Variant = None,
 ) -> None:
     """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4."""
-    _make(common, lambda: Studio(common.root, common.cores).film(quality, edit))
+    _make(common, lambda: Studio(common.root, common.cores, variant).film(quality, edit))
 
 
 def turntable(
@@ -67,9 +77,13 @@ def turntable(
     frames: Annotated[int, typer.Option(help="How many pictures a full turn has.")] = 72,
     look: Annotated[str | None, typer.Option(help="The look of a mesh file; shots have their own.")] = None,
     quality: Quality = "preview",
+    variant: Variant = None,
 ) -> None:
     """Turn one frame of a shot, or a mesh file, through 360° before the camera."""
-    _make(common, lambda: Studio(common.root, common.cores).turntable(subject, quality, at, frames, look))
+    _make(
+        common,
+        lambda: Studio(common.root, common.cores, variant).turntable(subject, quality, at, frames, look),
+    )
 
 
 def _make(common: Common, make_plan: Callable[[], Plan]) -> None:

@@ -23,7 +23,7 @@ from render.stage import Placement
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""
 
-FOOTING = 4
+FOOTING = 1
 """Frames to either side over which the floor is smoothed: few, so that the sculpture stands, not hovers."""
 
 STAGE_HALF_WIDTH = 1.5

@@ -30,7 +30,7 @@ NORMALS_CODE = ("pipeline/mesh/normals.py", "pipeline/mesh/_kernels_normals.py")
 FRAMING_CODE = ("pipeline/production/framing.py",)
 PICTURE_CODE = tuple(f"render/{name}.py" for name in ("frame", "scene", "stage", "camera", "image"))
 FINISH_CODE = ("render/denoise.py", "render/image.py")
-MOVIE_CODE = tuple(f"render/{name}.py" for name in ("colour", "dither", "movie", "titles"))
+MOVIE_CODE = tuple(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "movie", "titles"))
 
 
 def key_of(*parts: Any) -> Key:

@@ -20,7 +20,7 @@ from pipeline.production.keys import Key
 from pipeline.production.layout import PLANS
 from pipeline.production.store import Store
 
-BATCH = 24
+BATCH = 32
 """Frames a process renders before it gives its memory back."""
 
 

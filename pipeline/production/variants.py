@@ -9,15 +9,23 @@ import json
 from importlib.metadata import version
 from pathlib import Path
 
+from pipeline.errors import MachineError
 from pipeline.production.disk import disk_faults
 from pipeline.production.layout import STATE
 from render.engine import DEFAULT_ORDER, choose
 
 
-def variant_for(root: Path, shot: str) -> str:
-    """The variant that `shot` is rendered by. Raises RenderEnvironmentError where none works."""
+def variant_for(root: Path, shot: str, asked: str | None = None) -> str:
+    """The variant that `shot` is rendered by: the one asked for, or the first that may serve.
+
+    Raises RenderEnvironmentError where none works, MachineError where the one asked for has crashed.
+    """
     avoided = _avoided(root, shot)
-    return choose([v for v in DEFAULT_ORDER if v not in avoided] or None).variant
+    if asked is None:
+        return choose([v for v in DEFAULT_ORDER if v not in avoided] or None).variant
+    if asked in avoided:
+        raise MachineError(f"{avoided[asked]}; leave --variant out to have another one chosen")
+    return choose([asked]).variant
 
 
 def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:

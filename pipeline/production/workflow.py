@@ -27,10 +27,14 @@ FILM = SHOTS / "film.yaml"
 
 @dataclass(frozen=True)
 class Studio:
-    """A root to write to, so many cores to use; shots are looked up in `shots/` of the working folder."""
+    """A root to write to, so many cores to use; shots are looked up in `shots/` of the working folder.
+
+    variant  the Mitsuba variant asked for; by default the first that works
+    """
 
     root: Path
     cores: int
+    variant: str | None = None
 
     @property
     def store(self) -> Store:
@@ -100,7 +104,7 @@ class Studio:
                 f"{path}: frames {outside} are not in the shot, which has {whole.shot.frames}; "
                 f"ask for frames among those"
             )
-        chosen = variant or variant_for(self.root, whole.shot.name)
+        chosen = variant or variant_for(self.root, whole.shot.name, self.variant)
         return Take(text, path.resolve(), quality, chosen, tuple(dict.fromkeys(requested)))
 
     def _whole_movie(self, planner: Planner, part: Take) -> None:

@@ -97,7 +97,11 @@ def test_bad_usage_gets_one_line_and_its_exit_code(studio, words, code, says):
     [
         ("empty.obj", "v 0 0 0\n", "no faces"),
         ("nan.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "finite"),
-        ("three.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n", "manifold"),
+        (
+            "three.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n",
+            "manifold",
+        ),
     ],
 )
 def test_a_mesh_that_is_no_surface_is_refused_in_one_line(studio, name, text, says):

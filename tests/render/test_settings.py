@@ -83,7 +83,6 @@ def test_a_wrong_field_is_named(kind: type, values: dict[str, Any], message: str
         lambda: Quality(0, 270, samples=4, depth=3),
         lambda: Quality(480, 270, samples=4, depth=1),
         lambda: Quality(480, 270, samples=4, depth=3, denoise="twice"),
-        lambda: Quality(480, 270, samples=4, depth=3, effort="heroic"),
     ],
 )
 def test_values_beyond_their_limits_are_refused(make: Any) -> None:

@@ -50,13 +50,14 @@ def finish(context: Context) -> bool:
     """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view."""
     take = context.take
     keys = context.picture_keys(take, context.job.frames)
+    effort = take.quality.denoise
 
     def work(number: int) -> bool:
         raw = take.folders.raw(take.quality_name, number)
 
         def write(path: Path) -> None:
             layers, header = context.read("raw", keys[number].raw, raw, read_exr)
-            quiet = layers["beauty"] if take.quality.denoise == "none" else denoise(layers)
+            quiet = layers["beauty"] if effort == "off" else denoise(layers, effort)
             write_exr(path, Layers({"beauty": quiet}, layers.facts), {**header, "key": keys[number].frame})
 
         target = take.folders.frame(take.quality_name, number)

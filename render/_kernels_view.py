@@ -1,0 +1,40 @@
+"""Looking colours up in a cube, compiled: NumPy would walk the picture some forty times."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float32]
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+def look_up(light: Floats, gain: float, toe: float, brightest: float, cube: Floats, shown: Floats) -> None:
+    """Each of `light` (N, 3), times `gain`, trilinearly in `cube` (S, S, S, 3), into `shown` (N, 3).
+
+    Axes run over log2(1 + x/toe) from 0 to `brightest`; what is negative or not a number counts as black.
+    """
+    last = cube.shape[0] - 1
+    steps = last / math.log2(1.0 + brightest / toe)
+    low = np.zeros(3, np.int64)
+    part = np.zeros(3)
+    for i in range(light.shape[0]):
+        for axis in range(3):
+            x = light[i, axis] * gain
+            x = min(x, brightest) if x > 0.0 else 0.0
+            place = math.log2(1.0 + x / toe) * steps
+            low[axis] = min(int(place), last - 1)
+            part[axis] = place - low[axis]
+        r, g, b = low
+        for channel in range(3):
+            total = 0.0
+            for corner in range(8):
+                dr, dg, db = corner >> 2, corner >> 1 & 1, corner & 1
+                weight = part[0] if dr else 1.0 - part[0]
+                weight *= part[1] if dg else 1.0 - part[1]
+                weight *= part[2] if db else 1.0 - part[2]
+                total += weight * cube[r + dr, g + dg, b + db, channel]
+            shown[i, channel] = min(max(total, 0.0), 1.0)
