@@ -16,8 +16,6 @@ from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
 from render.errors import RenderError
 
-INTERRUPTED = 130
-
 EPILOG = (
     "Exit codes: 0 done · 1 some frames failed, the rest done · 2 bad usage or shot · 3 a missing input · "
     "4 the environment (disk full, no permission, renderer unusable) · 130 interrupted. "
@@ -77,9 +75,6 @@ def main() -> None:
     except (FlowsculptError, RenderError) as error:
         complain(str(error))
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        complain("interrupted; what is done stays done, run again to go on")
-        sys.exit(INTERRUPTED)
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(0)

@@ -12,6 +12,10 @@ from typing import Annotated, Any
 
 import typer
 
+from pipeline.cli.say import complain
+
+INTERRUPTED = 130
+
 _PANEL = "Options of every command"
 
 
@@ -94,7 +98,11 @@ def with_common(function: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(function)
     def command(ctx: typer.Context, **values: Any) -> None:
         said = _Said(**{f.name: values.pop(f.name) for f in fields(_Said)})
-        function(said.over(ctx.obj or _Said()).common(), **values)
+        try:
+            function(said.over(ctx.obj or _Said()).common(), **values)
+        except KeyboardInterrupt:
+            complain("interrupted; what is done stays done, run again to go on")
+            raise typer.Exit(INTERRUPTED) from None
 
     parameters = [shared["ctx"], *list(own.values())[1:], *[p for n, p in shared.items() if n != "ctx"]]
     keyword_only = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters]

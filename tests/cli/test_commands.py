@@ -100,7 +100,7 @@ def test_bad_usage_gets_one_line_and_its_exit_code(studio, words, code, says):
         (
             "three.obj",
             "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 -1 0\nv 0 0 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n",
-            "manifold",
+            "3 faces",
         ),
     ],
 )
