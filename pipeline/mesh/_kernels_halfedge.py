@@ -139,12 +139,12 @@ def fill_holes(
 
     `sizes` holds the numbers of vertices and faces, dead ones included, and is brought up to date. The
     cost of moving is that of the gaps, not of the mesh; one pass over `vert` gives moved vertices their
-    new numbers. `renamed` is scratch of V entries.
+    new numbers. The lists of the dead are sorted; `renamed` is scratch of V entries.
     """
     points, carried, _, vert, twin = surface
     vertices, faces = sizes[0] - len(dead_vertices), sizes[1] - len(dead_faces)
     last = sizes[1] - 1
-    for f in np.sort(dead_faces):
+    for f in dead_faces:
         while last >= 0 and vert[3 * last] < 0:
             last -= 1
         if f >= faces:
@@ -153,14 +153,12 @@ def fill_holes(
             vert[3 * f + i] = vert[3 * last + i]
             join(twin, 3 * f + i, twin[3 * last + i])
         last -= 1
-    holes = np.sort(dead_vertices)
-    beyond = np.searchsorted(holes, vertices)
-    hole, skip = 0, beyond
+    hole, skip = 0, np.searchsorted(dead_vertices, vertices)
     for v in range(vertices, sizes[0]):
-        if skip < len(holes) and holes[skip] == v:
+        if skip < len(dead_vertices) and dead_vertices[skip] == v:
             skip += 1
             continue
-        target = holes[hole]
+        target = dead_vertices[hole]
         hole += 1
         renamed[v] = target
         points[target] = points[v]

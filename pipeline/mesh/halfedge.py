@@ -75,7 +75,7 @@ class HalfedgeMesh:
         """Make the arrays gapless again after elements were removed."""
         if len(dead_vertices) or len(dead_faces):
             renamed = np.empty(int(self.sizes[0]), np.int32)
-            fill_holes(self.surface, self.sizes, dead_faces, dead_vertices, renamed)
+            fill_holes(self.surface, self.sizes, np.sort(dead_faces), np.sort(dead_vertices), renamed)
 
     def attributes(self) -> dict[str, AnyArray]:
         """Copies of the vertex attributes, in their own shapes and types."""

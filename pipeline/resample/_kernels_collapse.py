@@ -18,7 +18,7 @@ from pipeline.mesh._kernels_halfedge import (
     join,
     preceding,
 )
-from pipeline.resample._kernels_lists import BYTES, push, squared, squared_length
+from pipeline.resample._kernels_lists import BYTES, FRESH, push, squared, squared_length
 from pipeline.resample._kernels_ring import RING, Ring, walk, weigh
 
 REASONS = ("link", "boundary", "feature", "too_long", "fold", "crowded")
@@ -222,12 +222,12 @@ def collapse_edge(
 
 @kernel((SURFACE, RING, VECTOR, INTS, BYTES), **LEAN)
 def _look_around(surface: Surface, ring: Ring, limits: Floats, shorts: Indices, marks: AnyArray) -> None:
-    """After a collapse: mark the faces of a ring that are left, and list their spokes that are short."""
+    """After a collapse: mark the faces of a ring, and list the spokes of those left that are short."""
     for i in range(ring.size[0]):
         h = ring.leaving[i]
+        marks[h // 3] = FRESH
         if surface.vert[h] < 0:
             continue
-        marks[h // 3] = 1
         if squared_length(surface, h) < limits[1]:
             push(shorts, h)
         if surface.twin[preceding(h)] < 0 and squared_length(surface, preceding(h)) < limits[1]:

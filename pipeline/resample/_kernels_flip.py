@@ -14,12 +14,11 @@ from pipeline.mesh._kernels_halfedge import (
     SURFACE,
     VECTOR,
     Surface,
-    fan_start,
     following,
     join,
     preceding,
 )
-from pipeline.resample._kernels_lists import BYTES, area_vector, push, squared
+from pipeline.resample._kernels_lists import AS_IT_WAS, BYTES, CHANGED, FRESH, area_vector, push, squared
 
 _GAIN = 0.1  # cot α + cot β must be below minus this: a flip has to be worth the change of the surface
 _FLAT = 0.94  # cosine of 20 degrees: how far the two faces may lean before and after
@@ -38,17 +37,31 @@ def _openness(points: Points, apex: int, a: int, b: int) -> float:
 def _adjacent(surface: Surface, h: int, other: int) -> bool:
     """Whether an edge joins the start of h with `other`."""
     vert, twin = surface.vert, surface.twin
-    first = fan_start(twin, h)
-    k = first
+    k = h
     while True:
         if vert[following(k)] == other:
             return True
         back = preceding(k)
         k = twin[back]
-        if k < 0:
-            return bool(vert[back] == other)
-        if k == first:
+        if k == h:
             return False
+        if k < 0:
+            break
+    if vert[back] == other:
+        return True
+    k = twin[h]  # the fan is open: on to its other side
+    while k >= 0:
+        k = following(k)
+        if vert[following(k)] == other:
+            return True
+        k = twin[k]
+    return False
+
+
+@kernel(numba.boolean(numba.float64, numba.float64, numba.float64, numba.float64), **LEAN)
+def _leans(dot: float, cosine: float, m: float, n: float) -> bool:
+    """Whether vectors of squared lengths m, n and that scalar product differ by more than an acute angle."""
+    return bool(dot < 0 or dot * dot < cosine * cosine * m * n)
 
 
 @kernel(numba.boolean(SURFACE, numba.int64, VECTOR), **LEAN)
@@ -62,22 +75,19 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
         return False
     mx, my, mz = area_vector(points, a, b, c)
     nx, ny, nz = area_vector(points, b, a, d)
-    m, n = np.sqrt(mx * mx + my * my + mz * mz), np.sqrt(nx * nx + ny * ny + nz * nz)
-    if m == 0 or n == 0:
+    m, n = mx * mx + my * my + mz * mz, nx * nx + ny * ny + nz * nz
+    if m == 0 or n == 0 or at_c / np.sqrt(m) + at_d / np.sqrt(n) > -_GAIN:
         return False
-    if at_c / m + at_d / n > -_GAIN:
-        return False
-    if mx * nx + my * ny + mz * nz < max(_FLAT, limits[2]) * m * n:
+    if _leans(mx * nx + my * ny + mz * nz, max(_FLAT, limits[2]), m, n):
         return False
     crossing = squared(points, c, d)
     if crossing > limits[0] or crossing < limits[1]:
         return False
     px, py, pz = area_vector(points, a, d, c)
     qx, qy, qz = area_vector(points, b, c, d)
-    p, q = np.sqrt(px * px + py * py + pz * pz), np.sqrt(qx * qx + qy * qy + qz * qz)
     sx, sy, sz = mx + nx, my + ny, mz + nz
-    s = np.sqrt(sx * sx + sy * sy + sz * sz)
-    if px * sx + py * sy + pz * sz < _FLAT * p * s or qx * sx + qy * sy + qz * sz < _FLAT * q * s:
+    p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
+    if _leans(px * sx + py * sy + pz * sz, _FLAT, p, s) or _leans(qx * sx + qy * sy + qz * sz, _FLAT, q, s):
         return False
     return not _adjacent(surface, preceding(h), d)
 
@@ -96,13 +106,14 @@ def flip_edge(surface: Surface, h: int) -> None:
     join(twin, h1, k1)
 
 
-@kernel(numba.int64(SURFACE, numba.int64, VECTOR, INTS), **LEAN)
-def _try_flip(surface: Surface, h: int, limits: Floats, again: Indices) -> int:
+@kernel(numba.int64(SURFACE, numba.int64, VECTOR, BYTES, INTS), **LEAN)
+def _try_flip(surface: Surface, h: int, limits: Floats, marks: AnyArray, again: Indices) -> int:
     """Flip the edge of h if it is worth it, and list the four edges around for another look."""
     k = surface.twin[h]
     if k < 0 or not worth_flipping(surface, h, limits):
         return 0
     flip_edge(surface, h)
+    marks[h // 3] = marks[k // 3] = CHANGED
     push(again, h)
     push(again, preceding(h))
     push(again, k)
@@ -110,25 +121,45 @@ def _try_flip(surface: Surface, h: int, limits: Floats, again: Indices) -> int:
     return 1
 
 
+@kernel(numba.int64(SURFACE, numba.int64), **LEAN)
+def _facing_obtuse(surface: Surface, f: int) -> int:
+    """The half-edge of a face that faces its obtuse corner; -1 where all corners are acute."""
+    points, vert = surface.points, surface.vert
+    h = 3 * f
+    a, b, c = vert[h], vert[h + 1], vert[h + 2]
+    if _openness(points, c, a, b) < 0:
+        return h
+    if _openness(points, a, b, c) < 0:
+        return h + 1
+    return h + 2 if _openness(points, b, c, a) < 0 else -1
+
+
 @kernel(numba.int64(SURFACE, numba.int64, VECTOR, BYTES, INTS), **LEAN)
 def flip_marked(surface: Surface, faces: int, limits: Floats, marks: AnyArray, again: Indices) -> int:
-    """Flip what is worth it among the edges of marked faces, and then around each flip; clears the marks.
+    """Flip what is worth it among the edges of FRESH faces, and then around each flip.
 
-    `again` is scratch. Flips on a curved surface might chase each other for ever, so their number is
-    bounded by that of the edges looked at.
+    An edge can only be worth it if it faces an obtuse corner, and a face has at most one: so each FRESH
+    face looks at one edge, and those beside it that were left alone look across at theirs. `again` is
+    scratch. Flips on a curved surface might chase each other for ever, so their number is bounded by that
+    of the faces looked at.
     """
     vert, twin = surface.vert, surface.twin
     again[0] = 0
     flips, looks = 0, 0
     for f in range(faces):
-        if marks[f] and vert[3 * f] >= 0:
-            for h in range(3 * f, 3 * f + 3):
-                if h > twin[h] or marks[twin[h] // 3] == 0:
-                    looks += 1
-                    flips += _try_flip(surface, h, limits, again)
+        if marks[f] != FRESH or vert[3 * f] < 0:
+            continue
+        marks[f] = CHANGED
+        looks += 1
+        for h in range(3 * f, 3 * f + 3):
+            k = twin[h]
+            if k >= 0 and marks[k // 3] == AS_IT_WAS and _facing_obtuse(surface, k // 3) == k:
+                flips += _try_flip(surface, k, limits, marks, again)
+        h = _facing_obtuse(surface, f)
+        if h >= 0:
+            flips += _try_flip(surface, h, limits, marks, again)
     at = 1
     while at <= again[0] and flips < looks:
-        flips += _try_flip(surface, again[at], limits, again)
+        flips += _try_flip(surface, again[at], limits, marks, again)
         at += 1
-    marks[:faces] = 0
     return flips

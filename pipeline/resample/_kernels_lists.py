@@ -1,7 +1,10 @@
 """Work lists and geometry shared by the resampling kernels.
 
 A work list is an int32 array whose first entry is how many follow it. Pushing onto a full list does
-nothing: what a list loses, the scan that ends a frame finds again.
+nothing: what a list loses, the look at the marked faces that ends a round finds again.
+
+Marks are one byte a face: AS_IT_WAS when the frame began, CHANGED since, or FRESH, changed since flips
+were last looked for.
 """
 
 from __future__ import annotations
@@ -13,6 +16,7 @@ from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, Surface, following
 
 BYTES = numba.uint8[::1]
+AS_IT_WAS, CHANGED, FRESH = 0, 1, 2
 
 
 @kernel((INTS, numba.int64), **LEAN)

@@ -10,7 +10,6 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numba
-import numpy as np
 
 from pipeline.arrays import Floats, Indices
 from pipeline.kernels import kernel
@@ -50,30 +49,32 @@ def turned(normals: Floats, i: int, j: int, cosine: float) -> bool:
     dot = normals[i, 0] * normals[j, 0] + normals[i, 1] * normals[j, 1] + normals[i, 2] * normals[j, 2]
     m = normals[i, 0] ** 2 + normals[i, 1] ** 2 + normals[i, 2] ** 2
     n = normals[j, 0] ** 2 + normals[j, 1] ** 2 + normals[j, 2] ** 2
-    return bool(dot < cosine * np.sqrt(m * n))
+    return bool(dot * abs(dot) < cosine * abs(cosine) * (m * n))  # squares that keep their signs
 
 
 @kernel(numba.boolean(SURFACE, numba.int64, RING), **LEAN)
 def walk(surface: Surface, h: int, ring: Ring) -> bool:
     """Lay out spokes and faces around the start of h; false where there are too many."""
     vert, twin = surface.vert, surface.twin
-    first = fan_start(twin, h)
-    k, n = first, 0
-    while True:
-        if n + 1 >= MOST_SPOKES:
-            return False
+    first = k = h
+    n = 0
+    while n + 1 < MOST_SPOKES:
         ring.leaving[n] = k
         ring.vertex[n] = vert[following(k)]
         n += 1
         back = preceding(k)
         k = twin[back]
-        if k < 0:
-            ring.vertex[n] = vert[back]
-            ring.size[0], ring.size[1] = n, n + 1
-            return True
         if k == first:
             ring.size[0], ring.size[1] = n, n
             return True
+        if k < 0 and twin[first] >= 0:  # an open fan, to be laid out from its other end
+            first = k = fan_start(twin, h)
+            n = 0
+        elif k < 0:
+            ring.vertex[n] = vert[back]
+            ring.size[0], ring.size[1] = n, n + 1
+            return True
+    return False
 
 
 @kernel((SURFACE, numba.int64, RING, numba.float64), **LEAN)

@@ -1,58 +1,126 @@
-"""One pass over all edges: which are out of the bracket, and how far it reaches."""
+"""Which edges are out of the bracket, and how far the lengths reach: of all edges once, then of what changed.
+
+Lengths are summed up by blocks of faces, so that a frame that touches a tenth of the surface counts
+little more than that tenth again.
+"""
 
 from __future__ import annotations
 
 import numba
 import numpy as np
 
-from pipeline.arrays import Floats, Indices
+from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, LEAN, SURFACE, VECTOR, Surface
-from pipeline.resample._kernels_lists import push, squared
+from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface
+from pipeline.resample._kernels_lists import AS_IT_WAS, BYTES, push, squared, squared_length
+
+BLOCK = 16
+_PAIR = numba.types.UniTuple(numba.float64, 2)
+_TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
 
-@kernel((SURFACE, numba.int64, numba.float64, VECTOR, INTS, INTS, VECTOR), **LEAN)
-def _list(
-    surface: Surface, h: int, length: float, limits: Floats, longs: Indices, shorts: Indices, extent: Floats
-) -> None:
-    if not length < np.inf:
-        extent[2] += 1
-    if surface.twin[h] > h:
-        return
+@kernel(_TRIPLE(SURFACE, numba.int64), **LEAN)
+def _sides(surface: Surface, f: int) -> tuple[float, float, float]:
+    """Squared lengths of the three edges of a face that is there."""
+    points, vert = surface.points, surface.vert
+    a, b, c = np.uint32(vert[3 * f]), np.uint32(vert[3 * f + 1]), np.uint32(vert[3 * f + 2])
+    return squared(points, a, b), squared(points, b, c), squared(points, c, a)
+
+
+@kernel(_PAIR(numba.float64, numba.float64, numba.float64), **LEAN)
+def _least_and_most(x: float, y: float, z: float) -> tuple[float, float]:
+    """Without branches, unlike `min` and `max`, which care for nan."""
+    least, most = x if x < y else y, x if x > y else y
+    return z if z < least else least, z if z > most else most
+
+
+@kernel(_PAIR(numba.float64, numba.float64, numba.float64, numba.float64), **LEAN)
+def _wider(low: float, high: float, small: float, large: float) -> tuple[float, float]:
+    return small if small < low else low, large if large > high else high
+
+
+@kernel((SURFACE, numba.int64, numba.float64, VECTOR, INTS, INTS), **LEAN)
+def _list(surface: Surface, h: int, length: float, limits: Floats, longs: Indices, shorts: Indices) -> None:
+    """List the edge of h if it is out of the bracket and its twin does not do it."""
     if length > limits[0]:
-        push(longs, h)
-    elif length < limits[1]:
+        if surface.twin[h] < h:
+            push(longs, h)
+    elif length < limits[1] and surface.twin[h] < h:
         push(shorts, h)
 
 
-@kernel((SURFACE, numba.int64, VECTOR, INTS, INTS, VECTOR), **LEAN)
+@kernel(numba.float64(SURFACE, numba.int64, VECTOR, INTS, INTS, MATRIX), **LEAN)
 def scan(
-    surface: Surface, faces: int, limits: Floats, longs: Indices, shorts: Indices, extent: Floats
-) -> None:
-    """List every edge out of the bracket once; `extent` gets the shortest and longest squared length,
-    and the number of edges (seen from their faces) whose length is not finite.
+    surface: Surface, faces: int, limits: Floats, longs: Indices, shorts: Indices, extents: Points
+) -> float:
+    """List every edge out of the bracket once; answers a sum that is finite where all lengths are.
 
-    `limits` begins with the largest and smallest squared length allowed. Faces are visited in order and
-    only the edges listed look at their twins, so the pass costs little more than reading the mesh.
+    `limits` begins with the largest and smallest squared length allowed; `extents` (blocks, 2) gets the
+    smallest and largest of each block. No face may be missing. Faces are visited in order and only edges
+    out of the bracket look at their twins, so the pass costs little more than reading the mesh.
     """
-    points, vert = surface.points, surface.vert
-    most, least = limits[0], limits[1]
-    low, high = extent[0], extent[1]
-    for f in range(faces):
-        h = 3 * f
-        a, b, c = vert[h], vert[h + 1], vert[h + 2]
-        if a < 0:
+    most, least, total = limits[0], limits[1], 0.0
+    for block in range(len(extents)):
+        low, high = np.inf, 0.0
+        for f in range(BLOCK * block, min(BLOCK * (block + 1), faces)):
+            ab, bc, ca = _sides(surface, f)
+            small, large = _least_and_most(ab, bc, ca)
+            low, high = _wider(low, high, small, large)
+            total += ab + bc + ca
+            if large > most or small < least:
+                _list(surface, 3 * f, ab, limits, longs, shorts)
+                _list(surface, 3 * f + 1, bc, limits, longs, shorts)
+                _list(surface, 3 * f + 2, ca, limits, longs, shorts)
+        extents[block, 0], extents[block, 1] = low, high
+    return total
+
+
+@kernel((SURFACE, numba.int64, VECTOR, BYTES, INTS, INTS, INTS), **LEAN)
+def look_again(
+    surface: Surface,
+    faces: int,
+    limits: Floats,
+    marks: AnyArray,
+    before: Indices,
+    longs: Indices,
+    shorts: Indices,
+) -> None:
+    """List every edge out of the bracket once, as `scan` would, by looking at the marked faces only.
+
+    Beside them only edges that stood in the list of short ones `before` can be out of the bracket.
+    """
+    vert, twin = surface.vert, surface.twin
+    for i in range(1, before[0] + 1):
+        h = before[i]
+        if marks[h // 3] or (twin[h] >= 0 and marks[twin[h] // 3]):
             continue
-        ab, bc, ca = squared(points, a, b), squared(points, b, c), squared(points, c, a)
-        small = ab if ab < bc else bc
-        small = ca if ca < small else small
-        large = ab if ab > bc else bc
-        large = ca if ca > large else large
-        low = small if small < low else low
-        high = large if large > high else high
-        finite = ab + bc + ca < np.inf  # comparisons with nan are false, and lose it above
-        if not (large <= most and small >= least and finite):
-            _list(surface, h, ab, limits, longs, shorts, extent)
-            _list(surface, h + 1, bc, limits, longs, shorts, extent)
-            _list(surface, h + 2, ca, limits, longs, shorts, extent)
-    extent[0], extent[1] = low, high
+        push(shorts, h)
+    for f in range(faces):
+        if marks[f] == AS_IT_WAS or vert[3 * f] < 0:
+            continue
+        for h in range(3 * f, 3 * f + 3):
+            length = squared_length(surface, h)
+            if limits[1] <= length <= limits[0]:
+                continue
+            back = twin[h]
+            if back > h and marks[back // 3]:
+                continue
+            push(longs if length > limits[0] else shorts, h)
+
+
+@kernel(_PAIR(SURFACE, numba.int64, BYTES, MATRIX), **LEAN)
+def extent(surface: Surface, faces: int, marks: AnyArray, extents: Points) -> tuple[float, float]:
+    """The smallest and largest squared length, from the blocks of `scan` and, anew, those that changed."""
+    low, high = np.inf, 0.0
+    for block in range((faces + BLOCK - 1) // BLOCK):
+        first, end = BLOCK * block, min(BLOCK * (block + 1), faces)
+        changed = 1 if end - first < BLOCK or block >= len(extents) else 0
+        if not changed:
+            for f in range(first, first + BLOCK):
+                changed |= marks[f]
+        if not changed:
+            low, high = _wider(low, high, extents[block, 0], extents[block, 1])
+            continue
+        for f in range(first, end):
+            low, high = _wider(low, high, *_least_and_most(*_sides(surface, f)))
+    return low, high

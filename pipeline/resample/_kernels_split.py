@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import INTS, LEAN, SURFACE, VECTOR, Surface, following, join, preceding
-from pipeline.resample._kernels_lists import BYTES, push, squared, squared_length
+from pipeline.resample._kernels_lists import BYTES, FRESH, push, squared, squared_length
 
 _CLASSES = 16
 
@@ -125,9 +125,9 @@ def split_pass(
         push(parents, b)
         _sort_out(surface, h, limits, later, shorts)
         for g in range(first, sizes[1]):
-            marks[g] = 1
+            marks[g] = FRESH
             for i in range(3):
                 _sort_out(surface, 3 * g + i, limits, later, shorts)
-        marks[h // 3] = 1
+        marks[h // 3] = FRESH
         if back >= 0:
-            marks[back // 3] = 1
+            marks[back // 3] = FRESH

@@ -11,15 +11,16 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_collapse import REASONS, collapse_all
 from pipeline.resample._kernels_flip import flip_marked
 from pipeline.resample._kernels_ring import MOST_SPOKES, Ring
-from pipeline.resample._kernels_scan import scan
+from pipeline.resample._kernels_scan import BLOCK, extent, look_again, scan
 from pipeline.resample._kernels_split import longest_first, split_pass
+from pipeline.resample.locality import in_memory_order
 from pipeline.resample.placement import Chord, Placement
 from pipeline.resample.report import Report
 from pipeline.resample.thresholds import Thresholds
@@ -42,7 +43,7 @@ class Resampler:
     def __init__(self, mesh: TriangleMesh, thresholds: Thresholds, placement: Placement = _CHORD) -> None:
         self.thresholds = thresholds
         self.placement = placement
-        self._mesh = HalfedgeMesh(mesh)
+        self._mesh = HalfedgeMesh(in_memory_order(mesh))
 
     @property
     def vertices(self) -> Points:
@@ -51,7 +52,7 @@ class Resampler:
 
     @property
     def mesh(self) -> TriangleMesh:
-        """The surface as a value, vertices in the order of `vertices`."""
+        """The surface as a value, vertices in the order of `vertices`; that of faces is ours."""
         return self._mesh.snapshot()
 
     def state(self) -> dict[str, AnyArray]:
@@ -71,7 +72,10 @@ class Resampler:
                 f"the state holds no {' and no '.join(sorted(missing))}; it cannot be resumed from"
             )
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
-        return cls(TriangleMesh(state["vertices"], state["faces"], attributes), thresholds, placement)
+        resumed = cls.__new__(cls)  # not by __init__, which may order faces anew
+        resumed.thresholds, resumed.placement = thresholds, placement
+        resumed._mesh = HalfedgeMesh(TriangleMesh(state["vertices"], state["faces"], attributes))
+        return resumed
 
     def resample(self) -> Report:
         """Bring the edges into the bracket again, in place.
@@ -103,17 +107,18 @@ class _Frame:
         longest, shortest = thresholds.max_edge_length, thresholds.min_edge_length
         cosine, midpoint = math.cos(thresholds.hard_angle), float(placement.merges_at_midpoint)
         self.limits = np.array([longest * longest, shortest * shortest, cosine, midpoint])
-        self.extent: Floats = np.zeros(3)
         self.splits = self.collapses = self.flips = self.passes = 0
         self.refused: Indices = np.zeros(len(REASONS), np.int64)
-        self.marks = np.zeros(int(mesh.sizes[1]), np.uint8)
+        faces = int(mesh.sizes[1])
+        self.marks = np.zeros(faces, np.uint8)
+        self.extents: Points = np.empty((-(-faces // BLOCK), 2))
 
     def scan(self) -> None:
         """Find the edges out of the bracket."""
         self.longs, self.shorts = _work_list(self.mesh.edges), _work_list(2 * self.mesh.edges)
-        self.extent[:] = math.inf, 0.0, 0.0
-        scan(self.mesh.surface, self.mesh.sizes[1], self.limits, self.longs, self.shorts, self.extent)
-        if self.extent[2]:
+        faces = self.mesh.sizes[1]
+        total = scan(self.mesh.surface, faces, self.limits, self.longs, self.shorts, self.extents)
+        if not math.isfinite(total):
             size = np.abs(self.mesh.vertices).max(axis=1)
             wild = int(np.argmax(np.where(np.isnan(size), math.inf, size)))
             raise FrameError(
@@ -148,13 +153,29 @@ class _Frame:
         """Collapse, flip and look again, until every edge that is still short has a reason to be (P9)."""
         self.dead_faces = _work_list(int(self.mesh.sizes[1]))
         self.dead_vertices = _work_list(int(self.mesh.sizes[0]))
-        if self._collapse() or self.splits:
+        changed = self._collapse() or self.splits
+        while changed:
             self._flip()
-            self.scan()
-            while self._collapse():
-                self._flip()
-                self.scan()
+            if self._all_settled():
+                break
+            self._look_again()
+            changed = self._collapse()
         self.mesh.fill_holes(_items(self.dead_vertices), _items(self.dead_faces))
+
+    def _all_settled(self) -> bool:
+        """Whether nothing can be left to do: every edge that became short was listed, and has collapsed."""
+        overflow = self.shorts[0] + 1 == len(self.shorts)
+        settled = not (overflow or self.refused.any()) and isinstance(self.placement, Chord)
+        if settled:
+            self.shorts[0] = 0
+        return settled
+
+    def _look_again(self) -> None:
+        before = self.shorts
+        self.longs, self.shorts = _work_list(self.mesh.edges), _work_list(2 * self.mesh.edges)
+        look_again(
+            self.mesh.surface, self.mesh.sizes[1], self.limits, self.marks, before, self.longs, self.shorts
+        )
 
     def _collapse(self) -> int:
         self.refused[:] = 0
@@ -179,13 +200,15 @@ class _Frame:
     def _keep_to_budget(self, more: int) -> None:
         vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices
         if vertices + more > budget:
+            longest = math.sqrt(self.extents[:, 1].max())
             raise FrameError(
                 f"{vertices} vertices and {more} edges to split exceed the budget of {budget} vertices "
-                f"(longest edge {math.sqrt(self.extent[1]):g}, allowed {self.thresholds.max_edge_length:g}); "
+                f"(longest edge {longest:g}, allowed {self.thresholds.max_edge_length:g}); "
                 "raise max_vertices or max_edge_length"
             )
 
     def report(self) -> Report:
+        low, high = extent(self.mesh.surface, self.mesh.sizes[1], self.marks, self.extents)
         refused = {reason: int(n) for reason, n in zip(REASONS, self.refused, strict=True) if n}
         return Report(
             splits=self.splits,
@@ -197,8 +220,8 @@ class _Frame:
             edges=self.mesh.edges,
             too_long=int(self.longs[0]),
             too_short=int(self.shorts[0]),
-            shortest=math.sqrt(self.extent[0]),
-            longest=math.sqrt(self.extent[1]),
+            shortest=math.sqrt(low),
+            longest=math.sqrt(high),
             refused=refused,
         )
 
