@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film test soak bench check setup lock clean
+.PHONY: film test soak bench check pictures setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -25,6 +25,13 @@ check: .venv/ready-dev
 
 bench: .venv/ready-bench
 	$(BIN)/python -m benchmarks
+
+# The README's pictures, from the draft film and one final still of each shot.
+pictures: film
+	$(BIN)/flowsculpt -j $(CORES) render A010_cube -f 50 -q final
+	$(BIN)/flowsculpt -j $(CORES) render A020_lorenz -f 56 -q final
+	$(BIN)/flowsculpt -j $(CORES) render A030_taffy -f 54 -q final
+	$(BIN)/python docs/pictures/make.py
 
 setup: .venv/ready
 
