@@ -31,6 +31,7 @@ class Surface(NamedTuple):
     twin: Indices  # (3F,)
 
 
+_NONE, _TWO, _THREE = np.uint64(0), np.uint64(2), np.uint64(3)  # unsigned: their remainder costs half
 INTS = numba.int32[::1]
 MATRIX = numba.float64[:, ::1]
 VECTOR = numba.float64[::1]
@@ -40,13 +41,13 @@ SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS], Surface)
 @kernel("int64(int64)", **LEAN)
 def following(h: int) -> int:
     """The half-edge after h in its face."""
-    return h - 2 if h % 3 == 2 else h + 1
+    return h - 2 if np.uint64(h) % _THREE == _TWO else h + 1
 
 
 @kernel("int64(int64)", **LEAN)
 def preceding(h: int) -> int:
     """The half-edge before h in its face."""
-    return h + 2 if h % 3 == 0 else h - 1
+    return h + 2 if np.uint64(h) % _THREE == _NONE else h - 1
 
 
 @kernel("void(int32[::1], int64, int64)", **LEAN)

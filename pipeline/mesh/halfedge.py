@@ -125,4 +125,5 @@ def _width(shape: tuple[int, ...]) -> int:
 def _grown(array: AnyArray, rows: int) -> AnyArray:
     larger = np.empty((rows, *array.shape[1:]), array.dtype)
     larger[: len(array)] = array
+    larger[len(array) :] = 0  # touched now, so that no frame waits for the pages
     return larger

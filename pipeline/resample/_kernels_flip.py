@@ -27,9 +27,10 @@ _FLAT = 0.94  # cosine of 20 degrees: how far the two faces may lean before and 
 @kernel(numba.float64(MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
 def _openness(points: Points, apex: int, a: int, b: int) -> float:
     """Scalar product of the sides of a triangle that meet at `apex`: negative where the angle is obtuse."""
-    x = (points[a, 0] - points[apex, 0]) * (points[b, 0] - points[apex, 0])
-    y = (points[a, 1] - points[apex, 1]) * (points[b, 1] - points[apex, 1])
-    z = (points[a, 2] - points[apex, 2]) * (points[b, 2] - points[apex, 2])
+    i, j, k = np.uint64(apex), np.uint64(a), np.uint64(b)
+    x = (points[j, 0] - points[i, 0]) * (points[k, 0] - points[i, 0])
+    y = (points[j, 1] - points[i, 1]) * (points[k, 1] - points[i, 1])
+    z = (points[j, 2] - points[i, 2]) * (points[k, 2] - points[i, 2])
     return float(x + y + z)
 
 

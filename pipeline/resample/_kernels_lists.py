@@ -10,6 +10,7 @@ were last looked for.
 from __future__ import annotations
 
 import numba
+import numpy as np
 
 from pipeline.arrays import Indices, Points
 from pipeline.kernels import kernel
@@ -30,17 +31,19 @@ def push(items: Indices, item: int) -> None:
 @kernel(numba.float64(MATRIX, numba.int64, numba.int64), **LEAN)
 def squared(points: Points, a: int, b: int) -> float:
     """Squared distance between two vertices."""
-    x = points[a, 0] - points[b, 0]
-    y = points[a, 1] - points[b, 1]
-    z = points[a, 2] - points[b, 2]
+    u, v = np.uint64(a), np.uint64(b)  # unsigned, or every access would ask whether to count from the end
+    x = points[u, 0] - points[v, 0]
+    y = points[u, 1] - points[v, 1]
+    z = points[u, 2] - points[v, 2]
     return float(x * x + y * y + z * z)
 
 
 @kernel(numba.types.UniTuple(numba.float64, 3)(MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
 def area_vector(points: Points, a: int, b: int, c: int) -> tuple[float, float, float]:
     """Normal of the triangle abc, as long as twice its area."""
-    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
-    vx, vy, vz = points[c, 0] - points[a, 0], points[c, 1] - points[a, 1], points[c, 2] - points[a, 2]
+    i, j, k = np.uint64(a), np.uint64(b), np.uint64(c)
+    ux, uy, uz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+    vx, vy, vz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 

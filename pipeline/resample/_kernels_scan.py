@@ -23,7 +23,7 @@ _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 def _sides(surface: Surface, f: int) -> tuple[float, float, float]:
     """Squared lengths of the three edges of a face that is there."""
     points, vert = surface.points, surface.vert
-    a, b, c = np.uint32(vert[3 * f]), np.uint32(vert[3 * f + 1]), np.uint32(vert[3 * f + 2])
+    a, b, c = vert[3 * f], vert[3 * f + 1], vert[3 * f + 2]
     return squared(points, a, b), squared(points, b, c), squared(points, c, a)
 
 
@@ -56,8 +56,9 @@ def scan(
     """List every edge out of the bracket once; answers a sum that is finite where all lengths are.
 
     `limits` begins with the largest and smallest squared length allowed; `extents` (blocks, 2) gets the
-    smallest and largest of each block. No face may be missing. Faces are visited in order and only edges
-    out of the bracket look at their twins, so the pass costs little more than reading the mesh.
+    smallest and largest of each block, over the faces within the bracket. No face may be missing. Faces
+    are visited in order and only edges out of the bracket look at their twins, so the pass costs little
+    more than reading the mesh.
     """
     most, least, total = limits[0], limits[1], 0.0
     for block in range(len(extents)):
@@ -65,12 +66,13 @@ def scan(
         for f in range(BLOCK * block, min(BLOCK * (block + 1), faces)):
             ab, bc, ca = _sides(surface, f)
             small, large = _least_and_most(ab, bc, ca)
-            low, high = _wider(low, high, small, large)
             total += ab + bc + ca
             if large > most or small < least:
                 _list(surface, 3 * f, ab, limits, longs, shorts)
                 _list(surface, 3 * f + 1, bc, limits, longs, shorts)
                 _list(surface, 3 * f + 2, ca, limits, longs, shorts)
+            else:
+                low, high = _wider(low, high, small, large)
         extents[block, 0], extents[block, 1] = low, high
     return total
 
@@ -108,19 +110,28 @@ def look_again(
             push(longs if length > limits[0] else shorts, h)
 
 
-@kernel(_PAIR(SURFACE, numba.int64, BYTES, MATRIX), **LEAN)
-def extent(surface: Surface, faces: int, marks: AnyArray, extents: Points) -> tuple[float, float]:
-    """The smallest and largest squared length, from the blocks of `scan` and, anew, those that changed."""
+@kernel(_PAIR(SURFACE, numba.int64, BYTES, INTS, MATRIX), **LEAN)
+def extent(
+    surface: Surface, faces: int, marks: AnyArray, shorts: Indices, extents: Points
+) -> tuple[float, float]:
+    """The smallest and largest squared length now.
+
+    Looked at anew are the marked faces and those beside `shorts`, which `scan` left out, and of all the
+    others only blocks that reach farther than what was seen so far.
+    """
     low, high = np.inf, 0.0
-    for block in range((faces + BLOCK - 1) // BLOCK):
-        first, end = BLOCK * block, min(BLOCK * (block + 1), faces)
-        changed = 1 if end - first < BLOCK or block >= len(extents) else 0
-        if not changed:
-            for f in range(first, first + BLOCK):
-                changed |= marks[f]
-        if not changed:
-            low, high = _wider(low, high, extents[block, 0], extents[block, 1])
-            continue
-        for f in range(first, end):
+    for f in range(faces):
+        if marks[f] != AS_IT_WAS:
             low, high = _wider(low, high, *_least_and_most(*_sides(surface, f)))
+    for i in range(1, shorts[0] + 1):
+        low, high = _wider(low, high, *_least_and_most(*_sides(surface, shorts[i] // 3)))
+        back = surface.twin[shorts[i]]
+        if back >= 0:
+            low, high = _wider(low, high, *_least_and_most(*_sides(surface, back // 3)))
+    for block in range(len(extents)):
+        if extents[block, 0] >= low and extents[block, 1] <= high:
+            continue
+        for f in range(BLOCK * block, min(BLOCK * (block + 1), faces)):
+            if marks[f] == AS_IT_WAS:
+                low, high = _wider(low, high, *_least_and_most(*_sides(surface, f)))
     return low, high

@@ -10,7 +10,7 @@ from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import INTS, LEAN, SURFACE, VECTOR, Surface, following, join, preceding
 from pipeline.resample._kernels_lists import BYTES, FRESH, push, squared, squared_length
 
-_CLASSES = 16
+_CLASSES = 4
 
 
 @kernel((SURFACE, numba.int64, numba.int64, numba.int64), **LEAN)
@@ -63,7 +63,7 @@ def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: 
 
 @kernel(INTS(SURFACE, INTS, VECTOR, INTS))
 def longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indices) -> Indices:
-    """The edges of this pass, longest first in sixteen classes; those below 1/√2 of the longest wait.
+    """The edges of this pass, longest first in a few classes; those below 1/√2 of the longest wait.
 
     Nothing new can then be longer than √(1 - 1/8) of the longest edge, so splitting ends, and thin
     triangles are cut across rather than along.

@@ -200,15 +200,20 @@ class _Frame:
     def _keep_to_budget(self, more: int) -> None:
         vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices
         if vertices + more > budget:
-            longest = math.sqrt(self.extents[:, 1].max())
+            longest = self._extent(np.ones_like(self.marks))[1]
             raise FrameError(
                 f"{vertices} vertices and {more} edges to split exceed the budget of {budget} vertices "
                 f"(longest edge {longest:g}, allowed {self.thresholds.max_edge_length:g}); "
                 "raise max_vertices or max_edge_length"
             )
 
+    def _extent(self, marks: AnyArray) -> tuple[float, float]:
+        """The shortest and longest edge, where marks tell what has changed since the scan."""
+        low, high = extent(self.mesh.surface, self.mesh.sizes[1], marks, self.shorts, self.extents)
+        return math.sqrt(low), math.sqrt(high)
+
     def report(self) -> Report:
-        low, high = extent(self.mesh.surface, self.mesh.sizes[1], self.marks, self.extents)
+        low, high = self._extent(self.marks)
         refused = {reason: int(n) for reason, n in zip(REASONS, self.refused, strict=True) if n}
         return Report(
             splits=self.splits,
@@ -220,8 +225,8 @@ class _Frame:
             edges=self.mesh.edges,
             too_long=int(self.longs[0]),
             too_short=int(self.shorts[0]),
-            shortest=math.sqrt(low),
-            longest=math.sqrt(high),
+            shortest=low,
+            longest=high,
             refused=refused,
         )
 
