@@ -1,10 +1,11 @@
 """Whatever the surface and however it is moved: it stays sound, and within its bracket or explained."""
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import Points
+from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError
 from pipeline.mesh import TriangleMesh, box, icosphere, require, rod, sheet, torus
 from pipeline.resample import Resampler, Thresholds
@@ -27,6 +28,12 @@ def moved(points: Points, rng: np.random.Generator, smooth: float, rough: float)
     waves = np.sin(points @ rng.normal(size=(3, 3)) * 2 + rng.uniform(0, 6, 3))
     linear = np.eye(3) + smooth * rng.normal(size=(3, 3))
     return points @ linear + smooth * waves + rough * rng.normal(size=points.shape)
+
+
+def edge_lengths(mesh: TriangleMesh) -> Floats:
+    """Of every half-edge."""
+    ends = mesh.vertices[mesh.faces]
+    return np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2).reshape(-1)
 
 
 @settings(max_examples=50, deadline=None)
@@ -59,6 +66,12 @@ def test_every_surface_survives_every_motion(
         assert report.longest <= longest
         assert sum(report.refused.values()) == report.too_short
         assert (report.vertices, report.faces, report.edges) == (after.vertices, after.faces, after.edges)
+        lengths = edge_lengths(resampler.mesh)
+        assert report.shortest == pytest.approx(lengths.min(), rel=1e-12)
+        assert report.longest == pytest.approx(lengths.max(), rel=1e-12)
+        if after.closed:
+            short = np.count_nonzero(lengths < thresholds.min_edge_length * (1 - 1e-12))
+            assert short == pytest.approx(2 * report.too_short, abs=2)
 
 
 @settings(max_examples=25, deadline=None)
