@@ -12,8 +12,9 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError
+from ruamel.yaml.error import MarkedYAMLError, YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
+from ruamel.yaml.reader import ReaderError
 
 from pipeline.errors import MissingInputError, ShotError
 
@@ -51,14 +52,17 @@ class Source:
                 f"{path}:1:1: byte {error.start} is not UTF-8; a shot file is plain text. Save it as UTF-8."
             ) from None
         try:
-            node = YAML().compose(text)
-        except MarkedYAMLError as error:
-            mark = error.problem_mark or error.context_mark
-            place = f"{mark.line + 1}:{mark.column + 1}" if mark else "1:1"
+            return cls._of(path, YAML().compose(text))
+        except YAMLError as error:
+            raise ShotError(f"{path}:{_what_is_no_yaml(error, text)}") from None
+        except RecursionError:
             raise ShotError(
-                f"{path}:{place}: {error.problem or error.context}; this is not YAML. "
-                "Look for a missing colon, quote or bracket, or a tab."
+                f"{path}:1:1: lists or mappings are nested too deep to be read; a shot needs about ten "
+                "levels. Look for brackets that never close."
             ) from None
+
+    @classmethod
+    def _of(cls, path: Path, node: Node | None) -> Source:
         if node is None:
             raise ShotError(f"{path}:1:1: the file is empty; it must hold at least title, frames and subject")
         source = cls(path, None, {})
@@ -122,6 +126,19 @@ class Source:
             self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
             values[key] = self._value(value_node, (*where, key), around)
         return values
+
+
+def _what_is_no_yaml(error: YAMLError, text: str) -> str:
+    """`line:column: …` of what the parser stumbled over."""
+    if isinstance(error, ReaderError):
+        before = text[: error.position]
+        line, column = before.count("\n") + 1, error.position - before.rfind("\n")
+        code = f"U+{ord(text[error.position]):04X}"
+        return f"{line}:{column}: the character {code} cannot stand in YAML; it is not printable. Remove it."
+    mark = (error.problem_mark or error.context_mark) if isinstance(error, MarkedYAMLError) else None
+    place = f"{mark.line + 1}:{mark.column + 1}" if mark else "1:1"
+    fact = (error.problem or error.context) if isinstance(error, MarkedYAMLError) else error
+    return f"{place}: {fact}; this is not YAML. Look for a missing colon, quote or bracket, or a tab."
 
 
 def _scalar(node: ScalarNode) -> Any:

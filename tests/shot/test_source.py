@@ -54,6 +54,9 @@ def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
         ("a: [1, 2\nb: 3\n", r"shot\.yaml:2:2: .* this is not YAML"),
         ("", r"shot\.yaml:1:1: the file is empty"),
         ("a:\n\t- 1\n", r"shot\.yaml:2:1: .* this is not YAML"),
+        ("a: 1\nb: x\x07y\n", r"shot\.yaml:2:5: the character U\+0007 cannot stand in YAML"),
+        ("a: " + "[" * 5000, r"shot\.yaml:1:1: .* nested too deep"),
+        ("{a: " * 2000 + "1" + "}" * 2000, r"shot\.yaml:1:1: .* nested too deep"),
     ],
 )
 def test_what_is_no_yaml_is_told_with_its_place(tmp_path: Path, text: str, told: str) -> None:
