@@ -94,7 +94,7 @@ def animate(
     with the same bits as if the run had never stopped. `flow` takes the place of the shot's own:
     any callable `points, time, dt -> points` will do (P1).
 
-    Raises FrameError, with the frame's number, where the flow fails or the surface cannot be resampled;
+    Raises FrameError, with its `frame`, where the flow fails or the surface cannot be resampled;
     the frames before it have been yielded. MeshError and MissingInputError where the subject is no good.
     """
     motion = shot.motion if isinstance(shot, Shot) else shot
@@ -162,6 +162,6 @@ class _Resampled(_Surface):
         try:
             done = self._resampler.resample()
         except FlowsculptError as error:
-            raise FrameError(f"frame {number}: {error}") from error
+            raise FrameError(str(error), number) from error
         mesh = self._resampler.mesh
         return MeshFrame(number, mesh, FrameReport(done, mesh_statistics(mesh)))

@@ -36,9 +36,20 @@ class MissingInputError(FlowsculptError):
 
 
 class FrameError(FlowsculptError):
-    """A frame that could not be made while others could (exit code 1)."""
+    """A frame that could not be made while others could (exit code 1).
+
+    frame  which one, where that is known; the message then begins with it
+    """
 
     exit_code = 1
+
+    def __init__(self, message: str, frame: int | None = None) -> None:
+        super().__init__(message if frame is None else f"frame {frame}: {message}")
+        self.frame = frame
+
+    def of(self, frame: int) -> FrameError:
+        """This error as that frame's; one that knows its frame stays as it is."""
+        return self if self.frame is not None else FrameError(str(self), frame)
 
 
 class MachineError(FlowsculptError):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import pickle
 from pathlib import Path
 
 import numba
@@ -158,20 +159,33 @@ def test_an_exploding_flow_stops_after_the_good_frames(motion: Motion) -> None:
     with pytest.raises(FrameError, match=r"frame 9: flow .*explode moved vertex 0 from \(") as told:
         for frame in animate(motion, flow=explode):
             good.append(frame.number)
-    assert good == [5, 6, 7, 8] and told.value.exit_code == 1
+    assert good == [5, 6, 7, 8] and told.value.exit_code == 1 and told.value.frame == 9
 
 
 def test_a_surface_that_outgrows_its_budget_stops_with_the_frame(motion: Motion) -> None:
     tight = dataclasses.replace(motion, thresholds=Thresholds(max_edge_length=EDGE, max_vertices=1000))
-    with pytest.raises(FrameError, match=r"^frame \d+: .*1000"):
-        for _ in animate(tight, flow=lambda points, time, dt: points * 1.3):
-            pass
+    last = 0
+    with pytest.raises(FrameError, match=r"^frame \d+: (?!frame).*1000") as told:
+        for frame in animate(tight, flow=lambda points, time, dt: points * 1.3):
+            last = frame.number
+    assert told.value.frame == last + 1
 
 
 def test_a_threshold_far_too_fine_for_the_budget_stops_at_the_first_frame(motion: Motion) -> None:
     fine = Thresholds(max_edge_length=1e-7, max_vertices=5000)
     with pytest.raises(FrameError, match=r"^frame 5: .*5000"):
         next(animate(dataclasses.replace(motion, subject=Solid.of("sheet", {}), thresholds=fine)))
+
+
+def test_an_error_that_knows_its_frame_says_so_once(motion: Motion) -> None:
+    def give_up(points: Points, time: float, dt: float) -> Points:
+        raise FrameError("the tide went out", 8)
+
+    with pytest.raises(FrameError, match=r"^frame 8: the tide went out$") as told:
+        list(animate(motion, flow=give_up))
+    assert told.value.frame == 8
+    copy = pickle.loads(pickle.dumps(told.value))
+    assert (str(copy), copy.frame) == ("frame 8: the tide went out", 8)
 
 
 def test_the_report_says_how_mesh_like_the_surface_is(motion: Motion) -> None:

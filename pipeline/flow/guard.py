@@ -13,27 +13,29 @@ from pipeline.flow.flow import Flow
 def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) -> Points:
     """`flow.displace`: a new float64 array (N, 3) of finite numbers, or a FrameError.
 
-    The error names the flow (in a sequence the guilty one), the frame, the first bad vertex and where
-    that vertex was.
+    The error names the flow (in a sequence the guilty one), the first bad vertex and where that vertex
+    was; its `frame` is `frame`.
     """
     if isinstance(flow, Sequence):
         for part in flow.flows:
             points = displaced(part, points, time, dt, frame)
         return points
-    place = f"frame {frame}: flow {flow.name}"
+    place = f"flow {flow.name}"
     try:
         moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
     except FrameError as error:
-        raise FrameError(f"frame {frame}: {error}") from error
+        raise error.of(frame) from None
     except Exception as error:
         raise FrameError(
             f"{place} raised {type(error).__name__}: {error}; a flow takes points (N, 3), time and dt "
-            f"and returns points (N, 3). Call it alone with {len(points)} points at time {time:g} s."
+            f"and returns points (N, 3). Call it alone with {len(points)} points at time {time:g} s.",
+            frame,
         ) from error
     if moved.shape != points.shape:
         raise FrameError(
             f"{place} returned an array of shape {moved.shape} for points of shape {points.shape}; "
-            "a flow returns one point for each it is given. Return all points, moved or not."
+            "a flow returns one point for each it is given. Return all points, moved or not.",
+            frame,
         )
     finite = np.isfinite(moved).all(axis=1)
     if not finite.all():
@@ -41,6 +43,7 @@ def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) ->
         where = ", ".join(f"{x:.4g}" for x in points[vertex])
         raise FrameError(
             f"{place} moved vertex {vertex} from ({where}) to {moved[vertex].tolist()}; points must stay "
-            "finite. Lower the flow's strength, or raise substeps if it grows from frame to frame."
+            "finite. Lower the flow's strength, or raise substeps if it grows from frame to frame.",
+            frame,
         )
     return moved
