@@ -77,7 +77,8 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
     mx, my, mz = area_vector(points, a, b, c)
     nx, ny, nz = area_vector(points, b, a, d)
     m, n = mx * mx + my * my + mz * mz, nx * nx + ny * ny + nz * nz
-    if m == 0 or n == 0 or at_c / np.sqrt(m) + at_d / np.sqrt(n) > -_GAIN:
+    root_m, root_n = np.sqrt(m), np.sqrt(n)
+    if m == 0 or n == 0 or at_c * root_n + at_d * root_m > -_GAIN * root_m * root_n:
         return False
     if _leans(mx * nx + my * ny + mz * nz, max(_FLAT, limits[2]), m, n):
         return False
