@@ -97,36 +97,39 @@ class Streamlines(Flow):
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         points = for_kernels(points)
-        tables, step = self._tables(time, dt)
+        wanted = self._substeps(time, dt)
+        if not wanted <= MOST_SUBSTEPS:
+            raise FrameError(
+                f"flow {self.name} at {time:g} s is so steep, or divided so finely, that a frame takes {wanted:.3g} "
+                f"sub-steps; {MOST_SUBSTEPS} are the most. Lower its strength or widen its radius."
+            )
+        tables, step = self._tables(time, dt, int(wanted))
         out = np.empty_like(points)
         kernels.advect(points, kinds_of(self.field), tables.ravel(), step, out)
         return out
 
     def acting(self, time: float, dt: float) -> Any:
-        tables, step = self._tables(time, dt)
+        """A field too steep to follow has data too, without a step: its frame fails, and not before."""
+        wanted = self._substeps(time, dt)
+        feasible = wanted <= MOST_SUBSTEPS
+        tables, length = self._tables(time, dt, int(wanted) if feasible else 1)
+        step = length if feasible else None
         return {"streamlines": kinds_of(self.field).tolist(), "tables": tables.tolist(), "step": step}
 
     @property
     def name(self) -> str:
         return self.field.name
 
-    def enough_substeps(self, time: float, dt: float) -> int:
-        """How many sub-steps STEP_LIMIT asks for, looking at the start, middle and end of the step.
-
-        Raises FrameError where it is more than MOST_SUBSTEPS.
-        """
+    def _substeps(self, time: float, dt: float) -> float:
+        """How many are given, or asked for by STEP_LIMIT at the start, middle and end of the step."""
+        if self.substeps:
+            return self.substeps
         steepest = max(
             sum(term.steepness(t) for term in self.field.terms) for t in (time, time + dt / 2, time + dt)
         )
         wanted = steepest * abs(dt) / STEP_LIMIT
-        if not wanted <= MOST_SUBSTEPS:
-            raise FrameError(
-                f"flow {self.name} at {time:g} s is so steep ({steepest:.3g} per second) that a step needs "
-                f"more than {MOST_SUBSTEPS} sub-steps. Lower its strength or widen its radius."
-            )
-        return max(1, math.ceil(wanted))
+        return max(1, math.ceil(wanted)) if math.isfinite(wanted) else math.inf
 
-    def _tables(self, time: float, dt: float) -> tuple[Floats, float]:
-        count = self.substeps or self.enough_substeps(time, dt)
+    def _tables(self, time: float, dt: float, count: int) -> tuple[Floats, float]:
         times = time + dt * np.arange(2 * count + 1) / (2 * count)
         return np.stack([table_of(self.field, float(t)) for t in times]), dt / count

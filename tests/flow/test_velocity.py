@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 
 import numba
@@ -12,7 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Points, Vectors
 from pipeline.errors import FrameError
-from pipeline.flow import Reversed, Sequence, Streamlines, Sum, VelocityField, keyed
+from pipeline.flow import Reversed, Sequence, Streamlines, Sum, VelocityField, displaced, keyed
 from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow.catalogue import Expansion, Lorenz, Rotation, Strain, Translation, Vortex
 from pipeline.flow.velocity import kinds_of, table_of
@@ -203,4 +204,20 @@ def test_parameters_and_compositions_compile_nothing(points: Points) -> None:
 def test_a_field_too_steep_to_follow_is_refused_by_name() -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=100.0))
     with pytest.raises(FrameError, match=r"flow vortex at 0 s is so steep .* Lower its strength"):
+        flow.displace(np.zeros((1, 3)), 0.0, 1 / 24)
+
+
+def test_a_field_that_grows_too_steep_fails_in_its_frame_and_not_in_the_plan() -> None:
+    flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 1.0), (0.0, 100.0), "linear")))
+    data = [flow.acting(time, 1 / 24) for time in (0.0, 0.5, 0.75)]
+    assert data[1] != data[2] and json.loads(json.dumps(data)) == data
+    with pytest.raises(FrameError, match=r"^frame 13: flow vortex at 0\.5 s is so steep") as told:
+        displaced(flow, np.zeros((1, 3)), 0.5, 1 / 24, 13)
+    assert told.value.frame == 13
+
+
+def test_a_number_of_substeps_that_would_fill_the_memory_is_refused_too() -> None:
+    flow = Streamlines(Vortex(), substeps=10**12)
+    assert flow.acting(0.0, 1 / 24)
+    with pytest.raises(FrameError, match=r"needs 1e\+12 sub-steps, and 10000 are the most"):
         flow.displace(np.zeros((1, 3)), 0.0, 1 / 24)
