@@ -203,7 +203,7 @@ def test_parameters_and_compositions_compile_nothing(points: Points) -> None:
 
 def test_a_field_too_steep_to_follow_is_refused_by_name() -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=100.0))
-    with pytest.raises(FrameError, match=r"flow vortex at 0 s is so steep .* Lower its strength"):
+    with pytest.raises(FrameError, match=r"flow vortex at 0 s is so steep.* Lower its strength"):
         flow.displace(np.zeros((1, 3)), 0.0, 1 / 24)
 
 
@@ -218,6 +218,6 @@ def test_a_field_that_grows_too_steep_fails_in_its_frame_and_not_in_the_plan() -
 
 def test_a_number_of_substeps_that_would_fill_the_memory_is_refused_too() -> None:
     flow = Streamlines(Vortex(), substeps=10**12)
-    assert flow.acting(0.0, 1 / 24)
-    with pytest.raises(FrameError, match=r"needs 1e\+12 sub-steps, and 10000 are the most"):
+    assert flow.acting(0.0, 1 / 24) != Streamlines(Vortex(), substeps=1).acting(0.0, 1 / 24)
+    with pytest.raises(FrameError, match=r"takes 1e\+12 sub-steps; 10000 are the most"):
         flow.displace(np.zeros((1, 3)), 0.0, 1 / 24)
