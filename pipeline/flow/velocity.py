@@ -100,8 +100,8 @@ class Streamlines(Flow):
         wanted = self._substeps(time, dt)
         if not wanted <= MOST_SUBSTEPS:
             raise FrameError(
-                f"flow {self.name} at {time:g} s is so steep, or so finely divided, that a frame takes "
-                f"{wanted:.3g} sub-steps; {MOST_SUBSTEPS} are the most. Lower its strength or widen its radius."
+                f"flow {self.name} at {time:g} s is so steep or finely cut that a frame takes {wanted:.3g} "
+                f"sub-steps; {MOST_SUBSTEPS} are the most. Lower its strength or widen its radius."
             )
         tables, step = self._tables(time, dt, int(wanted))
         out = np.empty_like(points)
