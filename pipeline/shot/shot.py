@@ -38,17 +38,19 @@ class Motion:
     def clock(self) -> Clock:
         return Clock(self.frames, self.rate)
 
-    def as_data(self) -> dict[str, Any]:
-        """JSON-able, and equal for equal motions: what the keys of mesh frames are made of."""
-        data: dict[str, Any] = as_data(self)
-        return data
-
     def start_data(self) -> dict[str, Any]:
-        """What decides the first frame alone."""
-        return {"subject": as_data(self.subject), "thresholds": as_data(self.thresholds)}
+        """What decides the first frame, as JSON-able data: equal data, equal mesh.
+
+        The budget of vertices is no part of it: it moves no vertex, and raising it goes on from the last
+        frame that fitted.
+        """
+        thresholds = as_data(self.thresholds)
+        if thresholds is not None:
+            del thresholds["max_vertices"]
+        return {"subject": as_data(self.subject), "thresholds": thresholds}
 
     def step_data(self, frame: int) -> Any:
-        """What acts on the way into `frame`: a key changed at frame 60 changes nothing before."""
+        """What acts on the way into `frame`, as JSON-able data; a changed key tells from the key before it on."""
         return self.flow.acting(*self.clock.step(frame))
 
 
@@ -83,10 +85,6 @@ class Picture:
     camera: CameraPath
     lights: LightRig
     stage: Stage
-
-    def as_data(self) -> dict[str, Any]:
-        data: dict[str, Any] = as_data(self)
-        return data
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,7 @@ import contextlib
 import json
 import math
 from pathlib import Path
+from typing import Any
 
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -16,7 +17,7 @@ from pipeline.flow import Sequence, Streamlines, keyed
 from pipeline.flow.catalogue import Rotation, Twist, Vortex
 from pipeline.mesh import validate, write_mesh
 from pipeline.mesh.solids import box
-from pipeline.shot import read_film, read_shot
+from pipeline.shot import Motion, read_film, read_shot
 
 GOOD = """\
 title: Cube
@@ -70,19 +71,41 @@ def test_a_key_may_have_an_easing_of_its_own(tmp_path: Path) -> None:
     assert vortex.strength.eases == ("constant", "sine_in_out")
 
 
+def data_of(motion: Motion) -> list[Any]:
+    """All that decides the meshes, as keys see it."""
+    return [motion.start_data(), *(motion.step_data(frame) for frame in motion.frames.numbers[1:])]
+
+
 def test_a_motion_is_json_and_equal_data_means_equal_motion(tmp_path: Path) -> None:
-    one = read_shot(written(tmp_path, GOOD)).motion.as_data()
+    one = data_of(read_shot(written(tmp_path, GOOD)).motion)
     assert json.loads(json.dumps(one)) == one
     commented = GOOD.replace("rate: 24", "rate: 24.0  # film")
-    assert read_shot(written(tmp_path, commented, "b.yaml")).motion.as_data() == one
-    assert read_shot(written(tmp_path, GOOD.replace("0.8", "0.7"))).motion.as_data() != one
+    assert data_of(read_shot(written(tmp_path, commented, "b.yaml")).motion) == one
+    assert data_of(read_shot(written(tmp_path, GOOD.replace("0.8", "0.7"))).motion) != one
+
+
+def test_the_budget_of_vertices_is_no_part_of_any_mesh(tmp_path: Path) -> None:
+    one, roomier, finer = (
+        read_shot(written(tmp_path, GOOD.replace("max_edge_length: 0.25", resample))).motion.start_data()
+        for resample in (
+            "max_edge_length: 0.25",
+            "max_edge_length: 0.25, max_vertices: 9000000",
+            "max_edge_length: 0.2",
+        )
+    )
+    assert one == roomier != finer
+
+
+def test_without_resampling_a_motion_has_data_too(tmp_path: Path) -> None:
+    off = GOOD.replace("{max_edge_length: 0.25}", "off")
+    assert read_shot(written(tmp_path, off)).motion.start_data()["thresholds"] is None
 
 
 def test_relighting_changes_the_picture_alone(tmp_path: Path) -> None:
     before = read_shot(written(tmp_path, GOOD))
     after = read_shot(written(tmp_path, GOOD + "look: glaze\nlights: {rig: studio, exposure: 1}\n"))
     assert after.motion == before.motion
-    assert after.picture.as_data() != before.picture.as_data()
+    assert after.picture != before.picture
 
 
 def test_a_key_changed_late_leaves_the_earlier_steps_alone(tmp_path: Path) -> None:
@@ -188,7 +211,7 @@ def test_a_model_is_known_by_its_contents(tmp_path: Path) -> None:
         read_shot(written(tmp_path, GOOD.replace("solid: box", f"model: models/{name}, scale: 2")))
         for name in ("one.obj", "two.obj")
     ]
-    assert shots[0].motion.as_data() == shots[1].motion.as_data()
+    assert shots[0].motion.start_data() == shots[1].motion.start_data()
     assert shots[0].motion.subject.build().bounds.tolist() == [[-2.0] * 3, [2.0] * 3]
 
 
