@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
@@ -9,6 +10,12 @@ from fractions import Fraction
 import fileseq
 
 from pipeline.errors import UsageError
+
+MOST_FRAMES = 100_000
+"""What one range may hold: over an hour at 24 frames per second."""
+
+SLOWEST, FASTEST = Fraction(1, 10), Fraction(1000)
+"""Frames per second."""
 
 
 @dataclass(frozen=True)
@@ -23,7 +30,11 @@ class FrameRange:
 
     @classmethod
     def parse(cls, text: str) -> FrameRange:
-        """Raises UsageError, naming the text, where it is no range or holds no whole frames."""
+        """Raises UsageError, naming the text, where it is no range, or holds no whole frame or too many."""
+        if _reach(text) > MOST_FRAMES:
+            raise UsageError(
+                f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
+            )
         try:
             numbers = tuple(fileseq.FrameSet(text))
         except (fileseq.exceptions.FileSeqException, ValueError):
@@ -45,9 +56,6 @@ class FrameRange:
     @property
     def last(self) -> int:
         return max(self.numbers)
-
-    def within(self, other: FrameRange) -> bool:
-        return set(self.numbers) <= set(other.numbers)
 
     def outside(self, other: FrameRange) -> FrameRange:
         """The frames that `other` does not hold, in our order."""
@@ -76,13 +84,23 @@ class FrameRate:
 
     @classmethod
     def of(cls, value: int | float | str | Fraction) -> FrameRate:
-        """Accepts 24, 29.97 (read as 30000/1001), "24000/1001". Raises UsageError unless positive."""
+        """Accepts 24, 29.97 (read as 30000/1001), "24000/1001".
+
+        Raises UsageError where it is no rate, or not from SLOWEST to FASTEST.
+        """
         try:
+            if not _RATE.fullmatch(str(value)):
+                raise ValueError
             fps = Fraction(str(value))
         except (ValueError, ZeroDivisionError):
-            raise UsageError(f"{value!r} is not a frame rate; write 24, 23.976 or 24000/1001") from None
-        if fps <= 0:
-            raise UsageError(f"frame rate {value} must be positive; 24 is usual")
+            raise UsageError(
+                f"{shortened(value)} is not a frame rate; write 24, 23.976 or 24000/1001"
+            ) from None
+        if not SLOWEST <= fps <= FASTEST:
+            raise UsageError(
+                f"frame rate {value} is not from {float(SLOWEST):g} to {FASTEST}, in frames per second; "
+                "24 is usual"
+            )
         return cls(_NTSC.get(fps, fps))
 
     def seconds(self, frames: float) -> float:
@@ -92,6 +110,22 @@ class FrameRate:
     def __str__(self) -> str:
         return str(self.fps)
 
+
+def shortened(value: object) -> str:
+    """As Python writes it, for messages that stay in one line whatever was typed."""
+    text = repr(value)
+    return text if len(text) <= 60 else f"{text[:50]}…{text[-5:]}"
+
+
+def _reach(text: str) -> int:
+    """How many frames lie from first to last in the parts of a range; too many for numbers beyond reason."""
+    if any(len(digits.lstrip("0")) > 9 for digits in re.findall(r"\d+", text)):
+        return MOST_FRAMES + 1
+    return sum(abs(int(last) - int(first)) + 1 for first, last in re.findall(r"(-?\d+)-(-?\d+)", text))
+
+
+_RATE = re.compile(r"\s*[+-]?\d{1,20}(\.\d{0,20}([eE][+-]?\d{1,3})?|[eE][+-]?\d{1,3}|/\d{1,20})?\s*")
+"""Numbers short enough to be computed exactly."""
 
 _NTSC = {
     Fraction(text): Fraction(nominal * 1000, 1001)

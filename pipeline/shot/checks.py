@@ -11,9 +11,9 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from pipeline.errors import UsageError
-from pipeline.frames import FrameRange, FrameRate
+from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import Clock
-from pipeline.shot.fields import suggestion
+from pipeline.shot.fields import LARGEST, suggestion
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Solid
 
@@ -68,20 +68,25 @@ def _times(keys: dict[Any, Any], where: Where, clock: Clock | None) -> Iterator[
         if seconds is None:
             yield (
                 (*where, key),
-                f"key {key!r} is no time; write a frame, such as 12, or seconds, such as 0.5s",
+                f"key {shortened(key)} is no time; write a frame, such as 12, or seconds, such as 0.5s",
             )
             continue
         if clock and not clock.holds(seconds):
             yield (
                 (*where, key),
                 (
-                    f"key {key} is outside of the shot, which has frames {clock.frames} "
+                    f"key {_shown(key)} is outside of the shot, which has frames {clock.frames} "
                     f"({clock.duration:.4g} s). Move it inside."
                 ),
             )
-        if before and seconds <= before[1]:
+        elif before and seconds <= before[1]:
             yield (*where, key), f"key {key} comes after key {before[0]}; keys go forward in time. Sort them."
         before = key, seconds
+
+
+def _shown(key: int | str) -> str:
+    """A key in a message: a number as it stands, unless it fills the line."""
+    return shortened(key).strip("'")
 
 
 def directions(source: Source) -> Iterator[Problem]:
@@ -153,10 +158,10 @@ def solid(source: Source) -> Iterator[Problem]:
 def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:
     """Measures that contradict each other, by trying them on the coarsest of meshes."""
     parts = [part for value in given.values() for part in (value if isinstance(value, list) else [value])]
-    if not all(isinstance(part, str) or (_is_number(part) and part > 0) for part in parts):
+    if not all(isinstance(part, str) or (_is_number(part) and 0 < part <= LARGEST) for part in parts):
         return
     try:
-        Solid.of(name, given).build(1e6)
+        Solid.of(name, given).build(100 * LARGEST)
     except UsageError as error:
         yield ("subject",), f"{error}"
 

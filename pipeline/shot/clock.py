@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 import re
 from dataclasses import dataclass
-from fractions import Fraction
 
 from pipeline.frames import FrameRange, FrameRate
 
@@ -34,11 +33,15 @@ class Clock:
         return self.time(self.frames.last)
 
     def seconds(self, key: object) -> float | None:
-        """A key of a shot file: whole numbers are frames, "0.5s" is seconds; None for anything else."""
+        """A key of a shot file: whole numbers are frames, "0.5s" is seconds; None for anything else.
+
+        What is too far away for a number is at infinity, and so in no shot.
+        """
         if isinstance(key, int) and not isinstance(key, bool):
-            return self.time(key)
+            far = math.inf if key > 0 else -math.inf
+            return self.time(key) if abs(key) < 10**12 else far
         match = _SECONDS.fullmatch(key) if isinstance(key, str) else None
-        return float(Fraction(match[1])) if match else None
+        return float(match[1]) if match else None
 
     def holds(self, seconds: float) -> bool:
         """Whether a time lies within the shot."""

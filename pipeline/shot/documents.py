@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from pipeline.shot.fields import Colour, Count, Document, NumberField, Positive, PositiveField, one_of
+from pipeline.shot.fields import Colour, Count, Document, NumberField, Positive, PositiveField, Real, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.subject import SOLIDS
 from render.lights import LIGHTS
@@ -44,7 +44,7 @@ class ResampleDocument(Document):
     """hard_angle: degrees"""
 
     max_edge_length: Positive
-    min_edge_length: Annotated[float, Field(ge=0)] | None = None
+    min_edge_length: Annotated[Real, Field(ge=0)] | None = None
     hard_angle: Annotated[float, Field(gt=0, lt=180)] = 40.0
     max_vertices: Annotated[int, Field(ge=4)] | None = None
 
@@ -82,7 +82,7 @@ class LightsDocument(Document):
     """A rig of the registry; exposure in stops."""
 
     rig: Annotated[str, one_of(LIGHTS, "light rig")] = "studio"
-    exposure: float = 0.0
+    exposure: Annotated[float, Field(ge=-20, le=20)] = 0.0
 
 
 class StageDocument(Document):
@@ -115,6 +115,9 @@ class ShotDocument(Document):
     ] = "cyclorama"
 
 
+CardSeconds = Annotated[float, Field(ge=0, le=60)]
+
+
 class FilmDocument(Document):
     """Shots are names of files beside the film's, without their ending, in the order of the edit."""
 
@@ -123,5 +126,5 @@ class FilmDocument(Document):
     credits: list[str] = Field(default_factory=list)
     shots: list[str] = Field(min_length=1)
     rate: Any = 24
-    title_seconds: Annotated[float, Field(ge=0)] = 3.0
-    credits_seconds: Annotated[float, Field(ge=0)] = 3.0
+    title_seconds: CardSeconds = 3.0
+    credits_seconds: CardSeconds = 3.0

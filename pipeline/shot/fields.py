@@ -13,11 +13,15 @@ from pydantic_core import PydanticCustomError
 from pipeline.flow.catalogue.directions import X, Y, Z
 from pipeline.flow.choreography import Keyframes, Number, Place, Vector
 from pipeline.flow.easing import EASINGS
+from pipeline.flow.velocity import MOST_SUBSTEPS
 from pipeline.shot.clock import Clock
 
 T = TypeVar("T")
 
 DEGREE = math.radians(1.0)
+
+SMALLEST, LARGEST = 1e-9, 1e12
+"""Measures and numbers whose squares, inverses and differences stay finite with room to spare."""
 
 
 class Document(BaseModel):
@@ -49,14 +53,35 @@ def one_of(names: Iterable[str], what: str) -> AfterValidator:
     return AfterValidator(check)
 
 
+def _computable(value: float) -> float:
+    if abs(value) > LARGEST:
+        raise PydanticCustomError(
+            "too_large",
+            "{value} is too large to compute with; numbers go up to 1e12. Write a smaller one.",
+            {"value": f"{value:g}"},
+        )
+    return value
+
+
+def _not_tiny(value: float) -> float:
+    if value < SMALLEST:
+        raise PydanticCustomError(
+            "too_small",
+            "{value} is too small to compute with; measures start at 1e-9. Write a larger one.",
+            {"value": f"{value:g}"},
+        )
+    return value
+
+
 def _form(value: Any) -> str:
     return "keyed" if isinstance(value, dict) else "list" if isinstance(value, list) else "plain"
 
 
 Ease = Annotated[str, one_of(EASINGS, "easing")]
-Positive = Annotated[float, Field(gt=0)]
-Count = Annotated[int, Field(ge=1)]
-Triple = Annotated[list[float], Field(min_length=3, max_length=3)]
+Real = Annotated[float, AfterValidator(_computable)]
+Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny), AfterValidator(_computable)]
+Count = Annotated[int, Field(ge=1, le=MOST_SUBSTEPS)]
+Triple = Annotated[list[Real], Field(min_length=3, max_length=3)]
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
 Axis = Annotated[Annotated[AxisName, Tag("plain")] | Annotated[Triple, Tag("list")], Discriminator(_form)]
 Colour = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=3, max_length=3)]
@@ -84,7 +109,7 @@ class Keyed(Document, Generic[T]):
 
 # A constant or keys. Spelt out for each kind: a generic alias would lose the kind within Keyed.
 NumberField = Annotated[
-    Annotated[float, Tag("plain")] | Annotated[float, Tag("list")] | Annotated[Keyed[float], Tag("keyed")],
+    Annotated[Real, Tag("plain")] | Annotated[Real, Tag("list")] | Annotated[Keyed[Real], Tag("keyed")],
     Discriminator(_form),
 ]
 PositiveField = Annotated[

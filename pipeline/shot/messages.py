@@ -8,6 +8,7 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from pipeline.frames import shortened
 from pipeline.shot.fields import suggestion
 from pipeline.shot.source import Source, Where
 
@@ -111,4 +112,4 @@ def _shown(value: Any) -> str:
         return "a mapping"
     if isinstance(value, list):
         return "a list"
-    return "empty" if value is None else repr(value)
+    return "empty" if value is None else shortened(value)

@@ -50,7 +50,7 @@ class Motion:
         return {"subject": as_data(self.subject), "thresholds": thresholds}
 
     def step_data(self, frame: int) -> Any:
-        """What acts on the way into `frame`, as JSON-able data. A changed key tells from the key before it."""
+        """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
         return self.flow.acting(*self.clock.step(frame))
 
 

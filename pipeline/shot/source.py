@@ -6,6 +6,7 @@ and column, and every duplicate key reported instead of the first only.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -17,6 +18,9 @@ from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
 from ruamel.yaml.reader import ReaderError
 
 from pipeline.errors import MissingInputError, ShotError
+
+TOO_LARGE = 10**300
+"""Whole numbers from here on are infinite, as other numbers are that no float can hold."""
 
 Where = tuple[Any, ...]
 """The way to a value: keys of mappings and indices of lists, from the top."""
@@ -146,9 +150,9 @@ def _scalar(node: ScalarNode) -> Any:
     text, kind = node.value, str(node.tag).rpartition(":")[2]
     try:
         if kind == "int":
-            return (
-                int(text.replace("_", ""), 0) if text.lstrip("+-")[:2].lower() in ("0x", "0o") else int(text)
-            )
+            based = text.lstrip("+-")[:2].lower() in ("0x", "0o")
+            whole = int(text.replace("_", ""), 0) if based else int(text)
+            return whole if abs(whole) < TOO_LARGE else math.inf if whole > 0 else -math.inf
         if kind == "float":
             return float(text.replace(".inf", "inf").replace(".nan", "nan").replace(".NaN", "nan"))
     except ValueError:

@@ -169,6 +169,39 @@ BROKEN = [
     ("{max_edge_length: 0.25}", "no",
      "a.yaml:5:1: resample is 'no'; it must be 'off'"),
     ("camera:", "substeps: 0\ncamera:", "a.yaml:11:1: substeps is 0; it must be at least 1"),
+    ("rate: 24", "rate: 1e-320",
+     "a.yaml:3:1: frame rate 1e-320 is not from 0.1 to 1000, in frames per second; 24 is usual"),
+    ("rate: 24", "rate: 1e999999999",
+     "a.yaml:3:1: inf is not a frame rate; write 24, 23.976 or 24000/1001"),
+    ("rate: 24", "rate: '1e999999999'",
+     "a.yaml:3:1: '1e999999999' is not a frame rate; write 24, 23.976 or 24000/1001"),
+    ("1-49", "1-100000000",
+     "a.yaml:2:1: '1-100000000' reaches over more than 100000 frames; cut it in parts"),
+    ('"2s"', f'"{"9" * 400}s"',
+     f"a.yaml:10:49: key {'9' * 49}…999s is outside of the shot, which has frames 1-49 (2 s). "
+     "Move it inside."),
+    ("25: 4", f"{'9' * 290}: 4",
+     f"a.yaml:8:85: key {'9' * 50}…99999 is outside of the shot, which has frames 1-49 (2 s). "
+     "Move it inside."),
+    ("25: 4", f"{'9' * 400}: 4",
+     "a.yaml:8:85: key inf is no time; write a frame, such as 12, or seconds, such as 0.5s"),
+    ("25: 4", "25: 1e308",
+     "a.yaml:8:85: flows.0.sum.0.vortex.strength.keys.25: 1e+308 is too large to compute with; "
+     "numbers go up to 1e12. Write a smaller one."),
+    ("25: 4", f"25: -{'9' * 400}",
+     "a.yaml:8:85: flows.0.sum.0.vortex.strength.keys.25 is -inf; "
+     "it must be a finite number. Write its value."),
+    ("[0.9, 0, 0]", "[0.9, 0, 2e12]",
+     "a.yaml:8:44: flows.0.sum.0.vortex.centre.2: 2e+12 is too large to compute with; "
+     "numbers go up to 1e12. Write a smaller one."),
+    ("radius: 0.8", "radius: 1e-200",
+     "a.yaml:8:48: flows.0.sum.0.vortex.radius: 1e-200 is too small to compute with; "
+     "measures start at 1e-9. Write a larger one."),
+    ("solid: box", "solid: icosphere, radius: 1e300",
+     "a.yaml:4:29: subject.radius: 1e+300 is too large to compute with; "
+     "numbers go up to 1e12. Write a smaller one."),
+    ("camera:", "substeps: 100000000\ncamera:",
+     "a.yaml:11:1: substeps is 100000000; it must be at most 10000"),
     ("camera:", "look: velvet\ncamera:",
      "a.yaml:11:1: look: 'velvet' is no look. There are: clay, glaze, chrome, taffy, pearl."),
 ]  # fmt: skip
@@ -259,6 +292,25 @@ def test_a_film_tells_what_is_wrong_in_all_its_files(tmp_path: Path) -> None:
     assert "B.yaml:9:20: sped is not known" in text
 
 
+def test_a_card_stands_for_a_minute_at_most(tmp_path: Path) -> None:
+    for name in ("A", "B"):
+        written(tmp_path, GOOD, f"{name}.yaml")
+    with pytest.raises(
+        ShotError, match=r"film\.yaml:4:1: title_seconds is 1000000000.*; it must be at most 60$"
+    ):
+        read_film(written(tmp_path, FILM + "title_seconds: 1e9\n", "film.yaml"))
+
+
+@pytest.mark.parametrize("solid", ["box", "icosphere", "rod", "sheet", "torus"])
+def test_the_largest_of_numbers_makes_data_that_json_can_hold(tmp_path: Path, solid: str) -> None:
+    text = (
+        GOOD.replace("solid: box", f"solid: {solid}")
+        .replace("25: 4", "25: -1e12, 49: 1e12")
+        .replace("radius: 0.8", "radius: 1e-9")
+    )
+    json.dumps(data_of(read_shot(written(tmp_path, text)).motion), allow_nan=False)
+
+
 def test_a_shot_that_is_not_there_is_a_missing_input(tmp_path: Path) -> None:
     written(tmp_path, GOOD, "A.yaml")
     with pytest.raises(
@@ -292,6 +344,9 @@ STRAYS = [
     "-1",
     "true",
     ".nan",
+    "9" * 400,
+    "1e-320",
+    "-1e308",
     "'x'",
 ]
 
