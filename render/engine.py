@@ -10,6 +10,7 @@ import hashlib
 import json
 import os
 import platform
+import signal
 import subprocess
 import sys
 import tempfile
@@ -28,6 +29,9 @@ from render.llvm import LibLlvm
 DEFAULT_ORDER = ("llvm_ad_rgb", "scalar_rgb")
 VARIANTS = ("cuda_ad_rgb", *DEFAULT_ORDER)
 PROBE_SECONDS = 120.0
+
+CRASHES = {-number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGILL", "SIGSEGV")}
+"""How a probe ends that did itself in; any other signal came from outside and says nothing of the variant."""
 
 _PACKAGE_ROOT = Path(__file__).resolve().parent.parent
 
@@ -164,7 +168,10 @@ def _faster(variant: str) -> str:
 
 
 def _probe(variant: str, library: LibLlvm | None) -> bool | None:
-    """True or False as one sample rendered or not; None where the machine was too busy to tell."""
+    """True or False as one sample rendered or not; None where that cannot be told.
+
+    It cannot where the machine was too busy, or the probe was killed: for memory, or by a shutdown.
+    """
     command = [sys.executable, "-m", "render.engine", variant]
     if library is not None:
         command += [str(library.path), *map(str, library.dependencies)]
@@ -179,6 +186,8 @@ def _probe(variant: str, library: LibLlvm | None) -> bool | None:
             timeout=PROBE_SECONDS,
         )
     except (subprocess.TimeoutExpired, OSError):
+        return None
+    if done.returncode < 0 and done.returncode not in CRASHES:
         return None
     return done.returncode == 0
 

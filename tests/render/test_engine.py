@@ -41,6 +41,37 @@ def test_a_machine_too_busy_to_tell_is_asked_again(
     assert not list(empty_cache.rglob("*.json"))
 
 
+def _probes_end_by(name: str, folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Probes that kill themselves, as the kernel or a crash would."""
+    script = folder / "python"
+    script.write_text(f"#!/bin/sh\nkill -{name} $$\n")
+    script.chmod(0o755)
+    monkeypatch.setattr(sys, "executable", str(script))
+
+
+@pytest.mark.parametrize("name", ["KILL", "TERM", "INT", "HUP"])
+def test_a_probe_killed_from_outside_says_nothing(
+    name: str, empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _probes_end_by(name, tmp_path, monkeypatch)
+    assert not works("scalar_rgb")
+    assert not list(empty_cache.rglob("*.json"))
+    monkeypatch.undo()
+    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / name)
+    monkeypatch.setattr(engine, "_probe", lambda *_: True)
+    assert works("scalar_rgb")
+
+
+@pytest.mark.parametrize("name", ["ABRT", "SEGV", "ILL", "BUS"])
+def test_a_probe_that_crashes_is_a_remembered_no(
+    name: str, empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    _probes_end_by(name, tmp_path, monkeypatch)
+    assert not works("llvm_ad_rgb")
+    monkeypatch.setattr(engine, "_probe", lambda *_: pytest.fail("probed again"))
+    assert not works("llvm_ad_rgb")
+
+
 def test_a_library_that_cannot_render_is_passed_over(
     empty_cache: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
