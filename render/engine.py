@@ -162,7 +162,7 @@ def _faster(variant: str) -> str:
     if variant != "scalar_rgb":
         return ""
     return (
-        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about four times: `python -m render.llvm` "
+        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: `python -m render.llvm` "
         f"on Debian and Ubuntu, else install it and set {llvm.ENVIRONMENT_NAME}"
     )
 

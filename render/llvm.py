@@ -172,7 +172,7 @@ def main() -> None:
                 raise RenderEnvironmentError(f"{package} does not work here")
             print(f"libLLVM {found.version or ''} unpacked from {package}: fast rendering on this machine")
     except RenderEnvironmentError as error:
-        print(f"No libLLVM fetched ({error}): rendering works without, about four times slower")
+        print(f"No libLLVM fetched ({error}): rendering works without, at about half the speed")
 
 
 if __name__ == "__main__":

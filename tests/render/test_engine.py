@@ -81,7 +81,7 @@ def test_a_library_that_cannot_render_is_passed_over(
     chosen = choose()
     assert chosen.variant == "scalar_rgb"
     assert "llvm_ad_rgb did not" in chosen.why
-    assert "python -m render.llvm" in chosen.faster
+    assert "about twice: `python -m render.llvm`" in chosen.faster
 
 
 def test_a_cache_that_cannot_be_written_only_costs_a_probe(
