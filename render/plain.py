@@ -7,8 +7,6 @@ builds it again from the class and those values, so that nothing about a picture
 from __future__ import annotations
 
 import dataclasses
-import hashlib
-import json
 import types
 import typing
 from typing import Any, TypeVar
@@ -38,12 +36,6 @@ def from_plain(kind: type[T], values: Any) -> T:
     Raises BadInputError for a field that `kind` does not have, or one that it needs and is missing.
     """
     return typing.cast(T, _build(kind, values, kind.__name__))
-
-
-def digest(value: Any) -> str:
-    """A short, stable name for a setting: equal settings have equal digests on every machine."""
-    text = json.dumps(to_plain(value), sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.blake2b(text.encode(), digest_size=12).hexdigest()
 
 
 def _build(kind: Any, values: Any, place: str) -> Any:
