@@ -1,7 +1,13 @@
 """Compiled kernels: made at set-up, never while somebody waits."""
 
+import os
+import shutil
+import stat
 import subprocess
 import sys
+import tempfile
+
+import pytest
 
 from pipeline import kernels
 
@@ -31,14 +37,73 @@ def test_a_whole_shot_runs_on_what_set_up_has_compiled(studio):
     assert done.stdout == ""
 
 
-def test_kernels_live_in_a_folder_named_by_their_sources(tmp_path, monkeypatch):
-    before = kernels.cache_folder()
-    edited = tmp_path / "pipeline" / "_kernels_edited.py"
-    edited.parent.mkdir()
-    edited.write_text("# another source")
-    monkeypatch.setattr(kernels, "_PACKAGE", edited.parent)
-    kernels.cache_folder.cache_clear()
-    try:
-        assert kernels.cache_folder() != before
-    finally:
+@pytest.fixture
+def folder_now(tmp_path, monkeypatch):
+    """Where kernels would live, asked anew each time: the caches are empty, and the user's is in `home`."""
+    monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / "home" / name)
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
+
+    def ask():
         kernels.cache_folder.cache_clear()
+        return kernels.cache_folder()
+
+    yield ask
+    kernels.cache_folder.cache_clear()
+
+
+def test_an_edit_of_any_kernel_file_means_another_folder(tmp_path, monkeypatch, folder_now):
+    package = tmp_path / "pipeline"
+    sources = shutil.copytree(
+        kernels._PACKAGE, package, ignore=lambda _, names: [n for n in names if n.startswith("__pycache__")]
+    )
+    monkeypatch.setattr(kernels, "_PACKAGE", package)
+    before = folder_now()
+    files = sorted(sources.rglob("_kernels*.py"))
+    assert len(files) == len(kernels.kernel_modules()) > 5
+    for file in files:
+        text = file.read_bytes()
+        file.write_bytes(text + b"# edited")
+        assert folder_now() != before, file
+        file.write_bytes(text)
+    assert folder_now() == before
+
+
+@pytest.fixture
+def no_home(tmp_path):
+    """A user's cache that cannot be made."""
+    (tmp_path / "home").write_text("a file")
+
+
+def test_without_a_home_kernels_live_in_a_folder_of_the_users_own(tmp_path, no_home, folder_now):
+    folder = folder_now()
+    base = tmp_path / f"flowsculpt-cache-{os.getuid()}"
+    assert folder.is_relative_to(base)
+    assert stat.S_IMODE(base.stat().st_mode) == 0o700
+    assert folder_now() == folder
+
+
+def _open_to_others(base, tmp_path, monkeypatch):
+    base.mkdir()
+    base.chmod(0o777)
+
+
+def _of_somebody_else(base, tmp_path, monkeypatch):
+    base.mkdir(mode=0o700)
+    owner = base.stat().st_uid + 1
+    base.rename(base.with_name(f"flowsculpt-cache-{owner}"))
+    monkeypatch.setattr(os, "getuid", lambda: owner)
+
+
+def _a_link(base, tmp_path, monkeypatch):
+    (tmp_path / "elsewhere").mkdir(mode=0o700)
+    base.symlink_to(tmp_path / "elsewhere")
+
+
+@pytest.mark.parametrize("set_up", [_open_to_others, _of_somebody_else, _a_link])
+def test_a_folder_that_others_could_have_filled_is_not_trusted(
+    set_up, tmp_path, monkeypatch, no_home, folder_now
+):
+    set_up(tmp_path / f"flowsculpt-cache-{os.getuid()}", tmp_path, monkeypatch)
+    folder = folder_now()
+    assert folder.parent == tmp_path and folder.name.startswith("flowsculpt-kernels-")
+    assert stat.S_IMODE(folder.stat().st_mode) == 0o700
