@@ -38,6 +38,8 @@ setup: .venv/ready
 .venv/ready: requirements.lock pyproject.toml
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11))' || \
 		{ echo "flowsculpt needs Python 3.11 or newer; point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
+	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
+		{ echo "flowsculpt needs Python's venv module: apt-get install python3-venv" >&2; exit 4; }
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .

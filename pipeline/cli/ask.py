@@ -11,7 +11,8 @@ import typer
 from rich.table import Table
 
 from pipeline.cli.options import Common
-from pipeline.cli.say import answer, out
+from pipeline.cli.say import answer, complain, out
+from pipeline.errors import FlowsculptError
 from pipeline.kernels import cache_folder, compile_all
 from pipeline.production.state import FrameStates, states
 from pipeline.production.workflow import Studio, find_shot, shot_names
@@ -26,10 +27,23 @@ def status(
     """Say of every shot which frames are done, stale and missing, at each quality that was begun."""
     studio = Studio(common.root, common.cores)
     rows: list[FrameStates] = []
+    failed: list[FlowsculptError] = []
     for shot in shots or shot_names():
-        takes = [studio.take(find_shot(shot), quality) for quality in QUALITIES]
-        rows += states(takes, studio.store)
-    if common.json:
+        try:
+            takes = [studio.take(find_shot(shot), quality) for quality in QUALITIES]
+        except FlowsculptError as error:
+            failed.append(error)
+        else:
+            rows += states(takes, studio.store)
+    for failure in failed:
+        complain(str(failure))
+    _tell(rows, common.json)
+    if failed:
+        raise typer.Exit(max(failure.exit_code for failure in failed))
+
+
+def _tell(rows: list[FrameStates], as_json: bool) -> None:
+    if as_json:
         answer("", [row.as_data() for row in rows], as_json=True)
         return
     table = Table(box=None, pad_edge=False)
@@ -53,7 +67,8 @@ def doctor(
         compile_all()
         colour.prepare()
     renderer = engine.facts()
-    usage = shutil.disk_usage(common.root)
+    there = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
+    usage = shutil.disk_usage(there)
     facts: dict[str, Any] = {
         "flowsculpt": version("flowsculpt"),
         "python": platform.python_version(),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import sys
 from importlib.metadata import version
@@ -75,6 +74,3 @@ def main() -> None:
     except (FlowsculptError, RenderError) as error:
         complain(str(error))
         sys.exit(error.exit_code)
-    except BrokenPipeError:  # the reader of our output has left, as `head` does
-        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        sys.exit(0)

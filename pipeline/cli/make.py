@@ -42,7 +42,8 @@ def simulate(common: Common, shots: Shots, frames: Frames = None) -> None:
     Mesh frames appear in renders/SHOT/meshes. After an edit a simulation goes on from the last frame that
     the edit left valid.
     """
-    _make(common, lambda: Studio(common.root, common.cores).meshes(shots, frames))
+    studio = Studio(common.root, common.cores)
+    _make(common, lambda: studio.meshes(shots, frames))
 
 
 def render(
@@ -53,7 +54,8 @@ def render(
     Only what is missing or stale is made: `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six
     frames, and nothing when called again.
     """
-    _make(common, lambda: Studio(common.root, common.cores, variant).pictures(shots, quality, frames))
+    studio = Studio(common.root, common.cores, variant)
+    _make(common, lambda: studio.pictures(shots, quality, frames))
 
 
 def film(
@@ -63,7 +65,8 @@ def film(
     variant: Variant = None,
 ) -> None:
     """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4."""
-    _make(common, lambda: Studio(common.root, common.cores, variant).film(quality, edit))
+    studio = Studio(common.root, common.cores, variant)
+    _make(common, lambda: studio.film(quality, edit))
 
 
 def turntable(
@@ -130,9 +133,8 @@ def _achieved(outcome: Outcome, seconds: float) -> str:
 
 def _failure(event: dict[str, Any]) -> str:
     frame = event.get("frame")
-    where = f"{event['shot']} frame {frame}" if frame is not None else str(event["shot"])
-    message = str(event["message"])
-    return message if message.startswith(where) else f"{where}: {message}"
+    message = str(event["message"]).removeprefix(f"frame {frame}: ")
+    return f"{event['shot']} frame {frame}: {message}" if frame is not None else f"{event['shot']}: {message}"
 
 
 def _plan_facts(plan: Plan) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import functools
 import inspect
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -13,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.say import complain
+from render.engine import available_cores
 
 INTERRUPTED = 130
 
@@ -72,7 +72,7 @@ class _Said:
         return Common(
             json=self.json_,
             progress=not (self.no_progress or self.json_),
-            cores=self.cores or len(os.sched_getaffinity(0)),
+            cores=self.cores or available_cores(),
             dry_run=self.dry_run,
             root=(self.root or Path()).resolve(),
         )

@@ -86,5 +86,5 @@ class Bars:
             self._progress.start_task(task)
         elif event["event"] == "frame" and task is not None:
             self._progress.advance(task)
-        elif event["event"] in ("fail", "healed"):
+        elif event["event"] == "healed":
             self._console.print(event["message"], style="yellow", markup=False, highlight=False)

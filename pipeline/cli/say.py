@@ -5,18 +5,16 @@ from __future__ import annotations
 import json
 from typing import Any
 
+import typer
 from rich.console import Console
 
-out = Console(highlight=False, soft_wrap=True)
-err = Console(stderr=True, highlight=False, soft_wrap=True)
+out = Console(highlight=False, emoji=False, soft_wrap=True)
+err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 
 def answer(words: str, facts: Any, as_json: bool) -> None:
     """The result of a command, for a person or for a program."""
-    if as_json:
-        out.print(json.dumps(facts, indent=2), markup=False)
-    else:
-        out.print(words, markup=False)
+    typer.echo(json.dumps(facts, indent=2) if as_json else words)
 
 
 def complain(words: str) -> None:

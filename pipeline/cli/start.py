@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from typing import Annotated, Any
 
 import typer
@@ -11,7 +12,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.disk import disk_faults
-from pipeline.production.workflow import FILM, SHOTS, find_shot, shot_names
+from pipeline.production.workflow import FILM, NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_film, read_shot
 
 TEMPLATE = """\
@@ -43,7 +44,7 @@ def new(
     name: Annotated[str, typer.Argument(help="The shot's name, as its file and its frames are called.")],
 ) -> None:
     """Begin a shot: write shots/NAME.yaml, ready to render and to be changed."""
-    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9_-]*", name):
+    if not re.fullmatch(NAME, name) or name in ("film", "turntable"):
         raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
     path = SHOTS / f"{name}.yaml"
     if path.exists():
@@ -52,9 +53,8 @@ def new(
         with disk_faults(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_text(TEMPLATE.format(title=name.replace("_", " ").replace("-", " ")))
-    answer(
-        f"{path}: written. Look at it: flowsculpt render {name} -q preview", {"path": str(path)}, common.json
-    )
+    done = f"{path}: written. Look at it: flowsculpt render {name} -q preview"
+    answer(f"{path}: would be written." if common.dry_run else done, {"path": str(path)}, common.json)
 
 
 def validate(
@@ -66,19 +66,23 @@ def validate(
     """Read shot files and say everything that is wrong with them, by file, line and column."""
     failed: list[FlowsculptError] = []
     facts: list[dict[str, Any]] = []
-    for path in [find_shot(shot) for shot in shots or shot_names()]:
+
+    def check(name: str, read: Callable[[], object]) -> None:
         try:
-            shot = read_shot(path)
-            facts.append({"shot": shot.name, "path": str(path), "frames": str(shot.frames), "errors": []})
+            read()
+            facts.append({"file": name, "errors": []})
         except FlowsculptError as error:
             failed.append(error)
-            facts.append({"shot": path.stem, "path": str(path), "errors": str(error).splitlines()})
-    if not shots and FILM.is_file() and not failed:
-        read_film(FILM)
-        facts.append({"shot": "film", "path": str(FILM), "errors": []})
-    for failure in failed:
-        complain(str(failure))
-    good = [f"{fact['path']}: good" for fact in facts if not fact["errors"]]
-    answer("\n".join(good) or "No shot is good.", facts, common.json)
+            facts.append({"file": name, "errors": str(error).splitlines()})
+
+    for shot in shots or shot_names():
+        check(shot, lambda shot=shot: read_shot(find_shot(shot)))  # type: ignore[misc]
+    if not shots and FILM.is_file():
+        check("film", lambda: read_film(FILM))
+    complaints = dict.fromkeys(line for failure in failed for line in str(failure).splitlines())
+    if complaints:
+        complain("\n".join(complaints))
+    good = [fact["file"] for fact in facts if not fact["errors"]]
+    answer(f"Good: {', '.join(good)}" if good else "No shot is good.", facts, common.json)
     if failed:
         raise typer.Exit(max(failure.exit_code for failure in failed))

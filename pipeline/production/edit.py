@@ -64,7 +64,7 @@ class Cut:
     def key(self, quality_name: str, frame_keys: Sequence[Key], exposures: Sequence[float]) -> Key:
         return key_of(
             "film",
-            code_key(MOVIE_CODE, ("av", "OpenImageIO")),
+            code_key(MOVIE_CODE, ("av", "imageio", "OpenImageIO")),
             self.as_data(),
             list(frame_keys),
             list(exposures),

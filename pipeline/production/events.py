@@ -2,11 +2,12 @@
 
 A line is written with one `write` on a descriptor opened for appending, so lines of several processes
 never mix. Events: `begin`, `end` and `fail` of a job; `frame` of a stage, with the seconds it took and
-whether the store had it already; `note` for what a person should read.
+whether the store had it already; `healed` for what is made again.
 """
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import time
@@ -27,12 +28,13 @@ class EventLog:
 
     def write(self, event: str, **facts: Any) -> None:
         line = json.dumps({"time": round(time.time(), 3), "event": event, "job": self.job, **facts})
-        self.path.parent.mkdir(parents=True, exist_ok=True)
-        descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
-        try:
-            os.write(descriptor, line.encode() + b"\n")
-        finally:
-            os.close(descriptor)
+        with contextlib.suppress(OSError):  # a full disk must not hide what is being told of it
+            self.path.parent.mkdir(parents=True, exist_ok=True)
+            descriptor = os.open(self.path, os.O_WRONLY | os.O_APPEND | os.O_CREAT, 0o644)
+            try:
+                os.write(descriptor, line.encode() + b"\n")
+            finally:
+                os.close(descriptor)
 
 
 @dataclass
@@ -50,6 +52,7 @@ class EventReader:
                     if not line.endswith(b"\n"):  # still being written
                         return
                     self._offset += len(line)
-                    yield json.loads(line)
+                    with contextlib.suppress(ValueError):  # cut short by a full disk
+                        yield json.loads(line)
         except FileNotFoundError:
             return

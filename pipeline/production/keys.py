@@ -19,18 +19,30 @@ Key = str
 _ROOM = Path(__file__).parents[2]
 
 SIMULATION_CODE = (
-    "pipeline/mesh",
+    *(f"pipeline/mesh/{name}.py" for name in ("triangles", "halfedge", "_kernels_halfedge", "solids", "io")),
+    "pipeline/mesh/validate.py",
+    "pipeline/statistics.py",
     "pipeline/resample",
     "pipeline/flow",
     "pipeline/animation.py",
-    "pipeline/statistics.py",
     "pipeline/shot/subject.py",
 )
-NORMALS_CODE = ("pipeline/mesh/normals.py", "pipeline/mesh/_kernels_normals.py")
+NORMALS_CODE = (
+    "pipeline/mesh/normals.py",
+    "pipeline/mesh/_kernels_normals.py",
+    "pipeline/production/tasks/meshes.py",
+)
 FRAMING_CODE = ("pipeline/production/framing.py",)
-PICTURE_CODE = tuple(f"render/{name}.py" for name in ("frame", "scene", "stage", "camera", "image"))
-FINISH_CODE = ("render/denoise.py", "render/image.py")
-MOVIE_CODE = tuple(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "movie", "titles"))
+PICTURE_CODE = (
+    *(f"render/{name}.py" for name in ("frame", "scene", "stage", "camera", "image")),
+    "pipeline/production/framing.py",
+    "pipeline/production/tasks/pictures.py",
+)
+FINISH_CODE = ("render/denoise.py", "render/image.py", "pipeline/production/tasks/pictures.py")
+MOVIE_CODE = (
+    *(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "movie", "titles")),
+    "pipeline/production/tasks/movies.py",
+)
 
 
 def key_of(*parts: Any) -> Key:

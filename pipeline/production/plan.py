@@ -29,13 +29,13 @@ class Job:
     """One rule of the workflow.
 
     task     the function of `pipeline.production.tasks` that does it
-    take     the index in the plan's takes of the sequence it belongs to; -1 for the film
+    takes    the places among the plan's takes of those it works on: one, or for the film all
     frames   the numbers it makes
     """
 
     name: str
     task: str
-    take: int
+    takes: tuple[int, ...]
     frames: tuple[int, ...]
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
@@ -43,8 +43,8 @@ class Job:
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
-        lists = {name: tuple(data[name]) for name in ("frames", "inputs", "outputs")}
-        return cls(data["name"], data["task"], data["take"], threads=data["threads"], **lists)
+        lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}
+        return cls(data["name"], data["task"], threads=data["threads"], **lists)
 
 
 @dataclass(frozen=True)
@@ -75,7 +75,7 @@ class Plan:
         return len(lost)
 
     def freeze(self, root: Path) -> Path:
-        """Write the plan, and that it is the latest, under `root`; returns the file, relative to `root`."""
+        """Write the plan under `root`; returns the file, relative to `root`."""
         path = PLANS / f"{self.name}.json"
         with disk_faults(root / path):
             (root / PLANS).mkdir(parents=True, exist_ok=True)

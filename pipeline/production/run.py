@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -16,6 +16,8 @@ from pipeline.production.events import Event, EventReader
 from pipeline.production.layout import EVENTS, STATE
 from pipeline.production.plan import Plan
 from pipeline.production.store import Store
+
+Watcher = AbstractContextManager[object]
 
 ROUNDS = 4
 """How often a run plans anew after something healed: a corrupt file forgotten, a crashed variant avoided."""
@@ -32,7 +34,7 @@ class Outcome:
 
     @property
     def failures(self) -> list[Event]:
-        """What failed and was not made good by a later round, the first of each job and frame."""
+        """What failed, once for each shot, stage and frame; nothing where the run ended well all the same."""
         seen: dict[tuple[object, ...], Event] = {}
         for event in self.events:
             if event["event"] == "fail":
@@ -55,24 +57,34 @@ def exclusive(root: Path) -> Iterator[None]:
 
     Raises MachineError where another run holds it.
     """
+    lock = acquire(root)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def acquire(root: Path) -> filelock.BaseFileLock:
+    """The lock of `root`, held. Raises MachineError where another run holds it."""
     path = root / STATE / "lock"
+    lock = filelock.FileLock(path, timeout=0)
     with disk_faults(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
-            with filelock.FileLock(path, timeout=0):
-                yield
+            lock.acquire()
         except filelock.Timeout:
             raise MachineError(
                 f"{root}: another flowsculpt run is at work here; one run at a time may write to a root. "
                 "Wait for it, stop it, or choose another folder with --root."
             ) from None
+    return lock
 
 
 def run(
     make_plan: Callable[[], Plan],
     root: Path,
     cores: int,
-    watch: Callable[[Plan, EventReader], scheduler.Watcher],
+    watch: Callable[[Plan, EventReader], Watcher],
 ) -> Outcome:
     """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
 
@@ -101,10 +113,21 @@ def run(
 
 
 def _execute(
-    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], scheduler.Watcher]
+    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], Watcher]
 ) -> list[Event]:
     log = root / EVENTS / f"{plan.name}.jsonl"
     frozen = plan.freeze(root)
     with watch(plan, EventReader(log)):
-        scheduler.execute(frozen, root, cores)
-    return list(EventReader(log).new())
+        well = scheduler.execute(frozen, root, cores)
+    events = list(EventReader(log).new())
+    if not well and not any(event["event"] in ("fail", "healed") for event in events):
+        events.append(_unexplained(plan, events, scheduler.log_of(frozen)))
+    return events
+
+
+def _unexplained(plan: Plan, events: list[Event], log: Path) -> Event:
+    """A failure that no job has told of: one was killed, or Snakemake itself went wrong."""
+    ended = {event["job"] for event in events if event["event"] == "end"}
+    killed = [e["job"] for e in events if e["event"] == "begin" and e["job"] not in ended]
+    fact = f"{killed[0]} was killed; is there memory enough?" if killed else "the workflow failed"
+    return {"event": "fail", "shot": "workflow", "stage": "", "message": f"{fact} {log} says more"}

@@ -1,19 +1,27 @@
-"""Snakemake, driven through its API: the Snakefile, a frozen plan, this many cores."""
+"""Snakemake, in a process of its own: the Snakefile, a frozen plan, this many cores.
+
+A process of its own can be ended with all of its jobs, prints where it likes, and leaves our signal handlers
+alone. `python -m pipeline.production.scheduler PLAN CORES`, in the root, is that process.
+"""
 
 from __future__ import annotations
 
 import contextlib
-import logging
-import signal
-from collections.abc import Iterator
-from contextlib import AbstractContextManager
+import os
+import subprocess
+import sys
+import threading
+import time
 from pathlib import Path
-from types import FrameType
+
+import psutil
 
 from pipeline.errors import MachineError
+from pipeline.production.disk import disk_faults
 from pipeline.production.layout import LOGS
 
-Watcher = AbstractContextManager[object]
+PATIENCE = 5.0
+"""Seconds that processes have to end before they are killed."""
 
 
 def snakefile() -> Path:
@@ -25,32 +33,63 @@ def snakefile() -> Path:
     raise MachineError("no Snakefile beside the package; install flowsculpt again")
 
 
-def execute(plan: Path, root: Path, cores: int) -> bool:
-    """Run a frozen plan (relative to `root`); whether every job ended well. Raises KeyboardInterrupt.
+def log_of(plan: Path) -> Path:
+    """What Snakemake prints while it runs a plan, relative to the root."""
+    return LOGS / plan.stem / "snakemake.log"
 
-    The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys in
-    the plan do, and a plan holds only jobs that are needed.
+
+def execute(plan: Path, root: Path, cores: int) -> bool:
+    """Run a frozen plan (relative to `root`); whether every job ended well.
+
+    An interrupt ends all jobs before it is passed on.
     """
+    log = root / log_of(plan)
+    with disk_faults(log):
+        log.parent.mkdir(parents=True, exist_ok=True)
+        output = log.open("w")
+    command = [sys.executable, "-m", "pipeline.production.scheduler", plan.as_posix(), str(cores)]
+    with (
+        output,
+        subprocess.Popen(
+            command, cwd=root, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+        ) as process,
+    ):
+        try:
+            return process.wait() == 0
+        except BaseException:
+            end_family(psutil.Process(process.pid))
+            raise
+
+
+def end_family(parent: psutil.Process) -> None:
+    """End a process and all that it started: asked first, then killed."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        family = [*parent.children(recursive=True), parent]
+        for member in family:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                member.terminate()
+        _, stubborn = psutil.wait_procs(family, timeout=PATIENCE)
+        for member in stubborn:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                member.kill()
+
+
+def _run_snakemake(plan: str, cores: int) -> bool:
+    """The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys
+    in the plan do, and a plan holds only jobs that are needed."""
     from snakemake.api import SnakemakeApi
     from snakemake.exceptions import WorkflowError
     from snakemake.scheduling.greedy import SchedulerSettings as Greedy
     from snakemake.settings import types as settings
-    from snakemake.settings.enums import Quietness, RerunTrigger
+    from snakemake.settings.enums import RerunTrigger
 
-    output = settings.OutputSettings(
-        quiet=frozenset({Quietness.ALL}), show_failed_logs=False, enable_file_logging=False
-    )
+    output = settings.OutputSettings(show_failed_logs=True, enable_file_logging=False)
     try:
-        with (
-            _told_to_a_file(root / LOGS / plan.stem / "snakemake.log"),
-            _interruptible(),
-            SnakemakeApi(output) as api,
-        ):
+        with SnakemakeApi(output) as api:
             workflow = api.workflow(
                 resource_settings=settings.ResourceSettings(cores=cores),
-                config_settings=settings.ConfigSettings(config={"plan": plan.as_posix()}),
+                config_settings=settings.ConfigSettings(config={"plan": plan}),
                 snakefile=snakefile(),
-                workdir=root,
             )
             dag = workflow.dag(
                 settings.DAGSettings(
@@ -65,41 +104,23 @@ def execute(plan: Path, root: Path, cores: int) -> bool:
                 scheduler_settings=Greedy(),
                 greedy_scheduler_settings=Greedy(),
             )
-    except WorkflowError:
-        return False  # what went wrong stands in the event log, job by job
+    except WorkflowError as error:
+        print(error, file=sys.stderr)
+        return False
     return True
 
 
-@contextlib.contextmanager
-def _interruptible() -> Iterator[None]:
-    """Snakemake ends its jobs on an interrupt and then speaks of a failure; make it an interrupt again."""
-    interrupted = False
-
-    def note(number: int, frame: FrameType | None) -> None:
-        nonlocal interrupted
-        interrupted = True
-        signal.default_int_handler(number, frame)
-
-    usual = signal.signal(signal.SIGINT, note)
-    try:
-        yield
-    except Exception:
-        if not interrupted:
-            raise
-    finally:
-        signal.signal(signal.SIGINT, usual)
-    if interrupted:
-        raise KeyboardInterrupt
+def _leave_with(parent: int) -> None:
+    """End this process and its jobs once the process that started it is gone, however it went."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    end_family(psutil.Process())
 
 
-@contextlib.contextmanager
-def _told_to_a_file(path: Path) -> Iterator[None]:
-    """Keep what Snakemake prints away from the terminal, in a file that a curious person can read."""
-    path.parent.mkdir(parents=True, exist_ok=True)
-    logger = logging.getLogger("snakemake")
-    with path.open("a") as file, contextlib.redirect_stderr(file), contextlib.redirect_stdout(file):
-        try:
-            yield
-        finally:
-            for handler in list(logger.handlers):
-                logger.removeHandler(handler)
+def main(plan: str, cores: str) -> int:
+    threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
+    return 0 if _run_snakemake(plan, int(cores)) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main(*sys.argv[1:]))

@@ -17,6 +17,12 @@ from pathlib import Path
 
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
+from pipeline.production.layout import STATE
+
+
+class CorruptFileError(Exception):
+    """A file of the store that cannot be read to its end, or says what cannot be."""
+
 
 SUFFIXES = {
     "mesh": ".npz",
@@ -28,6 +34,10 @@ SUFFIXES = {
 }
 
 
+COARSEST_CLOCK = 2.0
+"""Seconds to which the simplest file systems round a file's time."""
+
+
 @dataclass(frozen=True)
 class Store:
     """The store of one root folder; `root/.flowsculpt/` holds it."""
@@ -36,10 +46,10 @@ class Store:
 
     @property
     def scratch(self) -> Path:
-        return self.root / ".flowsculpt" / "tmp"
+        return self.root / STATE / "tmp"
 
     def path(self, kind: str, key: Key) -> Path:
-        return self.root / ".flowsculpt" / "store" / kind / key[:2] / (key + SUFFIXES[kind])
+        return self.root / STATE / "store" / kind / key[:2] / (key + SUFFIXES[kind])
 
     def holds(self, kind: str, key: Key | None) -> bool:
         return key is not None and self.path(kind, key).exists()
@@ -97,9 +107,8 @@ class Store:
             ours, theirs = self.path(kind, key).stat(), (self.root / target).stat()
         except OSError:
             return False
-        return os.path.samestat(ours, theirs) or (
-            (ours.st_size, ours.st_mtime_ns) == (theirs.st_size, theirs.st_mtime_ns)
-        )
+        same_moment = abs(ours.st_mtime - theirs.st_mtime) < COARSEST_CLOCK
+        return os.path.samestat(ours, theirs) or (ours.st_size == theirs.st_size and same_moment)
 
     def discard(self, kind: str, key: Key) -> None:
         """Forget a file found to be corrupt; it is made anew when next asked for."""

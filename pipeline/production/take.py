@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -31,6 +31,7 @@ from pipeline.production.layout import Folders
 from pipeline.production.store import Store
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
+from render.errors import BadInputError
 from render.frame import seed_of
 from render.plain import to_plain
 from render.quality import QUALITIES, Quality
@@ -46,10 +47,14 @@ class Pose:
 
 @dataclass(frozen=True)
 class Turntable:
-    """A full turn of one mesh frame; the end point, which equals the start, is left out."""
+    """A full turn of one mesh frame; the end point, which equals the start, is left out.
+
+    of_file  the mesh is a file's, and its frames must not be taken for a shot's of the same name
+    """
 
     at: int
     frames: int
+    of_file: bool = False
 
 
 @dataclass(frozen=True)
@@ -74,7 +79,7 @@ class Take:
             "quality": self.quality_name,
             "variant": self.variant,
             "requested": list(self.requested),
-            "turntable": [self.turntable.at, self.turntable.frames] if self.turntable else None,
+            "turntable": asdict(self.turntable) if self.turntable else None,
         }
 
     @classmethod
@@ -85,7 +90,7 @@ class Take:
             quality_name=data["quality"],
             variant=data["variant"],
             requested=tuple(data["requested"]),
-            turntable=Turntable(*data["turntable"]) if data["turntable"] else None,
+            turntable=Turntable(**data["turntable"]) if data["turntable"] else None,
         )
 
     @cached_property
@@ -99,15 +104,28 @@ class Take:
     @property
     def motion_folders(self) -> Folders:
         """Where mesh frames lie: with the shot, for its turntables too."""
-        return Folders.of_shot(self.shot.name)
+        name = self.shot.name
+        return (
+            Folders.of_turntable(name) if self.turntable and self.turntable.of_file else Folders.of_shot(name)
+        )
 
     @property
     def folders(self) -> Folders:
         """Where pictures lie."""
         if self.turntable is None:
             return self.motion_folders
-        many = len(self.shot.motion.frames) > 1
-        return Folders.of_turntable(f"{self.shot.name}.{self.turntable.at:04d}" if many else self.shot.name)
+        name = self.shot.name if self.turntable.of_file else f"{self.shot.name}.{self.turntable.at:04d}"
+        return Folders.of_turntable(name)
+
+    def place(self, kind: str, number: int) -> Path:
+        """Where the `mesh`, the `normals`, the `raw` picture or the finished `frame` of a number is shown."""
+        if kind == "mesh":
+            return self.motion_folders.mesh(number)
+        if kind == "normals":
+            return self.motion_folders.normals(number)
+        if kind == "raw":
+            return self.folders.raw(self.quality_name, number)
+        return self.folders.frame(self.quality_name, number)
 
     @property
     def label(self) -> str:
@@ -120,6 +138,10 @@ class Take:
             return {number: Pose(number) for number in self.shot.motion.frames}
         count = self.turntable.frames
         return {i + 1: Pose(self.turntable.at, 2 * math.pi * i / count) for i in range(count)}
+
+    def whole(self) -> Take:
+        """The same with every picture asked for."""
+        return replace(self, requested=tuple(self.poses))
 
     @property
     def is_whole(self) -> bool:
@@ -179,15 +201,18 @@ class Take:
         """Every picture's camera and stage, where the store has them."""
         try:
             data = json.loads(store.path("cameras", self.cameras_key).read_text())
+            return {number: Framing.from_data(data[str(number)]) for number in self.poses}
         except FileNotFoundError:
             return None
-        return {int(number): Framing.from_data(framing) for number, framing in data.items()}
+        except (ValueError, KeyError, TypeError, BadInputError):  # cut short; to be found anew
+            store.discard("cameras", self.cameras_key)
+            return None
 
     def picture_keys(self, number: int, framing: Framing) -> PictureKeys:
         picture, pose = self.shot.picture, self.poses[number]
         raw = key_of(
             "raw",
-            code_key(PICTURE_CODE, ("mitsuba", "drjit")),
+            code_key(PICTURE_CODE, ("mitsuba", "drjit", "OpenImageIO")),
             self.normals_key(pose.mesh),
             pose.spin,
             framing.as_data(),
@@ -199,7 +224,7 @@ class Take:
             self.seed(number),
         )
         return PictureKeys(
-            raw, key_of("frame", code_key(FINISH_CODE, ("pyoidn",)), raw, self.quality.denoise)
+            raw, key_of("frame", code_key(FINISH_CODE, ("pyoidn", "OpenImageIO")), raw, self.quality.denoise)
         )
 
     def all_picture_keys(self, store: Store) -> dict[int, PictureKeys] | None:
@@ -213,7 +238,7 @@ class Take:
     def movie_key(self, frame_keys: list[Key]) -> Key:
         return key_of(
             "movie",
-            code_key(MOVIE_CODE, ("av", "OpenImageIO")),
+            code_key(MOVIE_CODE, ("av", "imageio", "OpenImageIO")),
             frame_keys,
             str(self.shot.motion.rate),
             self.shot.picture.lights.exposure,

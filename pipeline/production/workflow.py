@@ -3,10 +3,14 @@
 from __future__ import annotations
 
 import difflib
-from collections.abc import Mapping
-from dataclasses import dataclass
+import json
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
+
+from filelock import BaseFileLock
 
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.frames import FrameRange
@@ -15,19 +19,25 @@ from pipeline.production.edit import Cut
 from pipeline.production.layout import LOGS, PLANS
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
+from pipeline.production.run import acquire
 from pipeline.production.store import Store
 from pipeline.production.take import Take, Turntable
 from pipeline.production.variants import variant_for
-from pipeline.shot import read_film
+from pipeline.shot import Film, read_film
+from render.look import LOOKS
 from render.quality import QUALITIES
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
+NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
+"""What shots may be called: it becomes part of file names, on any system."""
 
 
 @dataclass(frozen=True)
 class Studio:
     """A root to write to, so many cores to use; shots are looked up in `shots/` of the working folder.
+
+    Every file is read once, so that all of a run goes by one text however it is edited meanwhile.
 
     variant  the Mitsuba variant asked for; by default the first that works
     """
@@ -35,36 +45,44 @@ class Studio:
     root: Path
     cores: int
     variant: str | None = None
+    _texts: dict[Path, str] = field(default_factory=dict, repr=False)
+    _films: dict[Path, Film] = field(default_factory=dict, repr=False)
 
     @property
     def store(self) -> Store:
         return Store(self.root)
 
-    def meshes(self, shots: list[str], frames: str | None = None) -> Plan:
+    def meshes(self, shots: Sequence[str], frames: str | None = None) -> Plan:
         """The mesh frames of shots."""
         planner = self._planner()
         for shot in shots:
             planner.simulate(self.take(find_shot(shot), "draft", frames, variant="none"))
         return planner.plan()
 
-    def pictures(self, shots: list[str], quality: str, frames: str | None = None) -> Plan:
-        """Finished frames of shots, and their movies."""
+    def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
         planner = self._planner()
         for shot in shots:
             take = self.take(find_shot(shot), quality, frames)
             planner.pictures(take)
-            if not take.is_whole:
-                self._whole_movie(planner, take)
+            planner.movie(take)
+            whole = take.whole()
+            keys = whole.all_picture_keys(self.store)
+            rest = set(whole.requested) - set(take.requested)
+            if keys and all(self.store.holds("frame", keys[n].frame) for n in rest):
+                planner.pictures(whole)
+                planner.movie(whole)
         return planner.plan()
 
     def film(self, quality: str, path: Path = FILM) -> Plan:
         """The film of an edit: its shots' frames, their movies, and all of them cut together."""
-        film = read_film(path)
+        film = self._films.get(path) or self._films.setdefault(path, read_film(path))
         planner = self._planner()
-        for shot in film.shots:
-            assert shot.path is not None, "a film's shots come from files"
-            planner.pictures(self.take(shot.path, quality))
-        planner.film(Cut.of(film), quality)
+        takes = [self.take(shot.path, quality) for shot in film.shots if shot.path is not None]
+        for take in takes:
+            planner.pictures(take)
+            planner.movie(take)
+        planner.film(Cut.of(film), takes)
         return planner.plan()
 
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
@@ -73,54 +91,54 @@ class Studio:
             raise UsageError(
                 f"a turntable of {frames} frames does not turn; it needs at least 2, and 72 is usual"
             )
-        text, path = _turntable_subject(subject, look)
-        take = self._of_text(text, path, quality, None)
-        first = at if at is not None else take.shot.frames.first
+        mesh = Path(subject)
+        of_file = mesh.suffix.lower().lstrip(".") in FORMATS
+        if of_file:
+            path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
+            self._texts[path] = _shot_around(mesh, look)
+        elif look is not None:
+            raise UsageError(f"--look is for mesh files; {subject} is a shot and has its own: edit the shot")
+        else:
+            path = find_shot(subject)
+        take = self.take(path, quality)
+        first = take.shot.frames.first if at is None else at
         if first not in take.shot.frames:
             raise UsageError(f"frame {first} is not in {take.shot.name}, which has frames {take.shot.frames}")
-        turn = Turntable(first, frames)
+        turn = replace(
+            take, requested=tuple(range(1, frames + 1)), turntable=Turntable(first, frames, of_file)
+        )
         planner = self._planner()
-        numbers = tuple(range(1, frames + 1))
-        planner.pictures(Take(text, path, quality, take.variant, numbers, turn))
+        planner.pictures(turn)
+        planner.movie(turn)
         return planner.plan()
-
-    def _planner(self) -> Planner:
-        return Planner(self.store, self.cores)
 
     def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
         """The pictures of a shot file at one quality, all or a range."""
-        return self._of_text(_text(path), path, quality, frames, variant)
-
-    def _of_text(
-        self, text: str, path: Path, quality: str, frames: str | None, variant: str | None = None
-    ) -> Take:
         if quality not in QUALITIES:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
-        whole = Take(text, path.resolve(), quality, "none", ())
-        requested = FrameRange.parse(frames) if frames else whole.shot.frames
+        path = path.absolute()
+        text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
+        whole = Take(text, path, quality, "none", ()).whole()
+        requested = FrameRange.parse(frames) if frames is not None else whole.shot.frames
         outside = requested.outside(whole.shot.frames)
         if outside:
             raise UsageError(
                 f"{path}: frames {outside} are not in the shot, which has {whole.shot.frames}; "
-                f"ask for frames among those"
+                "ask for frames among those"
             )
         chosen = variant or variant_for(self.root, whole.shot.name, self.variant)
-        return Take(text, path.resolve(), quality, chosen, tuple(dict.fromkeys(requested)))
+        return replace(whole, variant=chosen, requested=tuple(dict.fromkeys(requested)))
 
-    def _whole_movie(self, planner: Planner, part: Take) -> None:
-        """Where a range completes a shot, its movie is due as well."""
-        whole = Take(part.text, part.path, part.quality_name, part.variant, tuple(part.shot.frames))
-        keys = whole.all_picture_keys(self.store)
-        rest = set(whole.requested) - set(part.requested)
-        if keys and all(self.store.holds("frame", keys[n].frame) for n in rest):
-            planner.pictures(whole)
+    def _planner(self) -> Planner:
+        return Planner(self.store, self.cores)
 
 
 def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, str, str]:
     """The plan a Snakefile runs, its frozen file, and the folder for what its jobs print.
 
     `config["plan"]` names one; without it the main process makes one of `config`'s shot, frames and
-    quality (by default the film at draft), and the processes of its jobs take the latest.
+    quality (by default the film at draft) and holds the root's lock, and the processes of its jobs take
+    the latest.
     """
     root = Path.cwd()
     latest = PLANS / "latest"
@@ -136,6 +154,7 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
             if "shot" in config
             else studio.film(quality)
         )
+        _HELD.append(acquire(root))
         plan.restore_links(studio.store)
         path = plan.freeze(root)
         (root / latest).write_text(path.as_posix())
@@ -143,15 +162,24 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
     return plan, path.as_posix(), (LOGS / plan.name).as_posix()
 
 
+_HELD: list[BaseFileLock] = []
+"""The locks this process holds until it ends."""
+
+
 def find_shot(name: str) -> Path:
-    """The file of a shot: a path, or a name in `shots/`. Raises MissingInputError with the nearest names."""
-    if name.endswith((".yaml", ".yml")):
-        if not Path(name).is_file():
-            raise MissingInputError(f"{name}: no such shot file; flowsculpt new makes one")
-        return Path(name)
-    path = SHOTS / f"{name}.yaml"
+    """The file of a shot: a path, or a name in `shots/`.
+
+    Raises MissingInputError with the nearest names, UsageError for a name that frames cannot be called by.
+    """
+    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
+    if not re.fullmatch(NAME, path.stem):
+        raise UsageError(
+            f"{path}: a shot is named by letters, digits, _, - and ., as in A010_cube; rename it"
+        )
     if path.is_file():
         return path
+    if path == Path(name):
+        raise MissingInputError(f"{name}: no such shot file; flowsculpt new makes one")
     known = shot_names()
     near = difflib.get_close_matches(name, known, n=1) or known[:6]
     hint = f"did you mean {', '.join(near)}?" if near else "there are none; flowsculpt new makes one"
@@ -163,27 +191,28 @@ def shot_names() -> list[str]:
     return sorted(path.stem for path in SHOTS.glob("*.yaml") if path.name != FILM.name)
 
 
-def _turntable_subject(subject: str, look: str | None) -> tuple[str, Path]:
-    """A shot file's text and place: the one named, or one written around a mesh file."""
-    suffix = Path(subject).suffix.lower()
-    if suffix.lstrip(".") not in FORMATS:
-        path = find_shot(subject)
-        return _text(path), path
-    mesh = Path(subject)
+def _shot_around(mesh: Path, look: str | None) -> str:
+    """The text of a shot that shows a mesh file as it is."""
     if not mesh.is_file():
-        raise MissingInputError(f"{mesh}: no such mesh file")
-    lines = (
-        f"title: {mesh.stem}",
-        "frames: 1-1",
-        f"subject: {{model: {mesh.resolve().as_posix()!r}}}",
-        "resample: off",
-        f"look: {look or 'clay'}",
-    )
-    return "\n".join(lines), mesh.with_suffix(".yaml")
+        raise MissingInputError(f"{mesh}: no such mesh file; check the path")
+    if look is not None and look not in LOOKS:
+        raise UsageError(f"{look!r} is not a look; choose {', '.join(LOOKS)}")
+    shot = {
+        "title": mesh.stem,
+        "frames": "1-1",
+        "subject": {"model": str(mesh.absolute())},
+        "resample": "off",
+        "look": look or "clay",
+    }
+    return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
 
 
 def _text(path: Path) -> str:
     try:
         return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise MissingInputError(f"{path}: no such shot file; flowsculpt new makes one") from None
     except UnicodeDecodeError:
         raise UsageError(f"{path}: not UTF-8 text; save it as UTF-8") from None
+    except OSError as error:
+        raise MissingInputError(f"{path}: cannot be read ({error.strerror})") from None

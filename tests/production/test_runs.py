@@ -67,6 +67,52 @@ def test_a_stepped_range_renders_just_its_frames(studio):
     assert not (studio.path / f"renders/{NAME}/preview/{NAME}.mp4").exists()
 
 
+def test_the_rest_of_a_shot_may_be_rendered_later_and_completes_its_movie(studio):
+    for part in ("1-2", "3-6"):
+        done = studio.run("render", NAME, "-f", part, "-q", "preview")
+        assert done.code == 0, done.err
+    assert probe_movie(studio.path / f"renders/{NAME}/preview/{NAME}.mp4").frames == 6
+
+
+def test_a_shot_may_be_named_twice_and_shown_twice(finished):
+    assert finished.run("render", NAME, NAME, "-f", "1-2", "-q", "preview").code == 0
+    (finished.path / "shots/film.yaml").write_text(
+        "title: Twice\nshots: [T010_tiny, T010_tiny]\ntitle_seconds: 0.25\ncredits_seconds: 0\n"
+    )
+    done = finished.run("film", "-q", "preview")
+    assert done.code == 0, done.err
+    assert probe_movie(finished.path / "renders/film/preview/film.mp4").frames == 6 + 12
+
+
+def test_two_shots_of_one_name_are_refused(studio):
+    (studio.path / "other").mkdir()
+    (studio.path / "other" / f"{NAME}.yaml").write_text(studio.shot.read_text())
+    done = studio.run("simulate", NAME, f"other/{NAME}.yaml")
+    assert done.code == 2
+    assert "both called" in done.err
+
+
+@pytest.mark.parametrize("kind", ["mesh", "normals", "cameras"])
+def test_a_corrupt_file_on_the_way_is_made_again(finished, kind):
+    for stored in (finished.path / ".flowsculpt/store" / kind).rglob("*.*"):
+        stored.chmod(0o644)
+        os.truncate(stored, 300)
+    finished.shot.write_text(finished.shot.read_text().replace("azimuth: -30", "azimuth: 10"))
+    done = finished.run("render", NAME, "-f", "3", "-q", "preview")
+    assert done.code == 0, done.err
+
+
+def test_an_edit_during_a_run_waits_for_the_next(studio):
+    text = studio.shot.read_text()
+    process = start(studio, "render", NAME, "-q", "preview")
+    wait_until(lambda: studio.frames(kind="raw"))
+    studio.shot.write_text(text.replace("azimuth: -30", "azimuth: [broken"))
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, out + err
+    studio.shot.write_text(text)
+    assert studio.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
+
+
 def test_deleted_links_come_back_without_rendering(finished):
     for path in finished.frames()[1:4]:
         path.unlink()
@@ -184,6 +230,24 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(studio):
     assert "Traceback" not in words
 
 
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_a_signal_to_the_command_alone_ends_all_of_its_processes(studio, number):
+    process = start(studio, "render", NAME, "-q", "preview")
+    wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
+    process.send_signal(number)
+    _, words = process.communicate(timeout=60)
+    assert process.returncode == 130, words
+    wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
+
+
+def test_the_jobs_of_a_killed_command_do_not_outlive_it(studio):
+    process = start(studio, "render", NAME, "-q", "preview")
+    wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
+    process.kill()
+    process.communicate()
+    wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
+
+
 def test_two_runs_at_once_are_refused_in_one_line(studio):
     process = start(studio, "render", NAME, "-q", "preview")
     try:
@@ -202,6 +266,7 @@ def test_where_a_renderer_crashes_its_shot_starts_again_on_the_next(studio):
         pytest.skip("there is only one variant here to choose from")
     process = start(studio, "render", NAME, "-q", "preview")
     wait_until(lambda: studio.frames(kind="raw"))
+    wait_until(lambda: processes_of(process.pid, "--child"))
     for child in processes_of(process.pid, "--child"):
         os.kill(child, signal.SIGABRT)
     out, err = process.communicate(timeout=300)

@@ -57,14 +57,14 @@ def _supervise(context: Context, plan_path: str) -> int:
     """Run a rendering job in a child; where it crashes, have its shot rendered by another variant."""
     command = [sys.executable, "-m", "pipeline.production.tasks", plan_path, context.job.name, "--child"]
     code = subprocess.run(command, stdin=subprocess.DEVNULL, check=False).returncode
-    if code >= 0:
-        return code
+    if code >= 0 or -code in (signal.SIGINT, signal.SIGTERM):
+        return abs(code)
     name = signal.Signals(-code).name
     take = context.take
     if -code in CRASHES:
         reason = f"{take.variant} crashed ({name}) while rendering {context.subject}"
         if avoid(context.root, take.shot.name, take.variant, reason):
-            context.log.write("healed", message=f"{reason}; the shot starts again on the next variant")
+            context.log.write("healed", message=f"{reason}; the shot is rendered without it from the start")
             return 1
     context.fail(FrameError(f"{context.subject}: the renderer was ended by {name}; is there memory enough?"))
     return 1

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 import time
 from collections.abc import Callable, Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -14,7 +15,7 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.events import EventLog
 from pipeline.production.keys import Key
 from pipeline.production.plan import Job, Plan
-from pipeline.production.store import Store
+from pipeline.production.store import CorruptFileError, Store
 from pipeline.production.take import PictureKeys, Take
 from render.errors import CorruptImageError, MissingImageError, RenderError
 
@@ -42,11 +43,12 @@ class Context:
 
     @cached_property
     def take(self) -> Take:
-        return Take.from_data(self.plan.takes[self.job.take])
+        """The take of a job that has one."""
+        return self.takes[0]
 
     @cached_property
     def takes(self) -> list[Take]:
-        return [Take.from_data(data) for data in self.plan.takes]
+        return [Take.from_data(self.plan.takes[place]) for place in self.job.takes]
 
     def picture_keys(self, take: Take, numbers: Iterable[int]) -> dict[int, PictureKeys]:
         """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
@@ -68,10 +70,16 @@ class Context:
         path = self.store.path(kind, key)
         try:
             return reader(path)
-        except (CorruptImageError, MissingImageError, ValueError, KeyError, EOFError, OSError) as error:
+        except (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError) as error:
             self.store.discard(kind, key)
             self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
             raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
+
+    def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
+        """Once one file was found corrupt, read the others too: the next round then makes all of them anew."""
+        for number in numbers:
+            with suppress(FrameError):
+                read(number)
 
     def each(self, frames: Iterable[int], work: Callable[[int], bool]) -> bool:
         """Do `work(number)` for every frame and tell; a frame that fails leaves the others to be made.
@@ -116,4 +124,4 @@ class Context:
     @property
     def subject(self) -> str:
         """What the job is about: a shot's name, or the film."""
-        return self.take.folders.name if self.job.take >= 0 else "film"
+        return "film" if self.job.task == "film" else self.take.folders.name

@@ -10,10 +10,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import AnyArray, Points
-from pipeline.errors import FlowsculptError, FrameError
+from pipeline.arrays import Points
+from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
 from pipeline.mesh.normals import split_at_creases
 from pipeline.production.framing import frame_all, turned
+from pipeline.production.npz import read_npz, write_npz
+from pipeline.production.store import CorruptFileError
 from pipeline.production.tasks.context import Context
 
 
@@ -28,7 +30,7 @@ def simulate(context: Context) -> bool:
             number = frame.number
             key, target = take.mesh_key(number), take.motion_folders.mesh(number)
             found = store.holds("mesh", key)
-            store.put("mesh", key, partial(_write_arrays, frame.to_arrays()))
+            store.put("mesh", key, partial(write_npz, arrays=frame.to_arrays()))
             if number in missing:
                 store.link("mesh", key, target)
                 context.tell(number, found, time.perf_counter() - started)
@@ -37,7 +39,7 @@ def simulate(context: Context) -> bool:
                 break
             started = time.perf_counter()
     except FlowsculptError as error:
-        context.fail(error, min(missing))
+        context.fail(error, getattr(error, "frame", None) or min(missing))
         return False
     return True
 
@@ -52,15 +54,13 @@ def smooth_normals(context: Context) -> bool:
         def write(path: Path) -> None:
             mesh = read_mesh_frame(context, number).mesh
             vertices, normals, faces, source = split_at_creases(mesh, take.hard_angle)
-            _write_arrays(
-                {
-                    "vertices": vertices.astype(np.float32),
-                    "normals": normals.astype(np.float32),
-                    "faces": faces,
-                    "source_vertex": source,
-                },
-                path,
-            )
+            arrays = {
+                "vertices": vertices.astype(np.float32),
+                "normals": normals.astype(np.float32),
+                "faces": faces,
+                "source_vertex": source,
+            }
+            write_npz(path, arrays)
 
         return context.make("normals", take.normals_key(number), target, write)
 
@@ -86,6 +86,7 @@ def frame_camera(context: Context) -> bool:
     try:
         found = context.make("cameras", take.cameras_key, take.folders.cameras(), write)
     except FlowsculptError as error:
+        context.survey({pose.mesh for _, pose in poses}, lambda number: read_mesh_frame(context, number))
         context.fail(error)
         return False
     each = (time.perf_counter() - started) / len(poses)
@@ -97,19 +98,14 @@ def frame_camera(context: Context) -> bool:
 def read_mesh_frame(context: Context, number: int) -> MeshFrame:
     """A mesh frame from the store. Raises FrameError where it is missing or corrupt."""
     take = context.take
-    target = take.motion_folders.mesh(number)
-    return context.read(
-        "mesh", take.mesh_key(number), target, lambda p: MeshFrame.from_arrays(read_arrays(p))
-    )
 
+    def reader(path: Path) -> MeshFrame:
+        try:
+            return MeshFrame.from_arrays(read_npz(path))
+        except (UsageError, MeshError) as error:
+            raise CorruptFileError(f"{path}: {error}") from error
 
-def read_arrays(path: Path) -> dict[str, AnyArray]:
-    with np.load(path, allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in arrays.files}
-
-
-def _write_arrays(arrays: dict[str, AnyArray], path: Path) -> None:
-    np.savez(path, allow_pickle=False, **arrays)
+    return context.read("mesh", take.mesh_key(number), take.motion_folders.mesh(number), reader)
 
 
 def _last_before(context: Context, number: int) -> MeshFrame | None:

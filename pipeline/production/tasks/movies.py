@@ -14,6 +14,7 @@ from pipeline.production.planner import film_key
 from pipeline.production.take import Take
 from pipeline.production.tasks.context import REPORTED, Context
 from render.colour import quantise, to_display
+from render.frame import Layers
 from render.image import read_exr
 from render.movie import Frame, write_movie
 from render.titles import TitleCard, title_frames
@@ -84,7 +85,14 @@ def _shown(context: Context, take: Take, numbers: list[int]) -> Iterator[Frame]:
     """Finished frames as a display shows them. A frame that cannot be read to its end is forgotten."""
     keys = context.picture_keys(take, numbers)
     exposure = take.shot.picture.lights.exposure
-    for number in numbers:
+
+    def read(number: int) -> Layers:
         target = take.folders.frame(take.quality_name, number)
-        layers, _ = context.read("frame", keys[number].frame, target, read_exr)
-        yield quantise(to_display(layers["beauty"], exposure), bits=16)
+        return context.read("frame", keys[number].frame, target, read_exr)[0]
+
+    try:
+        for number in numbers:
+            yield quantise(to_display(read(number)["beauty"], exposure), bits=16)
+    except FrameError:
+        context.survey(numbers, read)
+        raise

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from pipeline.production.framing import turned
+from pipeline.production.framing import Framing, turned
+from pipeline.production.npz import read_npz
+from pipeline.production.take import PictureKeys
 from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.meshes import read_arrays
 from render.denoise import denoise
 from render.engine import choose
 from render.frame import Layers, render_frame
@@ -38,7 +39,7 @@ def render(context: Context) -> bool:
                 take.seed(number),
                 engine,
             )
-            write_exr(path, layers, _header(context, number))
+            write_exr(path, layers, _header(context, number, framing, keys[number]))
 
         target = take.folders.raw(take.quality_name, number)
         return context.make("raw", keys[number].raw, target, write)
@@ -71,17 +72,15 @@ def _surface(context: Context, number: int) -> Surface:
     take = context.take
     pose = take.poses[number]
     path = take.motion_folders.normals(pose.mesh)
-    arrays = context.read("normals", take.normals_key(pose.mesh), path, read_arrays)
+    arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
     vertices = turned(arrays["vertices"], pose.spin)
     normals = turned(arrays["normals"], pose.spin, about_origin=True)
     return Surface(vertices.astype("float32"), normals.astype("float32"), arrays["faces"])
 
 
-def _header(context: Context, number: int) -> dict[str, object]:
+def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
     """What the EXR says of itself: enough to make it again."""
     take = context.take
-    framing = (take.framings(context.store) or {})[number]
-    keys = take.picture_keys(number, framing)
     thresholds = take.shot.motion.thresholds
     return {
         "shot": take.shot.name,
