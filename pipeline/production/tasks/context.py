@@ -76,7 +76,7 @@ class Context:
             raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
 
     def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
-        """Once one file was found corrupt, read the others too: the next round then makes all of them anew."""
+        """Once one file was found corrupt, read the others too: the next round makes them all anew."""
         for number in numbers:
             with suppress(FrameError):
                 read(number)
