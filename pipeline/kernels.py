@@ -20,6 +20,7 @@ from typing import Any, TypeVar
 
 import numba
 import platformdirs
+from numba.core import sigutils
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -96,5 +97,6 @@ def compile_all() -> int:
     for name in kernel_modules():
         importlib.import_module(name)
     for dispatcher, signature in DECLARED:
-        dispatcher.compile(signature)
+        arguments, _ = sigutils.normalize_signature(signature)
+        dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
     return len(DECLARED)

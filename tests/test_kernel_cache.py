@@ -37,6 +37,28 @@ def test_a_whole_shot_runs_on_what_set_up_has_compiled(studio):
     assert done.stdout == ""
 
 
+PREPARE = "kernels.compile_all()"
+
+CALL = """
+import numpy as np
+from {module} import twist
+twist(np.zeros((1, 3)), np.zeros(3), np.array([0.0, 1.0, 0.0]), 1.0, np.zeros((1, 3)))
+print(dict(twist.stats.cache_misses), len(twist.stats.cache_hits))
+"""
+
+
+def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
+    module = "pipeline.flow._kernels_deform"
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    said = []
+    for step in (PREPARE, CALL.format(module=module)):
+        code = f"from pipeline import kernels\nkernels.kernel_modules = lambda: [{module!r}]\n{step}"
+        done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+        assert done.returncode == 0, done.stderr
+        said.append(done.stdout.strip())
+    assert said == ["", "{} 1"]
+
+
 @pytest.fixture
 def folder_now(tmp_path, monkeypatch):
     """Where kernels would live, asked anew each time: the caches are empty, and the user's is in `home`."""
