@@ -27,7 +27,13 @@ MILLISECONDS = 110
 def main() -> None:
     film = [picture for shot in SHOTS for picture in _moving(shot)]
     film[0].save(
-        HERE / "film.webp", save_all=True, append_images=film[1:], duration=MILLISECONDS, loop=0, quality=80, method=6
+        HERE / "film.webp",
+        save_all=True,
+        append_images=film[1:],
+        duration=MILLISECONDS,
+        loop=0,
+        quality=80,
+        method=6,
     )
     for shot, frame in SHOTS.items():
         still = _picture(RENDERS / shot / "final" / "frames" / f"{shot}.{frame:04d}.exr")

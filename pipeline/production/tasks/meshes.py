@@ -39,7 +39,7 @@ def simulate(context: Context) -> bool:
                 break
             started = time.perf_counter()
     except FlowsculptError as error:
-        context.fail(error, getattr(error, "frame", None) or min(missing))
+        context.fail(error, error.frame if isinstance(error, FrameError) and error.frame else min(missing))
         return False
     return True
 
