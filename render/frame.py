@@ -21,7 +21,7 @@ from render.errors import BadInputError
 from render.lights import LightRig
 from render.look import Look
 from render.quality import Quality
-from render.scene import Surface, build_scene
+from render.scene import Rendering, Surface, build_scene
 from render.stage import Placement, Stage
 
 Layer = NDArray[np.float32]
@@ -97,14 +97,14 @@ def render_frame(
     """
     engine.start()
     begun = time.perf_counter()
-    lit, unlit = build_scene(
+    beauty, guides = build_scene(
         surface, look, lights, stage, placement, camera, (quality.width, quality.height), quality.depth
     )
     built = time.perf_counter()
-    passes = [*_passes("guides", unlit, quality.guides), *_passes("beauty", lit, quality.samples)]
+    passes = [*_passes("guides", guides, quality.guides), *_passes("beauty", beauty, quality.samples)]
     sums: dict[str, NDArray[np.float64]] = {}
-    for number, (layer, scene, samples) in enumerate(passes):
-        picture = _render(scene, samples, seed_of(seed, number, layer))
+    for number, (layer, rendering, samples) in enumerate(passes):
+        picture = _render(rendering, samples, seed_of(seed, number, layer))
         if layer == "beauty":
             picture = without_sparkles(picture[..., :3])
         sums[layer] = sums[layer] + picture if layer in sums else picture
@@ -138,26 +138,30 @@ def without_sparkles(light: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(light * (bound / np.maximum(luminance, bound))[..., None], dtype=np.float64)
 
 
-def _render(scene: Any, samples: int, seed: int) -> NDArray[np.float64]:
+def _render(rendering: Rendering, samples: int, seed: int) -> NDArray[np.float64]:
     import drjit as dr
     import mitsuba as mi
 
-    picture = np.array(mi.render(scene, spp=samples, seed=seed), dtype=np.float64)
+    picture = np.array(
+        mi.render(rendering.scene, integrator=rendering.integrator, spp=samples, seed=seed), dtype=np.float64
+    )
     dr.flush_malloc_cache()
     return picture
 
 
-def _passes(layer: str, scene: Any, samples: int) -> list[tuple[str, Any, int]]:
+def _passes(layer: str, rendering: Rendering, samples: int) -> list[tuple[str, Rendering, int]]:
     """Whole passes of equal weight; a last one that is smaller would count too much."""
     each = min(samples, PASS_SAMPLES)
     if samples % each:
         raise BadInputError(
             f"{samples} samples for the {layer} do not divide into passes of {each}; take 16, 64, …"
         )
-    return [(layer, scene, each)] * (samples // each)
+    return [(layer, rendering, each)] * (samples // each)
 
 
-def _named(sums: Mapping[str, NDArray[np.float64]], passes: list[tuple[str, Any, int]]) -> dict[str, Layer]:
+def _named(
+    sums: Mapping[str, NDArray[np.float64]], passes: list[tuple[str, Rendering, int]]
+) -> dict[str, Layer]:
     """Averages by name. Mitsuba's AOVs: albedo 3, depth 1, position 3, normal 3, matte and an unused one."""
     count = {layer: sum(1 for name, _, _ in passes if name == layer) for layer in sums}
     aovs = sums["guides"] / count["guides"]

@@ -5,6 +5,7 @@ An engine must have been started (`render.engine.Engine.start`) before anything 
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -67,6 +68,14 @@ class Surface:
                 raise BadInputError(f"attribute {name!r} must be finite and have shape ({count}, k)")
 
 
+@dataclass(frozen=True, eq=False)
+class Rendering:
+    """A Mitsuba scene, and what Mitsuba should find out about it."""
+
+    scene: Any
+    integrator: Any
+
+
 def build_scene(
     surface: Surface,
     look: Look,
@@ -76,11 +85,12 @@ def build_scene(
     camera: Camera,
     size: tuple[int, int],
     depth: int,
-) -> tuple[Any, Any]:
-    """Two scenes with the same shapes: one lit, for the beauty; one without lamps, for the AOVs.
+) -> tuple[Rendering, Rendering]:
+    """What to render for the beauty and for the AOVs. `size` is width and height in pixels.
 
-    Lamps are hidden from the lens in the lit scene, but AOVs would show them. `size` is width and height
-    in pixels. Raises BadInputError for a surface or a look that cannot be rendered.
+    Lamps are hidden from the lens in the beauty, but AOVs would show them: where a lamp stands in the
+    picture they get a scene of their own without it. Raises BadInputError for a surface or a look that
+    cannot be rendered.
     """
     surface.check()
     shapes = {"subject": _mesh("subject", surface, _material(look, surface), SUBJECT)}
@@ -88,14 +98,34 @@ def build_scene(
     if stage.kind == "cyclorama":
         shapes["stage"] = _cyclorama(stage, to_scene)
     common = {"type": "scene", "sensor": _sensor(camera, size), **shapes}
-    lit = {**common, "integrator": _beauty(depth, lights)}
+    lit = dict(common)
     for index, softbox in enumerate(lights.softboxes):
         lit[f"softbox{index}"] = _softbox(softbox, to_scene)
     for index, sun in enumerate(lights.suns):
         lit[f"sun{index}"] = _sun(sun, to_scene)
     lit["sky"] = _sky(lights.sky)
-    unlit = {**common, "integrator": _aovs()}
-    return _load(lit), _load(unlit)
+    scene = _load(lit)
+    seen = any(_in_view(lamp, to_scene, camera, size) for lamp in lights.softboxes)
+    bare = _load(common) if seen else scene
+    return Rendering(scene, _integrator(_beauty(depth, lights))), Rendering(bare, _integrator(_aovs()))
+
+
+def _in_view(lamp: Softbox, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]) -> bool:
+    """Whether a lamp may stand in the picture: no side of the view has all of a cube around it outside."""
+    reach = math.hypot(lamp.width, lamp.height) / 2.0
+    corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + lamp.position
+    seen = (corners @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
+    right, up, depth = seen.T
+    across = math.tan(camera.field_of_view / 2.0) * depth
+    upwards = across * size[1] / size[0]
+    outside = (right > across, right < -across, up > upwards, up < -upwards, depth < 0.0)
+    return not any(side.all() for side in outside)
+
+
+def _integrator(description: dict[str, Any]) -> Any:
+    import mitsuba as mi
+
+    return mi.load_dict(description, parallel=False, optimize=False)
 
 
 def _load(scene: dict[str, Any]) -> Any:

@@ -113,6 +113,15 @@ def test_the_lens_does_not_see_the_lamps(rendered: Rendered) -> None:
     assert rendered(camera=into_it)["beauty"].max() < min(key.radiance) / 10.0
 
 
+def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: Layers) -> None:
+    rig = LIGHTS["studio"]
+    lamp = replace(rig.softboxes[0], position=(1.2, 1.6, 3.0), width=1.0, height=1.0)
+    crowded = rendered(lights=replace(rig, softboxes=(*rig.softboxes, lamp)))
+    for name in ("albedo", "normal", "position", "depth", "matte"):
+        assert np.array_equal(crowded[name], picture[name])
+    assert not np.array_equal(crowded["beauty"], picture["beauty"])
+
+
 @pytest.mark.parametrize("name", LOOKS)
 def test_every_look_renders(name: str, rendered: Rendered) -> None:
     layers = rendered(look=LOOKS[name])

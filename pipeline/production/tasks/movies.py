@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 from pipeline.errors import FrameError
@@ -44,7 +45,7 @@ def film(context: Context) -> bool:
 def _movie(
     context: Context, key: Key, target: Path, frames: Iterator[Frame], rate: FrameRate, quality_name: str
 ) -> bool:
-    counted = _told(context, frames)
+    counted = _told(context, _ahead(frames))
     try:
         context.make(
             "movie", key, target, lambda p: write_movie(p, counted, rate.fps, movie_bits(quality_name))
@@ -53,6 +54,15 @@ def _movie(
         context.fail(error)
         return False
     return True
+
+
+def _ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
+    """The frames as they are; a thread makes the next while this one is encoded."""
+    with ThreadPoolExecutor(1) as pool:
+        coming = pool.submit(next, frames, None)
+        while (frame := coming.result()) is not None:
+            coming = pool.submit(next, frames, None)
+            yield frame
 
 
 def _told(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
