@@ -26,11 +26,8 @@ check: .venv/ready-dev
 bench: .venv/ready-bench
 	$(BIN)/python -m benchmarks
 
-# The README's pictures, from the draft film and one final still of each shot.
+# The README's moving picture, from the draft film.
 pictures: film
-	$(BIN)/flowsculpt -j $(CORES) render A010_cube -f 50 -q final
-	$(BIN)/flowsculpt -j $(CORES) render A020_lorenz -f 56 -q final
-	$(BIN)/flowsculpt -j $(CORES) render A030_taffy -f 54 -q final
 	$(BIN)/python docs/pictures/make.py
 
 setup: .venv/ready
