@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable
+from functools import partial
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -67,18 +69,18 @@ def validate(
     failed: list[FlowsculptError] = []
     facts: list[dict[str, Any]] = []
 
-    def check(name: str, read: Callable[[], object]) -> None:
+    def check(name: str, read: Callable[[Path], object], path: Callable[[], Path]) -> None:
         try:
-            read()
+            read(path())
             facts.append({"file": name, "errors": []})
         except FlowsculptError as error:
             failed.append(error)
             facts.append({"file": name, "errors": str(error).splitlines()})
 
     for shot in shots or shot_names():
-        check(shot, lambda shot=shot: read_shot(find_shot(shot)))  # type: ignore[misc]
+        check(shot, read_shot, partial(find_shot, shot))
     if not shots and FILM.is_file():
-        check("film", lambda: read_film(FILM))
+        check("film", read_film, lambda: FILM)
     complaints = dict.fromkeys(line for failure in failed for line in str(failure).splitlines())
     if complaints:
         complain("\n".join(complaints))

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable
 from fractions import Fraction
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -33,5 +31,5 @@ def as_data(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [f for f in dataclasses.fields(value) if f.metadata.get("as_data", True)]
         return {"is": type(value).__name__, **{f.name: as_data(getattr(value, f.name)) for f in fields}}
-    what = "function" if isinstance(value, Callable | Path) else type(value).__name__  # type: ignore[arg-type]
+    what = "function" if callable(value) else type(value).__name__
     raise UsageError(f"a {what} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")
