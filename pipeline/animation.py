@@ -13,8 +13,8 @@ from pipeline.arrays import AnyArray, Points
 from pipeline.errors import FlowsculptError, FrameError, UsageError
 from pipeline.flow import Displacement, Flow, as_flow, displaced
 from pipeline.mesh import TriangleMesh
-from pipeline.resample import Report, Resampler, Thresholds
-from pipeline.shot import Motion, Shot
+from pipeline.resample import Report, Resampler
+from pipeline.shot import Motion, Resampling, Shot
 from pipeline.statistics import MeshStatistics, mesh_statistics
 
 _ATTRIBUTE = "attribute:"
@@ -106,26 +106,26 @@ def animate(
         yield surface.frame(number)
     else:
         number = resume.number
-        surface = _resumed(resume.mesh, motion.thresholds)
+        surface = _resumed(resume.mesh, motion.resampling)
     for frame in range(number + 1, motion.frames.last + 1):
         surface.move(displaced(moving, surface.vertices, *motion.clock.step(frame), frame))
         yield surface.frame(frame)
 
 
 def _at_rest(motion: Motion) -> _Surface:
-    if motion.thresholds is None:
+    if motion.resampling is None:
         return _Surface(motion.subject.build())
-    mesh = motion.subject.build(motion.thresholds.max_edge_length)
-    return _Resampled(Resampler(mesh, motion.thresholds))
+    thresholds = motion.resampling.thresholds
+    return _Resampled(Resampler(motion.subject.build(thresholds.max_edge_length), thresholds))
 
 
-def _resumed(mesh: TriangleMesh, thresholds: Thresholds | None) -> _Surface:
+def _resumed(mesh: TriangleMesh, resampling: Resampling | None) -> _Surface:
     """The surface as it was when its frame was taken: vertices and faces keep their order."""
-    if thresholds is None:
+    if resampling is None:
         return _Surface(mesh)
     attributes = {f"attribute.{name}": values for name, values in mesh.attributes.items()}
     state: dict[str, AnyArray] = {"vertices": mesh.vertices, "faces": mesh.faces, **attributes}
-    return _Resampled(Resampler.from_state(state, thresholds))
+    return _Resampled(Resampler.from_state(state, resampling.thresholds))
 
 
 class _Surface:

@@ -19,7 +19,7 @@ from pipeline.flow.catalogue import Lorenz, Twist, Vortex
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, validate
 from pipeline.resample import Resampler, Thresholds
-from pipeline.shot import Motion, Solid, read_shot
+from pipeline.shot import Motion, Resampling, Solid, read_shot
 
 EDGE = 0.25
 
@@ -32,7 +32,7 @@ def motion() -> Motion:
         rate=FrameRate.of(24),
         subject=Solid.of("box", {}),
         flow=Sequence((Streamlines(pair), Twist(amount=keyed((0.0, 0.7), (0.0, 1.0))))),
-        thresholds=Thresholds(max_edge_length=EDGE),
+        resampling=Resampling(Thresholds(max_edge_length=EDGE)),
     )
 
 
@@ -76,8 +76,12 @@ def test_a_resampler_is_resumed_from_what_a_frame_holds(motion: Motion) -> None:
     *_, last = animate(motion)
     tags = {"heat": np.arange(float(len(last.mesh.vertices)))}
     mesh = TriangleMesh(last.mesh.vertices, last.mesh.faces, tags)
-    assert motion.thresholds is not None
-    assert set(Resampler(mesh, motion.thresholds).state()) == {"vertices", "faces", "attribute.heat"}
+    assert motion.resampling is not None
+    assert set(Resampler(mesh, motion.resampling.thresholds).state()) == {
+        "vertices",
+        "faces",
+        "attribute.heat",
+    }
     tagged = dataclasses.replace(last, number=20, mesh=mesh)
     assert "heat" in next(animate(motion, resume=tagged)).mesh.attributes
 
@@ -117,7 +121,7 @@ def test_arrays_that_are_no_frame_are_refused() -> None:
 
 
 def test_without_resampling_vertices_only_move(motion: Motion) -> None:
-    still = dataclasses.replace(motion, thresholds=None)
+    still = dataclasses.replace(motion, resampling=None)
     frames = list(animate(still))
     assert all(np.array_equal(frame.mesh.faces, frames[0].mesh.faces) for frame in frames)
     assert frames[-1].report.resampling is None
@@ -129,7 +133,7 @@ def test_without_resampling_vertices_only_move(motion: Motion) -> None:
 
 def test_a_keyed_twist_is_exact_at_every_frame(motion: Motion) -> None:
     amount = keyed((0.0, 0.7), (0.0, 1.0))
-    twisted = dataclasses.replace(motion, thresholds=None, flow=Sequence((Twist(amount=amount),)))
+    twisted = dataclasses.replace(motion, resampling=None, flow=Sequence((Twist(amount=amount),)))
     rest, *frames = animate(twisted)
     x, y, z = rest.mesh.vertices.T
     for frame in frames:
@@ -163,7 +167,9 @@ def test_an_exploding_flow_stops_after_the_good_frames(motion: Motion) -> None:
 
 
 def test_a_surface_that_outgrows_its_budget_stops_with_the_frame(motion: Motion) -> None:
-    tight = dataclasses.replace(motion, thresholds=Thresholds(max_edge_length=EDGE, max_vertices=1000))
+    tight = dataclasses.replace(
+        motion, resampling=Resampling(Thresholds(max_edge_length=EDGE, max_vertices=1000))
+    )
     last = 0
     with pytest.raises(FrameError, match=r"^frame \d+: (?!frame).*1000") as told:
         for frame in animate(tight, flow=lambda points, time, dt: points * 1.3):
@@ -172,9 +178,9 @@ def test_a_surface_that_outgrows_its_budget_stops_with_the_frame(motion: Motion)
 
 
 def test_a_threshold_far_too_fine_for_the_budget_stops_at_the_first_frame(motion: Motion) -> None:
-    fine = Thresholds(max_edge_length=1e-7, max_vertices=5000)
+    fine = Resampling(Thresholds(max_edge_length=1e-7, max_vertices=5000))
     with pytest.raises(FrameError, match=r"^frame 5: .*5000"):
-        next(animate(dataclasses.replace(motion, subject=Solid.of("sheet", {}), thresholds=fine)))
+        next(animate(dataclasses.replace(motion, subject=Solid.of("sheet", {}), resampling=fine)))
 
 
 def test_an_error_that_knows_its_frame_says_so_once(motion: Motion) -> None:

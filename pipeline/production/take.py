@@ -178,7 +178,8 @@ class Take:
     @property
     def hard_angle(self) -> float:
         """Radians: a dihedral sharper than this stays a crease in the picture."""
-        return (self.shot.motion.thresholds or Thresholds(1.0)).hard_angle
+        resampling = self.shot.motion.resampling
+        return (resampling.thresholds if resampling else Thresholds(1.0)).hard_angle
 
     @cached_property
     def cameras_key(self) -> Key:

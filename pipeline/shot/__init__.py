@@ -2,7 +2,7 @@
 
 from pipeline.shot.clock import Clock
 from pipeline.shot.read import read_film, read_shot
-from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
+from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Resampling, Shot
 from pipeline.shot.subject import Model, Solid, Subject
 
 __all__ = [
@@ -12,6 +12,7 @@ __all__ = [
     "Model",
     "Motion",
     "Picture",
+    "Resampling",
     "Shot",
     "Solid",
     "Subject",

@@ -41,12 +41,19 @@ SubjectDocument = Annotated[
 
 
 class ResampleDocument(Document):
-    """hard_angle: degrees"""
+    """hard_angle: degrees; what is left out takes the defaults of `Resampling`."""
 
     max_edge_length: Positive
     min_edge_length: Annotated[Real, Field(ge=0)] | None = None
     hard_angle: Annotated[float, Field(gt=0, lt=180)] = 40.0
     max_vertices: Annotated[int, Field(ge=4)] | None = None
+    method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = None
+    placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = None
+    splits: Annotated[str, one_of(("edges", "faces"), "way to split")] | None = None
+    shape: Annotated[float, Field(ge=0, le=1)] | None = None
+    normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = None
+    renew: Annotated[int, Field(ge=1)] | None = None
+    creases: Annotated[str, one_of(("rest", "model", "none"), "source of creases")] | None = None
 
 
 def _named_or_spelt_out(value: Any) -> str:

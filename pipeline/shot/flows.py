@@ -18,6 +18,7 @@ from pipeline.shot.fields import (
     Document,
     NumberField,
     PlaceField,
+    Positive,
     PositiveField,
     Triple,
     axis,
@@ -106,6 +107,17 @@ class LorenzDocument(Document):
         return catalogue.Lorenz(place(self.centre, clock), **numbers)
 
 
+class EnrightDocument(Document):
+    """period: seconds"""
+
+    centre: PlaceField = HERE
+    scale: PositiveField = 2.0
+    period: Positive = 3.0
+
+    def build(self, clock: Clock) -> VelocityField:
+        return catalogue.Enright(place(self.centre, clock), number(self.scale, clock), float(self.period))
+
+
 class DeformationDocument(Document):
     axis: Axis = "y"
     centre: Triple = HERE
@@ -157,6 +169,7 @@ class VelocityDocument(Document):
     strain: Annotated[StrainDocument | None, _bare] = None
     expansion: Annotated[ExpansionDocument | None, _bare] = None
     lorenz: Annotated[LorenzDocument | None, _bare] = None
+    enright: Annotated[EnrightDocument | None, _bare] = None
 
     @model_validator(mode="after")
     def _names_one(self) -> VelocityDocument:

@@ -25,7 +25,7 @@ from pipeline.shot.documents import (
 )
 from pipeline.shot.fields import DEGREE, Document, number, suggestion
 from pipeline.shot.messages import findings
-from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
+from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Resampling, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
 from render.lights import LIGHTS, LightRig
@@ -33,6 +33,8 @@ from render.look import LOOKS, Look
 from render.stage import STAGES, Stage
 
 D = TypeVar("D", bound=Document)
+
+THRESHOLDS = ("max_edge_length", "min_edge_length", "hard_angle", "max_vertices")
 
 
 def read_shot(path: str | Path, text: str | None = None) -> Shot:
@@ -156,13 +158,15 @@ def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
         rate=clock.rate,
         subject=_subject(document, source),
         flow=Sequence(flows),
-        thresholds=_thresholds(resample) if isinstance(resample, ResampleDocument) else None,
+        resampling=_resampling(resample) if isinstance(resample, ResampleDocument) else None,
     )
 
 
-def _thresholds(document: ResampleDocument) -> Thresholds:
-    given = document.model_dump(exclude_none=True, exclude={"hard_angle"})
-    return Thresholds(**given, hard_angle=document.hard_angle * DEGREE)
+def _resampling(document: ResampleDocument) -> Resampling:
+    given = document.model_dump(exclude_none=True)
+    steering = {name: given.pop(name) for name in THRESHOLDS if name in given}
+    steering["hard_angle"] *= DEGREE
+    return Resampling(Thresholds(**steering), **given)
 
 
 def _subject(document: ShotDocument, source: Source) -> Subject:

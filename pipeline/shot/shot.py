@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 from pipeline.flow import Flow
 from pipeline.flow.choreography import Number, number_at
@@ -22,32 +22,66 @@ from render.stage import Stage
 
 
 @dataclass(frozen=True)
+class Resampling:
+    """How a surface is resampled, once a frame.
+
+    thresholds  the bracket for edge lengths and the angle that makes an edge hard
+    method      triangles: split and collapse edges (P23–P30); polyhedra: slice arbitrary faces (P16–P21)
+    placement   where new vertices go: chord, the middle of the edge (P25); curved, on a surface that is
+                smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
+    splits      edges: one long edge at a time (P25); faces: one triangle into four (P26)
+    shape       0 to 1: how much is done for well-shaped triangles (P36)
+    normals     carried through the flow, where the placement is exact; or of the geometry of each frame
+    renew       frames after which the present surface becomes the undeformed one, where placement is exact
+    creases     edges that stay hard whatever becomes of their angle (P31): rest, those that are hard in the
+                undeformed surface; model, those that the model's file names; none
+    """
+
+    thresholds: Thresholds
+    method: Literal["triangles", "polyhedra"] = "triangles"
+    placement: Literal["chord", "curved", "exact"] = "exact"
+    splits: Literal["edges", "faces"] = "edges"
+    shape: float = 0.5
+    normals: Literal["carried", "geometric"] = "carried"
+    renew: int = 240
+    creases: Literal["rest", "model", "none"] = "rest"
+
+    def data(self) -> dict[str, Any]:
+        """What decides meshes, as JSON-able data.
+
+        The budget of vertices is no part of it: it moves no vertex, and raising it goes on from the last
+        frame that fitted. Nor are settings that only exact placement heeds, where it is another.
+        """
+        settings: dict[str, Any] = as_data(self)
+        del settings["thresholds"]["max_vertices"]
+        if self.placement != "exact":
+            del settings["normals"], settings["renew"]
+        return settings
+
+
+@dataclass(frozen=True)
 class Motion:
     """All that decides the mesh of every frame.
 
-    thresholds  None: resampling is off, and vertices only move
+    resampling  None: it is off, and vertices only move
     """
 
     frames: FrameRange
     rate: FrameRate
     subject: Subject
     flow: Flow
-    thresholds: Thresholds | None
+    resampling: Resampling | None
 
     @property
     def clock(self) -> Clock:
         return Clock(self.frames, self.rate)
 
     def start_data(self) -> dict[str, Any]:
-        """What decides the first frame, as JSON-able data: equal data, equal mesh.
-
-        The budget of vertices is no part of it: it moves no vertex, and raising it goes on from the last
-        frame that fitted.
-        """
-        thresholds = as_data(self.thresholds)
-        if thresholds is not None:
-            del thresholds["max_vertices"]
-        return {"subject": as_data(self.subject), "thresholds": thresholds}
+        """What decides the first frame, as JSON-able data: equal data, equal mesh."""
+        return {
+            "subject": as_data(self.subject),
+            "resampling": self.resampling.data() if self.resampling else None,
+        }
 
     def step_data(self, frame: int) -> Any:
         """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""

@@ -17,7 +17,8 @@ from pipeline.flow import Sequence, Streamlines, keyed
 from pipeline.flow.catalogue import Rotation, Twist, Vortex
 from pipeline.mesh import validate, write_mesh
 from pipeline.mesh.solids import box
-from pipeline.shot import Motion, read_film, read_shot
+from pipeline.resample import Thresholds
+from pipeline.shot import Motion, Resampling, read_film, read_shot
 
 GOOD = """\
 title: Cube
@@ -96,9 +97,31 @@ def test_the_budget_of_vertices_is_no_part_of_any_mesh(tmp_path: Path) -> None:
     assert one == roomier != finer
 
 
+def test_every_setting_of_the_resampling_stands_in_the_shot(tmp_path: Path) -> None:
+    spelt = (
+        "max_edge_length: 0.25, method: polyhedra, placement: curved, splits: faces, shape: 1, "
+        "normals: geometric, renew: 12, creases: none"
+    )
+    resampling = read_shot(written(tmp_path, GOOD.replace("max_edge_length: 0.25", spelt))).motion.resampling
+    assert resampling == Resampling(
+        Thresholds(0.25), "polyhedra", "curved", "faces", 1.0, "geometric", 12, "none"
+    )
+    assert read_shot(written(tmp_path, GOOD)).motion.resampling == Resampling(Thresholds(0.25))
+
+
+def test_settings_that_another_placement_ignores_are_no_part_of_any_mesh(tmp_path: Path) -> None:
+    def data(settings: str) -> Any:
+        text = GOOD.replace("max_edge_length: 0.25", f"max_edge_length: 0.25, {settings}")
+        return read_shot(written(tmp_path, text)).motion.start_data()
+
+    assert data("placement: chord") == data("placement: chord, renew: 10, normals: geometric")
+    assert data("placement: exact") != data("placement: exact, renew: 10")
+    assert data("shape: 0.5") == data("") != data("shape: 0.6")
+
+
 def test_without_resampling_a_motion_has_data_too(tmp_path: Path) -> None:
     off = GOOD.replace("{max_edge_length: 0.25}", "off")
-    assert read_shot(written(tmp_path, off)).motion.start_data()["thresholds"] is None
+    assert read_shot(written(tmp_path, off)).motion.start_data()["resampling"] is None
 
 
 def test_relighting_changes_the_picture_alone(tmp_path: Path) -> None:
@@ -168,6 +191,12 @@ BROKEN = [
      "and this entry has lorenz and rotation. Start each flow with a dash of its own."),
     ("{max_edge_length: 0.25}", "no",
      "a.yaml:5:1: resample is 'no'; it must be 'off'"),
+    ("max_edge_length: 0.25", "max_edge_length: 0.25, placement: exct",
+     "a.yaml:5:35: resample.placement: 'exct' is no placement. Did you mean 'exact'?"),
+    ("max_edge_length: 0.25", "max_edge_length: 0.25, renew: 0",
+     "a.yaml:5:35: resample.renew is 0; it must be at least 1"),
+    ("max_edge_length: 0.25", "max_edge_length: 0.25, crease: rest",
+     "a.yaml:5:35: crease is not known under resample. Did you mean 'creases'?"),
     ("camera:", "substeps: 0\ncamera:", "a.yaml:11:1: substeps is 0; it must be at least 1"),
     ("rate: 24", "rate: 1e-320",
      "a.yaml:3:1: frame rate 1e-320 is not from 0.1 to 1000, in frames per second; 24 is usual"),
@@ -328,7 +357,7 @@ def test_the_films_own_shots_are_good() -> None:
 def test_the_documented_shot_is_good(tmp_path: Path) -> None:
     page = Path(__file__).parents[2] / "docs" / "shot-files.md"
     example = page.read_text(encoding="utf-8").split("```yaml\n")[1].split("```")[0]
-    assert read_shot(written(tmp_path, example)).motion.thresholds is not None
+    assert read_shot(written(tmp_path, example)).motion.resampling is not None
 
 
 STRAYS = [
