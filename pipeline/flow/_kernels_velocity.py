@@ -11,7 +11,7 @@ import math
 
 from numba import prange
 
-from pipeline.arrays import Floats, Indices, Points, Vectors
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 
 Velocity = tuple[float, float, float]
@@ -26,6 +26,7 @@ STRAIN = 4  # centre 0:3, axis 3:6, rate 6
 BALL = 5  # centre 0:3, -, 1 / radius² 6, rate 7
 DISC = 6  # centre 0:3, axis 3:6, 1 / radius² 6, rate 7
 LORENZ = 7  # centre 0:3, sigma 3, rho 4, beta 5, scale 6, time scale 7
+ENRIGHT = 8  # centre 0:3, side 3, factor 4
 
 
 @kernel("UniTuple(f8, 3)(i4, f8[::1], i8, f8, f8, f8)", forceinline=True)
@@ -43,6 +44,13 @@ def one_velocity(kind: int, p: Floats, o: int, x: float, y: float, z: float) -> 
             speed * (lx * ly - p[o + 5] * lz),
             -speed * (lx * (p[o + 4] - lz) - ly),
         )
+    if kind == ENRIGHT:
+        side, speed = p[o + 3], p[o + 3] * p[o + 4]
+        half = math.pi / side
+        ax, ay, az = half * rx + 0.5 * math.pi, half * ry + 0.5 * math.pi, half * rz + 0.5 * math.pi
+        fx, fy, fz = math.sin(2.0 * ax), math.sin(2.0 * ay), math.sin(2.0 * az)
+        sx, sy, sz = math.sin(ax) ** 2, math.sin(ay) ** 2, math.sin(az) ** 2
+        return 2.0 * speed * sx * fy * fz, -speed * fx * sy * fz, -speed * fx * fy * sz
     along = p[o + 3] * rx + p[o + 4] * ry + p[o + 5] * rz
     if kind == BALL:
         along = 0.0
@@ -78,15 +86,17 @@ def one_velocity(kind: int, p: Floats, o: int, x: float, y: float, z: float) -> 
     )
 
 
-@kernel("UniTuple(f8, 3)(i4[::1], f8[::1], i8, f8, f8, f8)", forceinline=True)
-def summed_velocity(kinds: Indices, p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """The sum of all fields of a table at one point; the table's K rows begin at p[o].
+@kernel("UniTuple(f8, 3)(i4[::1], i8, i8, f8[::1], i8, f8, f8, f8)", forceinline=True)
+def summed_velocity(
+    kinds: Indices, first: int, last: int, p: Floats, o: int, x: float, y: float, z: float
+) -> Velocity:
+    """The sum of the fields kinds[first:last] at one point; their rows begin at p[o].
 
-    Tables are handed on whole and flat: slicing them here would count references for every point.
+    Arrays are handed on whole and tables flat: slicing them here would count references for every point.
     """
     u, v, w = 0.0, 0.0, 0.0
-    for k in range(len(kinds)):
-        du, dv, dw = one_velocity(kinds[k], p, o + k * COLUMNS, x, y, z)
+    for k in range(first, last):
+        du, dv, dw = one_velocity(kinds[k], p, o + (k - first) * COLUMNS, x, y, z)
         u += du
         v += dv
         w += dw
@@ -98,31 +108,33 @@ def velocities(points: Points, kinds: Indices, table: Floats, out: Vectors) -> N
     """Velocities (N, 3) at points (N, 3) into `out`; the table is flat, K rows of COLUMNS."""
     for i in prange(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        out[i, 0], out[i, 1], out[i, 2] = summed_velocity(kinds, table, 0, x, y, z)
+        out[i, 0], out[i, 1], out[i, 2] = summed_velocity(kinds, 0, len(kinds), table, 0, x, y, z)
 
 
-@kernel("void(f8[:, ::1], i4[::1], f8[::1], f8, f8[:, ::1])", parallel=True)
-def advect(points: Points, kinds: Indices, tables: Floats, h: float, out: Points) -> None:
-    """Classical Runge-Kutta of order 4 from points (N, 3) into `out`, in sub-steps of h seconds.
+@kernel("void(f8[:, ::1], i4[::1], f8[::1], i8[:, ::1], f8[::1], f8[:, ::1])", parallel=True)
+def advect(
+    points: Points, kinds: Indices, tables: Floats, steps: AnyArray, lengths: Floats, out: Points
+) -> None:
+    """Classical Runge-Kutta of order 4 from points (N, 3) into `out`, sub-step after sub-step.
 
-    tables holds the fields at the start, middle and end of each of S sub-steps: 2 S + 1 tables of K
-    rows of COLUMNS, flat.
+    steps    (S, 3): the fields of each sub-step are kinds[steps[s, 0] : steps[s, 1]], and from
+             tables[steps[s, 2]] on lie their tables at its start, middle and end
+    lengths  (S,) seconds
     """
-    size = len(kinds) * COLUMNS
-    steps = (len(tables) // size - 1) // 2 if size else 0
     for i in prange(len(points)):
         x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        for step in range(steps):
-            start = 2 * step * size
+        for step in range(len(lengths)):
+            first, last, start, h = steps[step, 0], steps[step, 1], steps[step, 2], lengths[step]
+            size = (last - first) * COLUMNS
             middle, end = start + size, start + 2 * size
-            ax, ay, az = summed_velocity(kinds, tables, start, x, y, z)
+            ax, ay, az = summed_velocity(kinds, first, last, tables, start, x, y, z)
             bx, by, bz = summed_velocity(
-                kinds, tables, middle, x + 0.5 * h * ax, y + 0.5 * h * ay, z + 0.5 * h * az
+                kinds, first, last, tables, middle, x + 0.5 * h * ax, y + 0.5 * h * ay, z + 0.5 * h * az
             )
             cx, cy, cz = summed_velocity(
-                kinds, tables, middle, x + 0.5 * h * bx, y + 0.5 * h * by, z + 0.5 * h * bz
+                kinds, first, last, tables, middle, x + 0.5 * h * bx, y + 0.5 * h * by, z + 0.5 * h * bz
             )
-            dx, dy, dz = summed_velocity(kinds, tables, end, x + h * cx, y + h * cy, z + h * cz)
+            dx, dy, dz = summed_velocity(kinds, first, last, tables, end, x + h * cx, y + h * cy, z + h * cz)
             x += h / 6.0 * (ax + 2.0 * (bx + cx) + dx)
             y += h / 6.0 * (ay + 2.0 * (by + cy) + dy)
             z += h / 6.0 * (az + 2.0 * (bz + cz) + dz)

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import Floats, Indices, Points, Vectors
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow.flow import Flow, for_kernels
@@ -82,6 +83,43 @@ def table_of(field: VelocityField, time: float) -> Floats:
     return table
 
 
+class Course(NamedTuple):
+    """Sub-steps along velocity fields, one after another, as the kernel takes them.
+
+    kinds    int32 (K,), the kinds of all the fields
+    tables   float64, their tables, flat
+    steps    int64 (S, 3): the first field of each sub-step, the one after its last, and where its three
+             tables (at its start, middle and end) begin
+    lengths  float64 (S,), seconds
+    """
+
+    kinds: Indices
+    tables: Floats
+    steps: AnyArray
+    lengths: Floats
+
+    @classmethod
+    def joined(cls, courses: Sequence[Course]) -> Course:
+        """All of them in order, as one."""
+        shift, steps = np.zeros(3, np.int64), []
+        for course in courses:
+            steps.append(course.steps + shift)
+            shift += (len(course.kinds), len(course.kinds), len(course.tables))
+        return cls(
+            np.concatenate([course.kinds for course in courses]),
+            np.concatenate([course.tables for course in courses]),
+            np.concatenate(steps),
+            np.concatenate([course.lengths for course in courses]),
+        )
+
+    def follow(self, points: Points) -> Points:
+        """Where points (N, 3) are at its end."""
+        points = for_kernels(points)
+        out = np.empty_like(points)
+        kernels.advect(points, *self, out)
+        return out
+
+
 @dataclass(frozen=True)
 class Streamlines(Flow):
     """Points carried along a velocity field by the classical Runge-Kutta method of order 4.
@@ -96,17 +134,21 @@ class Streamlines(Flow):
     order: ClassVar[int] = 4
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        points = for_kernels(points)
+        return self.course(time, dt).follow(points)
+
+    def course(self, time: float, dt: float) -> Course:
+        """The sub-steps of this step. Raises FrameError where they are more than MOST_SUBSTEPS."""
         wanted = self._substeps(time, dt)
         if not wanted <= MOST_SUBSTEPS:
             raise FrameError(
                 f"flow {self.name} at {time:g} s is so steep or finely cut that a frame takes {wanted:.3g} "
                 f"sub-steps; {MOST_SUBSTEPS} are the most. Lower its strength or widen its radius."
             )
-        tables, step = self._tables(time, dt, int(wanted))
-        out = np.empty_like(points)
-        kernels.advect(points, kinds_of(self.field), tables.ravel(), step, out)
-        return out
+        count, kinds = int(wanted), kinds_of(self.field)
+        tables, length = self._tables(time, dt, count)
+        steps = np.zeros((count, 3), np.int64)
+        steps[:, 1], steps[:, 2] = len(kinds), 2 * len(kinds) * kernels.COLUMNS * np.arange(count)
+        return Course(kinds, tables.ravel(), steps, np.full(count, length))
 
     def acting(self, time: float, dt: float) -> Any:
         """A field too steep to follow has data too, without a step: its frame fails, and not before."""

@@ -1,0 +1,49 @@
+"""The deformation that tracked surfaces are compared by."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow.catalogue.directions import ORIGIN
+from pipeline.flow.choreography import Number, Place, number_at, place_at
+from pipeline.flow.velocity import Term
+
+
+@dataclass(frozen=True)
+class Enright(Term):
+    """A ball is drawn out to a thin curled sheet and put together again. With 0 < x, y, z < 1 in the cube
+    of side `scale` about `centre`,
+
+        u =  2 sin²(πx) sin(2πy) sin(2πz) cos(πt/T)
+        v = −  sin(2πx) sin²(πy) sin(2πz) cos(πt/T)
+        w = −  sin(2πx) sin(2πy) sin²(πz) cos(πt/T)
+
+    in sides of the cube per second. It keeps volume; on the faces of the cube nothing crosses. Beyond them
+    the pattern repeats.
+
+    period  T, seconds: half way the deformation is greatest, at the end all is where it was
+
+    Source: LeVeque, *High-Resolution Conservative Algorithms for Advection in Incompressible Flow*, SIAM J.
+    Numer. Anal. 33 (1996); with a ball of radius 0.15 about (0.35, 0.35, 0.35) and T = 3, the test of Enright
+    et al., *A Hybrid Particle Level Set Method*, J. Comput. Phys. 183 (2002). P3.
+    """
+
+    centre: Place = ORIGIN
+    scale: Number = 2.0
+    period: float = 3.0
+
+    @property
+    def kind(self) -> int:
+        return kernels.ENRIGHT
+
+    def row(self, time: float) -> tuple[float, ...]:
+        return (*place_at(self.centre, time), number_at(self.scale, time), self._factor(time))
+
+    def steepness(self, time: float) -> float:
+        """4π, which is reached on an axis of the cube, half way from its centre to a face."""
+        return 4 * math.pi * abs(self._factor(time))
+
+    def _factor(self, time: float) -> float:
+        return math.cos(math.pi * time / self.period)

@@ -1,0 +1,110 @@
+"""Where points of the rest surface are now: a flow over all the frames since."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import Points
+from pipeline.errors import FrameError
+from pipeline.flow.compose import Reversed, Sequence
+from pipeline.flow.flow import Flow
+from pipeline.flow.guard import displaced
+from pipeline.flow.velocity import Course, Streamlines
+
+LARGEST_COURSE = 1 << 20
+"""Numbers in the tables of one kernel call: 8 MB."""
+
+
+@dataclass(frozen=True)
+class Step:
+    """What acts on the way into `frame`: a flow from `time` on, for `dt` seconds."""
+
+    flow: Flow
+    time: float
+    dt: float
+    frame: int
+
+    def apply(self, points: Points) -> Points:
+        """Points (N, 3) moved, and looked at. Raises FrameError."""
+        return displaced(self.flow, points, self.time, self.dt, self.frame)
+
+
+class History:
+    """The steps of a shot since its rest frame, to carry rest points through all of them at once.
+
+    A point carried arrives at the very bits where a vertex that started there was moved to, frame by frame:
+    the same sub-steps are taken in the same order. Streamlines are followed by one compiled call for as
+    many frames as LARGEST_COURSE allows, and their tables are worked out once; other flows act frame by
+    frame. The flow must move each point regardless of the others, as a mapping of points into points
+    does (P1).
+    """
+
+    def __init__(self) -> None:
+        self._steps: list[Step] = []
+        self._legs: list[Course | Step] = []
+
+    def __len__(self) -> int:
+        """How many frames it spans."""
+        return len(self._steps)
+
+    def add(self, flow: Flow, time: float, dt: float, frame: int) -> None:
+        """The next frame: `flow` from `time` on, for `dt` seconds, into `frame`.
+
+        Raises FrameError where a velocity field is too steep to follow.
+        """
+        step = Step(flow, time, dt, frame)
+        legs = [_leg(part) for part in _parts(step)]
+        self._steps.append(step)
+        for leg in legs:
+            last = self._legs[-1] if self._legs else None
+            if isinstance(leg, Course) and isinstance(last, Course) and _fits(last, leg):
+                self._legs[-1] = Course.joined([last, leg])
+            else:
+                self._legs.append(leg)
+
+    def carry(self, rest_points: Points) -> Points:
+        """Where points (N, 3) of the rest frame are at the last frame added: a new array, all finite.
+
+        Raises FrameError, of the last frame, where the flow fails or takes a point out of the numbers.
+        """
+        points = np.array(rest_points, dtype=np.float64)
+        try:
+            with np.errstate(all="ignore"):  # what has left the numbers is told below, by frame
+                for leg in self._legs:
+                    points = leg.follow(points) if isinstance(leg, Course) else leg.apply(points)
+            if not np.isfinite(points).all():
+                self._walk(rest_points)
+        except FrameError as error:
+            raise FrameError(f"on the way from the rest surface: {error}", self._steps[-1].frame) from error
+        return points
+
+    def _walk(self, points: Points) -> None:
+        """Frame by frame, to find where it went wrong."""
+        for step in self._steps:
+            points = step.apply(points)
+
+
+def _parts(step: Step) -> Iterator[Step]:
+    """The flows that act one after another within a step."""
+    flow = step.flow
+    if isinstance(flow, Reversed):
+        yield from _parts(Step(flow.flow, flow.duration - step.time, -step.dt, step.frame))
+    elif isinstance(flow, Sequence):
+        for part in flow.flows if step.dt >= 0 else reversed(flow.flows):
+            yield from _parts(Step(part, step.time, step.dt, step.frame))
+    else:
+        yield step
+
+
+def _leg(step: Step) -> Course | Step:
+    try:
+        return step.flow.course(step.time, step.dt) if isinstance(step.flow, Streamlines) else step
+    except FrameError as error:
+        raise error.of(step.frame) from None
+
+
+def _fits(course: Course, more: Course) -> bool:
+    return len(course.tables) + len(more.tables) <= LARGEST_COURSE
