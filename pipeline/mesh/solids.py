@@ -99,7 +99,7 @@ def rod(
     else:
         rings = max(2, math.ceil(radius / step))
         cap = np.column_stack([np.linspace(0, radius, rings + 1), np.full(rings + 1, -0.5 * length)])
-    straight = 2 * abs(cap[-1, 1])
+    straight = length - 2 * radius if caps == "round" else length
     pieces = max(1, math.ceil(straight / step))
     heights = cap[-1, 1] + straight * np.arange(1, pieces) / pieces
     side = np.column_stack([np.full(pieces - 1, radius), heights])

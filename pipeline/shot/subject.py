@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, rod, sheet, torus
+from pipeline.mesh.true_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
 from pipeline.shot.data import NOT_DATA
 
 Measure = float | str | tuple[float, ...]
@@ -19,6 +20,11 @@ Measure = float | str | tuple[float, ...]
 
 class Subject(ABC):
     """Knows its mesh at rest."""
+
+    @property
+    def project(self) -> TrueSurface | None:
+        """What the mesh at rest stands for, where it is known: maps points to the nearest on it."""
+        return None
 
     @abstractmethod
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
@@ -35,10 +41,12 @@ class SolidKind:
 
     measures  what it is measured by, in scene units, and what it measures if nothing is said
     make      `make(edge_length, *measures)`: its mesh
+    surface   `surface(*measures)`: what the mesh stands for
     """
 
     measures: Mapping[str, Measure]
     make: Callable[..., TriangleMesh]
+    surface: Callable[..., TrueSurface]
 
 
 def _icosphere(edge_length: float, radius: float) -> TriangleMesh:
@@ -46,17 +54,27 @@ def _icosphere(edge_length: float, radius: float) -> TriangleMesh:
     return icosphere(max(1, edges), radius)
 
 
+def _rod(length: float, radius: float, caps: str) -> TrueSurface:
+    return Capsule(length, radius) if caps == "round" else Cylinder(length, radius)
+
+
+def _box(size: float | tuple[float, float, float]) -> TrueSurface:
+    return Box(size if isinstance(size, tuple) else (size, size, size))
+
+
 SOLIDS: Mapping[str, SolidKind] = {
-    "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge)),
-    "icosphere": SolidKind({"radius": 1.0}, _icosphere),
+    "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge), _box),
+    "icosphere": SolidKind({"radius": 1.0}, _icosphere, Sphere),
     "rod": SolidKind(
         {"length": 3.0, "radius": 0.5, "caps": "round"},
         lambda edge, length, radius, caps: rod(length, radius, edge, caps),
+        _rod,
     ),
-    "sheet": SolidKind({"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge)),
+    "sheet": SolidKind({"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge), Sheet),
     "torus": SolidKind(
         {"radius": 1.0, "tube_radius": 0.4},
         lambda edge, radius, tube_radius: torus(radius, tube_radius, edge),
+        Torus,
     ),
 }
 
@@ -82,6 +100,10 @@ class Solid(Subject):
         """`Solid.of("box", {"size": [2, 2, 1]})`; measures left out take their defaults."""
         values = {**SOLIDS[solid].measures, **given}
         return cls(solid, tuple((name, _measure(values[name])) for name in SOLIDS[solid].measures))
+
+    @property
+    def project(self) -> TrueSurface:
+        return SOLIDS[self.solid].surface(*(value for _, value in self.measures))
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         values = [value for _, value in self.measures]
