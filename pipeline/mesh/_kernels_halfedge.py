@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import numba
 import numpy as np
 
-from pipeline.arrays import Floats, Indices
+from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.kernels import kernel
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
@@ -29,13 +29,15 @@ class Surface(NamedTuple):
     blends: Floats  # (K,): 1 where an attribute mixes its parents' values, 0 where it inherits the nearer one
     vert: Indices  # (3F,)
     twin: Indices  # (3F,)
+    tagged: AnyArray  # (3F,) uint8: 1 at both half-edges of an edge that is hard whatever its angle
 
 
 _NONE, _TWO, _THREE = np.uint64(0), np.uint64(2), np.uint64(3)  # unsigned: their remainder costs half
 INTS = numba.int32[::1]
 MATRIX = numba.float64[:, ::1]
 VECTOR = numba.float64[::1]
-SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS], Surface)
+BYTES = numba.uint8[::1]
+SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS, BYTES], Surface)
 
 
 @kernel("int64(int64)", **LEAN)
@@ -142,7 +144,7 @@ def fill_holes(
     cost of moving is that of the gaps, not of the mesh; one pass over `vert` gives moved vertices their
     new numbers. The lists of the dead are sorted; `renamed` is scratch of V entries.
     """
-    points, carried, _, vert, twin = surface
+    points, carried, _, vert, twin, tagged = surface
     vertices, faces = sizes[0] - len(dead_vertices), sizes[1] - len(dead_faces)
     last = sizes[1] - 1
     for f in dead_faces:
@@ -152,6 +154,7 @@ def fill_holes(
             break
         for i in range(3):
             vert[3 * f + i] = vert[3 * last + i]
+            tagged[3 * f + i] = tagged[3 * last + i]
             join(twin, 3 * f + i, twin[3 * last + i])
         last -= 1
     hole, skip = 0, np.searchsorted(dead_vertices, vertices)

@@ -35,6 +35,7 @@ class HalfedgeMesh:
             self._columns.blends,
             mesh.faces.reshape(-1).copy(),
             np.empty(mesh.faces.size, np.int32),
+            _tags_of(mesh),
         )
         problem, _ = match_twins(self.surface.vert, len(mesh.vertices), self.surface.twin)
         assert problem == SOUND, "require() has already shown the mesh to be manifold"
@@ -62,14 +63,14 @@ class HalfedgeMesh:
 
     def reserve(self, vertices: int, faces: int) -> None:
         """Make room for that many more; the arrays grow geometrically and keep what they hold."""
-        points, carried, blends, vert, twin = self.surface
+        points, carried, blends, vert, twin, tagged = self.surface
         if self.sizes[0] + vertices > len(points):
             room = max(int(self.sizes[0]) + vertices, int(len(points) * _HEADROOM))
             points, carried = _grown(points, room), _grown(carried, room)
         if 3 * (self.sizes[1] + faces) > len(vert):
             room = 3 * max(int(self.sizes[1]) + faces, int(len(vert) * _HEADROOM) // 3)
-            vert, twin = _grown(vert, room), _grown(twin, room)
-        self.surface = Surface(points, carried, blends, vert, twin)
+            vert, twin, tagged = _grown(vert, room), _grown(twin, room), _grown(tagged, room)
+        self.surface = Surface(points, carried, blends, vert, twin, tagged)
 
     def fill_holes(self, dead_vertices: Indices, dead_faces: Indices) -> None:
         """Make the arrays gapless again after elements were removed."""
@@ -81,9 +82,34 @@ class HalfedgeMesh:
         """Copies of the vertex attributes, in their own shapes and types."""
         return self._columns.unpack(self.surface.carried[: self.sizes[0]])
 
+    def column(self, name: str) -> int | None:
+        """Where an attribute begins among the columns of `surface.carried`; None where there is none."""
+        return self._columns.start(name)
+
+    def steer(self, fields: Floats) -> int:
+        """Lay (V, 3) numbers beside the attributes, mixed like them but no part of the snapshot.
+
+        Answers the column where they begin.
+        """
+        start = self._columns.width
+        if self.surface.carried.shape[1] == start:
+            points, carried, blends, *table = self.surface
+            wider = np.zeros((len(carried), start + fields.shape[1]))
+            wider[:, :start] = carried
+            self.surface = Surface(points, wider, np.append(blends, np.ones(fields.shape[1])), *table)
+        self.surface.carried[: self.sizes[0], start:] = fields
+        return start
+
+    @property
+    def creases(self) -> Indices:
+        """(K, 2) the tagged edges, by their vertices; each may appear twice."""
+        tagged = np.flatnonzero(self.surface.tagged[: 3 * self.sizes[1]])
+        after = np.where(tagged % 3 == 2, tagged - 2, tagged + 1)
+        return np.column_stack([self.surface.vert[tagged], self.surface.vert[after]])
+
     def snapshot(self) -> TriangleMesh:
         """The surface as a value, vertices and faces in the order they have here."""
-        return TriangleMesh(self.vertices, self.faces, self.attributes())
+        return TriangleMesh(self.vertices, self.faces, self.attributes(), self.creases)
 
 
 class _Columns:
@@ -93,6 +119,16 @@ class _Columns:
         self._layout = dict(layout)
         mixes = [np.full(_width(shape), float(kind.kind == "f")) for shape, kind in self._layout.values()]
         self.blends: Floats = np.concatenate([*mixes, np.empty(0)])
+
+    @property
+    def width(self) -> int:
+        return sum(_width(shape) for shape, _ in self._layout.values())
+
+    def start(self, name: str) -> int | None:
+        if name not in self._layout:
+            return None
+        names = list(self._layout)
+        return sum(_width(self._layout[n][0]) for n in names[: names.index(name)])
 
     @classmethod
     def of(cls, attributes: Mapping[str, AnyArray]) -> _Columns:
@@ -116,6 +152,20 @@ class _Columns:
             named[name] = part.reshape(len(matrix), *shape).astype(kind)
             column += _width(shape)
         return named
+
+
+def _tags_of(mesh: TriangleMesh) -> AnyArray:
+    """(3F,) uint8: 1 at the half-edges of the mesh's creases. Raises MeshError where one is no edge."""
+    tags = np.zeros(mesh.faces.size, np.uint8)
+    if len(mesh.creases):
+        ends = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        keys, wanted = (pairs.astype(np.int64) @ (1 << 32, 1) for pairs in (ends, mesh.creases))
+        strangers = ~np.isin(wanted, keys)
+        if strangers.any():
+            a, b = mesh.creases[strangers][0]
+            raise MeshError(f"crease {a}-{b} is no edge of the mesh; creases name two vertices of one edge")
+        tags[np.isin(keys, wanted)] = 1
+    return tags
 
 
 def _width(shape: tuple[int, ...]) -> int:

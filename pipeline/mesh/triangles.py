@@ -9,7 +9,7 @@ from types import MappingProxyType
 import numpy as np
 from numpy.typing import ArrayLike
 
-from pipeline.arrays import AnyArray, Faces, Floats, Points
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from pipeline.errors import MeshError
 
 
@@ -20,6 +20,9 @@ class TriangleMesh:
     vertices    float64 (V, 3), scene units
     faces       int32 (F, 3), counter-clockwise seen from outside
     attributes  by name, one row a vertex: (V,) or (V, k)
+    creases     int32 (K, 2): edges, by their two vertices, that are hard whatever their angle (P31)
+
+    Creases are kept sorted and each once, so that equal sets of them are equal arrays.
 
     Raises MeshError where the arrays have other shapes or a face names a vertex that is not there.
     What makes a mesh *good* (finite, manifold, closed) is for `pipeline.mesh.validate` to say.
@@ -28,9 +31,14 @@ class TriangleMesh:
     vertices: Points
     faces: Faces
     attributes: Mapping[str, AnyArray] = field(default_factory=dict)
+    creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
 
     def __init__(
-        self, vertices: ArrayLike, faces: ArrayLike, attributes: Mapping[str, ArrayLike] | None = None
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        attributes: Mapping[str, ArrayLike] | None = None,
+        creases: ArrayLike | None = None,
     ) -> None:
         points = _frozen(np.array(vertices, dtype=np.float64, order="C"))
         corners = np.asarray(faces)
@@ -49,13 +57,22 @@ class TriangleMesh:
         for name, values in named.items():
             if values.ndim == 0 or len(values) != len(points):
                 raise MeshError(f"attribute {name!r} has shape {values.shape}; it needs {len(points)} rows")
+        object.__setattr__(self, "creases", _frozen(_sorted_pairs(creases, len(points))))
         object.__setattr__(self, "vertices", points)
         object.__setattr__(self, "faces", _frozen(np.array(corners, dtype=np.int32, order="C")))
         object.__setattr__(self, "attributes", MappingProxyType(named))
 
     def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:
         """The same surface elsewhere."""
-        return TriangleMesh(vertices, self.faces, self.attributes)
+        return TriangleMesh(vertices, self.faces, self.attributes, self.creases)
+
+    def with_attributes(self, **attributes: ArrayLike) -> TriangleMesh:
+        """The same surface with more attributes, or with others in place of those it has."""
+        return TriangleMesh(self.vertices, self.faces, {**self.attributes, **attributes}, self.creases)
+
+    def with_creases(self, creases: ArrayLike) -> TriangleMesh:
+        """The same surface with these edges tagged, and no others."""
+        return TriangleMesh(self.vertices, self.faces, self.attributes, creases)
 
     @property
     def bounds(self) -> Floats:
@@ -65,6 +82,18 @@ class TriangleMesh:
     def __repr__(self) -> str:
         names = ", ".join(self.attributes) or "no attributes"
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {names})"
+
+
+def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
+    """(K, 2) int32, each pair ascending and once, in order; whether they are edges is not looked at."""
+    ends = np.asarray([] if pairs is None else pairs)
+    if ends.size == 0:
+        return np.empty((0, 2), np.int32)
+    if ends.ndim != 2 or ends.shape[1] != 2:
+        raise MeshError(f"creases have shape {ends.shape}; they must be pairs of vertices, (K, 2)")
+    if ends.min() < 0 or ends.max() >= vertices:
+        raise MeshError(f"creases name vertex {int(ends.max())}; there are {vertices} vertices")
+    return np.unique(np.sort(ends, axis=1), axis=0).astype(np.int32)
 
 
 def _frozen(array: AnyArray) -> AnyArray:

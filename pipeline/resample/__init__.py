@@ -1,8 +1,19 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
-from pipeline.resample.placement import Chord, Placement
+from pipeline.resample.hardness import edges_by_angle
+from pipeline.resample.placement import Chord, Curved, Exact, Placement
 from pipeline.resample.report import Report
 from pipeline.resample.resampler import Resampler, resample
 from pipeline.resample.thresholds import Thresholds
 
-__all__ = ["Chord", "Placement", "Report", "Resampler", "Thresholds", "resample"]
+__all__ = [
+    "Chord",
+    "Curved",
+    "Exact",
+    "Placement",
+    "Report",
+    "Resampler",
+    "Thresholds",
+    "edges_by_angle",
+    "resample",
+]

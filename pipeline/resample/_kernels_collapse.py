@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
+    BYTES,
     INTS,
     LEAN,
     MATRIX,
@@ -18,8 +19,8 @@ from pipeline.mesh._kernels_halfedge import (
     join,
     preceding,
 )
-from pipeline.resample._kernels_lists import BYTES, FRESH, push, squared, squared_length
-from pipeline.resample._kernels_ring import RING, Ring, walk, weigh
+from pipeline.resample._kernels_lists import FRESH, bracket, hard_cosine, is_short, push, squared
+from pipeline.resample._kernels_ring import RING, Ring, folds, walk, weigh
 
 REASONS = ("link", "boundary", "feature", "too_long", "fold", "crowded")
 LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, CROWDED = range(6)
@@ -27,8 +28,6 @@ FREE = -1
 
 AT_START, AT_END, AT_MIDDLE = 0, 1, 2
 _RINGS = numba.types.UniTuple(RING, 2)
-_LEAST_COSINE = 0.2  # a face may turn by 78 degrees in one collapse, not more
-_THIN = 0.02  # twice the area over the longest side squared; below it a face counts as a sliver
 _STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that bends less is a straight line
 
 
@@ -93,8 +92,9 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
     are never merged across the soft surface between them: that is what keeps a tendril alive (P32).
     """
     a, b = surface.vert[h], surface.vert[following(h)]
-    cosine, midpoints = limits[2], limits[3] > 0
-    mine, theirs = _rank(surface, a, near, cosine), _rank(surface, b, far, cosine)
+    midpoints = limits[3] > 0
+    mine = _rank(surface, a, near, hard_cosine(surface, limits, a))
+    theirs = _rank(surface, b, far, hard_cosine(surface, limits, b))
     hard = False
     for i in range(near.size[1]):
         hard = hard or (near.vertex[i] == b and near.hard[i] > 0)
@@ -114,33 +114,18 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
     return AT_END, AT_START if two > _STRAIGHT else FREE, FREE
 
 
-@kernel(numba.int64(MATRIX, RING, numba.int64, VECTOR, numba.float64), **LEAN)
-def _move_fault(points: Points, ring: Ring, other: int, place: Floats, longest: float) -> int:
+@kernel(numba.int64(SURFACE, RING, numba.int64, numba.int64, VECTOR, VECTOR), **LEAN)
+def _move_fault(surface: Surface, ring: Ring, centre: int, other: int, place: Floats, limits: Floats) -> int:
     """Why the ring's centre may not move to `place`, where `other` joins it: an edge too long, a fold."""
-    faces, spokes = ring.size[0], ring.size[1]
-    for i in range(spokes):
+    points = surface.points
+    for i in range(ring.size[1]):
         v = ring.vertex[i]
         x, y, z = points[v, 0] - place[0], points[v, 1] - place[1], points[v, 2] - place[2]
-        if v != other and x * x + y * y + z * z > longest:
+        if v != other and x * x + y * y + z * z > min(
+            bracket(surface, limits, centre, v)[0], bracket(surface, limits, other, v)[0]
+        ):
             return TOO_LONG
-    for i in range(faces):
-        b = ring.vertex[i]
-        c = ring.vertex[i + 1] if i + 1 < spokes else ring.vertex[0]
-        if b == other or c == other:
-            continue
-        ux, uy, uz = points[b, 0] - place[0], points[b, 1] - place[1], points[b, 2] - place[2]
-        vx, vy, vz = points[c, 0] - place[0], points[c, 1] - place[1], points[c, 2] - place[2]
-        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
-        new = nx * nx + ny * ny + nz * nz
-        mx, my, mz = ring.normals[i, 0], ring.normals[i, 1], ring.normals[i, 2]
-        old = mx * mx + my * my + mz * mz
-        dot = nx * mx + ny * my + nz * mz
-        if old > 0 and (dot <= 0 or dot * dot < _LEAST_COSINE * _LEAST_COSINE * old * new):
-            return FOLD
-        side = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, squared(points, b, c))
-        if new < _THIN * _THIN * side * side and new < old:
-            return FOLD
-    return FREE
+    return FOLD if folds(points, ring, other, place) else FREE
 
 
 @kernel((MATRIX, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)
@@ -168,8 +153,8 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tu
     fault = _link_fault(surface, h, near, far)
     if fault != FREE:
         return FREE, fault
-    weigh(surface, a, near, limits[2])
-    weigh(surface, b, far, limits[2])
+    weigh(surface, a, near, hard_cosine(surface, limits, a))
+    weigh(surface, b, far, hard_cosine(surface, limits, b))
     reason = FEATURE
     for where in _candidates(surface, h, near, far, limits):
         if where == FREE:
@@ -177,9 +162,9 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tu
         _set_place(points, a, b, where, near.place)
         fault = FREE
         if where != AT_START:
-            fault = _move_fault(points, near, b, near.place, limits[0])
+            fault = _move_fault(surface, near, a, b, near.place, limits)
         if fault == FREE and where != AT_END:
-            fault = _move_fault(points, far, a, near.place, limits[0])
+            fault = _move_fault(surface, far, b, a, near.place, limits)
         if fault == FREE:
             return where, FREE
         if reason == FEATURE:
@@ -190,10 +175,15 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tu
 @kernel((SURFACE, numba.int64, INTS), **LEAN)
 def _drop_face(surface: Surface, h: int, dead_faces: Indices) -> None:
     """Take out the face of h, whose edge h has shrunk to a point, and sew its other two sides together."""
-    vert, twin = surface.vert, surface.twin
+    vert, twin, tagged = surface.vert, surface.twin, surface.tagged
     one, two = twin[following(h)], twin[preceding(h)]
     join(twin, one, two)
     join(twin, two, one)
+    hard = tagged[following(h)] | tagged[preceding(h)]
+    if one >= 0:
+        tagged[one] = hard
+    if two >= 0:
+        tagged[two] = hard
     f = h // 3
     vert[3 * f] = vert[3 * f + 1] = vert[3 * f + 2] = -1
     push(dead_faces, f)
@@ -204,7 +194,7 @@ def collapse_edge(
     surface: Surface, h: int, far: Ring, where: int, place: Floats, dead_faces: Indices
 ) -> None:
     """Merge the end of h into its start, which moves to `place`; `judge` must have allowed it."""
-    points, carried, blends, vert, twin = surface
+    points, carried, blends, vert, twin, _ = surface
     a, b, back = vert[h], vert[following(h)], twin[h]
     for k in range(3):
         points[a, k] = place[k]
@@ -228,9 +218,9 @@ def _look_around(surface: Surface, ring: Ring, limits: Floats, shorts: Indices, 
         marks[h // 3] = FRESH
         if surface.vert[h] < 0:
             continue
-        if squared_length(surface, h) < limits[1]:
+        if is_short(surface, h, limits):
             push(shorts, h)
-        if surface.twin[preceding(h)] < 0 and squared_length(surface, preceding(h)) < limits[1]:
+        if surface.twin[preceding(h)] < 0 and is_short(surface, preceding(h), limits):
             push(shorts, preceding(h))
 
 
@@ -255,7 +245,7 @@ def collapse_all(
     while next_one <= shorts[0]:
         h = shorts[next_one]
         next_one += 1
-        if surface.vert[h] < 0 or squared_length(surface, h) >= limits[1]:
+        if surface.vert[h] < 0 or not is_short(surface, h, limits):
             continue
         where, reason = judge(surface, h, near, far, limits)
         if where == FREE:

@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
+    BYTES,
     INTS,
     LEAN,
     MATRIX,
@@ -18,7 +19,16 @@ from pipeline.mesh._kernels_halfedge import (
     join,
     preceding,
 )
-from pipeline.resample._kernels_lists import AS_IT_WAS, BYTES, CHANGED, FRESH, area_vector, push, squared
+from pipeline.resample._kernels_lists import (
+    AS_IT_WAS,
+    CHANGED,
+    FRESH,
+    area_vector,
+    bracket,
+    hard_cosine,
+    push,
+    squared,
+)
 
 _GAIN = 0.1  # cot α + cot β must be below minus this: a flip has to be worth the change of the surface
 _FLAT = 0.94  # cosine of 20 degrees: how far the two faces may lean before and after
@@ -72,7 +82,7 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
     back = twin[h]
     a, b, c, d = vert[h], vert[following(h)], vert[preceding(h)], vert[preceding(back)]
     at_c, at_d = _openness(points, c, a, b), _openness(points, d, a, b)
-    if at_c >= 0 and at_d >= 0:
+    if (at_c >= 0 and at_d >= 0) or surface.tagged[h]:
         return False
     mx, my, mz = area_vector(points, a, b, c)
     nx, ny, nz = area_vector(points, b, a, d)
@@ -80,10 +90,10 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
     root_m, root_n = np.sqrt(m), np.sqrt(n)
     if m == 0 or n == 0 or at_c * root_n + at_d * root_m > -_GAIN * root_m * root_n:
         return False
-    if _leans(mx * nx + my * ny + mz * nz, max(_FLAT, limits[2]), m, n):
+    if _leans(mx * nx + my * ny + mz * nz, max(_FLAT, hard_cosine(surface, limits, a)), m, n):
         return False
-    crossing = squared(points, c, d)
-    if crossing > limits[0] or crossing < limits[1]:
+    crossing, (most, least) = squared(points, c, d), bracket(surface, limits, c, d)
+    if crossing > most or crossing < least:
         return False
     px, py, pz = area_vector(points, a, d, c)
     qx, qy, qz = area_vector(points, b, c, d)
@@ -97,12 +107,14 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
 @kernel((SURFACE, numba.int64), **LEAN)
 def flip_edge(surface: Surface, h: int) -> None:
     """Turn the edge of h: a→b between c and d into d→c. Half-edges c→a and d→b keep their places."""
-    vert, twin = surface.vert, surface.twin
+    vert, twin, tagged = surface.vert, surface.twin, surface.tagged
     k = twin[h]
     h1, k1 = following(h), following(k)
     c, d = vert[preceding(h)], vert[preceding(k)]
     beside, beyond = twin[k1], twin[h1]
     vert[h1], vert[k1] = d, c
+    tagged[h], tagged[k] = tagged[k1], tagged[h1]
+    tagged[h1] = tagged[k1] = 0
     join(twin, h, beside)
     join(twin, k, beyond)
     join(twin, h1, k1)

@@ -5,6 +5,11 @@ nothing: what a list loses, the look at the marked faces that ends a round finds
 
 Marks are one byte a face: AS_IT_WAS when the frame began, CHANGED since, or FRESH, changed since flips
 were last looked for.
+
+Limits are five numbers: the largest and the smallest squared length allowed, the cosine of the hard angle,
+whether two soft ends merge halfway, and the column of `Surface.carried` where every vertex has limits of
+its own (largest length, smallest length, cosine), or -1 where the same hold everywhere. The limit of an
+edge is then the geometric mean of those of its ends, which needs no root: lengths are compared as squares.
 """
 
 from __future__ import annotations
@@ -12,11 +17,10 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import Indices, Points
+from pipeline.arrays import Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, Surface, following
+from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, following
 
-BYTES = numba.uint8[::1]
 AS_IT_WAS, CHANGED, FRESH = 0, 1, 2
 
 
@@ -47,7 +51,23 @@ def area_vector(points: Points, a: int, b: int, c: int) -> tuple[float, float, f
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
 
 
-@kernel(numba.float64(SURFACE, numba.int64), **LEAN)
-def squared_length(surface: Surface, h: int) -> float:
-    """Squared length of the edge of half-edge h."""
-    return squared(surface.points, surface.vert[h], surface.vert[following(h)])
+@kernel(numba.types.UniTuple(numba.float64, 2)(SURFACE, VECTOR, numba.int64, numba.int64), **LEAN)
+def bracket(surface: Surface, limits: Floats, a: int, b: int) -> tuple[float, float]:
+    """The largest and the smallest squared length that an edge between a and b may have."""
+    if limits[4] < 0:
+        return limits[0], limits[1]
+    column, carried = int(limits[4]), surface.carried
+    return carried[a, column] * carried[b, column], carried[a, column + 1] * carried[b, column + 1]
+
+
+@kernel(numba.float64(SURFACE, VECTOR, numba.int64), **LEAN)
+def hard_cosine(surface: Surface, limits: Floats, v: int) -> float:
+    """Cosine of the angle from which on an edge at v is hard."""
+    return float(limits[2] if limits[4] < 0 else surface.carried[v, int(limits[4]) + 2])
+
+
+@kernel(numba.boolean(SURFACE, numba.int64, VECTOR), **LEAN)
+def is_short(surface: Surface, h: int, limits: Floats) -> bool:
+    """Whether the edge of h is shorter than it may be."""
+    a, b = surface.vert[h], surface.vert[following(h)]
+    return bool(squared(surface.points, a, b) < bracket(surface, limits, a, b)[1])

@@ -10,8 +10,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numba
+import numpy as np
 
-from pipeline.arrays import Floats, Indices
+from pipeline.arrays import Floats, Indices, Points
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
     INTS,
@@ -24,9 +25,11 @@ from pipeline.mesh._kernels_halfedge import (
     following,
     preceding,
 )
-from pipeline.resample._kernels_lists import area_vector
+from pipeline.resample._kernels_lists import area_vector, squared
 
 MOST_SPOKES = 512
+_LEAST_COSINE = 0.2  # a face may turn by 78 degrees in one step, not more
+_THIN = 0.02  # twice the area over the longest side squared; below it a face counts as a sliver
 
 
 class Ring(NamedTuple):
@@ -38,6 +41,18 @@ class Ring(NamedTuple):
     hard: Indices  # (MOST_SPOKES,) 1 where spoke i is a hard edge
     size: Indices  # (3,) faces, spokes, hard spokes
     place: Floats  # (3,) where the centre might move
+
+
+def new_ring() -> Ring:
+    """Room for a ring."""
+    return Ring(
+        np.empty(MOST_SPOKES, np.int32),
+        np.empty(MOST_SPOKES, np.int32),
+        np.empty((MOST_SPOKES, 3)),
+        np.empty(MOST_SPOKES, np.int32),
+        np.zeros(3, np.int32),
+        np.zeros(3),
+    )
 
 
 RING = numba.types.NamedTuple([INTS, INTS, MATRIX, INTS, INTS, VECTOR], Ring)
@@ -77,19 +92,54 @@ def walk(surface: Surface, h: int, ring: Ring) -> bool:
     return False
 
 
-@kernel((SURFACE, numba.int64, RING, numba.float64), **LEAN)
-def weigh(surface: Surface, centre: int, ring: Ring, cosine: float) -> None:
-    """Fill in the normals and which spokes are hard (P29); a boundary edge counts as hard."""
+@kernel((SURFACE, numba.int64, RING), **LEAN)
+def weigh_faces(surface: Surface, centre: int, ring: Ring) -> None:
+    """Fill in the area vectors of the faces."""
     faces, spokes = ring.size[0], ring.size[1]
     for i in range(faces):
         b = ring.vertex[i]
         c = ring.vertex[i + 1] if i + 1 < spokes else ring.vertex[0]
         x, y, z = area_vector(surface.points, centre, b, c)
         ring.normals[i, 0], ring.normals[i, 1], ring.normals[i, 2] = x, y, z
+
+
+@kernel((SURFACE, numba.int64, RING, numba.float64), **LEAN)
+def weigh(surface: Surface, centre: int, ring: Ring, cosine: float) -> None:
+    """Fill in the normals and which spokes are hard (P29); tagged edges (P31) and boundaries are."""
+    faces, spokes = ring.size[0], ring.size[1]
+    weigh_faces(surface, centre, ring)
     count = 0
     for i in range(spokes):
         edge = spokes > faces and (i == 0 or i == faces)
-        hard = edge or turned(ring.normals, i - 1 if i > 0 else faces - 1, i, cosine)
+        tagged = i < faces and surface.tagged[ring.leaving[i]] > 0
+        hard = edge or tagged or turned(ring.normals, i - 1 if i > 0 else faces - 1, i, cosine)
         ring.hard[i] = 1 if hard else 0
         count += ring.hard[i]
     ring.size[2] = count
+
+
+@kernel(numba.boolean(MATRIX, RING, numba.int64, VECTOR), **LEAN)
+def folds(points: Points, ring: Ring, other: int, place: Floats) -> bool:
+    """Whether a face of the ring would turn over or become a sliver if its centre moved to `place`.
+
+    Faces at the vertex `other`, which the centre may merge with, do not count. `weigh_faces` comes first.
+    """
+    faces, spokes = ring.size[0], ring.size[1]
+    for i in range(faces):
+        b = ring.vertex[i]
+        c = ring.vertex[i + 1] if i + 1 < spokes else ring.vertex[0]
+        if b == other or c == other:
+            continue
+        ux, uy, uz = points[b, 0] - place[0], points[b, 1] - place[1], points[b, 2] - place[2]
+        vx, vy, vz = points[c, 0] - place[0], points[c, 1] - place[1], points[c, 2] - place[2]
+        nx, ny, nz = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        new = nx * nx + ny * ny + nz * nz
+        mx, my, mz = ring.normals[i, 0], ring.normals[i, 1], ring.normals[i, 2]
+        old = mx * mx + my * my + mz * mz
+        dot = nx * mx + ny * my + nz * mz
+        if old > 0 and (dot <= 0 or dot * dot < _LEAST_COSINE * _LEAST_COSINE * old * new):
+            return True
+        side = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, squared(points, b, c))
+        if new < _THIN * _THIN * side * side and new < old:
+            return True
+    return False

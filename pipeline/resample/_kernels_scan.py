@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface
-from pipeline.resample._kernels_lists import AS_IT_WAS, BYTES, push, squared, squared_length
+from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, following
+from pipeline.resample._kernels_lists import AS_IT_WAS, bracket, push, squared
 
 BLOCK = 16
 _PAIR = numba.types.UniTuple(numba.float64, 2)
@@ -39,14 +39,15 @@ def _wider(low: float, high: float, small: float, large: float) -> tuple[float, 
     return small if small < low else low, large if large > high else high
 
 
-@kernel((SURFACE, numba.int64, numba.float64, VECTOR, INTS, INTS), **LEAN)
-def _list(surface: Surface, h: int, length: float, limits: Floats, longs: Indices, shorts: Indices) -> None:
-    """List the edge of h if it is out of the bracket and its twin does not do it."""
-    if length > limits[0]:
-        if surface.twin[h] < h:
-            push(longs, h)
-    elif length < limits[1] and surface.twin[h] < h:
-        push(shorts, h)
+@kernel(numba.int64(SURFACE, numba.int64, numba.float64, VECTOR, INTS, INTS), **LEAN)
+def _list(surface: Surface, h: int, length: float, limits: Floats, longs: Indices, shorts: Indices) -> int:
+    """List the edge of h if it is out of the bracket and its twin does not do it; answers 1 if it is out."""
+    most, least = bracket(surface, limits, surface.vert[h], surface.vert[following(h)])
+    if least <= length <= most:
+        return 0
+    if surface.twin[h] < h:
+        push(longs if length > most else shorts, h)
+    return 1
 
 
 @kernel(numba.float64(SURFACE, numba.int64, VECTOR, INTS, INTS, MATRIX), **LEAN)
@@ -55,23 +56,26 @@ def scan(
 ) -> float:
     """List every edge out of the bracket once; answers a sum that is finite where all lengths are.
 
-    `limits` begins with the largest and smallest squared length allowed; `extents` (blocks, 2) gets the
+    `extents` (blocks, 2) gets the
     smallest and largest of each block, over the faces within the bracket. No face may be missing. Faces
     are visited in order and only edges out of the bracket look at their twins, so the pass costs little
     more than reading the mesh.
     """
     most, least, total = limits[0], limits[1], 0.0
+    if limits[4] >= 0:
+        most, least = 0.0, np.inf  # every edge has its own bracket to be compared with
     for block in range(len(extents)):
         low, high = np.inf, 0.0
         for f in range(BLOCK * block, min(BLOCK * (block + 1), faces)):
             ab, bc, ca = _sides(surface, f)
             small, large = _least_and_most(ab, bc, ca)
             total += ab + bc + ca
+            out = 0
             if large > most or small < least:
-                _list(surface, 3 * f, ab, limits, longs, shorts)
-                _list(surface, 3 * f + 1, bc, limits, longs, shorts)
-                _list(surface, 3 * f + 2, ca, limits, longs, shorts)
-            else:
+                out += _list(surface, 3 * f, ab, limits, longs, shorts)
+                out += _list(surface, 3 * f + 1, bc, limits, longs, shorts)
+                out += _list(surface, 3 * f + 2, ca, limits, longs, shorts)
+            if out == 0:
                 low, high = _wider(low, high, small, large)
         extents[block, 0], extents[block, 1] = low, high
     return total
@@ -101,13 +105,14 @@ def look_again(
         if marks[f] == AS_IT_WAS or vert[3 * f] < 0:
             continue
         for h in range(3 * f, 3 * f + 3):
-            length = squared_length(surface, h)
-            if limits[1] <= length <= limits[0]:
+            a, b = vert[h], vert[following(h)]
+            length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
+            if least <= length <= most:
                 continue
             back = twin[h]
             if back > h and marks[back // 3]:
                 continue
-            push(longs if length > limits[0] else shorts, h)
+            push(longs if length > most else shorts, h)
 
 
 @kernel(_PAIR(SURFACE, numba.int64, BYTES, INTS, MATRIX), **LEAN)

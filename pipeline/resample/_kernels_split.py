@@ -7,8 +7,18 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, LEAN, SURFACE, VECTOR, Surface, following, join, preceding
-from pipeline.resample._kernels_lists import BYTES, FRESH, push, squared, squared_length
+from pipeline.mesh._kernels_halfedge import (
+    BYTES,
+    INTS,
+    LEAN,
+    SURFACE,
+    VECTOR,
+    Surface,
+    following,
+    join,
+    preceding,
+)
+from pipeline.resample._kernels_lists import FRESH, bracket, push, squared
 
 _CLASSES = 4
 
@@ -19,8 +29,10 @@ def _split_face(surface: Surface, h: int, middle: int, face: int) -> None:
 
     Half-edge b→c moves to the new face; its old place now holds the line from `middle` to c.
     """
-    vert, twin = surface.vert, surface.twin
+    vert, twin, tagged = surface.vert, surface.twin, surface.tagged
     onward, new = following(h), 3 * face
+    tagged[new], tagged[new + 1], tagged[new + 2] = tagged[h], tagged[onward], 0
+    tagged[onward] = 0
     vert[new], vert[new + 1], vert[new + 2] = middle, vert[onward], vert[preceding(h)]
     vert[onward] = middle
     join(twin, new + 1, twin[onward])
@@ -54,10 +66,11 @@ def _set_middle(surface: Surface, middle: int, a: int, b: int) -> None:
 @kernel((SURFACE, numba.int64, VECTOR, INTS, INTS), **LEAN)
 def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: Indices) -> None:
     """List an edge that is new, or has another place in the table, if it is out of the bracket."""
-    length = squared_length(surface, h)
-    if length > limits[0]:
+    a, b = surface.vert[h], surface.vert[following(h)]
+    length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
+    if length > most:
         push(later, h)
-    elif length < limits[1]:
+    elif length < least:
         push(shorts, h)
 
 
@@ -68,20 +81,21 @@ def longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indic
     Nothing new can then be longer than √(1 - 1/8) of the longest edge, so splitting ends, and thin
     triangles are cut across rather than along.
     """
-    lengths = np.empty(longs[0])
+    excess = np.empty(longs[0])  # squared length over the square of the longest allowed
     longest = 0.0
     for i in range(longs[0]):
-        lengths[i] = squared_length(surface, longs[i + 1])
-        longest = max(longest, lengths[i])
-    bar = max(limits[0], 0.5 * longest)
+        a, b = surface.vert[longs[i + 1]], surface.vert[following(longs[i + 1])]
+        excess[i] = squared(surface.points, a, b) / bracket(surface, limits, a, b)[0]
+        longest = max(longest, excess[i])
+    bar = max(1.0, 0.5 * longest)
     start = np.zeros(_CLASSES + 1, np.int32)
     rank = np.empty(longs[0], np.int32)
     for i in range(longs[0]):
         rank[i] = -1
-        if lengths[i] > bar:
-            rank[i] = max(0, min(_CLASSES - 1, int((2.0 - lengths[i] / bar) * _CLASSES)))
+        if excess[i] > bar:
+            rank[i] = max(0, min(_CLASSES - 1, int((2.0 - excess[i] / bar) * _CLASSES)))
             start[rank[i] + 1] += 1
-        elif lengths[i] > limits[0]:
+        elif excess[i] > 1.0:
             push(later, longs[i + 1])
     for c in range(_CLASSES):
         start[c + 1] += start[c]
@@ -100,29 +114,32 @@ def split_pass(
     limits: Floats,
     order: Indices,
     later: Indices,
-    parents: Indices,
+    births: Indices,
     shorts: Indices,
     marks: AnyArray,
 ) -> None:
     """Split the edges of `order` that are long, each once; what is long then stands in `later`.
 
-    New vertices lie at the middle of their parents, which are noted in `parents` (two a vertex), so
-    that a placement may move them all together before the next pass. `marks` notes the faces touched.
+    New vertices lie at the middle of their parents. `births` notes four numbers of each, so that a
+    placement may move them all together before the next pass: its parents a and b, and the half-edges
+    a→vertex and vertex→b. `marks` notes the faces touched.
     The arrays must have room for as many vertices, and twice as many faces, as `order` has entries.
     """
     vert, twin = surface.vert, surface.twin
     fresh = sizes[0]
     for h in order:
         a, b = vert[h], vert[following(h)]
-        if a >= fresh or b >= fresh or squared(surface.points, a, b) <= limits[0]:
+        if a >= fresh or b >= fresh or squared(surface.points, a, b) <= bracket(surface, limits, a, b)[0]:
             continue
         middle, first = sizes[0], sizes[1]
         back = twin[h]
         _set_middle(surface, middle, a, b)
         sizes[0] = middle + 1
         sizes[1] = split_edge(surface, h, middle, first)
-        push(parents, a)
-        push(parents, b)
+        push(births, a)
+        push(births, b)
+        push(births, h)
+        push(births, 3 * first)
         _sort_out(surface, h, limits, later, shorts)
         for g in range(first, sizes[1]):
             marks[g] = FRESH

@@ -23,6 +23,8 @@ class Report:
     vertices, faces, edges     what there is now
     too_long, too_short        edges out of the bracket; too_long is always 0, too_short the sum of `refused`
     shortest, longest          edge lengths, scene units
+    on_chord                   new vertices that the placement left at the middle of their edge, because
+                               the surface would have folded where they belong
     """
 
     splits: int
@@ -36,6 +38,7 @@ class Report:
     too_short: int
     shortest: float
     longest: float
+    on_chord: int = 0
     refused: Mapping[str, int] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

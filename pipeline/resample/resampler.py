@@ -11,13 +11,14 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Indices, Points
+from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_collapse import REASONS, collapse_all
 from pipeline.resample._kernels_flip import flip_marked
-from pipeline.resample._kernels_ring import MOST_SPOKES, Ring
+from pipeline.resample._kernels_place import BIRTH, MOST_AROUND, long_around
+from pipeline.resample._kernels_ring import new_ring
 from pipeline.resample._kernels_scan import BLOCK, extent, look_again, scan
 from pipeline.resample._kernels_split import longest_first, split_pass
 from pipeline.resample.locality import in_memory_order
@@ -27,6 +28,7 @@ from pipeline.resample.thresholds import Thresholds
 
 _CHORD = Chord()
 _ATTRIBUTE = "attribute."
+_MOST_PLACED = 16  # passes; an edge halved that often has been stretched 65,000-fold in one frame
 
 
 class Resampler:
@@ -43,7 +45,7 @@ class Resampler:
     def __init__(self, mesh: TriangleMesh, thresholds: Thresholds, placement: Placement = _CHORD) -> None:
         self.thresholds = thresholds
         self.placement = placement
-        self._mesh = HalfedgeMesh(in_memory_order(mesh))
+        self._mesh = HalfedgeMesh(in_memory_order(placement.prepare(mesh, thresholds.hard_angle)))
 
     @property
     def vertices(self) -> Points:
@@ -59,7 +61,7 @@ class Resampler:
         """Copies of all that the next frames depend on, by name: ``numpy.savez(file, **state)`` keeps it."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
-        return {"vertices": mesh.vertices, "faces": mesh.faces, **named}
+        return {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases, **named}
 
     @classmethod
     def from_state(
@@ -74,7 +76,8 @@ class Resampler:
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
         resumed = cls.__new__(cls)  # not by __init__, which may order faces anew
         resumed.thresholds, resumed.placement = thresholds, placement
-        resumed._mesh = HalfedgeMesh(TriangleMesh(state["vertices"], state["faces"], attributes))
+        creases = state.get("creases")
+        resumed._mesh = HalfedgeMesh(TriangleMesh(state["vertices"], state["faces"], attributes, creases))
         return resumed
 
     def resample(self) -> Report:
@@ -104,10 +107,8 @@ class _Frame:
 
     def __init__(self, mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement) -> None:
         self.mesh, self.thresholds, self.placement = mesh, thresholds, placement
-        longest, shortest = thresholds.max_edge_length, thresholds.min_edge_length
-        cosine, midpoint = math.cos(thresholds.hard_angle), float(placement.merges_at_midpoint)
-        self.limits = np.array([longest * longest, shortest * shortest, cosine, midpoint])
-        self.splits = self.collapses = self.flips = self.passes = 0
+        self.limits = _limits(mesh, thresholds, placement)
+        self.splits = self.collapses = self.flips = self.passes = self.on_chord = 0
         self.refused: Indices = np.zeros(len(REASONS), np.int64)
         faces = int(mesh.sizes[1])
         self.marks = np.zeros(faces, np.uint8)
@@ -132,7 +133,7 @@ class _Frame:
             self._keep_to_budget(room)
             self.mesh.reserve(room, 2 * room)
             self.marks = np.concatenate([self.marks, np.zeros(2 * room, np.uint8)])
-            later, parents = _work_list(10 * room), _work_list(2 * room)
+            later, births = _work_list(10 * room), _work_list(BIRTH * room)
             order = longest_first(self.mesh.surface, self.longs, self.limits, later)
             split_pass(
                 self.mesh.surface,
@@ -140,14 +141,22 @@ class _Frame:
                 self.limits,
                 order,
                 later,
-                parents,
+                births,
                 self.shorts,
                 self.marks,
             )
-            self.placement.place(self.mesh, first, parents[1 : 1 + parents[0]].reshape(-1, 2))
             self.splits += int(self.mesh.sizes[0]) - first
             self.passes += 1
-            self.longs = later
+            self.longs = self._placed(_items(births).reshape(-1, BIRTH), later)
+
+    def _placed(self, births: Indices, later: Indices) -> Indices:
+        """Let the placement have the new vertices; answers which edges are then too long."""
+        if isinstance(self.placement, Chord) or self.passes > _MOST_PLACED:
+            return later
+        self.on_chord += self.placement.place(self.mesh, births, self.limits[2])
+        around = _work_list(later[0] + MOST_AROUND * len(births))
+        long_around(self.mesh.surface, births, self.limits, later, around)
+        return around
 
     def collapse_short_edges(self) -> None:
         """Collapse, flip and look again, until every edge that is still short has a reason to be (P9)."""
@@ -225,10 +234,18 @@ class _Frame:
             edges=self.mesh.edges,
             too_long=int(self.longs[0]),
             too_short=int(self.shorts[0]),
+            on_chord=self.on_chord,
             shortest=low,
             longest=high,
             refused=refused,
         )
+
+
+def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement) -> Floats:
+    """The numbers that kernels go by (see `_kernels_lists`)."""
+    longest, shortest = thresholds.max_edge_length, thresholds.min_edge_length
+    cosine, midpoint = math.cos(thresholds.hard_angle), float(placement.merges_at_midpoint)
+    return np.array([longest * longest, shortest * shortest, cosine, midpoint, -1.0])
 
 
 def _work_list(room: int) -> Indices:
@@ -240,15 +257,3 @@ def _work_list(room: int) -> Indices:
 
 def _items(work_list: Indices) -> Indices:
     return work_list[1 : 1 + work_list[0]]
-
-
-def new_ring() -> Ring:
-    """Room for a ring."""
-    return Ring(
-        np.empty(MOST_SPOKES, np.int32),
-        np.empty(MOST_SPOKES, np.int32),
-        np.empty((MOST_SPOKES, 3)),
-        np.empty(MOST_SPOKES, np.int32),
-        np.zeros(3, np.int32),
-        np.zeros(3),
-    )
