@@ -36,12 +36,15 @@ def face_frames(points: Points, faces: Faces, normals: Vectors, angles: Floats) 
 
 @kernel((MATRIX, INTS, numba.float64, FLAGS))
 def find_hard(normals: Vectors, twin: Indices, cosine: float, hard: AnyArray) -> None:
-    """Flag half-edges on a boundary or between faces that turn by more than the angle of `cosine`."""
+    """Flag half-edges on a boundary or between faces that turn by more than the angle of `cosine`.
+
+    Those that are flagged already stay so.
+    """
     for h in range(len(twin)):
         k = twin[h]
         if k < 0:
             hard[h] = 1
-        elif h > k:
+        elif h > k and not hard[h]:
             f, g = h // 3, k // 3
             dot = (
                 normals[f, 0] * normals[g, 0] + normals[f, 1] * normals[g, 1] + normals[f, 2] * normals[g, 2]
@@ -71,17 +74,17 @@ def _fan_begin(twin: Indices, hard: AnyArray, h: int) -> int:
     return first if count >= 2 else -1 - start
 
 
-@kernel(numba.int64(INTS, INTS, FLAGS, numba.int64, INTS, INTS))
+@kernel(numba.int64(INTS, INTS, FLAGS, FLAGS, INTS, INTS))
 def number_fans(
-    vert: Indices, twin: Indices, hard: AnyArray, vertices: int, corner: Indices, source: Indices
+    vert: Indices, twin: Indices, hard: AnyArray, whole: AnyArray, corner: Indices, source: Indices
 ) -> int:
     """Number the smooth fans of corners: `corner[h]` is the fan of corner h, `source` its vertex.
 
-    The first fan of a vertex has the vertex's own number; further ones follow after all vertices.
-    Answers how many there are.
+    The first fan of a vertex has the vertex's own number; further ones follow after all vertices. A vertex
+    flagged in `whole` is not divided. Answers how many fans there are.
     """
-    count = vertices
-    for v in range(vertices):
+    count = len(whole)
+    for v in range(count):
         source[v] = v
     corner[:] = -1
     for h in range(len(vert)):
@@ -96,7 +99,7 @@ def number_fans(
             k = twin[preceding(k)]
             if k < 0 or k == start:
                 break
-            if divided and hard[k]:
+            if divided and hard[k] and not whole[vert[h]]:
                 source[count] = vert[h]
                 fan = count
                 count += 1

@@ -15,6 +15,11 @@ from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
 
+NORMAL = "normal"
+"""The vertex attribute (V, 3) that holds normals known from elsewhere, carried through a flow for one: of unit
+length, or zero where there is none."""
+
+
 class ShadedMesh(NamedTuple):
     """A surface as renderers want it: a vertex at a crease appears once for every smooth side.
 
@@ -52,23 +57,46 @@ def dihedral_angles(mesh: TriangleMesh) -> Floats:
 def split_at_creases(mesh: TriangleMesh, hard_angle: float = math.radians(40)) -> ShadedMesh:
     """Give every vertex the normal of the smooth surface around it, and one for each side of a crease.
 
-    Edges where the surface turns by more than `hard_angle` (radians) are creases (P29). Normals are
-    means of the faces around, weighted by their angle at the vertex (Thürmer & Wüthrich 1998), so that
-    the triangulation matters little. A crease that ends within the surface leaves no seam: a closed fan
-    is divided by two hard edges or more. Faces without area are ignored; normals are always unit.
+    Edges where the surface turns by more than `hard_angle` (radians) are creases (P29), and so are those that
+    the mesh tags (P31). Normals are means of the faces around, weighted by their angle at the vertex (Thürmer
+    & Wüthrich 1998), so that the triangulation matters little. A crease that ends within the surface leaves no
+    seam: a closed fan is divided by two hard edges or more. Faces without area are ignored; normals are always
+    unit.
+
+    A vertex whose own normal is to be trusted (`trusted_normals`) keeps it and is not divided, however the
+    surface turns there: that depends on the triangles, and its normal does not.
 
     Raises MeshError where the mesh is not an oriented manifold.
     """
-    normals, angles = _frames(mesh)
+    face, angles = _frames(mesh)
     vert, twin = mesh.faces.reshape(-1).copy(), _twins(mesh)
-    hard = np.zeros(len(twin), np.uint8)
-    find_hard(normals, twin, math.cos(hard_angle), hard)
+    trusted = trusted_normals(mesh)
+    hard = _tagged(mesh).view(np.uint8)
+    find_hard(face, twin, math.cos(hard_angle), hard)
     corner, source = np.empty(len(vert), np.int32), np.empty(len(mesh.vertices) + len(vert), np.int32)
-    count = number_fans(vert, twin, hard, len(mesh.vertices), corner, source)
+    count = number_fans(vert, twin, hard, trusted.view(np.uint8), corner, source)
     faces, source = corner.reshape(-1, 3), source[:count].copy()
     smooth = np.empty((count, 3))
-    sum_normals(faces, normals, angles, smooth)
+    sum_normals(faces, face, angles, smooth)
+    if trusted.any():
+        smooth[: len(trusted)][trusted] = _units(mesh.attributes[NORMAL][trusted])
     return ShadedMesh(mesh.vertices[source], smooth, faces, source)
+
+
+def trusted_normals(mesh: TriangleMesh) -> AnyArray:
+    """(V,) bool: at which vertices the attribute `normal` is what the surface should be shaded with.
+
+    Not where it is zero or not finite, at tagged creases, or where it points into the surface: more than 90°
+    off the faces around.
+    """
+    given = mesh.attributes.get(NORMAL)
+    if given is None or not len(mesh.faces):
+        return np.zeros(len(mesh.vertices), bool)
+    with np.errstate(invalid="ignore", over="ignore"):
+        outwards = np.einsum("ij,ij->i", given, vertex_normals(mesh))
+    trusted: AnyArray = (outwards > 0) & np.isfinite(outwards)
+    trusted[mesh.creases.ravel()] = False
+    return trusted
 
 
 def vertex_normals(mesh: TriangleMesh) -> Vectors:
@@ -92,6 +120,21 @@ def _twins(mesh: TriangleMesh) -> Indices:
         require(mesh)
         raise MeshError("mesh: it is not an oriented manifold")
     return twin
+
+
+def _tagged(mesh: TriangleMesh) -> AnyArray:
+    """(3F,) bool: the half-edges of tagged creases."""
+    if not len(mesh.creases):
+        return np.zeros(mesh.faces.size, bool)
+    ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    both = np.sort(ends, axis=1).astype(np.int64) @ (1 << 32, 1)
+    tagged: AnyArray = np.isin(both, mesh.creases.astype(np.int64) @ (1 << 32, 1))
+    return tagged
+
+
+def _units(vectors: Vectors) -> Vectors:
+    units: Vectors = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    return units
 
 
 def _own(array: AnyArray) -> AnyArray:

@@ -18,6 +18,7 @@ from pipeline.mesh import (
     split_at_creases,
     vertex_normals,
 )
+from pipeline.mesh.normals import trusted_normals
 
 
 def unit(normals: Vectors) -> bool:
@@ -98,3 +99,56 @@ def _seconds(mesh: TriangleMesh) -> float:
     start = time.perf_counter()
     split_at_creases(mesh)
     return time.perf_counter() - start
+
+
+def test_a_vertex_with_a_normal_of_its_own_is_shaded_with_it() -> None:
+    """Though the icosahedron turns by 42° at every edge, it stands for a ball."""
+    ball = icosphere(1)
+    shaded = split_at_creases(ball.with_attributes(normal=3.0 * ball.vertices))
+    assert len(split_at_creases(ball).vertices) == 60
+    assert len(shaded.vertices) == 12
+    np.testing.assert_allclose(shaded.normals, ball.vertices, atol=1e-15)
+
+
+def test_where_there_is_no_normal_the_geometry_decides() -> None:
+    cube = box(edge_length=0.5)
+    inside = (np.abs(np.abs(cube.vertices) - 1) < 1e-12).sum(axis=1) == 1
+    tilted = face_normals(cube)[0] + np.zeros_like(cube.vertices)
+    tilted[inside] = vertex_normals(cube)[inside] + 0.1
+    tilted[~inside] = 0.0
+    shaded, plain = split_at_creases(cube.with_attributes(normal=tilted)), split_at_creases(cube)
+    assert np.array_equal(shaded.faces, plain.faces)
+    changed = np.abs(shaded.normals - plain.normals).max(axis=1) > 1e-12
+    assert np.array_equal(changed, np.isin(shaded.source_vertex, np.flatnonzero(inside)))
+    assert unit(shaded.normals)
+
+
+def test_a_normal_that_points_into_the_surface_is_not_trusted() -> None:
+    ball = icosphere(8)
+    normal = ball.vertices.copy()
+    normal[:5] *= -1
+    normal[5:7] = math.nan, 0.0, 0.0
+    normal[7] = 0.0
+    mesh = ball.with_attributes(normal=normal)
+    assert np.flatnonzero(~trusted_normals(mesh)).tolist() == list(range(8))
+    shaded = split_at_creases(mesh)
+    assert unit(shaded.normals)
+    assert np.array_equal(shaded.normals[:8], split_at_creases(ball).normals[:8])
+
+
+def test_tagged_edges_are_creases_however_flat_they_are() -> None:
+    """P31. Also where the vertices have normals."""
+    flat = sheet(edge_length=0.5)
+    on_line = np.flatnonzero(flat.vertices[:, 0] == 0.0)
+    line = on_line[np.argsort(flat.vertices[on_line, 2])]
+    pairs = np.column_stack([line[:-1], line[1:]])
+    upwards = np.tile([0.0, 1.0, 0.0], (len(flat.vertices), 1))
+    for mesh in (flat.with_creases(pairs), flat.with_attributes(normal=upwards).with_creases(pairs)):
+        shaded = split_at_creases(mesh)
+        assert sorted(shaded.source_vertex[len(flat.vertices) :]) == sorted(line)
+        left = flat.vertices[flat.faces].mean(axis=1)[:, 0] < 0
+        assert not set(shaded.faces[left].ravel()) & set(shaded.faces[~left].ravel())
+
+
+def test_a_mesh_without_creases_or_normals_trusts_none() -> None:
+    assert not trusted_normals(icosphere(2)).any()
