@@ -14,10 +14,9 @@ from pipeline.mesh._kernels_normals import face_frames, find_hard, number_fans, 
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
-
 NORMAL = "normal"
-"""The vertex attribute (V, 3) that holds normals known from elsewhere, carried through a flow for one: of unit
-length, or zero where there is none."""
+"""The vertex attribute (V, 3) of normals known from elsewhere, carried through a flow for one: of unit length,
+or zero where there is none."""
 
 
 class ShadedMesh(NamedTuple):
@@ -57,11 +56,11 @@ def dihedral_angles(mesh: TriangleMesh) -> Floats:
 def split_at_creases(mesh: TriangleMesh, hard_angle: float = math.radians(40)) -> ShadedMesh:
     """Give every vertex the normal of the smooth surface around it, and one for each side of a crease.
 
-    Edges where the surface turns by more than `hard_angle` (radians) are creases (P29), and so are those that
-    the mesh tags (P31). Normals are means of the faces around, weighted by their angle at the vertex (Thürmer
-    & Wüthrich 1998), so that the triangulation matters little. A crease that ends within the surface leaves no
-    seam: a closed fan is divided by two hard edges or more. Faces without area are ignored; normals are always
-    unit.
+    Edges where the surface turns by more than `hard_angle` (radians) are creases (P29), and so are those
+    that the mesh tags (P31). Normals are means of the faces around, weighted by their angle at the vertex
+    (Thürmer & Wüthrich 1998), so that the triangulation matters little. A crease that ends within the
+    surface leaves no seam: a closed fan is divided by two hard edges or more. Faces without area are
+    ignored; normals are always unit.
 
     A vertex whose own normal is to be trusted (`trusted_normals`) keeps it and is not divided, however the
     surface turns there: that depends on the triangles, and its normal does not.
