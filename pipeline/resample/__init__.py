@@ -1,5 +1,6 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
+from pipeline.resample.density import Curvature, DistanceToCamera, Formula
 from pipeline.resample.hardness import edges_by_angle
 from pipeline.resample.placement import Chord, Curved, Exact, Placement
 from pipeline.resample.report import Report
@@ -8,8 +9,11 @@ from pipeline.resample.thresholds import Thresholds
 
 __all__ = [
     "Chord",
+    "Curvature",
     "Curved",
+    "DistanceToCamera",
     "Exact",
+    "Formula",
     "Placement",
     "Report",
     "Resampler",

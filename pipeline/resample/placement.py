@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from pipeline.arrays import Indices, Points, Vectors
+from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh._kernels_halfedge import Surface
 from pipeline.mesh.halfedge import HalfedgeMesh
@@ -33,8 +33,11 @@ class Placement(Protocol):
     def merges_at_midpoint(self) -> bool:
         """Whether two soft ends merge halfway (P27) or at one of them."""
 
-    def prepare(self, mesh: TriangleMesh, hard_angle: float) -> TriangleMesh:
-        """The mesh with all that this placement keeps at its vertices and edges."""
+    def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
+        """The mesh with all that this placement keeps at its vertices and edges.
+
+        hard_angle  radians, one for all or one a vertex
+        """
 
     def place(self, mesh: HalfedgeMesh, births: Indices, cosine: float) -> int:
         """Move the last vertices of the mesh, which lie halfway between their parents; answers how many
@@ -53,7 +56,7 @@ class Chord:
 
     merges_at_midpoint: bool = True
 
-    def prepare(self, mesh: TriangleMesh, hard_angle: float) -> TriangleMesh:
+    def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         return mesh
 
     def place(self, mesh: HalfedgeMesh, births: Indices, cosine: float) -> int:
@@ -67,7 +70,7 @@ class Curved:
 
     merges_at_midpoint: bool = False
 
-    def prepare(self, mesh: TriangleMesh, hard_angle: float) -> TriangleMesh:
+    def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         return mesh
 
     def place(self, mesh: HalfedgeMesh, births: Indices, cosine: float) -> int:
@@ -94,7 +97,7 @@ class Exact:
     project: PointMap | None = None
     merges_at_midpoint: bool = False
 
-    def prepare(self, mesh: TriangleMesh, hard_angle: float) -> TriangleMesh:
+    def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         creases = np.concatenate([mesh.creases, edges_by_angle(mesh, hard_angle)])
         rest = mesh.attributes.get(REST, mesh.vertices)
         return mesh.with_attributes(**{REST: rest}).with_creases(creases)

@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError, UsageError
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
@@ -45,12 +45,19 @@ class Resampler:
     def __init__(self, mesh: TriangleMesh, thresholds: Thresholds, placement: Placement = _CHORD) -> None:
         self.thresholds = thresholds
         self.placement = placement
-        self._mesh = HalfedgeMesh(in_memory_order(placement.prepare(mesh, thresholds.hard_angle)))
+        self._mesh = HalfedgeMesh(in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh))))
 
     @property
     def vertices(self) -> Points:
         """(V, 3) float64 view: write the moved positions into it. `resample` makes it another array."""
         return self._mesh.vertices
+
+    def vectors(self, name: str) -> Vectors | None:
+        """(V, 3) float64 view of a vertex attribute of vectors, to write into like `vertices`; None without."""
+        column = self._mesh.column(name)
+        return (
+            None if column is None else self._mesh.surface.carried[: self._mesh.sizes[0], column : column + 3]
+        )
 
     @property
     def mesh(self) -> TriangleMesh:
@@ -212,7 +219,7 @@ class _Frame:
             longest = self._extent(np.ones_like(self.marks))[1]
             raise FrameError(
                 f"{vertices} vertices and {more} edges to split exceed the budget of {budget} vertices "
-                f"(longest edge {longest:g}, allowed {self.thresholds.max_edge_length:g}); "
+                f"(longest edge {longest:g}, allowed {math.sqrt(self.limits[0]):g}); "
                 "raise max_vertices or max_edge_length"
             )
 
@@ -243,9 +250,16 @@ class _Frame:
 
 def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement) -> Floats:
     """The numbers that kernels go by (see `_kernels_lists`)."""
-    longest, shortest = thresholds.max_edge_length, thresholds.min_edge_length
-    cosine, midpoint = math.cos(thresholds.hard_angle), float(placement.merges_at_midpoint)
-    return np.array([longest * longest, shortest * shortest, cosine, midpoint, -1.0])
+    midpoint, column = float(placement.merges_at_midpoint), -1
+    if thresholds.active:
+        fields = thresholds.fields(mesh.snapshot())
+        longest, shortest = float(fields[:, 0].max()), float(fields[:, 1].min())
+        hard_angle = float(np.median(fields[:, 2]))
+        fields[:, 2] = np.cos(fields[:, 2])
+        column = mesh.steer(fields)
+    else:
+        longest, shortest, hard_angle = thresholds.numbers
+    return np.array([longest * longest, shortest * shortest, math.cos(hard_angle), midpoint, column])
 
 
 def _work_list(room: int) -> Indices:

@@ -1,11 +1,19 @@
-"""The three numbers that steer resampling."""
+"""What steers resampling: three thresholds, each a number or a function over the surface (P35)."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any, Protocol, cast, runtime_checkable
 
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.arrays import Floats
 from pipeline.errors import UsageError
+from pipeline.mesh.triangles import TriangleMesh
+from pipeline.resample.density import graded
 
 DEFAULT_RATIO = 0.4
 """Minimum over maximum edge length: the paper's compromise between thrashing and spread (P12)."""
@@ -13,50 +21,187 @@ DEFAULT_RATIO = 0.4
 HIGHEST_RATIO = 0.5
 """From here on a split makes edges that are at once too short (P13)."""
 
+DEFAULT_HARD_ANGLE = math.radians(40)
+
+DEFAULT_GRADATION = 0.3
+"""Scene units by which lengths grow per scene unit along the surface: an edge is at most about a third
+longer than the one before it, which the triangles between can follow without becoming thin."""
+
+
+@runtime_checkable
+class Timed(Protocol):
+    """A threshold that changes in time."""
+
+    def at(self, frame: int, time: float) -> Threshold:
+        """What it is in a frame, `time` seconds from the start of the shot; itself where nothing changes."""
+
+
+ActiveFunction = Callable[[TriangleMesh], ArrayLike]
+"""Any callable: a mesh in, one number for each of its vertices out, (V,)."""
+
+Threshold = float | ActiveFunction | Timed
+
 
 @dataclass(frozen=True, init=False)
 class Thresholds:
     """The bracket for edge lengths and the angle that makes an edge hard.
 
     max_edge_length   scene units; afterwards no edge is longer (P8)
-    min_edge_length   scene units; shorter edges collapse where they may (P9); 40% of the maximum by default
+    min_edge_length   scene units; shorter edges collapse where they may (P9); 40% of the maximum by
+                      default, which is kept as None where the maximum is no number
     hard_angle        radians between the normals of two faces; an edge that turns more is hard (P29); 40°
     max_vertices      a frame that would need more stops with an error instead of filling the memory
+    gradation         where lengths are functions: how much they may differ between two ends of an edge,
+                      as a share of its length
 
-    Raises UsageError for numbers that cannot be.
+    The first three are numbers, or callables `mesh -> (V,)` in the same units: those of
+    `pipeline.resample.density`, or any other. Raises UsageError for numbers that cannot be.
     """
 
-    max_edge_length: float
-    min_edge_length: float
-    hard_angle: float
+    max_edge_length: Threshold
+    min_edge_length: Threshold | None
+    hard_angle: Threshold
     max_vertices: int
+    gradation: float
 
     def __init__(
         self,
-        max_edge_length: float,
-        min_edge_length: float | None = None,
-        hard_angle: float = math.radians(40),
+        max_edge_length: Threshold,
+        min_edge_length: Threshold | None = None,
+        hard_angle: Threshold = DEFAULT_HARD_ANGLE,
         max_vertices: int = 2_000_000,
+        gradation: float = DEFAULT_GRADATION,
     ) -> None:
-        longest = float(max_edge_length)
-        if not (math.isfinite(longest) and longest > 0):
-            raise UsageError(f"max_edge_length {longest:g} must be a positive length in scene units")
-        shortest = DEFAULT_RATIO * longest if min_edge_length is None else float(min_edge_length)
-        if not shortest >= 0:
-            raise UsageError(f"min_edge_length {shortest:g} must not be negative; 0 removes nothing")
-        if shortest >= HIGHEST_RATIO * longest:
-            raise UsageError(
-                f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}; "
-                f"it must be below 50%, or splitting and collapsing undo each other. "
-                f"Try {DEFAULT_RATIO * longest:g}."
-            )
-        if not 0 < hard_angle <= math.pi:
-            raise UsageError(
-                f"hard_angle {hard_angle:g} must lie between 0 and pi radians; 0.7 (40 degrees) is usual"
-            )
+        longest, shortest, angle = _plain(max_edge_length), _plain(min_edge_length), _plain(hard_angle)
+        if shortest is None and isinstance(longest, float):
+            shortest = DEFAULT_RATIO * longest
+        _check_numbers(longest, shortest, angle)
         if max_vertices < 4:
             raise UsageError(f"max_vertices {max_vertices} is too few for any surface; 2000000 is usual")
+        if not (math.isfinite(gradation) and gradation > 0):
+            raise UsageError(f"gradation {gradation:g} must be positive; {DEFAULT_GRADATION:g} is usual")
         object.__setattr__(self, "max_edge_length", longest)
         object.__setattr__(self, "min_edge_length", shortest)
-        object.__setattr__(self, "hard_angle", float(hard_angle))
+        object.__setattr__(self, "hard_angle", angle)
         object.__setattr__(self, "max_vertices", int(max_vertices))
+        object.__setattr__(self, "gradation", float(gradation))
+
+    @property
+    def active(self) -> bool:
+        """Whether any of the three is a function and no number."""
+        three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
+        return not all(isinstance(threshold, float) for threshold in three)
+
+    @property
+    def numbers(self) -> tuple[float, float, float]:
+        """Maximum, minimum (scene units) and hard angle (radians). Raises UsageError where one is active."""
+        if self.active:
+            raise UsageError("active thresholds are no three numbers; ask for their fields over a mesh")
+        return cast(tuple[float, float, float], (self.max_edge_length, self.min_edge_length, self.hard_angle))
+
+    def hard_angles(self, mesh: TriangleMesh) -> float | Floats:
+        """Radians: the one hard angle, or (V,) where it is a function. Raises UsageError like `fields`."""
+        if isinstance(self.hard_angle, float):
+            return self.hard_angle
+        angles = _over("hard_angle", self.hard_angle, mesh)
+        impossible = (angles <= 0) | (angles > math.pi)
+        _refuse("hard_angle", angles, impossible, mesh, "between 0 and pi radians")
+        return angles
+
+    def at(self, frame: int, time: float) -> Thresholds:
+        """The thresholds of one frame, `time` seconds from the start of the shot.
+
+        These thresholds themselves where nothing depends on time.
+        """
+        three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
+        now = [t.at(frame, time) if isinstance(t, Timed) else t for t in three]
+        if all(new is old for new, old in zip(now, three, strict=True)):
+            return self
+        longest, shortest, angle = now
+        assert longest is not None and angle is not None, "only a minimum may be left to its ratio"
+        return Thresholds(longest, shortest, angle, self.max_vertices, self.gradation)
+
+    def fields(self, mesh: TriangleMesh) -> Floats:
+        """(V, 3): maximum and minimum edge length, scene units, and hard angle, radians, at every vertex.
+
+        Lengths that are functions are graded: between two ends of an edge the maximum differs by at most
+        `gradation` times its length, and the minimum by half of that, so that it stays below.
+
+        Raises UsageError, naming the vertex, where a value is not finite or cannot be.
+        """
+        out = np.empty((len(mesh.vertices), 3))
+        out[:, 0] = _over("max_edge_length", self.max_edge_length, mesh)
+        _refuse("max_edge_length", out[:, 0], out[:, 0] <= 0, mesh, "a positive length in scene units")
+        if not isinstance(self.max_edge_length, float):
+            out[:, 0] = graded(mesh, out[:, 0], self.gradation)
+        if self.min_edge_length is None:
+            out[:, 1] = DEFAULT_RATIO * out[:, 0]
+        else:
+            out[:, 1] = _over("min_edge_length", self.min_edge_length, mesh)
+            _refuse("min_edge_length", out[:, 1], out[:, 1] < 0, mesh, "a length in scene units")
+            if not isinstance(self.min_edge_length, float):
+                out[:, 1] = graded(mesh, out[:, 1], 0.5 * self.gradation)
+            _require_ratio(out, mesh)
+        out[:, 2] = self.hard_angles(mesh)
+        return out
+
+
+def _plain(threshold: Any) -> Any:
+    """A function as it is, anything else as a float."""
+    active = threshold is None or callable(threshold) or isinstance(threshold, Timed)
+    return threshold if active else float(threshold)
+
+
+def _check_numbers(longest: Any, shortest: Any, angle: Any) -> None:
+    """Everything that can be wrong with those that are numbers."""
+    if isinstance(longest, float) and not (math.isfinite(longest) and longest > 0):
+        raise UsageError(f"max_edge_length {longest:g} must be a positive length in scene units")
+    if isinstance(shortest, float) and not (math.isfinite(shortest) and shortest >= 0):
+        raise UsageError(f"min_edge_length {shortest:g} must not be negative; 0 removes nothing")
+    if isinstance(longest, float) and isinstance(shortest, float) and shortest >= HIGHEST_RATIO * longest:
+        raise UsageError(_too_close(longest, shortest))
+    if isinstance(angle, float) and not 0 < angle <= math.pi:
+        raise UsageError(f"hard_angle {angle:g} must lie between 0 and pi radians; 0.7 (40 degrees) is usual")
+
+
+def _too_close(longest: float, shortest: float, where: str = "") -> str:
+    return (
+        f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}{where}; "
+        f"it must be below 50%, or splitting and collapsing undo each other. "
+        f"Try {DEFAULT_RATIO * longest:g}."
+    )
+
+
+def _over(name: str, threshold: Threshold, mesh: TriangleMesh) -> Floats:
+    """(V,): a threshold at every vertex."""
+    if isinstance(threshold, float):
+        return np.full(len(mesh.vertices), threshold)
+    if not callable(threshold):
+        raise UsageError(f"{name} changes in time; ask for the thresholds `at` a frame first")
+    values = np.asarray(threshold(mesh), np.float64)
+    if values.shape not in ((), mesh.vertices.shape[:1]):
+        raise UsageError(
+            f"{name} gave an array of shape {values.shape} for {len(mesh.vertices)} vertices; "
+            "it must give one number for each"
+        )
+    return np.array(np.broadcast_to(values, mesh.vertices.shape[:1]))
+
+
+def _refuse(name: str, values: Floats, wrong: Any, mesh: TriangleMesh, rule: str) -> None:
+    """An error for the first vertex that has no number, or a wrong one."""
+    bad = np.flatnonzero(wrong | ~np.isfinite(values))
+    if bad.size:
+        raise UsageError(f"{name} is {values[bad[0]]:g} at {_vertex(mesh, int(bad[0]))}; it must be {rule}")
+
+
+def _require_ratio(fields: Floats, mesh: TriangleMesh) -> None:
+    """P13, everywhere."""
+    bad = np.flatnonzero(fields[:, 1] >= HIGHEST_RATIO * fields[:, 0])
+    if bad.size:
+        longest, shortest, _ = fields[bad[0]]
+        raise UsageError(_too_close(longest, shortest, f" at {_vertex(mesh, int(bad[0]))}"))
+
+
+def _vertex(mesh: TriangleMesh, index: int) -> str:
+    x, y, z = mesh.vertices[index]
+    return f"vertex {index} ({x:g}, {y:g}, {z:g})"

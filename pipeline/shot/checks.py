@@ -10,10 +10,10 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from pipeline.errors import UsageError
+from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import Clock
-from pipeline.shot.fields import LARGEST, suggestion
+from pipeline.shot.fields import LARGEST
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Solid
 

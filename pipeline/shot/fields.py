@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from difflib import get_close_matches
 from typing import Annotated, Any, Generic, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
+from pipeline.errors import suggestion
 from pipeline.flow.catalogue.directions import X, Y, Z
 from pipeline.flow.choreography import Keyframes, Number, Place, Vector
 from pipeline.flow.easing import EASINGS
@@ -28,13 +28,6 @@ class Document(BaseModel):
     """A mapping in a shot file: no unknown keys, no silent conversions."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
-
-
-def suggestion(word: object, names: Iterable[str]) -> str:
-    """`Did you mean 'vortex'?`, or the names there are."""
-    known = list(names)
-    close = get_close_matches(str(word), known, n=1, cutoff=0.6)
-    return f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(known)}."
 
 
 def one_of(names: Iterable[str], what: str) -> AfterValidator:

@@ -8,8 +8,8 @@ from typing import Any
 from pydantic import BaseModel, ValidationError
 from pydantic_core import ErrorDetails
 
+from pipeline.errors import suggestion
 from pipeline.frames import shortened
-from pipeline.shot.fields import suggestion
 from pipeline.shot.source import Source, Where
 
 _WANTED = {

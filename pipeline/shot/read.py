@@ -9,7 +9,7 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError
+from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
 from pipeline.flow import Sequence
 from pipeline.frames import FrameRate
 from pipeline.resample import Thresholds
@@ -23,7 +23,7 @@ from pipeline.shot.documents import (
     ShotDocument,
     StageDocument,
 )
-from pipeline.shot.fields import DEGREE, Document, number, suggestion
+from pipeline.shot.fields import DEGREE, Document, number
 from pipeline.shot.messages import findings
 from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Resampling, Shot
 from pipeline.shot.source import Source, Where
