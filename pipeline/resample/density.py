@@ -10,12 +10,9 @@ import numpy as np
 from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.formula import Expression
-from pipeline.mesh.normals import split_at_creases
+from pipeline.mesh.normals import NORMAL, split_at_creases
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_density import bend, grade
-
-NORMAL = "normal"
-"""The vertex attribute (V, 3) that holds exact unit normals; zero where there is none, at a crease."""
 
 SHORT = 0.4
 """Of the finest edge: what is shorter collapses (P12), and its curvature is that of noise."""

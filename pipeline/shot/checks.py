@@ -117,22 +117,6 @@ def _along(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
     return math.hypot(*cross) <= 1e-9 * math.hypot(*a) * math.hypot(*b)
 
 
-def thresholds(source: Source) -> Iterator[Problem]:
-    """P13: with a minimum of half the maximum or more, splitting and collapsing undo each other."""
-    longest, shortest = source.get("resample", "max_edge_length"), source.get("resample", "min_edge_length")
-    if not (_is_number(longest) and _is_number(shortest) and longest > 0):
-        return
-    if shortest >= 0.5 * longest:
-        yield (
-            ("resample", "min_edge_length"),
-            (
-                f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}; "
-                f"it must be below 50% (P13), or splitting and collapsing undo each other. "
-                f"Try {0.4 * longest:.3g}."
-            ),
-        )
-
-
 def solid(source: Source) -> Iterator[Problem]:
     """A solid is given the measures it has."""
     subject = source.get("subject")
@@ -158,7 +142,7 @@ def solid(source: Source) -> Iterator[Problem]:
 def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:
     """Measures that contradict each other, by trying them on the coarsest of meshes."""
     parts = [part for value in given.values() for part in (value if isinstance(value, list) else [value])]
-    if not all(isinstance(part, str) or (_is_number(part) and 0 < part <= LARGEST) for part in parts):
+    if not all(isinstance(part, str) or (is_number(part) and 0 < part <= LARGEST) for part in parts):
         return
     try:
         Solid.of(name, given).build(100 * LARGEST)
@@ -184,9 +168,10 @@ def model_path(source: Source, name: str) -> Path:
     return source.path.parent / name
 
 
-def _is_number(value: Any) -> bool:
+def is_number(value: Any) -> bool:
+    """Whether a value of a file is a number; true and false are none."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _is_triple(value: Any) -> TypeGuard[list[float]]:
-    return isinstance(value, list) and len(value) == 3 and all(_is_number(x) for x in value)
+    return isinstance(value, list) and len(value) == 3 and all(is_number(x) for x in value)

@@ -6,8 +6,9 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from pipeline.shot.fields import Colour, Count, Document, NumberField, Positive, PositiveField, Real, one_of
+from pipeline.shot.fields import Colour, Count, Document, NumberField, Positive, PositiveField, one_of
 from pipeline.shot.flows import FlowDocument
+from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.subject import SOLIDS
 from render.lights import LIGHTS
 from render.look import LOOKS
@@ -38,22 +39,6 @@ SubjectDocument = Annotated[
     Annotated[SolidDocument, Tag("a solid")] | Annotated[ModelDocument, Tag("a model file")],
     Discriminator(_subject_form),
 ]
-
-
-class ResampleDocument(Document):
-    """hard_angle: degrees; what is left out takes the defaults of `Resampling`."""
-
-    max_edge_length: Positive
-    min_edge_length: Annotated[Real, Field(ge=0)] | None = None
-    hard_angle: Annotated[float, Field(gt=0, lt=180)] = 40.0
-    max_vertices: Annotated[int, Field(ge=4)] | None = None
-    method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = None
-    placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = None
-    splits: Annotated[str, one_of(("edges", "faces"), "way to split")] | None = None
-    shape: Annotated[float, Field(ge=0, le=1)] | None = None
-    normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = None
-    renew: Annotated[int, Field(ge=1)] | None = None
-    creases: Annotated[str, one_of(("rest", "model", "none"), "source of creases")] | None = None
 
 
 def _named_or_spelt_out(value: Any) -> str:

@@ -12,20 +12,19 @@ from pydantic import ValidationError
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
 from pipeline.flow import Sequence
 from pipeline.frames import FrameRate
-from pipeline.resample import Thresholds
-from pipeline.shot import checks
+from pipeline.shot import brackets, checks
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents import (
     FilmDocument,
     LookDocument,
     ModelDocument,
-    ResampleDocument,
     ShotDocument,
     StageDocument,
 )
 from pipeline.shot.fields import DEGREE, Document, number
 from pipeline.shot.messages import findings
-from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Resampling, Shot
+from pipeline.shot.resampling import ResampleDocument
+from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
 from render.lights import LIGHTS, LightRig
@@ -33,8 +32,6 @@ from render.look import LOOKS, Look
 from render.stage import STAGES, Stage
 
 D = TypeVar("D", bound=Document)
-
-THRESHOLDS = ("max_edge_length", "min_edge_length", "hard_angle", "max_vertices")
 
 
 def read_shot(path: str | Path, text: str | None = None) -> Shot:
@@ -46,7 +43,7 @@ def read_shot(path: str | Path, text: str | None = None) -> Shot:
     source = Source.read(Path(path), text)
     clock, problems = checks.read_clock(source)
     problems += checks.keys(source, clock)
-    for check in (checks.directions, checks.thresholds, checks.solid):
+    for check in (checks.directions, brackets.ratio, brackets.bounds, brackets.formulas, checks.solid):
         problems += check(source)
     missing = list(checks.model(source))
     document = _parsed(source, ShotDocument, problems, missing)
@@ -158,15 +155,8 @@ def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
         rate=clock.rate,
         subject=_subject(document, source),
         flow=Sequence(flows),
-        resampling=_resampling(resample) if isinstance(resample, ResampleDocument) else None,
+        resampling=resample.build(clock) if isinstance(resample, ResampleDocument) else None,
     )
-
-
-def _resampling(document: ResampleDocument) -> Resampling:
-    given = document.model_dump(exclude_none=True)
-    steering = {name: given.pop(name) for name in THRESHOLDS if name in given}
-    steering["hard_angle"] *= DEGREE
-    return Resampling(Thresholds(**steering), **given)
 
 
 def _subject(document: ShotDocument, source: Source) -> Subject:

@@ -5,17 +5,20 @@ Meshes depend on the motion alone, pictures on both: relighting never moves a ve
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
+
+import numpy as np
 
 from pipeline.flow import Flow
 from pipeline.flow.choreography import Number, number_at
 from pipeline.frames import FrameRange, FrameRate
+from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample import Thresholds
 from pipeline.shot.clock import Clock
 from pipeline.shot.data import NOT_DATA, as_data
-from pipeline.shot.subject import Subject
+from pipeline.shot.subject import Solid, Subject
 from render.lights import LightRig
 from render.look import Look
 from render.stage import Stage
@@ -47,16 +50,24 @@ class Resampling:
     creases: Literal["rest", "model", "none"] = "rest"
 
     def data(self) -> dict[str, Any]:
-        """What decides meshes, as JSON-able data.
-
-        The budget of vertices is no part of it: it moves no vertex, and raising it goes on from the last
-        frame that fitted. Nor are settings that only exact placement heeds, where it is another.
-        """
-        settings: dict[str, Any] = as_data(self)
-        del settings["thresholds"]["max_vertices"]
+        """What decides meshes, as JSON-able data; what only exact placement heeds counts with it alone."""
+        settings: dict[str, Any] = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
         if self.placement != "exact":
             del settings["normals"], settings["renew"]
         return settings
+
+
+def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
+    """Thresholds as JSON-able data, without what changes no mesh.
+
+    The budget of vertices moves none of them, and raising it goes on from the last frame that fitted;
+    gradation is for lengths that are functions.
+    """
+    data: dict[str, Any] = as_data(thresholds)
+    del data["max_vertices"]
+    if isinstance(thresholds.max_edge_length, float) and isinstance(thresholds.min_edge_length, float):
+        del data["gradation"]
+    return data
 
 
 @dataclass(frozen=True)
@@ -76,16 +87,48 @@ class Motion:
     def clock(self) -> Clock:
         return Clock(self.frames, self.rate)
 
+    def resampling_at(self, frame: int) -> Resampling | None:
+        """How the surface is resampled in that frame: what depends on time is settled."""
+        if self.resampling is None:
+            return None
+        now = self.resampling.thresholds.at(frame, self.clock.time(frame))
+        return (
+            self.resampling if now is self.resampling.thresholds else replace(self.resampling, thresholds=now)
+        )
+
+    def mesh_at_rest(self) -> TriangleMesh:
+        """The subject's mesh, as fine as the first frame is to be.
+
+        Where edge lengths vary, solids are meshed for the finest, which the first resampling thins out; but
+        not for lengths below a third of the usual one, which it splits.
+        """
+        resampling = self.resampling_at(self.frames.first)
+        if resampling is None:
+            return self.subject.build()
+        longest = resampling.thresholds.max_edge_length
+        if isinstance(longest, float):
+            return self.subject.build(longest)
+        coarse = self.subject.build()
+        if not isinstance(self.subject, Solid):
+            return coarse  # a model is as its file says
+        lengths = resampling.thresholds.fields(coarse)[:, 0]
+        return self.subject.build(max(float(lengths.min()), float(np.median(lengths)) / 3.0))
+
     def start_data(self) -> dict[str, Any]:
         """What decides the first frame, as JSON-able data: equal data, equal mesh."""
         return {
             "subject": as_data(self.subject),
-            "resampling": self.resampling.data() if self.resampling else None,
+            "resampling": now.data() if (now := self.resampling_at(self.frames.first)) else None,
         }
 
     def step_data(self, frame: int) -> Any:
         """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
-        return self.flow.acting(*self.clock.step(frame))
+        acting = self.flow.acting(*self.clock.step(frame))
+        now = self.resampling_at(frame)
+        if now is self.resampling:
+            return acting
+        assert now is not None
+        return {"flow": acting, "thresholds": thresholds_data(now.thresholds)}
 
 
 @dataclass(frozen=True)

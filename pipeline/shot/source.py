@@ -32,12 +32,14 @@ class Source:
 
     places    line and column, from 1, of each key (or list item) by its path
     problems  what is wrong with the text itself, ready to report
+    texts     line and column of the first character of each text that stands in one line as it is
     """
 
     path: Path
     data: Any
     places: dict[Where, tuple[int, int]]
     problems: list[tuple[Where, str]] = field(default_factory=list)
+    texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path, text: str | None = None) -> Source:
@@ -81,6 +83,14 @@ class Source:
                 return f"{self.path}:{line}:{column}"
         return f"{self.path}:1:1"
 
+    def spot(self, where: Where, column: int) -> Where | None:
+        """A path whose place is that character (from 1) of a text; None where the file has it otherwise."""
+        if where not in self.texts:
+            return None
+        line, first = self.texts[where]
+        self.places[(*where, column)] = line, first + column - 1
+        return (*where, column)
+
     def get(self, *where: Any) -> Any:
         """The value at a path, or None."""
         value = self.data
@@ -112,7 +122,17 @@ class Source:
         if isinstance(node, SequenceNode):
             items = enumerate(node.value)
             return [self._value(item, (*where, index), (*around, node)) for index, item in items]
-        return _scalar(node) if isinstance(node, ScalarNode) else None
+        if not isinstance(node, ScalarNode):
+            return None
+        self._note_text(node, where)
+        return _scalar(node)
+
+    def _note_text(self, node: ScalarNode, where: Where) -> None:
+        """Note where the characters of a text begin, if they stand in the file one by one."""
+        start, end = node.start_mark, node.end_mark
+        quotes = 1 if node.style in ("'", '"') else 0
+        if start.line == end.line and end.column - start.column == len(node.value) + 2 * quotes:
+            self.texts[where] = start.line + 1, start.column + 1 + quotes
 
     def _mapping(self, node: MappingNode, where: Where, around: tuple[Node, ...]) -> dict[Any, Any]:
         values: dict[Any, Any] = {}
