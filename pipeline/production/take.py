@@ -31,6 +31,7 @@ from pipeline.production.layout import Folders
 from pipeline.production.store import Store
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
+from pipeline.shot.data import as_data
 from render.errors import BadInputError
 from render.frame import seed_of
 from render.plain import to_plain
@@ -173,13 +174,13 @@ class Take:
         return self._mesh_keys[number]
 
     def normals_key(self, number: int) -> Key:
-        return key_of("normals", code_key(NORMALS_CODE), self.mesh_key(number), self.hard_angle)
+        angle = as_data(self.thresholds(number).hard_angle)
+        return key_of("normals", code_key(NORMALS_CODE), self.mesh_key(number), angle)
 
-    @property
-    def hard_angle(self) -> float:
-        """Radians: a dihedral sharper than this stays a crease in the picture."""
-        resampling = self.shot.motion.resampling
-        return (resampling.thresholds if resampling else Thresholds(1.0)).hard_angle
+    def thresholds(self, number: int) -> Thresholds:
+        """Those of a frame; where resampling is off, for the sake of the hard angle, which shades creases."""
+        resampling = self.shot.motion.resampling_at(number)
+        return resampling.thresholds if resampling else Thresholds(1.0)
 
     @cached_property
     def cameras_key(self) -> Key:

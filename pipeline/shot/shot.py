@@ -49,6 +49,13 @@ class Resampling:
     renew: int = 240
     creases: Literal["rest", "model", "none"] = "rest"
 
+    def settings(self) -> dict[str, Any]:
+        """Every setting by its name in the shot file, JSON-able; functions as their parameters."""
+        settings: dict[str, Any] = as_data(self)
+        every = {**settings.pop("thresholds"), **settings}
+        del every["is"]
+        return every
+
     def data(self) -> dict[str, Any]:
         """What decides meshes, as JSON-able data; what only exact placement heeds counts with it alone."""
         settings: dict[str, Any] = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import time
 from functools import partial
 from pathlib import Path
@@ -12,11 +13,13 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
-from pipeline.mesh.normals import split_at_creases
+from pipeline.mesh.normals import ShadedMesh, split_at_creases
+from pipeline.mesh.triangles import TriangleMesh
 from pipeline.production.framing import frame_all, turned
 from pipeline.production.npz import read_npz, write_npz
 from pipeline.production.store import CorruptFileError
 from pipeline.production.tasks.context import Context
+from pipeline.resample import Thresholds, edges_by_angle
 
 
 def simulate(context: Context) -> bool:
@@ -53,7 +56,7 @@ def smooth_normals(context: Context) -> bool:
 
         def write(path: Path) -> None:
             mesh = read_mesh_frame(context, number).mesh
-            vertices, normals, faces, source = split_at_creases(mesh, take.hard_angle)
+            vertices, normals, faces, source = _shaded(mesh, take.thresholds(number))
             arrays = {
                 "vertices": vertices.astype(np.float32),
                 "normals": normals.astype(np.float32),
@@ -65,6 +68,15 @@ def smooth_normals(context: Context) -> bool:
         return context.make("normals", take.normals_key(number), target, write)
 
     return context.each(context.job.frames, work)
+
+
+def _shaded(mesh: TriangleMesh, thresholds: Thresholds) -> ShadedMesh:
+    """The mesh split where it is hard; where the hard angle varies, its edges are found and tagged first."""
+    angles = thresholds.hard_angles(mesh)
+    if isinstance(angles, float):
+        return split_at_creases(mesh, angles)
+    hard = np.concatenate([mesh.creases, edges_by_angle(mesh, angles)])
+    return split_at_creases(mesh.with_creases(hard), math.pi)
 
 
 def frame_camera(context: Context) -> bool:

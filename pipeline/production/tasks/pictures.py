@@ -81,7 +81,7 @@ def _surface(context: Context, number: int) -> Surface:
 def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
     """What the EXR says of itself: enough to make it again."""
     take = context.take
-    resampling = take.shot.motion.resampling
+    resampling = take.shot.motion.resampling_at(take.poses[number].mesh)
     return {
         "shot": take.shot.name,
         "frame": number,
@@ -91,5 +91,5 @@ def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) 
         "seed": take.seed(number),
         "look": to_plain(take.shot.picture.look),
         **framing.as_data(),
-        **(to_plain(resampling.thresholds) if resampling else {"resample": "off"}),
+        **(resampling.settings() if resampling else {"resample": "off"}),
     }
