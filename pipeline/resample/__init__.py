@@ -3,6 +3,7 @@
 from pipeline.resample.density import Curvature, DistanceToCamera, Formula
 from pipeline.resample.hardness import edges_by_angle
 from pipeline.resample.placement import Chord, Curved, Exact, Placement
+from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
 from pipeline.resample.report import Report
 from pipeline.resample.resampler import Resampler, resample
 from pipeline.resample.thresholds import Thresholds
@@ -15,6 +16,8 @@ __all__ = [
     "Exact",
     "Formula",
     "Placement",
+    "PolyhedralReport",
+    "PolyhedralResampler",
     "Report",
     "Resampler",
     "Thresholds",

@@ -1,0 +1,101 @@
+"""Polygons into triangles without losing a vertex (P23)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Faces, Floats, Indices, Points
+from pipeline.mesh._kernels_triangulate import FORBIDDEN, triangulate_all, triangulate_polygon
+
+Edge = tuple[int, int]
+
+
+def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Faces, Indices]:
+    """Cut polygons into the triangles with the smallest sum of cotangents, seen along each Newell normal.
+
+    points   (V, 3)
+    offsets  int32 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
+    corners  int32 (C,)
+
+    Answers (T, 3) triangles, face after face, and the (M,) faces that took a vertex in their middle,
+    numbered from V on in this order. That happens only where every way to cut a face would double an
+    edge of another one. The least sum prefers round triangles, lets no triangle turn over where the
+    polygon is simple and nearly flat, concave or not, and makes none without area out of corners that
+    lie on a line, which polygons with split sides are full of. (Ear clipping does: of a convex polygon
+    with points on its sides it cuts such a triangle in nearly every second case.)
+    """
+    triangles = np.empty((int((np.diff(offsets) - 2).sum()), 3), np.int32)
+    if np.diff(offsets).max(initial=3) == 3:
+        return corners.reshape(-1, 3).astype(np.int32), np.empty(0, np.int32)
+    triangulate_all(points.copy(), offsets.copy(), corners.copy(), triangles)
+    doubled = _doubled(triangles, offsets, corners)
+    if not len(doubled):
+        return triangles, np.empty(0, np.int32)
+    return _recut(points, offsets, corners, triangles, doubled)
+
+
+def _starts(offsets: Indices) -> Indices:
+    """(F + 1,): where each face's triangles begin."""
+    starts: Indices = offsets - 2 * np.arange(len(offsets), dtype=np.int32)
+    return starts
+
+
+def _doubled(triangles: Faces, offsets: Indices, corners: Indices) -> Indices:
+    """The faces with a side or a diagonal that joins the same vertices as one of another face."""
+    tails = triangles.reshape(-1).astype(np.int64)
+    heads = np.roll(triangles, -1, axis=1).reshape(-1)
+    keys = tails * (int(corners.max()) + 1) + heads
+    _, first = np.unique(keys, return_index=True)
+    again = np.ones(len(keys), bool)
+    again[first] = False
+    face = np.repeat(np.arange(len(offsets) - 1), 3 * (np.diff(offsets) - 2))
+    # a diagonal runs both ways within its face, so it meets a doubled side whichever way that runs
+    return np.unique(face[np.isin(keys, keys[again])]).astype(np.int32)
+
+
+def _recut(
+    points: Points, offsets: Indices, corners: Indices, triangles: Faces, doubled: Indices
+) -> tuple[Faces, Indices]:
+    """Cut the doubled faces again, one after the other, each with regard to all edges there are."""
+    starts, redo = _starts(offsets), set(doubled.tolist())
+    taken: set[Edge] = set()
+    for f in range(len(offsets) - 1):
+        sides = corners[offsets[f] : offsets[f + 1]]
+        taken.update(_edges(np.column_stack([sides, np.roll(sides, -1)])))
+        if f not in redo:
+            for turn in range(3):
+                taken.update(_edges(np.roll(triangles[starts[f] : starts[f + 1]], turn, axis=1)[:, :2]))
+    parts: list[Faces] = []
+    filled: list[int] = []
+    for f in range(len(offsets) - 1):
+        part = triangles[starts[f] : starts[f + 1]]
+        if f in redo:
+            sides = corners[offsets[f] : offsets[f + 1]]
+            part, cost = _cut(points[sides], sides, taken)
+            if cost >= FORBIDDEN:
+                centre = len(points) + len(filled)
+                filled.append(f)
+                part = np.column_stack([sides, np.roll(sides, -1), np.full(len(sides), centre)])
+            for turn in range(3):
+                taken.update(_edges(np.roll(part, turn, axis=1)[:, :2]))
+        parts.append(part)
+    return np.concatenate(parts).astype(np.int32), np.array(filled, np.int32)
+
+
+def _cut(polygon: Floats, sides: Indices, taken: set[Edge]) -> tuple[Faces, float]:
+    n = len(sides)
+    closed = np.zeros((n, n), np.uint8)
+    for i in range(n):
+        for j in range(i + 2, n if i else n - 1):
+            closed[i, j] = _edge(int(sides[i]), int(sides[j])) in taken
+    local = np.empty((n - 2, 3), np.int32)
+    cost = triangulate_polygon(np.ascontiguousarray(polygon), closed, local)
+    return sides[local], cost
+
+
+def _edge(a: int, b: int) -> Edge:
+    return (a, b) if a < b else (b, a)
+
+
+def _edges(pairs: Indices) -> list[Edge]:
+    return [_edge(a, b) for a, b in pairs.tolist()]

@@ -1,0 +1,6 @@
+"""Version 1 of the resampler (1990): polyhedra with faces of any number of sides."""
+
+from pipeline.resample.polyhedra.report import PolyhedralReport
+from pipeline.resample.polyhedra.resampler import PolyhedralResampler
+
+__all__ = ["PolyhedralReport", "PolyhedralResampler"]

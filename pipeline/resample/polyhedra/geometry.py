@@ -1,0 +1,55 @@
+"""What is measured on single faces: Newell normals, boxes, distances."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from pipeline.resample.polyhedra.structure import Point
+
+
+def newell(polygon: Sequence[Point]) -> Point:
+    """The area vector of a polygon, bent or not: along its mean normal, twice as long as its area."""
+    ox, oy, oz = polygon[0]
+    nx = ny = nz = 0.0
+    px, py, pz = polygon[1][0] - ox, polygon[1][1] - oy, polygon[1][2] - oz
+    for x, y, z in polygon[2:]:
+        qx, qy, qz = x - ox, y - oy, z - oz
+        nx += py * qz - pz * qy
+        ny += pz * qx - px * qz
+        nz += px * qy - py * qx
+        px, py, pz = qx, qy, qz
+    return nx, ny, nz
+
+
+def dot(a: Point, b: Point) -> float:
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+def norm(a: Point) -> float:
+    return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
+
+
+def difference(a: Point, b: Point) -> Point:
+    """From b to a."""
+    return a[0] - b[0], a[1] - b[1], a[2] - b[2]
+
+
+def between(a: Point, b: Point, share: float) -> Point:
+    """On the way from a to b; `share` 0 is a, 1 is b."""
+    return (
+        a[0] + (b[0] - a[0]) * share,
+        a[1] + (b[1] - a[1]) * share,
+        a[2] + (b[2] - a[2]) * share,
+    )
+
+
+def box(polygon: Sequence[Point]) -> tuple[int, float, float]:
+    """The longest dimension of a polygon's box along the axes (P17): its axis, lowest and highest number."""
+    best, least, most = 0, 0.0, -1.0
+    for axis in range(3):
+        along = [point[axis] for point in polygon]
+        low, high = min(along), max(along)
+        if high - low > most - least:
+            best, least, most = axis, low, high
+    return best, least, most

@@ -1,0 +1,115 @@
+"""One frame's polyhedron under work: every operation is done on all that depends on it together."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from pipeline.errors import FrameError
+from pipeline.resample.polyhedra.bracket import Bracket
+from pipeline.resample.polyhedra.geometry import between, difference, dot, newell, norm
+from pipeline.resample.polyhedra.lineage import Heir
+from pipeline.resample.polyhedra.structure import OUTSIDE, Point, Polyhedron
+
+
+class Workpiece:
+    """A polyhedron, its thresholds, and what became of its vertices in this frame.
+
+    lineage   in order of events: where new and merged vertices have their attributes from
+    splits, cuts, collapses   operations done
+    """
+
+    def __init__(self, surface: Polyhedron, bracket: Bracket) -> None:
+        self.surface, self.bracket = surface, bracket
+        self.lineage: list[Heir] = []
+        self.splits = self.cuts = self.collapses = 0
+        self._normals: dict[int, Point] = {}
+
+    def split(self, h: int, shares: Sequence[float]) -> list[int]:
+        """Put vertices on the edge of h, at these shares of its length from its origin, in order.
+
+        Raises FrameError where there would be more vertices than the budget allows.
+        """
+        surface = self.surface
+        if len(surface.points) + len(shares) > self.bracket.budget:
+            raise FrameError(
+                f"{len(surface.points)} vertices and {len(shares)} more on one edge exceed the budget of "
+                f"{self.bracket.budget} vertices; raise max_vertices or max_edge_length"
+            )
+        a, b = surface.origin[h], surface.origin[h ^ 1]
+        start, end = surface.points[a], surface.points[b]
+        made = surface.split_edge(h, [between(start, end, share) for share in shares])
+        for vertex, share in zip(made, shares, strict=True):
+            self.lineage.append(Heir(vertex, a, b, share))
+            self.bracket.add(a, b, share)
+        self.splits += len(made)
+        return made
+
+    def cut(self, h: int, k: int) -> int:
+        """Join the origins of h and k across their face; answers the half-edge between them.
+
+        Where an edge joins them elsewhere, the new one gets a vertex in its middle: no two edges of a
+        polyhedron join the same two vertices.
+        """
+        surface = self.surface
+        doubled = surface.joined(surface.origin[h], surface.origin[k])
+        self._normals.pop(surface.face[h], None)
+        chord = surface.cut_face(h, k)
+        self.cuts += 1
+        if doubled:
+            self.split(chord, [0.5])
+        return chord
+
+    def collapse(self, h: int, share: float) -> int:
+        """Merge the ends of h at that share of its length from its origin; answers the vertex left."""
+        surface = self.surface
+        a, b = surface.origin[h], surface.origin[h ^ 1]
+        for v in (a, b):
+            for one in surface.star(v):
+                self._normals.pop(surface.face[one], None)
+        self.collapses += 1
+        place = self.place(h, share)
+        if share > 0:
+            self.lineage.append(Heir(a, a, b, share))
+            self.bracket.merge(a, b, share)
+        return surface.collapse_edge(h, place)
+
+    def place(self, h: int, share: float) -> Point:
+        """A point on the edge of h; its ends exactly."""
+        start = self.surface.points[self.surface.origin[h]]
+        end = self.surface.points[self.surface.origin[h ^ 1]]
+        if share in (0.0, 1.0):
+            return end if share else start
+        return between(start, end, share)
+
+    def length(self, h: int) -> float:
+        """Of the edge of h, scene units."""
+        surface = self.surface
+        return norm(difference(surface.points[surface.origin[h]], surface.points[surface.origin[h ^ 1]]))
+
+    def too_long(self, h: int) -> bool:
+        surface = self.surface
+        return self.length(h) > self.bracket.longest(surface.origin[h], surface.origin[h ^ 1])
+
+    def too_short(self, h: int) -> bool:
+        surface = self.surface
+        return self.length(h) < self.bracket.shortest(surface.origin[h], surface.origin[h ^ 1])
+
+    def normal(self, f: int) -> Point:
+        """The Newell vector of a face, twice as long as its area."""
+        known = self._normals.get(f)
+        if known is None:
+            known = self._normals[f] = newell(self.surface.corners(f))
+        return known
+
+    def hard(self, h: int) -> bool:
+        """Whether an edge is to be preserved: tagged, on a boundary, or bent by more than the hard angle.
+
+        A face without area decides nothing (P29, P31).
+        """
+        surface = self.surface
+        f, g = surface.face[h], surface.face[h ^ 1]
+        if surface.crease[h >> 1] or f == OUTSIDE or g == OUTSIDE:
+            return True
+        one, two = self.normal(f), self.normal(g)
+        cosine = self.bracket.cosine(surface.origin[h], surface.origin[h ^ 1])
+        return dot(one, two) < cosine * norm(one) * norm(two)
