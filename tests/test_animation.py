@@ -42,7 +42,16 @@ def same(one: MeshFrame, other: MeshFrame) -> bool:
         and one.report == other.report
         and one.mesh.vertices.tobytes() == other.mesh.vertices.tobytes()
         and one.mesh.faces.tobytes() == other.mesh.faces.tobytes()
+        and one.mesh.creases.tobytes() == other.mesh.creases.tobytes()
+        and one.mesh.attributes.keys() == other.mesh.attributes.keys()
+        and all(v.tobytes() == other.mesh.attributes[n].tobytes() for n, v in one.mesh.attributes.items())
     )
+
+
+def resampled(motion: Motion, **settings: object) -> Motion:
+    """The motion with other settings of its resampling."""
+    assert motion.resampling is not None
+    return dataclasses.replace(motion, resampling=dataclasses.replace(motion.resampling, **settings))  # type: ignore[arg-type]
 
 
 def test_the_first_frame_is_the_subject_at_rest(motion: Motion) -> None:
@@ -62,7 +71,13 @@ def test_every_frame_is_in_the_bracket_and_a_closed_surface(motion: Motion) -> N
     assert len(frames[-1].mesh.vertices) > 1.1 * len(frames[0].mesh.vertices)
 
 
-def test_going_on_from_any_frame_gives_the_same_bits_as_never_stopping(motion: Motion) -> None:
+@pytest.mark.parametrize(
+    "settings", [{}, {"renew": 6}, {"placement": "curved"}, {"placement": "chord"}], ids=str
+)
+def test_going_on_from_any_frame_gives_the_same_bits_as_never_stopping(
+    motion: Motion, settings: dict[str, object]
+) -> None:
+    motion = resampled(motion, **settings)
     through = list(animate(motion))
     for stop in (0, 3, 6, 11, 14, 18):
         stored = MeshFrame.from_arrays(through[stop].to_arrays())
@@ -80,10 +95,97 @@ def test_a_resampler_is_resumed_from_what_a_frame_holds(motion: Motion) -> None:
     assert set(Resampler(mesh, motion.resampling.thresholds).state()) == {
         "vertices",
         "faces",
+        "creases",
         "attribute.heat",
     }
-    tagged = dataclasses.replace(last, number=20, mesh=mesh)
+    tagged = dataclasses.replace(last, number=20, mesh=last.mesh.with_attributes(**tags))
     assert "heat" in next(animate(motion, resume=tagged)).mesh.attributes
+
+
+def carried_to(motion: Motion, number: int, rest: Points, since: int = 5) -> Points:
+    """Where rest points of frame `since` are in a frame, moved by the flow alone."""
+    for frame in range(since + 1, number + 1):
+        rest = motion.flow.displace(rest, *motion.clock.step(frame))
+    return rest
+
+
+def test_vertices_lie_where_the_flow_takes_their_points_at_rest(motion: Motion) -> None:
+    """Exact placement: but for the few that would have folded the surface, and stayed on the chord."""
+    *_, last = animate(motion)
+    exactly = carried_to(motion, 24, last.mesh.attributes["rest"])
+    off = np.linalg.norm(exactly - last.mesh.vertices, axis=1)
+    assert np.mean(off < 1e-12) > 0.99
+    np.testing.assert_allclose(np.abs(last.mesh.attributes["rest"]).max(axis=1), 1.0, atol=1e-12)
+
+
+def test_normals_go_with_the_flow_and_end_at_creases(motion: Motion) -> None:
+    """Compared with cof(J) n of the whole way from the cube's sides, J by central differences."""
+    *_, last = animate(motion)
+    rest, normals = last.mesh.attributes["rest"], last.mesh.attributes["normal"]
+    known = normals.any(axis=1)
+    outermost = np.abs(rest) > 1 - 1e-9
+    assert np.array_equal(known, outermost.sum(axis=1) == 1)
+    points, sides = rest[known], np.sign(rest[known]) * outermost[known]
+    columns = []
+    for axis in np.eye(3):
+        ahead, behind = (carried_to(motion, 24, points + h * axis) for h in (1e-5, -1e-5))
+        columns.append((ahead - behind) / 2e-5)
+    exact = np.linalg.inv(np.stack(columns, axis=1)) @ sides[:, :, None]
+    exact = exact[:, :, 0] / np.linalg.norm(exact[:, :, 0], axis=1, keepdims=True)
+    assert np.linalg.norm(np.cross(exact, normals[known]), axis=1).max() < 1e-5
+    assert np.einsum("ij,ij->i", exact, normals[known]).min() > 0
+
+
+def test_the_surface_at_rest_is_renewed_every_so_many_frames(motion: Motion) -> None:
+    for frame in animate(resampled(motion, renew=6)):
+        since = 5 + (frame.number - 5) // 6 * 6
+        rest = frame.mesh.attributes["rest"]
+        if frame.number == since:
+            assert frame.number == 5 or np.array_equal(rest, frame.mesh.vertices)
+        exactly = carried_to(motion, frame.number, rest, since)
+        off = np.linalg.norm(exactly - frame.mesh.vertices, axis=1)
+        assert np.mean(off < 1e-12) > 0.99
+
+
+def test_geometric_normals_are_not_kept(motion: Motion) -> None:
+    *_, last = animate(resampled(motion, normals="geometric"))
+    assert set(last.mesh.attributes) == {"rest"}
+    *_, last = animate(resampled(motion, placement="curved"))
+    assert not last.mesh.attributes
+
+
+def test_the_creases_at_rest_stay_creases(motion: Motion) -> None:
+    """P31: the twelve edges of the cube, by the fields of their vertices at rest."""
+    *_, last = animate(motion)
+    ends = np.abs(last.mesh.attributes["rest"])[last.mesh.creases]
+    assert ((ends > 1 - 1e-9).all(axis=1).sum(axis=1) >= 2).all()
+    length = np.linalg.norm(np.diff(last.mesh.attributes["rest"][last.mesh.creases], axis=1), axis=2).sum()
+    assert length == pytest.approx(24.0)
+    *_, last = animate(resampled(motion, placement="curved", creases="none"))
+    assert not len(last.mesh.creases)
+
+
+def test_a_frame_without_rest_points_is_no_start_for_exact_placement(motion: Motion) -> None:
+    first = next(animate(resampled(motion, placement="chord")))
+    with pytest.raises(UsageError, match="frame 5 has no vertex attribute 'rest'"):
+        next(animate(motion, resume=first))
+
+
+def test_a_flow_that_fails_on_the_way_from_rest_is_told_with_its_frame(motion: Motion) -> None:
+    """The vertices pass; a point of the surface between them does not."""
+
+    def tear(points: Points, time: float, dt: float) -> Points:
+        moved = points * (1 + 8 * dt)
+        moved[np.abs(points[:, 0] - 0.25) < 0.02] = np.nan
+        return moved
+
+    even = dataclasses.replace(motion, subject=Solid.of("box", {"size": (2.0, 2.0, 1.9)}))
+    even = resampled(even, thresholds=Thresholds(0.9), normals="geometric")
+    with pytest.raises(
+        FrameError, match=r"^frame \d+: ((?!frame \d).)*on the way from the rest surface: .*tear"
+    ) as told:
+        list(animate(even, flow=tear))
+    assert told.value.frame is not None
 
 
 def test_nothing_is_left_to_do_after_the_last_frame(motion: Motion) -> None:

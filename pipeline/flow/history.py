@@ -50,12 +50,8 @@ class History:
         """How many frames it spans."""
         return len(self._steps)
 
-    def add(self, flow: Flow, time: float, dt: float, frame: int) -> None:
-        """The next frame: `flow` from `time` on, for `dt` seconds, into `frame`.
-
-        Raises FrameError where a velocity field is too steep to follow.
-        """
-        step = Step(flow, time, dt, frame)
+    def add(self, step: Step) -> None:
+        """The next frame. Raises FrameError where a velocity field is too steep to follow."""
         legs = [_leg(part) for part in _parts(step)]
         self._steps.append(step)
         for leg in legs:

@@ -19,17 +19,17 @@ Key = str
 _ROOM = Path(__file__).parents[2]
 
 SIMULATION_CODE = (
-    *(f"pipeline/mesh/{name}.py" for name in ("triangles", "halfedge", "_kernels_halfedge", "solids", "io")),
-    "pipeline/mesh/validate.py",
+    "pipeline/mesh",
     "pipeline/statistics.py",
     "pipeline/resample",
     "pipeline/flow",
-    "pipeline/animation.py",
-    "pipeline/shot/subject.py",
+    "pipeline/animation",
+    "pipeline/formula.py",
+    *(f"pipeline/shot/{name}.py" for name in ("shot", "subject", "resampling")),
 )
 NORMALS_CODE = (
-    "pipeline/mesh/normals.py",
-    "pipeline/mesh/_kernels_normals.py",
+    *(f"pipeline/mesh/{name}.py" for name in ("normals", "_kernels_normals", "patches", "_kernels_patches")),
+    "pipeline/resample/hardness.py",
     "pipeline/production/tasks/meshes.py",
 )
 FRAMING_CODE = ("pipeline/production/framing.py",)

@@ -12,7 +12,7 @@ from pipeline.errors import FrameError
 from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, displaced, keyed
 from pipeline.flow import history as module
 from pipeline.flow.catalogue import Enright, Expansion, Lorenz, Shear, Stretch, Taper, Twist, Vortex
-from pipeline.flow.history import History
+from pipeline.flow.history import History, Step
 from pipeline.flow.velocity import Course
 
 DT = 1 / 24
@@ -40,7 +40,7 @@ def points() -> Points:
 def history_of(flow: Flow, frames: int) -> History:
     history = History()
     for frame in range(frames):
-        history.add(flow, frame * DT, DT, frame + 2)
+        history.add(Step(flow, frame * DT, DT, frame + 2))
     return history
 
 
@@ -67,7 +67,7 @@ def test_it_grows_by_a_frame_at_a_time(flow: Flow, points: Points) -> None:
     for frame in range(4):
         assert len(history) == frame
         assert history.carry(points).tobytes() == moved.tobytes()
-        history.add(flow, frame * DT, DT, frame + 2)
+        history.add(Step(flow, frame * DT, DT, frame + 2))
         moved = displaced(flow, moved, frame * DT, DT, frame + 2)
 
 
@@ -119,7 +119,7 @@ def test_a_user_flow_that_fails_is_told(points: Points) -> None:
 def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added() -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 0.1), (0.0, 100.0), "linear")))
     history = History()
-    history.add(flow, -DT, DT, 1)
+    history.add(Step(flow, -DT, DT, 1))
     with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s is so steep"):
-        history.add(flow, 0.0, DT, 2)
+        history.add(Step(flow, 0.0, DT, 2))
     assert len(history) == 1

@@ -1,0 +1,6 @@
+"""From a shot to its surfaces, frame after frame."""
+
+from pipeline.animation.frame import FrameReport, MeshFrame
+from pipeline.animation.loop import animate
+
+__all__ = ["FrameReport", "MeshFrame", "animate"]

@@ -1,0 +1,84 @@
+"""MeshFrame: one frame of a shot's surface, as it is kept."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import UsageError
+from pipeline.mesh import TriangleMesh
+from pipeline.resample import Report
+from pipeline.statistics import MeshStatistics
+
+_ATTRIBUTE = "attribute:"
+
+
+@dataclass(frozen=True)
+class FrameReport:
+    """What happened on the way into a frame, and how its mesh is.
+
+    resampling  what the resampler did; None where resampling is off
+    statistics  how mesh-like the result is (P7)
+    """
+
+    resampling: Report | None
+    statistics: MeshStatistics
+
+    def as_data(self) -> dict[str, Any]:
+        """JSON-able."""
+        resampling = None
+        if self.resampling is not None:
+            resampling = {**vars(self.resampling), "refused": dict(self.resampling.refused)}
+        return {"resampling": resampling, "statistics": asdict(self.statistics)}
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> FrameReport:
+        resampling = data["resampling"]
+        return cls(
+            resampling=None if resampling is None else Report(**resampling),
+            statistics=MeshStatistics(**data["statistics"]),
+        )
+
+
+@dataclass(frozen=True)
+class MeshFrame:
+    """One frame of a shot's surface. With the shot, it is all that later frames depend on."""
+
+    number: int
+    mesh: TriangleMesh
+    report: FrameReport
+
+    def to_arrays(self) -> dict[str, AnyArray]:
+        """The frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
+
+        vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
+        () and report (): a string of JSON.
+        """
+        attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
+        return {
+            "vertices": self.mesh.vertices,
+            "faces": self.mesh.faces,
+            "creases": self.mesh.creases,
+            **attributes,
+            "number": np.array(self.number),
+            "report": np.array(json.dumps(self.report.as_data())),
+        }
+
+    @classmethod
+    def from_arrays(cls, arrays: Mapping[str, AnyArray]) -> MeshFrame:
+        """The frame that `to_arrays` was called on, bit for bit. Raises UsageError for a missing name."""
+        missing = sorted({"vertices", "faces", "number", "report"} - set(arrays))
+        if missing:
+            raise UsageError(f"the arrays hold no {' and no '.join(missing)}; they are no frame of ours")
+        names = [name for name in arrays if name.startswith(_ATTRIBUTE)]
+        attributes = {name.removeprefix(_ATTRIBUTE): arrays[name] for name in names}
+        return cls(
+            number=int(arrays["number"]),
+            mesh=TriangleMesh(arrays["vertices"], arrays["faces"], attributes, arrays.get("creases")),
+            report=FrameReport.from_data(json.loads(str(arrays["report"]))),
+        )
