@@ -1,13 +1,14 @@
 """What a surface is: values, solids, files, connectivity, proofs and normals."""
 
 from pipeline.mesh.halfedge import HalfedgeMesh
-from pipeline.mesh.io import read_mesh, write_mesh
+from pipeline.mesh.io import read_mesh
 from pipeline.mesh.normals import ShadedMesh, dihedral_angles, face_normals, split_at_creases, vertex_normals
 from pipeline.mesh.polygon_soundness import require_polygons, validate_polygons
 from pipeline.mesh.polygons import PolygonMesh
 from pipeline.mesh.solids import box, icosphere, rod, sheet, torus
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import Soundness, require, validate
+from pipeline.mesh.write import write_mesh
 
 __all__ = [
     "HalfedgeMesh",

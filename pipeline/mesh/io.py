@@ -1,4 +1,4 @@
-"""Reading and writing meshes by trimesh: OBJ, PLY, STL, GLB, OFF.
+"""Reading meshes by trimesh: OBJ, PLY, STL, GLB, OFF.
 
 trimesh is imported where it is used: most runs never read a mesh file.
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Points
-from pipeline.errors import MachineError, MeshError, MissingInputError
+from pipeline.errors import MeshError, MissingInputError
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
@@ -49,23 +49,6 @@ def read_mesh(path: str | Path) -> TriangleMesh:
     mesh = TriangleMesh(*_merged(points, faces))
     require(mesh, name=str(path))
     return mesh
-
-
-def write_mesh(mesh: TriangleMesh, path: str | Path) -> None:
-    """Write vertices and faces in the format of the suffix. Raises MeshError or MachineError."""
-    path = Path(path)
-    if path.suffix.lstrip(".").lower() not in FORMATS:
-        raise MeshError(
-            f"{path}: {path.suffix or 'no suffix'} is not a mesh format; use one of {', '.join(FORMATS)}"
-        )
-    import trimesh
-
-    surface = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        surface.export(path)
-    except OSError as error:
-        raise MachineError(f"{path}: cannot be written: {error.strerror}") from error
 
 
 def _merged(points: Points, faces: AnyArray) -> tuple[Points, Faces]:

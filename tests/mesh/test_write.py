@@ -1,0 +1,89 @@
+"""Written meshes: what each format keeps, and that no half file is ever seen."""
+
+from __future__ import annotations
+
+import json
+import struct
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from pipeline.errors import MachineError, MeshError
+from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, require, write_mesh
+
+
+def ball() -> TriangleMesh:
+    """A sphere at coordinates that float32 cannot hold, with attributes of several kinds."""
+    mesh = icosphere(4, 1 / 3, (0.1, 0.2, 0.3))
+    normals = (mesh.vertices - (0.1, 0.2, 0.3)) * 3
+    count = len(mesh.vertices)
+    return mesh.with_attributes(
+        normal=normals, heat=np.linspace(0, 1, count), tag=np.arange(count) % 7, rest=mesh.vertices + 1
+    )
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj", "off"])
+def test_these_formats_keep_every_bit_of_the_coordinates(tmp_path: Path, suffix: str) -> None:
+    mesh = ball()
+    write_mesh(mesh, tmp_path / f"a.{suffix}")
+    again = read_mesh(tmp_path / f"a.{suffix}")
+    corners = again.vertices[again.faces]
+    np.testing.assert_array_equal(corners, mesh.vertices[mesh.faces])
+
+
+@pytest.mark.parametrize("suffix", ["stl", "glb"])
+def test_these_formats_keep_float32(tmp_path: Path, suffix: str) -> None:
+    mesh = ball()
+    write_mesh(mesh, tmp_path / f"a.{suffix}")
+    again = read_mesh(tmp_path / f"a.{suffix}")
+    assert require(again, closed=True).euler == 2
+    np.testing.assert_array_equal(
+        again.vertices[again.faces].astype(np.float32), mesh.vertices[mesh.faces].astype(np.float32)
+    )
+
+
+def test_ply_carries_the_attributes_as_numbers_others_can_read(tmp_path: Path) -> None:
+    mesh = ball()
+    write_mesh(mesh, tmp_path / "a.ply")
+    read = trimesh.load(tmp_path / "a.ply", process=False)
+    data = read.metadata["_ply_raw"]["vertex"]["data"]
+    np.testing.assert_array_equal(data["heat"], mesh.attributes["heat"])
+    np.testing.assert_array_equal(data["rest_y"], mesh.attributes["rest"][:, 1])
+    np.testing.assert_array_equal(data["tag"], mesh.attributes["tag"])
+    np.testing.assert_allclose(read.vertex_normals, mesh.attributes["normal"], atol=1e-6)
+
+
+def test_glb_is_what_the_standard_asks_for(tmp_path: Path) -> None:
+    write_mesh(box(), tmp_path / "a.glb")
+    data = (tmp_path / "a.glb").read_bytes()
+    magic, version, length, words, kind = struct.unpack("<4sIII4s", data[:20])
+    assert (magic, version, length, kind) == (b"glTF", 2, len(data), b"JSON")
+    scene = json.loads(data[20 : 20 + words])
+    assert scene["buffers"][0]["byteLength"] == len(data) - 28 - words
+    assert all(view["byteOffset"] % 4 == 0 for view in scene["bufferViews"])
+    assert scene["accessors"][0]["max"] == [1.0, 1.0, 1.0]
+
+
+def test_npz_keeps_everything(tmp_path: Path) -> None:
+    mesh = box().with_creases([[0, 1]]).with_attributes(heat=np.ones(len(box().vertices), np.float32))
+    write_mesh(mesh, tmp_path / "a.npz")
+    with np.load(tmp_path / "a.npz") as arrays:
+        np.testing.assert_array_equal(arrays["vertices"], mesh.vertices)
+        np.testing.assert_array_equal(arrays["faces"], mesh.faces)
+        np.testing.assert_array_equal(arrays["creases"], [[0, 1]])
+        assert arrays["attribute:heat"].dtype == np.float32
+
+
+def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None:
+    target = tmp_path / "a.ply"
+    target.mkdir()
+    with pytest.raises(MachineError, match=r"a\.ply: cannot be written"):
+        write_mesh(box(), target)
+    assert list(tmp_path.iterdir()) == [target]
+
+
+def test_formats_that_cannot_be_written_are_told_with_those_that_can(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="use one of ply, obj, off, stl, glb, npz"):
+        write_mesh(box(), tmp_path / "a.fbx")
