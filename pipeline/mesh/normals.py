@@ -45,7 +45,7 @@ def dihedral_angles(mesh: TriangleMesh) -> Floats:
     0 where the surface is flat, pi where it doubles back on itself, nan on a boundary.
     Raises MeshError where the mesh is not an oriented manifold.
     """
-    normals, twin = face_normals(mesh), _twins(mesh)
+    normals, twin = face_normals(mesh), twins_of(mesh)
     mine, theirs = np.repeat(normals, 3, axis=0), normals[twin // 3]
     sine = np.linalg.norm(np.cross(mine, theirs), axis=1)
     angles: Floats = np.arctan2(sine, np.einsum("ij,ij->i", mine, theirs))
@@ -68,7 +68,7 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float = math.radians(40)) -
     Raises MeshError where the mesh is not an oriented manifold.
     """
     face, angles = _frames(mesh)
-    vert, twin = mesh.faces.reshape(-1).copy(), _twins(mesh)
+    vert, twin = mesh.faces.reshape(-1).copy(), twins_of(mesh)
     trusted = trusted_normals(mesh)
     hard = _tagged(mesh).view(np.uint8)
     find_hard(face, twin, math.cos(hard_angle), hard)
@@ -112,7 +112,8 @@ def _frames(mesh: TriangleMesh) -> tuple[Vectors, Floats]:
     return normals, angles
 
 
-def _twins(mesh: TriangleMesh) -> Indices:
+def twins_of(mesh: TriangleMesh) -> Indices:
+    """(3F,) the half-edge that runs back along the same edge, -1 on a boundary. Raises MeshError."""
     twin = np.empty(mesh.faces.size, np.int32)
     problem, _ = match_twins(mesh.faces.reshape(-1).copy(), len(mesh.vertices), twin)
     if problem != SOUND:
