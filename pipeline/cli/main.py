@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli import ask, make, start
+from pipeline.cli import ask, files, make, start
 from pipeline.cli.options import Cores, DryRun, Json, NoProgress, Root, remember, with_common
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
@@ -60,6 +60,7 @@ for command in (
     make.render,
     make.film,
     make.turntable,
+    files.resample,
     ask.status,
     ask.doctor,
 ):

@@ -7,13 +7,15 @@ import json
 import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
+from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.errors import MachineError, MeshError
 from pipeline.mesh.normals import NORMAL, face_normals, vertex_normals
+from pipeline.mesh.polygons import PolygonMesh
 from pipeline.mesh.triangles import TriangleMesh
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
@@ -21,8 +23,13 @@ _COMPONENTS = {NORMAL: ("nx", "ny", "nz")}
 _FLOAT, _UNSIGNED, _VERTICES, _INDICES = 5126, 5125, 34962, 34963  # glTF's names for types and uses
 
 
-def write_mesh(mesh: TriangleMesh, path: str | Path) -> None:
+Mesh = TriangleMesh | PolygonMesh
+
+
+def write_mesh(mesh: Mesh, path: str | Path) -> None:
     """Write a surface in the format of the suffix, under a temporary name first.
+
+    Polygons stay polygons in PLY, OBJ and OFF; the other formats get triangles.
 
     ply   binary, float64, with the vertex attributes, one number a property: name_x, name_y, …; nx, ny, nz
     obj   text that reads back as the same float64; with the attribute `normal`, where there is one
@@ -52,18 +59,51 @@ def write_mesh(mesh: TriangleMesh, path: str | Path) -> None:
         raise MachineError(f"{path}: cannot be written: {error.strerror}") from error
 
 
-def _ply(mesh: TriangleMesh) -> bytes:
+def _ply(mesh: Mesh) -> bytes:
     columns = {"x": mesh.vertices[:, 0], "y": mesh.vertices[:, 1], "z": mesh.vertices[:, 2]}
     columns |= {name: values for name, values in _scalars(mesh.attributes) if name not in columns}
     rows = np.empty(len(mesh.vertices), [(name, _ply_type(values)) for name, values in columns.items()])
     for name, values in columns.items():
         rows[name] = values
-    faces = np.empty(len(mesh.faces), [("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh.faces
+    offsets, corners = _faces(mesh)
+    count_type, faces = _counted(offsets, corners)
     header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(rows)}"]
     header += [f"property {_PLY_TYPES[rows.dtype[name].str[1:]]} {name}" for name in columns]
-    header += [f"element face {len(faces)}", "property list uchar int vertex_indices", "end_header", ""]
-    return "\n".join(header).encode("ascii", "replace") + rows.tobytes() + faces.tobytes()
+    header += [
+        f"element face {len(offsets) - 1}",
+        f"property list {count_type} int vertex_indices",
+        "end_header",
+        "",
+    ]
+    return "\n".join(header).encode("ascii", "replace") + rows.tobytes() + faces
+
+
+def _faces(mesh: Mesh) -> tuple[Indices, Indices]:
+    """Where each face's corners begin, and all corners."""
+    if isinstance(mesh, PolygonMesh):
+        return mesh.offsets, mesh.corners
+    return np.arange(0, mesh.faces.size + 1, 3, dtype=np.int32), mesh.faces.reshape(-1)
+
+
+def _counted(offsets: Indices, corners: Indices) -> tuple[str, bytes]:
+    """Each face's number of corners and they, as PLY lists; and the type of the numbers."""
+    sides = np.diff(offsets)
+    kind, word = ("<u1", "uchar") if sides.max(initial=0) < 256 else ("<i4", "int")
+    counts = sides.astype(kind)
+    raw = np.zeros(counts.nbytes + 4 * len(corners), np.uint8)
+    starts = 4 * offsets[:-1] + counts.itemsize * np.arange(len(sides))
+    of_counts = (starts[:, None] + np.arange(counts.itemsize)).reshape(-1)
+    of_corners = np.ones(len(raw), bool)
+    of_corners[of_counts] = False
+    raw[of_counts], raw[of_corners] = counts.view(np.uint8), corners.astype("<i4").view(np.uint8)
+    return word, raw.tobytes()
+
+
+def _listed(mesh: Mesh) -> Iterator[list[int]]:
+    """The corners of each face."""
+    offsets, corners = _faces(mesh)
+    for start, end in pairwise(offsets.tolist()):
+        yield corners[start:end].tolist()
 
 
 def _ply_type(values: AnyArray) -> str:
@@ -85,34 +125,37 @@ def _scalars(attributes: Mapping[str, AnyArray]) -> Iterator[tuple[str, AnyArray
         yield from zip(_COMPONENTS.get(name, letters), flat.T, strict=False)
 
 
-def _obj(mesh: TriangleMesh) -> bytes:
+def _obj(mesh: Mesh) -> bytes:
     out = io.StringIO()
     out.writelines(f"v {x!r} {y!r} {z!r}\n" for x, y, z in mesh.vertices.tolist())
     normals = mesh.attributes.get(NORMAL)
     if normals is not None:
         out.writelines(f"vn {x!r} {y!r} {z!r}\n" for x, y, z in normals.tolist())
-        out.writelines(f"f {a}//{a} {b}//{b} {c}//{c}\n" for a, b, c in (mesh.faces + 1).tolist())
-    else:
-        out.writelines(f"f {a} {b} {c}\n" for a, b, c in (mesh.faces + 1).tolist())
+    for face in _listed(mesh):
+        corners = (f"{v + 1}" if normals is None else f"{v + 1}//{v + 1}" for v in face)
+        out.write(f"f {' '.join(corners)}\n")
+    out.writelines(f"t crease 2/1/0 {a} {b} 10\n" for a, b in mesh.creases.tolist())
     return out.getvalue().encode()
 
 
-def _off(mesh: TriangleMesh) -> bytes:
+def _off(mesh: Mesh) -> bytes:
     out = io.StringIO()
-    out.write(f"OFF\n{len(mesh.vertices)} {len(mesh.faces)} 0\n")
+    out.write(f"OFF\n{len(mesh.vertices)} {len(_faces(mesh)[0]) - 1} 0\n")
     out.writelines(f"{x!r} {y!r} {z!r}\n" for x, y, z in mesh.vertices.tolist())
-    out.writelines(f"3 {a} {b} {c}\n" for a, b, c in mesh.faces.tolist())
+    out.writelines(f"{len(face)} {' '.join(map(str, face))}\n" for face in _listed(mesh))
     return out.getvalue().encode()
 
 
-def _stl(mesh: TriangleMesh) -> bytes:
+def _stl(mesh: Mesh) -> bytes:
+    mesh = _triangles(mesh)
     rows = np.zeros(len(mesh.faces), [("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("spare", "<u2")])
     rows["normal"], rows["corners"] = face_normals(mesh), mesh.vertices[mesh.faces]
     return b"flowsculpt".ljust(80) + struct.pack("<I", len(rows)) + rows.tobytes()
 
 
-def _glb(mesh: TriangleMesh) -> bytes:
+def _glb(mesh: Mesh) -> bytes:
     """glTF 2.0, binary: a JSON chunk that describes the chunk of numbers behind it."""
+    mesh = _triangles(mesh)
     points, normals = mesh.vertices.astype("<f4"), _shading(mesh).astype("<f4")
     parts = [points.tobytes(), normals.tobytes(), mesh.faces.astype("<u4").tobytes()]
     starts = np.cumsum([0, *map(len, parts)]).tolist()
@@ -143,6 +186,10 @@ def _glb(mesh: TriangleMesh) -> bytes:
     return b"glTF" + struct.pack("<II", 2, 12 + len(chunks)) + chunks
 
 
+def _triangles(mesh: Mesh) -> TriangleMesh:
+    return mesh if isinstance(mesh, TriangleMesh) else mesh.triangulated()
+
+
 def _chunk(kind: bytes, content: bytes) -> bytes:
     return struct.pack("<I", len(content)) + kind + content
 
@@ -157,7 +204,8 @@ def _shading(mesh: TriangleMesh) -> Floats:
     return smooth
 
 
-def _npz(mesh: TriangleMesh) -> bytes:
+def _npz(mesh: Mesh) -> bytes:
+    mesh = _triangles(mesh)
     out = io.BytesIO()
     named = {f"attribute:{name}": values for name, values in mesh.attributes.items()}
     arrays: dict[str, AnyArray] = {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases}
@@ -165,7 +213,7 @@ def _npz(mesh: TriangleMesh) -> bytes:
     return out.getvalue()
 
 
-WRITERS: Mapping[str, Callable[[TriangleMesh], bytes]] = {
+WRITERS: Mapping[str, Callable[[Mesh], bytes]] = {
     "ply": _ply,
     "obj": _obj,
     "off": _off,

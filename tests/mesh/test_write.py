@@ -11,7 +11,7 @@ import pytest
 import trimesh
 
 from pipeline.errors import MachineError, MeshError
-from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, require, write_mesh
+from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, read_mesh, require, write_mesh
 
 
 def ball() -> TriangleMesh:
@@ -87,3 +87,19 @@ def test_a_failed_write_leaves_the_old_file_and_no_other(tmp_path: Path) -> None
 def test_formats_that_cannot_be_written_are_told_with_those_that_can(tmp_path: Path) -> None:
     with pytest.raises(MeshError, match="use one of ply, obj, off, stl, glb, npz"):
         write_mesh(box(), tmp_path / "a.fbx")
+
+
+@pytest.mark.parametrize("suffix", ["ply", "obj", "off"])
+def test_polygons_stay_polygons(tmp_path: Path, suffix: str) -> None:
+    house = PolygonMesh(
+        [[0, 0, 0], [2, 0, 0], [2, 1, 0], [1, 2, 0], [0, 1, 0], [1, 0, 3]],
+        [[0, 4, 3, 2, 1], [0, 1, 5], [1, 2, 5], [2, 3, 5], [3, 4, 5], [4, 0, 5]],
+    )
+    write_mesh(house, tmp_path / f"a.{suffix}")
+    data = (tmp_path / f"a.{suffix}").read_bytes()
+    five = {
+        "obj": b"f 1 5 4 3 2\n",
+        "off": b"\n5 0 4 3 2 1\n",
+        "ply": b"\x05" + np.array([0, 4, 3, 2, 1], "<i4").tobytes() + b"\x03",
+    }
+    assert five[suffix] in data

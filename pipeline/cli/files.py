@@ -1,0 +1,147 @@
+"""The command for single mesh files: resample."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.table import Table
+
+from pipeline.cli.options import Common
+from pipeline.cli.say import answer, out
+from pipeline.errors import MeshError, UsageError, suggestion
+from pipeline.mesh import PolygonMesh, TriangleMesh, read_mesh, write_mesh
+from pipeline.mesh.write import WRITERS
+from pipeline.resample import Chord, Curved, Placement, Report, Resampler, Thresholds
+from pipeline.resample.polyhedra import PolyhedralResampler
+from pipeline.statistics import mesh_statistics
+
+PLACEMENTS: dict[str, Placement] = {"chord": Chord(), "curved": Curved()}
+METHODS = ("triangles", "polyhedra")
+
+REFUSALS = {
+    "link": "two parts of the surface would touch",
+    "boundary": "two boundaries would meet, or a triangle between them vanish",
+    "feature": "two corners or two creases would become one",
+    "too_long": "an edge over the maximum would appear",
+    "fold": "a face would turn over or become a sliver",
+    "crowded": "an end has too many neighbours",
+    "area": "the faces beside it are large enough",
+}
+
+
+def resample(
+    common: Common,
+    source: Annotated[
+        Path, typer.Argument(metavar="IN", help="The mesh to read: OBJ, PLY, STL, OFF or GLB.")
+    ],
+    target: Annotated[Path, typer.Argument(metavar="OUT", help=f"Where to write it: {', '.join(WRITERS)}.")],
+    max_edge_length: Annotated[
+        float,
+        typer.Option(
+            metavar="LENGTH", help="Split what is longer, in the units of the file. No edge stays over it."
+        ),
+    ],
+    min_edge_length: Annotated[
+        float | None,
+        typer.Option(
+            metavar="LENGTH",
+            help="Collapse what is shorter, where the shape allows; below half the maximum, and 40% of it "
+            "by default. 0 collapses nothing.",
+        ),
+    ] = None,
+    hard_angle_degrees: Annotated[
+        float, typer.Option(metavar="ANGLE", help="An edge that turns by more is a crease, and is kept.")
+    ] = 40.0,
+    placement: Annotated[
+        str | None,
+        typer.Option(
+            help="Where new vertices go: chord, the middle of the edge, the default; curved, on a smooth "
+            "surface through the old ones, which ends at creases."
+        ),
+    ] = None,
+    method: Annotated[
+        str, typer.Option(help="triangles; or polyhedra, which slices faces of any number of sides.")
+    ] = "triangles",
+) -> None:
+    """Resample one mesh: split long edges, collapse short ones, keep creases and the shape.
+
+    Example: flowsculpt resample bunny.obj even.ply --max-edge-length 0.02. Choose the length by the smallest
+    detail that is to stay; half the length makes four times the faces. An edge that cannot collapse without
+    harm to the surface stays short, and is counted by its reason.
+    """
+    _known("method", method, METHODS)
+    _known("placement", placement or "chord", PLACEMENTS)
+    if method == "polyhedra" and placement:
+        raise UsageError("--placement is for triangles; polyhedra are cut by planes. Leave one of them out.")
+    if target.suffix.lstrip(".").lower() not in WRITERS:
+        raise MeshError(
+            f"{target}: {target.suffix or 'no suffix'} cannot be written; use one of {', '.join(WRITERS)}"
+        )
+    if not 0 < hard_angle_degrees <= 180:
+        raise UsageError(f"--hard-angle-degrees {hard_angle_degrees:g} must be above 0 and at most 180")
+    thresholds = Thresholds(max_edge_length, min_edge_length, math.radians(hard_angle_degrees))
+    before = read_mesh(source)
+    if common.dry_run:
+        facts = {"in": str(source), "out": str(target), "vertices": len(before.vertices)}
+        answer(f"{target}: would be written, from {len(before.vertices)} vertices.", facts, common.json)
+        return
+    after, report = _resampled(before, thresholds, PLACEMENTS[placement or "chord"], method)
+    write_mesh(after, target)
+    _tell(source, target, before, after, report, common.json)
+
+
+def _resampled(
+    mesh: TriangleMesh, thresholds: Thresholds, placement: Placement, method: str
+) -> tuple[TriangleMesh | PolygonMesh, Report]:
+    if method == "triangles":
+        resampler = Resampler(mesh, thresholds, placement)
+        report = resampler.resample()
+        return resampler.mesh, report
+    slicer = PolyhedralResampler(PolygonMesh.from_triangles(mesh), thresholds)
+    sliced = slicer.resample()
+    return slicer.mesh, sliced
+
+
+def _known(name: str, word: str, words: Any) -> None:
+    if word not in words:
+        raise UsageError(f"--{name} {word!r} is not known. {suggestion(word, words)}")
+
+
+def _tell(
+    source: Path,
+    target: Path,
+    before: TriangleMesh,
+    after: TriangleMesh | PolygonMesh,
+    report: Report,
+    as_json: bool,
+) -> None:
+    """What was done, as a table or as JSON."""
+    if as_json:
+        facts = {**vars(report), "refused": dict(report.refused), "in_bracket": report.in_bracket}
+        triangles = after if isinstance(after, TriangleMesh) else after.triangulated()
+        shapes = {"before": asdict(mesh_statistics(before)), "after": asdict(mesh_statistics(triangles))}
+        answer("", {"in": str(source), "out": str(target), **facts, **shapes}, as_json=True)
+        return
+    table = Table(box=None, pad_edge=False, show_header=False)
+    for row in _rows(before, report):
+        table.add_row(*row)
+    out.print(table)
+    answer(f"{target}: written.", None, as_json=False)
+
+
+def _rows(before: TriangleMesh, report: Report) -> list[tuple[str, str]]:
+    rows = [
+        ("vertices", f"{len(before.vertices)} → {report.vertices}"),
+        ("faces", f"{len(before.faces)} → {report.faces}"),
+        ("splits", str(report.splits)),
+        ("collapses", str(report.collapses)),
+        ("edges in the bracket", f"{report.in_bracket:.2%} of {report.edges}"),
+        ("edge lengths", f"{report.shortest:.4g} to {report.longest:.4g}"),
+    ]
+    for reason, count in report.refused.items():
+        rows.append(("kept though short", f"{count}: {REFUSALS[reason]}"))
+    return rows

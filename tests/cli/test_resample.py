@@ -1,0 +1,90 @@
+"""`flowsculpt resample`: one mesh file in, one out, and what was done."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, require, write_mesh
+
+
+def lengths(mesh: TriangleMesh):
+    corners = mesh.vertices[mesh.faces]
+    return np.linalg.norm(corners - corners[:, (1, 2, 0)], axis=2)
+
+
+def test_a_file_is_resampled_and_its_table_tells_what_was_done(studio):
+    write_mesh(box((2, 2, 2), 0.5), studio.path / "box.obj")
+    done = studio.run("resample", "box.obj", "out/box.ply", "--max-edge-length", "0.2")
+    assert done.code == 0, done.err
+    mesh = read_mesh(studio.path / "out" / "box.ply")
+    assert lengths(mesh).max() <= 0.2
+    assert require(mesh, closed=True).euler == 2
+    assert f"98 → {len(mesh.vertices)}" in done.out
+    assert "100.00%" in done.out
+
+
+def test_json_has_the_counts_and_the_reasons(studio):
+    write_mesh(icosphere(8), studio.path / "ball.stl")
+    done = studio.run("--json", "resample", "ball.stl", "ball.npz", "--max-edge-length", "0.4")
+    facts = json.loads(done.out)
+    assert facts["collapses"] > 0
+    assert facts["vertices"] == 642 - facts["collapses"]
+    assert facts["too_short"] == sum(facts["refused"].values())
+    assert facts["after"]["mean_edge"] > facts["before"]["mean_edge"]
+    with np.load(studio.path / "ball.npz") as arrays:
+        assert len(arrays["vertices"]) == facts["vertices"]
+
+
+def test_curved_placement_rounds_what_chords_leave_flat(studio):
+    write_mesh(icosphere(3), studio.path / "ball.ply")
+    worst = {}
+    for placement in ("chord", "curved"):
+        words = ("ball.ply", f"{placement}.ply", "--max-edge-length", "0.2", "--placement", placement)
+        assert studio.run("resample", *words).code == 0
+        radii = np.linalg.norm(read_mesh(studio.path / f"{placement}.ply").vertices, axis=1)
+        worst[placement] = np.abs(radii - 1).max()
+    assert worst["curved"] < 0.4 * worst["chord"]
+
+
+def test_polyhedra_keep_faces_of_many_sides(studio):
+    write_mesh(box((2, 2, 2), 1.0), studio.path / "box.obj")
+    words = ("box.obj", "cut.obj", "--max-edge-length", "0.3", "--method", "polyhedra")
+    assert studio.run("resample", *words).code == 0
+    faces = [
+        line.split()[1:] for line in (studio.path / "cut.obj").read_text().splitlines() if line[0] == "f"
+    ]
+    assert max(map(len, faces)) > 3
+
+
+def test_a_dry_run_writes_nothing(studio):
+    write_mesh(box(), studio.path / "box.obj")
+    done = studio.run("--dry-run", "resample", "box.obj", "out.ply", "--max-edge-length", "0.2")
+    assert done.code == 0 and "would be written" in done.out
+    assert not (studio.path / "out.ply").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (("no.obj", "o.ply", "--max-edge-length", "1"), 3, "no.obj: there is no such file"),
+        (("box.obj", "o.fbx", "--max-edge-length", "1"), 2, "use one of ply, obj"),
+        (("box.obj", "o.ply", "--max-edge-length", "-1"), 2, "must be a positive length"),
+        (("box.obj", "o.ply", "--max-edge-length", "1", "--min-edge-length", "0.7"), 2, "70%"),
+        (("box.obj", "o.ply", "--max-edge-length", "1", "--placement", "curvd"), 2, "Did you mean 'curved'?"),
+        (("box.obj", "o.ply", "--max-edge-length", "1", "--hard-angle-degrees", "0"), 2, "above 0"),
+        (("box.obj", "o.ply", "--max-edge-length", "1e-7"), 1, "budget"),
+        (("box.obj", "shots/o.ply/o.ply", "--max-edge-length", "1"), 4, "cannot be written"),
+    ],
+)
+def test_what_cannot_be_is_told_in_one_line(studio, words: tuple[str, ...], code: int, says: str):
+    write_mesh(box(), studio.path / "box.obj")
+    (studio.path / "shots" / "o.ply").write_text("")
+    done = studio.run("resample", *words)
+    assert done.code == code
+    assert says in done.err
+    assert len([line for line in done.err.splitlines() if line.strip()]) == 1
+    assert not Path(studio.path / "o.ply").exists()
