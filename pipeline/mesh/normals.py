@@ -15,8 +15,10 @@ from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
 NORMAL = "normal"
-"""The vertex attribute (V, 3) of normals known from elsewhere, carried through a flow for one: of unit length,
-or zero where there is none."""
+"""The vertex attribute (V, 3) of normals known from elsewhere, carried through a flow for one: of unit
+length, or zero where there is none."""
+
+HARD_ANGLE = math.radians(40)
 
 
 class ShadedMesh(NamedTuple):
@@ -53,14 +55,14 @@ def dihedral_angles(mesh: TriangleMesh) -> Floats:
     return angles
 
 
-def split_at_creases(mesh: TriangleMesh, hard_angle: float = math.radians(40)) -> ShadedMesh:
+def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE) -> ShadedMesh:
     """Give every vertex the normal of the smooth surface around it, and one for each side of a crease.
 
-    Edges where the surface turns by more than `hard_angle` (radians) are creases (P29), and so are those
-    that the mesh tags (P31). Normals are means of the faces around, weighted by their angle at the vertex
-    (Thürmer & Wüthrich 1998), so that the triangulation matters little. A crease that ends within the
-    surface leaves no seam: a closed fan is divided by two hard edges or more. Faces without area are
-    ignored; normals are always unit.
+    Edges where the surface turns by more than `hard_angle` (radians; of a (V,) one for each vertex, by the
+    mean of both ends) are creases (P29), and so are those that the mesh tags (P31).
+    Normals are means of the faces around, weighted by their angle at the vertex (Thürmer & Wüthrich 1998), so
+    that the triangulation matters little. A crease that ends within the surface leaves no seam: a closed fan
+    is divided by two hard edges or more. Faces without area are ignored; normals are always unit.
 
     A vertex whose own normal is to be trusted (`trusted_normals`) keeps it and is not divided, however the
     surface turns there: that depends on the triangles, and its normal does not.
@@ -70,10 +72,13 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float = math.radians(40)) -
     face, angles = _frames(mesh)
     vert, twin = mesh.faces.reshape(-1).copy(), twins_of(mesh)
     trusted = trusted_normals(mesh)
-    hard = _tagged(mesh).view(np.uint8)
-    find_hard(face, twin, math.cos(hard_angle), hard)
+    hard = _tagged(mesh)
+    if not isinstance(hard_angle, float):
+        hard |= np.nan_to_num(dihedral_angles(mesh)) > hard_angle[_ends(mesh)].mean(axis=1)
+        hard_angle = math.pi
+    find_hard(face, twin, math.cos(hard_angle), hard.view(np.uint8))
     corner, source = np.empty(len(vert), np.int32), np.empty(len(mesh.vertices) + len(vert), np.int32)
-    count = number_fans(vert, twin, hard, trusted.view(np.uint8), corner, source)
+    count = number_fans(vert, twin, hard.view(np.uint8), trusted.view(np.uint8), corner, source)
     faces, source = corner.reshape(-1, 3), source[:count].copy()
     smooth = np.empty((count, 3))
     sum_normals(faces, face, angles, smooth)
@@ -126,10 +131,14 @@ def _tagged(mesh: TriangleMesh) -> AnyArray:
     """(3F,) bool: the half-edges of tagged creases."""
     if not len(mesh.creases):
         return np.zeros(mesh.faces.size, bool)
-    ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
-    both = np.sort(ends, axis=1).astype(np.int64) @ (1 << 32, 1)
+    both = np.sort(_ends(mesh), axis=1).astype(np.int64) @ (1 << 32, 1)
     tagged: AnyArray = np.isin(both, mesh.creases.astype(np.int64) @ (1 << 32, 1))
     return tagged
+
+
+def _ends(mesh: TriangleMesh) -> Indices:
+    """(3F, 2) the two vertices of each half-edge."""
+    return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
 def _units(vectors: Vectors) -> Vectors:

@@ -175,7 +175,8 @@ class Take:
 
     def normals_key(self, number: int) -> Key:
         angle = as_data(self.thresholds(number).hard_angle)
-        return key_of("normals", code_key(NORMALS_CODE), self.mesh_key(number), angle)
+        pieces = self.shot.picture.tessellate
+        return key_of("normals", code_key(NORMALS_CODE), self.mesh_key(number), angle, pieces)
 
     def thresholds(self, number: int) -> Thresholds:
         """Those of a frame; where resampling is off, for the sake of the hard angle, which shades creases."""

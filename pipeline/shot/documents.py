@@ -6,6 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
+from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.fields import Colour, Count, Document, NumberField, Positive, PositiveField, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.resampling import ResampleDocument
@@ -61,6 +62,10 @@ class LookDocument(Document):
     metallic: Annotated[float, Field(ge=0, le=1)] | None = None
 
 
+class SmoothDocument(Document):
+    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] = 1
+
+
 class CameraDocument(Document):
     """Angles in degrees."""
 
@@ -95,6 +100,7 @@ class ShotDocument(Document):
         Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
     ] = "clay"
+    smooth: SmoothDocument = SmoothDocument()
     camera: CameraDocument = CameraDocument()
     lights: Annotated[
         Annotated[str, one_of(LIGHTS, "light rig"), Tag("by name")]

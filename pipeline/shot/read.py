@@ -181,6 +181,7 @@ def _picture(document: ShotDocument, clock: Clock) -> Picture:
         ),
         lights=_lights(document.lights),
         stage=_stage(document.stage),
+        tessellate=document.smooth.tessellate,
     )
 
 

@@ -163,12 +163,16 @@ class CameraPath:
 
 @dataclass(frozen=True)
 class Picture:
-    """All that decides how the meshes of a shot look."""
+    """All that decides how the meshes of a shot look.
+
+    tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
+    """
 
     look: Look
     camera: CameraPath
     lights: LightRig
     stage: Stage
+    tessellate: int = 1
 
 
 @dataclass(frozen=True)

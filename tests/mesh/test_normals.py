@@ -152,3 +152,13 @@ def test_tagged_edges_are_creases_however_flat_they_are() -> None:
 
 def test_a_mesh_without_creases_or_normals_trusts_none() -> None:
     assert not trusted_normals(icosphere(2)).any()
+
+
+def test_the_hard_angle_may_differ_from_vertex_to_vertex() -> None:
+    cube = box(edge_length=0.5)
+    angles = np.where(cube.vertices[:, 1] > 0, math.radians(40), math.radians(120))
+    shaded = split_at_creases(cube, angles)
+    split = shaded.source_vertex[len(cube.vertices) :]
+    assert len(split) and (cube.vertices[split, 1] >= 0).all()
+    even = split_at_creases(cube, np.full(len(cube.vertices), math.radians(40)))
+    assert np.array_equal(even.faces, split_at_creases(cube).faces)

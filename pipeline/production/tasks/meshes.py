@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import time
 from functools import partial
 from pathlib import Path
@@ -13,13 +12,12 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
-from pipeline.mesh.normals import ShadedMesh, split_at_creases
-from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.normals import split_at_creases
+from pipeline.mesh.patches import tessellate
 from pipeline.production.framing import frame_all, turned
 from pipeline.production.npz import read_npz, write_npz
 from pipeline.production.store import CorruptFileError
 from pipeline.production.tasks.context import Context
-from pipeline.resample import Thresholds, edges_by_angle
 
 
 def simulate(context: Context) -> bool:
@@ -48,15 +46,17 @@ def simulate(context: Context) -> bool:
 
 
 def smooth_normals(context: Context) -> bool:
-    """Give mesh frames their Gouraud normals, vertices split at the creases."""
+    """Give mesh frames their normals, vertices split at the creases, and cut their curved patches."""
     take = context.take
+    pieces = take.shot.picture.tessellate
 
     def work(number: int) -> bool:
         target = take.motion_folders.normals(number)
 
         def write(path: Path) -> None:
             mesh = read_mesh_frame(context, number).mesh
-            vertices, normals, faces, source = _shaded(mesh, take.thresholds(number))
+            shaded = split_at_creases(mesh, take.thresholds(number).hard_angles(mesh))
+            vertices, normals, faces, source = tessellate(shaded, pieces)
             arrays = {
                 "vertices": vertices.astype(np.float32),
                 "normals": normals.astype(np.float32),
@@ -68,15 +68,6 @@ def smooth_normals(context: Context) -> bool:
         return context.make("normals", take.normals_key(number), target, write)
 
     return context.each(context.job.frames, work)
-
-
-def _shaded(mesh: TriangleMesh, thresholds: Thresholds) -> ShadedMesh:
-    """The mesh split where it is hard; where the hard angle varies, its edges are found and tagged first."""
-    angles = thresholds.hard_angles(mesh)
-    if isinstance(angles, float):
-        return split_at_creases(mesh, angles)
-    hard = np.concatenate([mesh.creases, edges_by_angle(mesh, angles)])
-    return split_at_creases(mesh.with_creases(hard), math.pi)
 
 
 def frame_camera(context: Context) -> bool:
