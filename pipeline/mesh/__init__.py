@@ -1,7 +1,7 @@
 """What a surface is: values, solids, files, connectivity, proofs and normals."""
 
 from pipeline.mesh.halfedge import HalfedgeMesh
-from pipeline.mesh.io import read_mesh
+from pipeline.mesh.io import read_mesh, read_polygons
 from pipeline.mesh.normals import ShadedMesh, dihedral_angles, face_normals, split_at_creases, vertex_normals
 from pipeline.mesh.polygon_soundness import require_polygons, validate_polygons
 from pipeline.mesh.polygons import PolygonMesh
@@ -21,6 +21,7 @@ __all__ = [
     "face_normals",
     "icosphere",
     "read_mesh",
+    "read_polygons",
     "require",
     "require_polygons",
     "rod",

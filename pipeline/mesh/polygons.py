@@ -155,7 +155,9 @@ class PolygonMesh:
     @property
     def edges(self) -> Indices:
         """(E, 2) every edge once, by its two vertices, lower first, sorted."""
-        return np.unique(np.sort(np.column_stack([self.corners, self.heads]), axis=1), axis=0)
+        low = np.minimum(self.corners, self.heads).astype(np.int64)
+        keys = np.unique(low * len(self.vertices) + np.maximum(self.corners, self.heads))
+        return np.column_stack(np.divmod(keys, max(len(self.vertices), 1))).astype(np.int32)
 
     def with_vertices(self, vertices: ArrayLike) -> PolygonMesh:
         """The same surface elsewhere."""

@@ -137,7 +137,7 @@ class _Frame:
         self.bracket = Bracket(thresholds, mesh)
         self.piece = Workpiece(surface, self.bracket)
         self._surface, self._mesh = surface, mesh
-        self._passes = 0
+        self._passes = self._too_long = 0
         self._refused: Mapping[str, int] = {}
 
     def subdivide(self, cutting: Cutting) -> None:
@@ -158,10 +158,12 @@ class _Frame:
         else:
             collapser.faces(range(len(self._surface.side)), shorts)
         self._refused = collapser.refused
+        longs = long_edges(self._surface, self.bracket)
+        self._too_long = sum(self.piece.too_long(h) for h in longs)
 
     def report(self, mesh: PolygonMesh) -> PolyhedralReport:
         """What has been done, and how the mesh is that it left."""
-        lengths, piece = edge_lengths(mesh), self.piece
+        lengths, piece = edge_lengths(self._surface), self.piece
         return PolyhedralReport(
             splits=piece.splits,
             collapses=piece.collapses,
@@ -170,7 +172,7 @@ class _Frame:
             vertices=len(mesh.vertices),
             faces=len(mesh),
             edges=len(lengths),
-            too_long=len([h for h in long_edges(self._surface, self.bracket) if piece.too_long(h)]),
+            too_long=self._too_long,
             too_short=sum(self._refused.values()),
             shortest=float(lengths.min()),
             longest=float(lengths.max()),

@@ -33,11 +33,9 @@ def wide_faces(mesh: PolygonMesh, bracket: Bracket) -> list[int]:
     return _listed(np.flatnonzero(mesh.extents > (1 - _SLACK) * limits))
 
 
-def edge_lengths(mesh: PolygonMesh) -> Floats:
+def edge_lengths(surface: Polyhedron) -> Floats:
     """(E,) of every edge, scene units."""
-    ends = mesh.vertices[mesh.edges]
-    lengths: Floats = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-    return lengths
+    return _measured(surface, np.zeros(len(surface.points)))[1]
 
 
 def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Floats]:
