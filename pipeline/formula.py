@@ -188,7 +188,7 @@ def _checked(text: str, names: tuple[str, ...]) -> ast.expr:
             warnings.simplefilter("ignore")  # the parser's own advice on what is refused in any case
             tree = ast.parse(line.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        column = indent + (getattr(error, "offset", None) or 1)
+        column = indent + (getattr(error, "offset", None) or len(line.strip()) + 1)
         raise FormulaError(
             text, min(column, len(text) + 1), "this is no arithmetic. Look for a missing operator or bracket."
         ) from None

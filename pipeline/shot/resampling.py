@@ -5,7 +5,7 @@ Angles are degrees in the file and radians from here on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -158,6 +158,8 @@ class ResampleDocument(Document):
     normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = None
     renew: Annotated[int, Field(ge=1)] | None = None
     creases: Annotated[str, one_of(("rest", "model", "none"), "source of creases")] | None = None
+    cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = None
+    collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = None
 
     def build(self, clock: Clock) -> Resampling:
         angle = _angle(self.hard_angle, clock)
@@ -169,8 +171,8 @@ class ResampleDocument(Document):
             angle,
             **self._given("max_vertices", "gradation"),
         )
-        names = ("method", "placement", "splits", "shape", "normals", "renew", "creases")
-        return Resampling(thresholds, **self._given(*names))
+        settings = [field.name for field in fields(Resampling) if field.name != "thresholds"]
+        return Resampling(thresholds, **self._given(*settings))
 
     def _given(self, *names: str) -> dict[str, Any]:
         return {name: value for name in names if (value := getattr(self, name)) is not None}

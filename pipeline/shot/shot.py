@@ -38,6 +38,8 @@ class Resampling:
     renew       frames after which the present surface becomes the undeformed one, where placement is exact
     creases     edges that stay hard whatever becomes of their angle (P31): rest, those that are hard in the
                 undeformed surface; model, those that the model's file names; none
+    cutting     of polyhedra: slice, by all parallel planes at once; recurse, in two and again (P18)
+    collapse    of polyhedra: edges, those that are short (P9); areas, faces that are small (P22)
     """
 
     thresholds: Thresholds
@@ -48,6 +50,8 @@ class Resampling:
     normals: Literal["carried", "geometric"] = "carried"
     renew: int = 240
     creases: Literal["rest", "model", "none"] = "rest"
+    cutting: Literal["slice", "recurse"] = "slice"
+    collapse: Literal["edges", "areas"] = "edges"
 
     def settings(self) -> dict[str, Any]:
         """Every setting by its name in the shot file, JSON-able; functions as their parameters."""
@@ -57,11 +61,16 @@ class Resampling:
         return every
 
     def data(self) -> dict[str, Any]:
-        """What decides meshes, as JSON-able data; what only exact placement heeds counts with it alone."""
+        """What decides meshes, as JSON-able data: thresholds, and the settings that the others let matter."""
         settings: dict[str, Any] = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
-        if self.placement != "exact":
-            del settings["normals"], settings["renew"]
-        return settings
+        idle: tuple[str, ...]
+        if self.method == "polyhedra":
+            idle = ("placement", "splits", "shape", "normals", "renew")
+        elif self.placement == "exact":
+            idle = ("cutting", "collapse")
+        else:
+            idle = ("cutting", "collapse", "normals", "renew")
+        return {name: value for name, value in settings.items() if name not in idle}
 
 
 def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
