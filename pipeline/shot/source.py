@@ -22,6 +22,9 @@ from pipeline.errors import MissingInputError, ShotError
 TOO_LARGE = 10**300
 """Whole numbers from here on are infinite, as other numbers are that no float can hold."""
 
+_FOLD = "\a"
+"""What ruamel leaves where folded text (`>`) has the ends of its lines."""
+
 Where = tuple[Any, ...]
 """The way to a value: keys of mappings and indices of lists, from the top."""
 
@@ -167,7 +170,8 @@ def _what_is_no_yaml(error: YAMLError, text: str) -> str:
 
 def _scalar(node: ScalarNode) -> Any:
     """A scalar by the core schema of YAML 1.2; what is quoted is text."""
-    text, kind = node.value, str(node.tag).rpartition(":")[2]
+    text = node.value.replace(_FOLD, "") if node.style == ">" else node.value
+    kind = str(node.tag).rpartition(":")[2]
     try:
         if kind == "int":
             based = text.lstrip("+-")[:2].lower() in ("0x", "0o")
