@@ -1,4 +1,4 @@
-"""How mesh-like a surface is: short edges against its size, flat angles between neighbours (P7)."""
+"""How mesh-like a surface is (P7), and how much a resampling disturbs it (P38)."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Vectors
-from pipeline.mesh import TriangleMesh, face_normals
+from pipeline.arrays import AnyArray, Floats, Indices, Vectors
+from pipeline.mesh import ShadedMesh, TriangleMesh, face_normals, vertex_normals
 from pipeline.mesh._kernels_halfedge import match_twins
 
 
@@ -53,3 +53,53 @@ def _median_dihedral(mesh: TriangleMesh, normals: Vectors) -> float:
         return math.pi
     cosine = float(np.median(np.einsum("ei,ei->e", normals[first // 3], normals[twin[first] // 3])))
     return math.pi - math.acos(min(max(cosine, -1.0), 1.0))
+
+
+@dataclass(frozen=True)
+class Sizzle:
+    """What one resampling does to the shading where nothing else happens: at the vertices that stay (P38).
+
+    shading  rms jump of the normals that are rendered, radians
+    surface  rms jump of the normals of the faces around, radians
+    share    of the vertices before that stay, 0 to 1
+    """
+
+    shading: float
+    surface: float
+    share: float
+
+
+def sizzle(
+    before: TriangleMesh, shaded_before: ShadedMesh, after: TriangleMesh, shaded_after: ShadedMesh
+) -> Sizzle:
+    """From a surface that has been moved and not resampled yet to the same one resampled.
+
+    Vertices at creases, which have several normals, are left out of the shading.
+    """
+    old, new = surviving(before, after)
+    surface = _angles(vertex_normals(before)[old], vertex_normals(after)[new])
+    whole = _undivided(before, shaded_before)[old] & _undivided(after, shaded_after)[new]
+    shading = _angles(shaded_before.normals[old[whole]], shaded_after.normals[new[whole]])
+    return Sizzle(_rms(shading), _rms(surface), len(old) / len(before.vertices))
+
+
+def surviving(before: TriangleMesh, after: TriangleMesh) -> tuple[Indices, Indices]:
+    """Which vertices of one mesh are at the very place, bit for bit, of which of the other."""
+    one, other = (np.ascontiguousarray(mesh.vertices + 0.0).view("V24").ravel() for mesh in (before, after))
+    _, old, new = np.intersect1d(one, other, return_indices=True)
+    return old.astype(np.int32), new.astype(np.int32)
+
+
+def _undivided(mesh: TriangleMesh, shaded: ShadedMesh) -> AnyArray:
+    once: AnyArray = np.bincount(shaded.source_vertex, minlength=len(mesh.vertices)) == 1
+    return once
+
+
+def _angles(one: Vectors, other: Vectors) -> Floats:
+    """Between unit vectors (N, 3), radians; the half of the chord keeps digits where the angle is small."""
+    angles: Floats = 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(one - other, axis=1), 1.0))
+    return angles
+
+
+def _rms(values: Floats) -> float:
+    return float(np.sqrt(np.mean(values**2))) if len(values) else 0.0

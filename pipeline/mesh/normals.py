@@ -65,7 +65,8 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
     is divided by two hard edges or more. Faces without area are ignored; normals are always unit.
 
     A vertex whose own normal is to be trusted (`trusted_normals`) keeps it and is not divided, however the
-    surface turns there: that depends on the triangles, and its normal does not.
+    surface turns there: that depends on the triangles, and its normal does not. Where it is not, the smooth
+    sides that it does not point into have it nevertheless.
 
     Raises MeshError where the mesh is not an oriented manifold.
     """
@@ -82,8 +83,10 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
     faces, source = corner.reshape(-1, 3), source[:count].copy()
     smooth = np.empty((count, 3))
     sum_normals(faces, face, angles, smooth)
-    if trusted.any():
-        smooth[: len(trusted)][trusted] = _units(mesh.attributes[NORMAL][trusted])
+    if NORMAL in mesh.attributes:
+        own = _known(mesh)[source]
+        agreeing = np.einsum("ij,ij->i", own, smooth) > 0
+        smooth[agreeing] = own[agreeing]
     return ShadedMesh(mesh.vertices[source], smooth, faces, source)
 
 
@@ -93,13 +96,9 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     Not where it is zero or not finite, at tagged creases, or where it points into the surface: more than 90°
     off the faces around.
     """
-    given = mesh.attributes.get(NORMAL)
-    if given is None or not len(mesh.faces):
+    if NORMAL not in mesh.attributes or not len(mesh.faces):
         return np.zeros(len(mesh.vertices), bool)
-    with np.errstate(invalid="ignore", over="ignore"):
-        outwards = np.einsum("ij,ij->i", given, vertex_normals(mesh))
-    trusted: AnyArray = (outwards > 0) & np.isfinite(outwards)
-    trusted[mesh.creases.ravel()] = False
+    trusted: AnyArray = np.einsum("ij,ij->i", _known(mesh), vertex_normals(mesh)) > 0
     return trusted
 
 
@@ -141,9 +140,15 @@ def _ends(mesh: TriangleMesh) -> Indices:
     return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
-def _units(vectors: Vectors) -> Vectors:
-    units: Vectors = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
-    return units
+def _known(mesh: TriangleMesh) -> Vectors:
+    """(V, 3) the unit normals that the mesh brings along; zero where it has none, and at tagged creases."""
+    given = mesh.attributes[NORMAL].astype(np.float64)
+    with np.errstate(invalid="ignore", over="ignore"):
+        lengths = np.linalg.norm(given, axis=1, keepdims=True)
+        good = (lengths > 0) & np.isfinite(lengths)
+        known: Vectors = np.divide(given, lengths, out=np.zeros_like(given), where=good)
+    known[mesh.creases.ravel()] = 0.0
+    return known
 
 
 def _own(array: AnyArray) -> AnyArray:

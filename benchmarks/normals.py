@@ -1,0 +1,219 @@
+"""`python -m benchmarks.normals`: shading normals against the exact ones, and what resampling does to them.
+
+Two films that are hard on normals, made by the frame loop itself with exact placement: the Enright
+deformation, there and back, and a ball in the Lorenz attractor. The exact normal at a vertex is that of the
+ball at rest, pulled back along the flow. Prints a table; writes `benchmarks/out/normals.json`.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.animation import MeshFrame, animate
+from pipeline.arrays import Floats, Points, Vectors
+from pipeline.flow import Flow, Streamlines
+from pipeline.flow.catalogue import Enright, Lorenz
+from pipeline.flow.history import Step
+from pipeline.flow.tangents import carried_normals, unit
+from pipeline.frames import FrameRange, FrameRate
+from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases
+from pipeline.mesh.normals import trusted_normals
+from pipeline.mesh.true_surfaces import Sphere, TrueSurface
+from pipeline.resample import Thresholds
+from pipeline.shot import Motion, Resampling
+from pipeline.shot.subject import Subject
+from pipeline.statistics import sizzle, surviving
+
+OUT = Path(__file__).parent / "out"
+EVERY = 10
+"""Frames between those whose normals are compared with the exact ones: the pull-back is the slow part."""
+
+GLOSS = 200
+"""Exponent of the highlight (Blinn 1977): half as bright 4.8° off its middle."""
+
+Row = dict[str, float | str]
+
+
+@dataclass(frozen=True)
+class Ball(Subject, TrueSurface):
+    """A geodesic sphere about a centre, which is also its own true surface."""
+
+    frequency: int
+    radius: float
+    centre: tuple[float, float, float]
+
+    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
+        return icosphere(self.frequency, self.radius, self.centre)
+
+    @property
+    def project(self) -> TrueSurface:
+        return self
+
+    @cached_property
+    def _sphere(self) -> Sphere:
+        return Sphere(self.radius)
+
+    def __call__(self, points: Points) -> Points:
+        return self._sphere(points - np.array(self.centre)) + np.array(self.centre)
+
+    def normals(self, points: Points) -> Vectors:
+        return self._sphere.normals(points - np.array(self.centre))
+
+
+def films() -> dict[str, Motion]:
+    """Those of the issue that resamplers are compared by: 150 frames of 1/50 s, and 120 of 1/240 s."""
+    enright = Streamlines(Enright((0.5, 0.5, 0.5), scale=1.0, period=3.0))
+    lorenz = Streamlines(Lorenz(scale=1.0, time_scale=1.0))
+    return {
+        "enright": _film(Ball(16, 0.15, (0.35, 0.35, 0.35)), enright, 150, 50, 0.02),
+        "lorenz": _film(Ball(32, 6.0, (3.0, -5.0, -5.0)), lorenz, 120, 240, 0.345),
+    }
+
+
+def _film(ball: Ball, flow: Flow, frames: int, rate: int, longest: float) -> Motion:
+    resampling = Resampling(Thresholds(longest))
+    return Motion(FrameRange.parse(f"0-{frames}"), FrameRate.of(rate), ball, flow, resampling)
+
+
+def main() -> None:
+    """Measure both films and keep the numbers."""
+    rows = [measure(name, motion) for name, motion in films().items()]
+    OUT.mkdir(exist_ok=True)
+    (OUT / "normals.json").write_text(json.dumps(rows, indent=1) + "\n")
+    for name in rows[0]:
+        print(f"{name:>38}" + "".join(f"{_cell(row[name]):>12}" for row in rows))
+
+
+def measure(name: str, motion: Motion) -> Row:
+    """Errors at every EVERY-th frame together, jumps at every resample; degrees."""
+    carried, weighted, overruled, vertices = [], [], 0, 0
+    jumps: list[tuple[float, ...]] = []
+    for before, frame in resamples(motion):
+        after = frame.mesh
+        jumps.append(_jumps(before, after))
+        if frame.number % EVERY:
+            continue
+        exact = exact_normals(motion, frame)
+        shaded = split_at_creases(after)
+        carried.append(_angles(shaded.normals[: len(exact)], exact))
+        weighted.append(_angles(area_weighted(after), exact))
+        overruled += int((~trusted_normals(after)).sum())
+        vertices += len(exact)
+    good, usual = np.degrees(np.concatenate(carried)), np.degrees(np.concatenate(weighted))
+    shading, surface, area, glint, glint_area = np.sqrt(np.mean(np.square(jumps), axis=0))
+    return {
+        "degrees": name,
+        "error, carried: median": float(np.median(good)),
+        "95%": float(np.quantile(good, 0.95)),
+        "error, area-weighted: median": float(np.median(usual)),
+        "95% ": float(np.quantile(usual, 0.95)),
+        "ratio of medians: 1 /": float(np.median(usual) / np.median(good)),
+        "ratio of 95%: 1 /": float(np.quantile(usual, 0.95) / np.quantile(good, 0.95)),
+        "jump at a resample, carried: rms": math.degrees(shading),
+        "angle-weighted": math.degrees(surface),
+        "area-weighted": math.degrees(area),
+        "flicker of a highlight, carried: %": 100 * glint,
+        "area-weighted ": 100 * glint_area,
+        "% overruled by the geometry": 100 * overruled / vertices,
+    }
+
+
+def resamples(motion: Motion) -> Iterator[tuple[TriangleMesh, MeshFrame]]:
+    """Every frame but the first, and before it the surface moved into it and not resampled yet."""
+    last = None
+    for frame in animate(motion):
+        if last is not None:
+            step = Step(motion.flow, *motion.clock.step(frame.number), frame.number)
+            moved, normals = step.apply(last.vertices), last.attributes["normal"]
+            normals = carried_normals(step.apply, last.vertices, moved, normals)
+            yield last.with_vertices(moved).with_attributes(normal=normals), frame
+        last = frame.mesh
+
+
+def _jumps(before: TriangleMesh, after: TriangleMesh) -> tuple[float, ...]:
+    """Rms over the vertices that stay: of the normals (radians) shaded with, the surface's, area-weighted
+    ones; and of a highlight's brightness, shaded with the first and the last."""
+    shaded = [split_at_creases(mesh) for mesh in (before, after)]
+    told = sizzle(before, shaded[0], after, shaded[1])
+    plain = [
+        ShadedMesh(mesh.vertices, area_weighted(mesh), mesh.faces, np.arange(len(mesh.vertices)))
+        for mesh in (before, after)
+    ]
+    usual = sizzle(before, plain[0], after, plain[1])
+    return (
+        told.shading,
+        told.surface,
+        usual.shading,
+        _flicker(before, after, shaded),
+        _flicker(before, after, plain),
+    )
+
+
+def _flicker(before: TriangleMesh, after: TriangleMesh, shaded: list[ShadedMesh]) -> float:
+    """Rms jump of a highlight's brightness at the vertices that stay, over the rms of its brightness."""
+    old, new = surviving(before, after)
+    was, now = highlight(shaded[0].normals[old]), highlight(shaded[1].normals[new])
+    return float(np.sqrt(np.mean((now - was) ** 2) / np.mean(was**2)))
+
+
+def highlight(normals: Vectors) -> Floats:
+    """Brightness (N,) of a glossy surface under a ring of eight lights, so that some always glint."""
+    turn = 2 * np.pi * np.arange(8) / 8
+    halves = unit(np.column_stack([np.cos(turn), np.sin(turn), np.full(8, 1.5)]))
+    glints: Floats = (np.maximum(normals @ halves.T, 0.0) ** GLOSS).sum(axis=1)
+    return glints
+
+
+def exact_normals(motion: Motion, frame: MeshFrame) -> Vectors:
+    """(V, 3) the normals of the ball at rest, pulled back: Bᵀ n with B the Jacobian of the way back.
+
+    Two-sided differences over a ten-thousandth of an edge find it.
+    """
+    assert isinstance(motion.subject, Ball) and motion.resampling is not None
+    points, longest = frame.mesh.vertices, motion.resampling.thresholds.max_edge_length
+    assert isinstance(longest, float)
+    h = 1e-4 * longest
+    asked = np.concatenate([points + sign * h * axis for axis in np.eye(3) for sign in (1, -1)] + [points])
+    ahead = np.split(back(motion, frame.number, asked), 7)
+    at_rest = motion.subject.normals(ahead[6])
+    gradient = [np.einsum("ij,ij->i", ahead[2 * k] - ahead[2 * k + 1], at_rest) for k in range(3)]
+    return unit(np.column_stack(gradient))
+
+
+def back(motion: Motion, number: int, points: Points) -> Points:
+    """Where points (N, 3) of a frame came from."""
+    for frame in range(number, motion.frames.first, -1):
+        start, dt = motion.clock.step(frame)
+        points = motion.flow.displace(points, start + dt, -dt)
+    return points
+
+
+def area_weighted(mesh: TriangleMesh) -> Vectors:
+    """(V, 3) the usual vertex normals: the mean of the faces around, weighted by their areas."""
+    a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
+    doubled = np.cross(b - a, c - a)
+    corners = mesh.faces.reshape(-1)
+    sums = [np.bincount(corners, np.repeat(doubled[:, k], 3), len(mesh.vertices)) for k in range(3)]
+    return unit(np.column_stack(sums))
+
+
+def _angles(one: Vectors, other: Vectors) -> Floats:
+    angles: Floats = np.arctan2(
+        np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other)
+    )
+    return angles
+
+
+def _cell(value: float | str) -> str:
+    return value if isinstance(value, str) else f"{value:.4g}"
+
+
+if __name__ == "__main__":
+    main()

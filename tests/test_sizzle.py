@@ -1,0 +1,87 @@
+"""What a resampling does to the shading of vertices that stay: nothing, where normals are carried (P38)."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from pipeline.animation import animate
+from pipeline.flow import Streamlines
+from pipeline.flow.catalogue import Enright
+from pipeline.flow.history import Step
+from pipeline.flow.tangents import carried_normals, tangents
+from pipeline.frames import FrameRange, FrameRate
+from pipeline.mesh import TriangleMesh, icosphere, split_at_creases
+from pipeline.resample import Thresholds
+from pipeline.shot import Motion, Resampling, Solid
+from pipeline.statistics import sizzle, surviving
+
+
+@pytest.fixture(scope="module")
+def motion() -> Motion:
+    flow = Streamlines(Enright((0.4, 0.4, 0.4), scale=8.0, period=3.0))
+    resampling = Resampling(Thresholds(max_edge_length=0.3))
+    return Motion(FrameRange.parse("0-12"), FrameRate.of(24), Solid.of("icosphere", {}), flow, resampling)
+
+
+def test_a_carried_normal_does_not_jump_at_a_resample_and_a_geometric_one_does(motion: Motion) -> None:
+    last, jumps = None, []
+    for frame in animate(motion):
+        if last is not None:
+            step = Step(motion.flow, *motion.clock.step(frame.number), frame.number)
+            moved = step.apply(last.vertices)
+            normals = carried_normals(step.apply, last.vertices, moved, last.attributes["normal"])
+            before = last.with_vertices(moved).with_attributes(normal=normals)
+            jumps.append(sizzle(before, split_at_creases(before), frame.mesh, split_at_creases(frame.mesh)))
+            bare = [TriangleMesh(m.vertices, m.faces) for m in (before, frame.mesh)]
+            smooth = [split_at_creases(mesh, math.pi) for mesh in bare]
+            plain = sizzle(bare[0], smooth[0], bare[1], smooth[1])
+            assert plain.shading == pytest.approx(plain.surface)
+        last = frame.mesh
+    assert max(jump.shading for jump in jumps) == 0.0
+    assert max(jump.surface for jump in jumps) > math.radians(0.3)
+    assert all(jump.share > 0.9 for jump in jumps)
+
+
+def test_vertices_are_known_again_by_their_very_place() -> None:
+    ball = icosphere(3)
+    order = np.random.default_rng(2).permutation(len(ball.vertices))
+    moved = ball.vertices[order].copy()
+    moved[:4] *= 1 + 1e-15
+    shuffled = TriangleMesh(moved, np.argsort(order)[ball.faces])
+    old, new = surviving(ball, shuffled)
+    assert len(old) == len(ball.vertices) - 4
+    assert np.array_equal(ball.vertices[old], shuffled.vertices[new]) and new.min() >= 4
+
+
+def test_nothing_jumps_where_nothing_happens() -> None:
+    ball = icosphere(4)
+    told = sizzle(ball, split_at_creases(ball), ball, split_at_creases(ball))
+    assert (told.shading, told.surface, told.share) == (0.0, 0.0, 1.0)
+
+
+def test_tangents_are_right_handed_and_perpendicular() -> None:
+    rng = np.random.default_rng(5)
+    normals = rng.normal(size=(500, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals[:3] = [[0, 0, 1], [0, 0, -1], [0, 1, 0]]
+    one, two = tangents(normals)
+    np.testing.assert_allclose(np.cross(one, two), normals, atol=1e-15)
+    np.testing.assert_allclose(np.linalg.norm(one, axis=1), 1.0, atol=1e-15)
+
+
+def test_normals_are_those_of_the_map_that_moves_the_points() -> None:
+    """A linear map: n goes along cof(J) n. Zero stays zero, and a map onto a line leaves none."""
+    rng = np.random.default_rng(6)
+    points, normals = rng.normal(size=(50, 3)), rng.normal(size=(50, 3))
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    normals[7] = 0.0
+    matrix = np.array([[2.0, 0.3, 0.0], [0.0, 0.5, 0.1], [0.4, 0.0, 1.5]])
+    carried = carried_normals(lambda p: p @ matrix.T, points, points @ matrix.T, normals)
+    exact = normals @ np.linalg.inv(matrix)
+    exact /= np.maximum(np.linalg.norm(exact, axis=1, keepdims=True), 1e-300)
+    np.testing.assert_allclose(carried, exact, atol=1e-7)
+    line = np.diag([1.0, 0.0, 0.0])
+    assert not carried_normals(lambda p: p @ line, points, points @ line, normals).any()
