@@ -13,7 +13,8 @@ from rich.table import Table
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, out
 from pipeline.errors import MeshError, UsageError, suggestion
-from pipeline.mesh import PolygonMesh, TriangleMesh, read_mesh, write_mesh
+from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
+from pipeline.mesh.io import read_polygons
 from pipeline.mesh.write import WRITERS
 from pipeline.resample import Chord, Curved, Placement, Report, Resampler, Thresholds
 from pipeline.resample.polyhedra import PolyhedralResampler
@@ -84,7 +85,7 @@ def resample(
     if not 0 < hard_angle_degrees <= 180:
         raise UsageError(f"--hard-angle-degrees {hard_angle_degrees:g} must be above 0 and at most 180")
     thresholds = Thresholds(max_edge_length, min_edge_length, math.radians(hard_angle_degrees))
-    before = read_mesh(source)
+    before = read_polygons(source)
     if common.dry_run:
         facts = {"in": str(source), "out": str(target), "vertices": len(before.vertices)}
         answer(f"{target}: would be written, from {len(before.vertices)} vertices.", facts, common.json)
@@ -95,13 +96,13 @@ def resample(
 
 
 def _resampled(
-    mesh: TriangleMesh, thresholds: Thresholds, placement: Placement, method: str
+    mesh: PolygonMesh, thresholds: Thresholds, placement: Placement, method: str
 ) -> tuple[TriangleMesh | PolygonMesh, Report]:
     if method == "triangles":
-        resampler = Resampler(mesh, thresholds, placement)
+        resampler = Resampler(mesh.triangulated(), thresholds, placement)
         report = resampler.resample()
         return resampler.mesh, report
-    slicer = PolyhedralResampler(PolygonMesh.from_triangles(mesh), thresholds)
+    slicer = PolyhedralResampler(mesh, thresholds)
     sliced = slicer.resample()
     return slicer.mesh, sliced
 
@@ -114,7 +115,7 @@ def _known(name: str, word: str, words: Any) -> None:
 def _tell(
     source: Path,
     target: Path,
-    before: TriangleMesh,
+    before: PolygonMesh,
     after: TriangleMesh | PolygonMesh,
     report: Report,
     as_json: bool,
@@ -122,8 +123,7 @@ def _tell(
     """What was done, as a table or as JSON."""
     if as_json:
         facts = {**vars(report), "refused": dict(report.refused), "in_bracket": report.in_bracket}
-        triangles = after if isinstance(after, TriangleMesh) else after.triangulated()
-        shapes = {"before": asdict(mesh_statistics(before)), "after": asdict(mesh_statistics(triangles))}
+        shapes = {"before": _shape(before), "after": _shape(after)}
         answer("", {"in": str(source), "out": str(target), **facts, **shapes}, as_json=True)
         return
     table = Table(box=None, pad_edge=False, show_header=False)
@@ -133,10 +133,15 @@ def _tell(
     answer(f"{target}: written.", None, as_json=False)
 
 
-def _rows(before: TriangleMesh, report: Report) -> list[tuple[str, str]]:
+def _shape(mesh: TriangleMesh | PolygonMesh) -> dict[str, float]:
+    triangles = mesh if isinstance(mesh, TriangleMesh) else mesh.triangulated()
+    return asdict(mesh_statistics(triangles))
+
+
+def _rows(before: PolygonMesh, report: Report) -> list[tuple[str, str]]:
     rows = [
         ("vertices", f"{len(before.vertices)} → {report.vertices}"),
-        ("faces", f"{len(before.faces)} → {report.faces}"),
+        ("faces", f"{len(before)} → {report.faces}"),
         ("splits", str(report.splits)),
         ("collapses", str(report.collapses)),
         ("edges in the bracket", f"{report.in_bracket:.2%} of {report.edges}"),

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -198,3 +200,24 @@ def test_a_formula_that_breaks_in_a_later_frame_stops_there() -> None:
         for frame in animate(shot):
             good.append(frame.number)
     assert good == [1, 2, 3, 4] and error.value.exit_code == 1
+
+
+def test_the_documented_lengths_are_good() -> None:
+    page = Path(__file__).parents[2] / "docs" / "shot-files.md"
+    block = next(
+        text for text in page.read_text("utf-8").split("```yaml\n") if text.startswith("max_edge_length")
+    )
+    lines = block.split("```")[0].splitlines()
+    kinds = [type(thresholds(line.partition(": ")[2]).max_edge_length) for line in lines]
+    assert kinds == [Formula, Curvature, DistanceToCamera]
+
+
+def test_every_setting_is_documented_with_its_default() -> None:
+    page = (Path(__file__).parents[2] / "docs" / "shot-files.md").read_text("utf-8")
+    found = motion("0.2").resampling
+    assert found is not None
+    for field in dataclasses.fields(Resampling):
+        if field.name != "thresholds":
+            default = getattr(found, field.name)
+            shown = f"`{default}`" if isinstance(default, str) else f"{default:g}"
+            assert f"| `{field.name}` | {shown} |" in page, field.name
