@@ -1,7 +1,7 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
 from pipeline.resample.density import Curvature, DistanceToCamera, Formula
-from pipeline.resample.hardness import edges_by_angle
+from pipeline.resample.hardness import WithinBall, WithinBox, edges_by_angle, edges_in_region
 from pipeline.resample.placement import Chord, Curved, Exact, Placement
 from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
 from pipeline.resample.report import Report
@@ -21,6 +21,9 @@ __all__ = [
     "Report",
     "Resampler",
     "Thresholds",
+    "WithinBall",
+    "WithinBox",
     "edges_by_angle",
+    "edges_in_region",
     "resample",
 ]

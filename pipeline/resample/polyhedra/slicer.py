@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import Literal, NamedTuple
 
-from pipeline.resample.polyhedra.geometry import between, box, dot, newell
+from pipeline.resample.polyhedra.geometry import between, box, difference, dot, newell, norm
 from pipeline.resample.polyhedra.structure import Point
 from pipeline.resample.polyhedra.workpiece import Workpiece
 
 Cutting = Literal["slice", "recurse"]
 
-_SPARE = 1 - 1e-12  # pieces are this much below the maximum, so that rounding makes none too long
 _LEAST_REACH = 0.25  # of the maximum: a cut that passes a vertex this closely goes through it
 _LEAST_PIECE = 1e-3  # of a face's area: what a good chord leaves on either side
 
@@ -43,7 +43,10 @@ class Slicer:
             if not self._piece.too_long(h):
                 continue
             longest = self._piece.bracket.longest(surface.origin[h], surface.origin[h ^ 1])
+            ends = surface.points[surface.origin[h]], surface.points[surface.origin[h ^ 1]]
             parts = self._parts(self._piece.length(h), longest)
+            if _longest_piece(*ends, parts) > longest and self._cutting == "slice":
+                parts += 1
             made = self._piece.split(h, [k / parts for k in range(1, parts)])
             pieces = [h, *(surface.leaving[v] for v in made)]
             waiting += pieces[::-1]
@@ -59,16 +62,17 @@ class Slicer:
             if high - low <= limit:
                 continue
             parts = self._parts(high - low, limit)
+            if _widest_slice(low, high, parts) > limit and self._cutting == "slice":
+                parts += 1
             mine = [f]
-            for k in range(1, parts):
-                level = low + (high - low) * k / parts
+            for level in _levels(low, high, parts)[1:-1]:
                 mine = [part for whole in mine for part in self._cut(whole, axis, level)]
             pieces += mine
         made = [2 * e for e in range(edges_before, len(surface.crease))]
         return pieces, made
 
     def _parts(self, size: float, limit: float) -> int:
-        return 2 if self._cutting == "recurse" else max(2, math.ceil(size / (limit * _SPARE)))
+        return 2 if self._cutting == "recurse" else max(2, math.ceil(size / limit))
 
     def _cut(self, f: int, axis: int, level: float) -> list[int]:
         """Cut a face by the plane where coordinate `axis` is `level`; answers it and its new parts.
@@ -169,3 +173,19 @@ class Slicer:
         if gate.share < 1:
             self._piece.split(gate.h, [gate.share])
         return surface.next[gate.h]
+
+
+def _levels(low: float, high: float, parts: int) -> list[float]:
+    """Where planes cut a length into equal parts, and its two ends."""
+    return [*(low + (high - low) * k / parts for k in range(parts)), high]
+
+
+def _widest_slice(low: float, high: float, parts: int) -> float:
+    """The largest of equal parts, which rounding makes unequal."""
+    return max(there - here for here, there in pairwise(_levels(low, high, parts)))
+
+
+def _longest_piece(start: Point, end: Point, parts: int) -> float:
+    """The longest of equal parts of an edge, which rounding makes unequal."""
+    points = [*(between(start, end, k / parts) for k in range(parts)), end]
+    return max(norm(difference(there, here)) for here, there in pairwise(points))
