@@ -11,7 +11,6 @@ from pipeline.errors import ShotError
 from pipeline.production.take import Take
 from pipeline.shot import read_shot
 
-
 TINY = """\
 title: A box, twisted
 frames: 1-6
