@@ -29,7 +29,7 @@ from pipeline.mesh.true_surfaces import Sphere, TrueSurface
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling
 from pipeline.shot.subject import Subject
-from pipeline.statistics import sizzle, surviving
+from pipeline.statistics import sizzle, surviving, undivided
 
 OUT = Path(__file__).parent / "out"
 EVERY = 10
@@ -102,8 +102,8 @@ def measure(name: str, motion: Motion) -> Row:
             continue
         exact = exact_normals(motion, frame)
         shaded = split_at_creases(after)
-        carried.append(_angles(shaded.normals[: len(exact)], exact))
-        weighted.append(_angles(area_weighted(after), exact))
+        carried.append(angles(shaded.normals[: len(exact)], exact))
+        weighted.append(angles(area_weighted(after), exact))
         overruled += int((~trusted_normals(after)).sum())
         vertices += len(exact)
     good, usual = np.degrees(np.concatenate(carried)), np.degrees(np.concatenate(weighted))
@@ -121,7 +121,7 @@ def measure(name: str, motion: Motion) -> Row:
         "area-weighted": math.degrees(area),
         "flicker of a highlight, carried: %": 100 * glint,
         "area-weighted ": 100 * glint_area,
-        "% overruled by the geometry": 100 * overruled / vertices,
+        "% where the geometry decides": 100 * overruled / vertices,
     }
 
 
@@ -159,6 +159,8 @@ def _jumps(before: TriangleMesh, after: TriangleMesh) -> tuple[float, ...]:
 def _flicker(before: TriangleMesh, after: TriangleMesh, shaded: list[ShadedMesh]) -> float:
     """Rms jump of a highlight's brightness at the vertices that stay, over the rms of its brightness."""
     old, new = surviving(before, after)
+    whole = undivided(shaded[0])[old] & undivided(shaded[1])[new]
+    old, new = old[whole], new[whole]
     was, now = highlight(shaded[0].normals[old]), highlight(shaded[1].normals[new])
     return float(np.sqrt(np.mean((now - was) ** 2) / np.mean(was**2)))
 
@@ -204,11 +206,11 @@ def area_weighted(mesh: TriangleMesh) -> Vectors:
     return unit(np.column_stack(sums))
 
 
-def _angles(one: Vectors, other: Vectors) -> Floats:
-    angles: Floats = np.arctan2(
-        np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other)
-    )
-    return angles
+def angles(one: Vectors, other: Vectors) -> Floats:
+    """(N,) between vectors, radians."""
+    sine, cosine = np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other)
+    between: Floats = np.arctan2(sine, cosine)
+    return between
 
 
 def _cell(value: float | str) -> str:

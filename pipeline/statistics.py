@@ -78,7 +78,7 @@ def sizzle(
     """
     old, new = surviving(before, after)
     surface = _angles(vertex_normals(before)[old], vertex_normals(after)[new])
-    whole = _undivided(before, shaded_before)[old] & _undivided(after, shaded_after)[new]
+    whole = undivided(shaded_before)[old] & undivided(shaded_after)[new]
     shading = _angles(shaded_before.normals[old[whole]], shaded_after.normals[new[whole]])
     return Sizzle(_rms(shading), _rms(surface), len(old) / len(before.vertices))
 
@@ -90,8 +90,9 @@ def surviving(before: TriangleMesh, after: TriangleMesh) -> tuple[Indices, Indic
     return old.astype(np.int32), new.astype(np.int32)
 
 
-def _undivided(mesh: TriangleMesh, shaded: ShadedMesh) -> AnyArray:
-    once: AnyArray = np.bincount(shaded.source_vertex, minlength=len(mesh.vertices)) == 1
+def undivided(shaded: ShadedMesh) -> AnyArray:
+    """(V,) bool: which vertices of the mesh have one normal only."""
+    once: AnyArray = np.bincount(shaded.source_vertex) == 1
     return once
 
 

@@ -93,12 +93,17 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
 def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     """(V,) bool: at which vertices the attribute `normal` is what the surface should be shaded with.
 
-    Not where it is zero or not finite, at tagged creases, or where it points into the surface: more than 90°
-    off the faces around.
+    Not where it is zero or not finite, at tagged creases, or where it points into one of the faces around: a
+    sheet that has become thinner than its triangles has a rim of which they show nothing, and a face that is
+    seen must not be shaded with the normal of its back.
     """
     if NORMAL not in mesh.attributes or not len(mesh.faces):
         return np.zeros(len(mesh.vertices), bool)
-    trusted: AnyArray = np.einsum("ij,ij->i", _known(mesh), vertex_normals(mesh)) > 0
+    own = _known(mesh)
+    trusted: AnyArray = own.any(axis=1)
+    face = face_normals(mesh)
+    behind = np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0
+    trusted[mesh.faces[behind & face.any(axis=1)[:, None]]] = False
     return trusted
 
 
