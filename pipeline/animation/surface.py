@@ -15,6 +15,7 @@ from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh, vertex_normals
 from pipeline.mesh.normals import NORMAL
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, edges_by_angle
+from pipeline.resample.hardness import edges_in_region
 from pipeline.resample.placement import REST
 from pipeline.shot import Motion, Resampling
 from pipeline.statistics import mesh_statistics
@@ -36,6 +37,8 @@ def at_rest(motion: Motion, flow: Flow) -> Surface:
         mesh = mesh.with_creases(edges_by_angle(mesh, thresholds.hard_angles(mesh)))
     elif resampling.creases == "none":
         mesh = mesh.with_creases([])
+    elif resampling.creases != "model":
+        mesh = mesh.with_creases(edges_in_region(mesh, resampling.creases))
     if resampling.placement != "exact":
         return _Resampled(motion, resampling, Resampler(mesh, thresholds, _UNCARRIED[resampling.placement]))
     if resampling.normals == "carried":

@@ -9,6 +9,7 @@ from pipeline.formula import Expression, FormulaError
 from pipeline.resample.density import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.checks import Problem, is_number
+from pipeline.shot.resampling import REGION_NAMES
 from pipeline.shot.source import Source, Where
 
 THRESHOLDS = ("max_edge_length", "min_edge_length", "hard_angle")
@@ -47,13 +48,13 @@ def bounds(source: Source) -> Iterator[Problem]:
 
 def formulas(source: Source) -> Iterator[Problem]:
     """Formulas can be read."""
-    for name in THRESHOLDS:
+    for name in (*THRESHOLDS, "creases"):
         where: Where = ("resample", name, "formula")
         text = source.get(*where)
         if not isinstance(text, str):
             continue
         try:
-            Expression(text, FORMULA_NAMES)
+            Expression(text, REGION_NAMES if name == "creases" else FORMULA_NAMES)
         except FormulaError as error:
             spot = source.spot(where, error.column)
             place = "" if spot else f"column {error.column} of the formula: "

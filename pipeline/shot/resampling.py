@@ -11,7 +11,9 @@ from typing import Annotated, Any
 from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
+from pipeline.arrays import AnyArray, Points
 from pipeline.flow.choreography import Keyframes, Number, Place, number_at, place_at
+from pipeline.formula import Expression
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
@@ -28,6 +30,8 @@ from pipeline.shot.fields import (
     place,
 )
 from pipeline.shot.shot import Resampling
+
+REGION_NAMES = ("x", "y", "z")
 
 Angle = Annotated[float, Field(gt=0, lt=180)]
 NotNegative = Annotated[Real, Field(ge=0)]
@@ -63,6 +67,22 @@ class KeyedCamera:
             number_at(self.field_of_view, time),
             self.width,
         )
+
+
+@dataclass(frozen=True)
+class WithinFormula:
+    """A region: where a formula over x, y and z is true, or not 0."""
+
+    text: str
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_expression", Expression(self.text, REGION_NAMES))
+
+    def __call__(self, points: Points) -> AnyArray:
+        """(N,) flags of points (N, 3). Raises UsageError where the formula is not finite."""
+        x, y, z = points.T
+        found: AnyArray = self._expression(x=x, y=y, z=z) != 0  # type: ignore[attr-defined]
+        return found
 
 
 class CurvatureDocument(Document):
@@ -143,6 +163,17 @@ AngleField = Annotated[
 ]
 
 
+class RegionDocument(Document):
+    formula: str
+
+
+CreasesField = Annotated[
+    Annotated[str, one_of(("rest", "model", "none"), "source of creases"), Tag("plain")]
+    | Annotated[RegionDocument, Tag("active")],
+    Discriminator(lambda value: "active" if isinstance(value, dict) else "plain"),
+]
+
+
 class ResampleDocument(Document):
     """hard_angle: degrees; what is left out takes the defaults of `Thresholds` and `Resampling`."""
 
@@ -157,7 +188,7 @@ class ResampleDocument(Document):
     shape: Annotated[float, Field(ge=0, le=1)] | None = None
     normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = None
     renew: Annotated[int, Field(ge=1)] | None = None
-    creases: Annotated[str, one_of(("rest", "model", "none"), "source of creases")] | None = None
+    creases: CreasesField | None = None
     cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = None
     collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = None
 
@@ -172,7 +203,10 @@ class ResampleDocument(Document):
             **self._given("max_vertices", "gradation"),
         )
         settings = [field.name for field in fields(Resampling) if field.name != "thresholds"]
-        return Resampling(thresholds, **self._given(*settings))
+        given = self._given(*settings)
+        if isinstance(self.creases, RegionDocument):
+            given["creases"] = WithinFormula(self.creases.formula)
+        return Resampling(thresholds, **given)
 
     def _given(self, *names: str) -> dict[str, Any]:
         return {name: value for name in names if (value := getattr(self, name)) is not None}

@@ -16,6 +16,7 @@ from pipeline.flow.choreography import Number, number_at
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample import Thresholds
+from pipeline.resample.hardness import Region
 from pipeline.shot.clock import Clock
 from pipeline.shot.data import NOT_DATA, as_data
 from pipeline.shot.subject import Solid, Subject
@@ -37,7 +38,8 @@ class Resampling:
     normals     carried through the flow, where the placement is exact; or of the geometry of each frame
     renew       frames after which the present surface becomes the undeformed one, where placement is exact
     creases     edges that stay hard whatever becomes of their angle (P31): rest, those that are hard in the
-                undeformed surface; model, those that the model's file names; none
+                undeformed surface; model, those that the model's file names; a region, those with
+                both ends in it at rest; none
     cutting     of polyhedra: slice, by all parallel planes at once; recurse, in two and again (P18)
     collapse    of polyhedra: edges, those that are short (P9); areas, faces that are small (P22)
     """
@@ -49,7 +51,7 @@ class Resampling:
     shape: float = 0.5
     normals: Literal["carried", "geometric"] = "carried"
     renew: int = 240
-    creases: Literal["rest", "model", "none"] = "rest"
+    creases: Literal["rest", "model", "none"] | Region = "rest"
     cutting: Literal["slice", "recurse"] = "slice"
     collapse: Literal["edges", "areas"] = "edges"
 

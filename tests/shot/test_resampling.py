@@ -202,6 +202,19 @@ def test_a_formula_that_breaks_in_a_later_frame_stops_there() -> None:
     assert good == [1, 2, 3, 4] and error.value.exit_code == 1
 
 
+def test_edges_of_a_region_stay_hard() -> None:
+    shot = motion("0.3, creases: {formula: x*x + z*z < 0.3 and y > 0}, placement: chord")
+    first = next(animate(shot)).mesh
+    assert len(first.creases) > 5
+    x, y, z = first.vertices[first.creases.ravel()].T
+    assert (x * x + z * z < 0.3).all() and (y > 0).all()
+    assert data_of(shot) != data_of(motion("0.3, creases: none, placement: chord"))
+    assert told("0.3, creases: {formula: time > 1}") == [
+        "a.yaml:4:53: time is not known here. There are: x, y, z, pi, e, sin, cos, tan, asin, acos, atan, "
+        "atan2, sqrt, exp, log, abs, min, max, floor, ceil, clamp, smoothstep."
+    ]
+
+
 def test_the_documented_lengths_are_good() -> None:
     page = Path(__file__).parents[2] / "docs" / "shot-files.md"
     block = next(
