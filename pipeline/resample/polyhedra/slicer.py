@@ -6,6 +6,7 @@ import math
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
+from pipeline.errors import FrameError
 from pipeline.resample.polyhedra.geometry import between, box, difference, dot, newell, norm
 from pipeline.resample.polyhedra.structure import Point
 from pipeline.resample.polyhedra.workpiece import Workpiece
@@ -13,7 +14,16 @@ from pipeline.resample.polyhedra.workpiece import Workpiece
 Cutting = Literal["slice", "recurse"]
 
 _LEAST_REACH = 0.25  # of the maximum: a cut that passes a vertex this closely goes through it
+_MOST_REACH = 0.49  # of a face's maximum; below half of it every cut makes both parts narrower
 _LEAST_PIECE = 1e-3  # of a face's area: what a good chord leaves on either side
+
+
+class _Plane(NamedTuple):
+    """Where coordinate `axis` is `level`; gates up to `reach` away from a vertex go through it."""
+
+    axis: int
+    level: float
+    reach: float
 
 
 class _Gate(NamedTuple):
@@ -35,7 +45,10 @@ class Slicer:
         self._piece, self._cutting = piece, cutting
 
     def edges(self, edges: list[int]) -> None:
-        """Split every edge that is too long, given by a half-edge of each, until none is (P8)."""
+        """Split every edge that is too long, given by a half-edge of each, until none is (P8).
+
+        Raises FrameError where the budget of vertices or the precision of numbers does not suffice.
+        """
         surface = self._piece.surface
         waiting = edges[::-1]
         while waiting:
@@ -47,12 +60,17 @@ class Slicer:
             parts = self._parts(self._piece.length(h), longest)
             if _longest_piece(*ends, parts) > longest and self._cutting == "slice":
                 parts += 1
+            if between(*ends, 1 / parts) in ends:
+                raise _too_far_out(ends[0])
             made = self._piece.split(h, [k / parts for k in range(1, parts)])
             pieces = [h, *(surface.leaving[v] for v in made)]
             waiting += pieces[::-1]
 
     def faces(self, faces: list[int]) -> tuple[list[int], list[int]]:
-        """Cut every face whose box is too long, once round; answers the faces and chords to look at again."""
+        """Cut every face whose box is too long, once round; answers the faces and chords to look at again.
+
+        Raises FrameError as `edges` does.
+        """
         surface, pieces = self._piece.surface, []
         edges_before = len(surface.crease)
         for f in faces:
@@ -66,16 +84,22 @@ class Slicer:
                 parts += 1
             mine = [f]
             for level in _levels(low, high, parts)[1:-1]:
-                mine = [part for whole in mine for part in self._cut(whole, axis, level)]
+                plane = _Plane(axis, level, _MOST_REACH * limit)
+                mine = [part for whole in mine for part in self._cut(whole, plane)]
+            if mine == [f]:
+                raise _too_far_out(surface.points[corners[0]])
             pieces += mine
         made = [2 * e for e in range(edges_before, len(surface.crease))]
         return pieces, made
 
     def _parts(self, size: float, limit: float) -> int:
-        return 2 if self._cutting == "recurse" else max(2, math.ceil(size / limit))
+        if self._cutting == "recurse":
+            return 2
+        self._piece.require_room(size / limit - 1)
+        return max(2, math.ceil(size / limit))
 
-    def _cut(self, f: int, axis: int, level: float) -> list[int]:
-        """Cut a face by the plane where coordinate `axis` is `level`; answers it and its new parts.
+    def _cut(self, f: int, plane: _Plane) -> list[int]:
+        """Cut a face by a plane; answers it and its new parts.
 
         Gates within reach of a vertex go through it, so that cuts leave no short edges behind. Where
         that would leave the face (it may be concave, or bent), they stay in the plane. Where even the
@@ -84,55 +108,55 @@ class Slicer:
         """
         surface = self._piece.surface
         sides = surface.loop(surface.side[f])
-        ups = [surface.points[surface.origin[h]][axis] >= level for h in sides]
+        ups = [surface.points[surface.origin[h]][plane.axis] >= plane.level for h in sides]
         crossed = [h for h, up, next_up in zip(sides, ups, [*ups[1:], ups[0]], strict=True) if up != next_up]
         if not crossed:
             return [f]
         if ups[sides.index(crossed[0])]:
             crossed = [*crossed[1:], crossed[0]]  # pairs in boundary order go round what lies above
-        across = self._across(f, axis, crossed, level)
-        for pairs, near, checked in ((across, True, True), (across, False, True), (crossed, False, False)):
+        exact = plane._replace(reach=0.0)
+        across = self._across(f, crossed, exact)
+        for pairs, at, checked in ((across, plane, True), (across, exact, True), (crossed, exact, False)):
             made = [
                 part
                 for h, k in zip(pairs[::2], pairs[1::2], strict=True)
-                for part in self._join(h, k, axis, level, near, checked)
+                for part in self._join(h, k, at, checked)
             ]
             if made:
                 return [f, *made]
         return [f]
 
-    def _across(self, f: int, axis: int, crossed: list[int], level: float) -> list[int]:
+    def _across(self, f: int, crossed: list[int], plane: _Plane) -> list[int]:
         """Crossed sides in order along the plane: inside lies between first and second, third and fourth."""
         if len(crossed) == 2:
             return crossed
-        normal = self._piece.normal(f)
+        normal, axis = self._piece.normal(f), plane.axis
         along = [0.0, 0.0, 0.0]
         along[(axis + 1) % 3], along[(axis + 2) % 3] = -normal[(axis + 2) % 3], normal[(axis + 1) % 3]
         direction = along[0], along[1], along[2]
-        return sorted(crossed, key=lambda h: dot(self._gate(h, axis, level, False).point, direction))
+        return sorted(crossed, key=lambda h: dot(self._gate(h, plane).point, direction))
 
-    def _gate(self, h: int, axis: int, level: float, near: bool) -> _Gate:
+    def _gate(self, h: int, plane: _Plane) -> _Gate:
         surface, piece = self._piece.surface, self._piece
         a, b = surface.origin[h], surface.origin[h ^ 1]
         start, end = surface.points[a], surface.points[b]
-        share = (level - start[axis]) / (end[axis] - start[axis])
+        share = (plane.level - start[plane.axis]) / (end[plane.axis] - start[plane.axis])
         point = between(start, end, share)
-        if near:
-            longest = piece.bracket.longest(a, b)
-            reach = max(piece.bracket.shortest(a, b), _LEAST_REACH * longest) / (piece.length(h) or 1.0)
-            share = round(share) if min(share, 1 - share) < reach else share
+        near = max(piece.bracket.shortest(a, b), _LEAST_REACH * piece.bracket.longest(a, b))
+        if min(share, 1 - share) * piece.length(h) < min(near, plane.reach):
+            share = round(share)
         if share <= 0 or point == start:
             return _Gate(h, 0, start)
         if share >= 1 or point == end:
             return _Gate(h, 1, end)
         return _Gate(h, share, point)
 
-    def _join(self, h: int, k: int, axis: int, level: float, near: bool, checked: bool) -> list[int]:
+    def _join(self, h: int, k: int, plane: _Plane, checked: bool) -> list[int]:
         """Cut the face of h and k between their gates, if that can be; answers the new face, if any."""
         surface = self._piece.surface
         if surface.face[h] != surface.face[k]:
             return []
-        one, two = self._gate(h, axis, level, near), self._gate(k, axis, level, near)
+        one, two = self._gate(h, plane), self._gate(k, plane)
         if not self._is_chord(one, two, checked):
             return []
         begin, end = self._corner(one), self._corner(two)
@@ -173,6 +197,13 @@ class Slicer:
         if gate.share < 1:
             self._piece.split(gate.h, [gate.share])
         return surface.next[gate.h]
+
+
+def _too_far_out(point: Point) -> FrameError:
+    return FrameError(
+        f"an element at {point} is too large, but too far out for numbers to tell its parts apart; "
+        "keep the surface nearer to the origin"
+    )
 
 
 def _levels(low: float, high: float, parts: int) -> list[float]:

@@ -29,12 +29,8 @@ class Workpiece:
 
         Raises FrameError where there would be more vertices than the budget allows.
         """
+        self.require_room(len(shares))
         surface = self.surface
-        if len(surface.points) + len(shares) > self.bracket.budget:
-            raise FrameError(
-                f"{len(surface.points)} vertices and {len(shares)} more on one edge exceed the budget of "
-                f"{self.bracket.budget} vertices; raise max_vertices or max_edge_length"
-            )
         a, b = surface.origin[h], surface.origin[h ^ 1]
         start, end = surface.points[a], surface.points[b]
         made = surface.split_edge(h, [between(start, end, share) for share in shares])
@@ -43,6 +39,15 @@ class Workpiece:
             self.bracket.add(a, b, share)
         self.splits += len(made)
         return made
+
+    def require_room(self, more: float) -> None:
+        """Raises FrameError where so many more vertices would exceed the budget."""
+        now, budget = len(self.surface.points), self.bracket.budget
+        if now + more > budget:
+            raise FrameError(
+                f"{now} vertices and {more:.0f} more on one edge or face exceed the budget of {budget} "
+                "vertices; raise max_vertices or max_edge_length"
+            )
 
     def cut(self, h: int, k: int) -> int:
         """Join the origins of h and k across their face; answers the half-edge between them.

@@ -8,6 +8,7 @@ import pytest
 from pipeline.errors import FrameError, MeshError, UsageError
 from pipeline.mesh import PolygonMesh, require_polygons
 from pipeline.resample import PolyhedralResampler, Thresholds
+from pipeline.resample.polyhedra.slicer import Cutting
 
 THRESHOLDS = Thresholds(0.35)
 
@@ -106,3 +107,27 @@ def test_ways_that_do_not_exist_are_refused(menagerie: dict[str, PolygonMesh]) -
         PolyhedralResampler(menagerie["cube"], THRESHOLDS, collapse="volumes")  # type: ignore[arg-type]
     with pytest.raises(MeshError, match="there are no faces"):
         PolyhedralResampler(PolygonMesh(np.eye(3), []), THRESHOLDS)
+
+
+def test_an_edge_stretched_beyond_all_bounds_stops_the_frame_at_once(
+    menagerie: dict[str, PolygonMesh],
+) -> None:
+    for cutting in ("slice", "recurse"):
+        resampler = PolyhedralResampler(menagerie["cube"], THRESHOLDS, cutting)  # type: ignore[arg-type]
+        resampler.vertices[0] = (1e30, 0, 0)
+        with pytest.raises(FrameError, match=r"exceed the budget|nearer to the origin"):
+            resampler.thresholds = Thresholds(0.35, max_vertices=1000)
+            resampler.resample()
+        assert require_polygons(resampler.mesh, closed=True).euler == 2
+
+
+@pytest.mark.parametrize("cutting", ["slice", "recurse"])
+def test_a_surface_too_far_out_to_be_cut_is_refused(
+    cutting: Cutting, menagerie: dict[str, PolygonMesh]
+) -> None:
+    """Between 2^53 and the next number there is nothing."""
+    points = menagerie["leaf"].vertices * 1.5 + 2.0**53
+    resampler = PolyhedralResampler(menagerie["leaf"].with_vertices(points), Thresholds(1.5), cutting)
+    with pytest.raises(FrameError, match="nearer to the origin"):
+        resampler.resample()
+    assert require_polygons(resampler.mesh).euler == 1
