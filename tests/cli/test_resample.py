@@ -60,6 +60,13 @@ def test_polyhedra_keep_faces_of_many_sides(studio):
     assert max(map(len, faces)) > 3
 
 
+def test_the_help_teaches_how_to_choose_the_length(studio):
+    done = studio.run("resample", "--help")
+    assert done.code == 0
+    for word in ("--max-edge-length", "--min-edge-length", "--placement", "Example", "smallest", "--json"):
+        assert word in done.out
+
+
 def test_a_dry_run_writes_nothing(studio):
     write_mesh(box(), studio.path / "box.obj")
     done = studio.run("--dry-run", "resample", "box.obj", "out.ply", "--max-edge-length", "0.2")
@@ -72,10 +79,8 @@ def test_a_dry_run_writes_nothing(studio):
     [
         (("no.obj", "o.ply", "--max-edge-length", "1"), 3, "no.obj: there is no such file"),
         (("box.obj", "o.fbx", "--max-edge-length", "1"), 2, "use one of ply, obj"),
-        (("box.obj", "o.ply", "--max-edge-length", "-1"), 2, "must be a positive length"),
         (("box.obj", "o.ply", "--max-edge-length", "1", "--min-edge-length", "0.7"), 2, "70%"),
         (("box.obj", "o.ply", "--max-edge-length", "1", "--placement", "curvd"), 2, "Did you mean 'curved'?"),
-        (("box.obj", "o.ply", "--max-edge-length", "1", "--hard-angle-degrees", "0"), 2, "above 0"),
         (("box.obj", "o.ply", "--max-edge-length", "1e-7"), 1, "budget"),
         (("box.obj", "shots/o.ply/o.ply", "--max-edge-length", "1"), 4, "cannot be written"),
     ],
