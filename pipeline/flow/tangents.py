@@ -16,13 +16,13 @@ STEP = 1e-7
 """How far tangent points lie from theirs, in sizes of the surface.
 
 A one-sided difference errs by about STEP (what it leaves out) + 2e-16 / STEP (rounding), least near 1.5e-8;
-a little more lets a surface lie off the origin. Measured in docs/normals.md: two-sided differences gain
-nothing that can be seen, and cost twice as many points.
+a little more lets a surface lie off the origin. A frame then turns a normal by a millionth of a degree too
+much (docs/normals.md); two-sided differences would cost twice as many points.
 """
 
 
 def carried_normals(
-    move: Callable[[Points], Points], points: Points, moved: Points, normals: Vectors
+    move: Callable[[Points], Points], points: Points, moved: Points, normals: Vectors, step: float = STEP
 ) -> Vectors:
     """Unit normals (V, 3) of a surface after a flow has moved it.
 
@@ -31,6 +31,7 @@ def carried_normals(
     points   (V, 3) vertices before the step
     moved    (V, 3) the same vertices after it
     normals  (V, 3) unit normals before it; zero where there is none, which stays so
+    step     how far the points lie beside theirs, in sizes of the surface
 
     A vertex whose surroundings the flow has collapsed to a line gets zero: it has no normal any more.
     """
@@ -39,9 +40,9 @@ def carried_normals(
     if not known.any():
         return carried
     one, two = tangents(normals[known])
-    step = STEP * float(np.ptp(points, axis=0).max())
+    length = step * float(np.ptp(points, axis=0).max())
     base, start = moved[known], points[known]
-    ahead, beside = np.split(move(np.concatenate([start + step * one, start + step * two])), 2)
+    ahead, beside = np.split(move(np.concatenate([start + length * one, start + length * two])), 2)
     carried[known] = unit(np.cross(ahead - base, beside - base))
     return carried
 
