@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import chain
 from typing import NamedTuple
 
 import numpy as np
@@ -29,13 +30,19 @@ class FileSurface(NamedTuple):
 
 def file_surface(
     points: Points,
-    faces: Sequence[Sequence[int]],
+    faces: Sequence[Sequence[int]] | AnyArray,
     groups: Sequence[int] | None = None,
     tagged: Sequence[tuple[int, int]] = (),
 ) -> FileSurface:
-    """From one sequence of corners a face. Raises ValueError where one names a vertex that is not there."""
-    offsets = np.cumsum([0, *(len(face) for face in faces)])
-    corners = np.array([corner for face in faces for corner in face], np.int64)
+    """From one sequence of corners a face, or (F, n) where all have n of them.
+
+    Raises ValueError where a face names a vertex that is not there.
+    """
+    if isinstance(faces, np.ndarray):
+        offsets, corners = faces.shape[1] * np.arange(len(faces) + 1), faces.reshape(-1).astype(np.int64)
+    else:
+        offsets = np.cumsum([0, *(len(face) for face in faces)])
+        corners = np.fromiter(chain.from_iterable(faces), np.int64)
     outside = (corners < 0) | (corners >= len(points))
     if outside.any():
         c = int(np.argmax(outside))

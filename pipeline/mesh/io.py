@@ -70,7 +70,7 @@ def _read_by_trimesh(path: Path) -> FileSurface:
     import trimesh
 
     loaded = trimesh.load(path, force="mesh", process=False, maintain_order=True)
-    return file_surface(np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces).tolist())
+    return file_surface(np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces))
 
 
 _READERS: dict[str, Callable[[Path], FileSurface]] = {
@@ -118,9 +118,12 @@ def _between_groups(mesh: PolygonMesh, groups: AnyArray) -> AnyArray:
 
 def _existing(mesh: PolygonMesh, pairs: AnyArray) -> AnyArray:
     """(K, 2) those of the pairs that are edges; a tag on others says nothing of the surface."""
-    edges = set(map(tuple, mesh.edges.tolist()))
-    kept = [pair for pair in np.sort(pairs, axis=1).tolist() if tuple(pair) in edges]
-    return np.array(kept, np.int32).reshape(-1, 2)
+    if not len(pairs):
+        return pairs
+    edges, wanted = mesh.edges.astype(np.int64), np.sort(pairs, axis=1)
+    number = len(mesh.vertices)
+    known = edges[:, 0] * number + edges[:, 1]
+    return wanted[(wanted[:, 0] >= 0) & np.isin(wanted[:, 0] * number + wanted[:, 1], known)]
 
 
 def _brief(error: Exception) -> str:

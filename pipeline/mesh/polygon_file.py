@@ -57,8 +57,10 @@ def read_polygon_file(path: Path) -> FileSurface:
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not {"x", "y", "z"} <= set(vertex):
         raise ValueError("its vertices have no x, y and z")
-    corners = next((face[name] for name in _CORNERS if name in face), [])
+    corners: Column = next((face[name] for name in _CORNERS if name in face), [])
     points = np.column_stack([np.asarray(vertex[axis], np.float64) for axis in "xyz"])
+    if isinstance(corners, np.ndarray):
+        return file_surface(points, corners)
     return file_surface(points, [part.tolist() for part in corners])
 
 
