@@ -99,10 +99,9 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     """
     if NORMAL not in mesh.attributes or not len(mesh.faces):
         return np.zeros(len(mesh.vertices), bool)
-    own = _known(mesh)
-    trusted: AnyArray = own.any(axis=1)
-    face = face_normals(mesh)
+    own, face = _known(mesh), face_normals(mesh)
     behind = np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0
+    trusted: AnyArray = np.linalg.norm(own, axis=1) > 0
     trusted[mesh.faces[behind & face.any(axis=1)[:, None]]] = False
     return trusted
 
