@@ -101,7 +101,8 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
         return np.zeros(len(mesh.vertices), bool)
     own, face = _known(mesh), face_normals(mesh)
     behind = np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0
-    trusted: AnyArray = np.linalg.norm(own, axis=1) > 0
+    trusted: AnyArray = np.zeros(len(own), bool)
+    trusted[own.any(axis=1)] = True
     trusted[mesh.faces[behind & face.any(axis=1)[:, None]]] = False
     return trusted
 
