@@ -100,10 +100,9 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     if NORMAL not in mesh.attributes or not len(mesh.faces):
         return np.zeros(len(mesh.vertices), bool)
     own, face = _known(mesh), face_normals(mesh)
-    behind = np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0
-    trusted: AnyArray = np.zeros(len(own), bool)
-    trusted[own.any(axis=1)] = True
-    trusted[mesh.faces[behind & face.any(axis=1)[:, None]]] = False
+    behind = (np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0) & face.any(axis=1, keepdims=True)
+    trusted: AnyArray = np.linalg.norm(own, axis=1) > 0
+    trusted[mesh.faces[behind]] = False
     return trusted
 
 
