@@ -69,7 +69,7 @@ class Ball(Subject, TrueSurface):
 
 
 def films() -> dict[str, Motion]:
-    """Those of the issue that resamplers are compared by: 150 frames of 1/50 s, and 120 of 1/240 s."""
+    """What resamplers are compared by: 150 frames of 1/50 s, and 120 of 1/240 s."""
     enright = Streamlines(Enright((0.5, 0.5, 0.5), scale=1.0, period=3.0))
     lorenz = Streamlines(Lorenz(scale=1.0, time_scale=1.0))
     return {

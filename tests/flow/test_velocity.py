@@ -222,3 +222,20 @@ def test_a_number_of_substeps_that_would_fill_the_memory_is_refused_too() -> Non
     assert flow.acting(0.0, 1 / 24) != Streamlines(Vortex(), substeps=1).acting(0.0, 1 / 24)
     with pytest.raises(FrameError, match=r"takes 1e\+12 sub-steps; 10000 are the most"):
         flow.displace(np.zeros((1, 3)), 0.0, 1 / 24)
+
+
+def test_the_enright_field_is_that_of_its_paper_and_undoes_itself_in_a_period() -> None:
+    """LeVeque 1996, in the unit cube; for some other cube, lengths and speeds grow with it."""
+    rng = np.random.default_rng(9)
+    points, t = rng.uniform(0, 1, (50, 3)), 0.4
+    s, d, c = np.sin(np.pi * points) ** 2, np.sin(2 * np.pi * points), math.cos(math.pi * t / 3)
+    u, v, w = 2 * s[:, 0] * d[:, 1] * d[:, 2], -d[:, 0] * s[:, 1] * d[:, 2], -d[:, 0] * d[:, 1] * s[:, 2]
+    field = Enright((0.5, 0.5, 0.5), 1.0, 3.0)
+    np.testing.assert_allclose(field.velocity(points, t), c * np.column_stack([u, v, w]), atol=1e-14)
+    larger = Enright(OFF, 5.0, 3.0)
+    moved = larger.velocity(5.0 * (points - 0.5) + OFF, t)
+    np.testing.assert_allclose(moved, 5.0 * field.velocity(points, t), atol=1e-13)
+    there = Streamlines(field).displace(points, 0.0, 1.5)
+    back = Streamlines(field).displace(there, 1.5, 1.5)
+    assert np.abs(there - points).max() > 0.3
+    np.testing.assert_allclose(back, points, atol=1e-4)

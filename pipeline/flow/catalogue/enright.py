@@ -25,9 +25,9 @@ class Enright(Term):
 
     period  T, seconds: half way the deformation is greatest, at the end all is where it was
 
-    Source: LeVeque, *High-Resolution Conservative Algorithms for Advection in Incompressible Flow*, SIAM J.
-    Numer. Anal. 33 (1996); with a ball of radius 0.15 about (0.35, 0.35, 0.35) and T = 3, the test of Enright
-    et al., *A Hybrid Particle Level Set Method*, J. Comput. Phys. 183 (2002). P3.
+    Source: LeVeque, *High-Resolution Conservative Algorithms for Advection in Incompressible Flow*, SIAM
+    Journal on Numerical Analysis 33 (1996); with a ball of radius 0.15 about (0.35, 0.35, 0.35) and T = 3,
+    the test of Enright et al., *A Hybrid Particle Level Set Method*, J. Comput. Phys. 183 (2002). P3.
     """
 
     centre: Place = ORIGIN
