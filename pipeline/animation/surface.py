@@ -15,8 +15,8 @@ from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh, vertex_normals
 from pipeline.mesh.normals import NORMAL
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, edges_by_angle
+from pipeline.resample.exact import REST
 from pipeline.resample.hardness import edges_in_region
-from pipeline.resample.placement import REST
 from pipeline.shot import Motion, Resampling
 from pipeline.statistics import mesh_statistics
 
@@ -40,11 +40,15 @@ def at_rest(motion: Motion, flow: Flow) -> Surface:
     elif resampling.creases != "model":
         mesh = mesh.with_creases(edges_in_region(mesh, resampling.creases))
     if resampling.placement != "exact":
-        return _Resampled(motion, resampling, Resampler(mesh, thresholds, _UNCARRIED[resampling.placement]))
+        return _Resampled(
+            motion,
+            resampling,
+            Resampler(mesh, thresholds, _UNCARRIED[resampling.placement], resampling.shape),
+        )
     if resampling.normals == "carried":
         mesh = mesh.with_attributes(**{NORMAL: _normals_at_rest(motion, mesh)})
     epoch = _Epoch(motion, resampling, flow, first)
-    return _Carried(motion, resampling, Resampler(mesh, thresholds, epoch.placement), epoch)
+    return _Carried(motion, resampling, Resampler(mesh, thresholds, epoch.placement, resampling.shape), epoch)
 
 
 def _thresholds(motion: Motion, resampling: Resampling, frame: int) -> Thresholds:
@@ -69,7 +73,9 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> Surface:
     state: dict[str, AnyArray] = {"vertices": mesh.vertices, "faces": mesh.faces, **attributes}
     state["creases"] = mesh.creases
     if resampling.placement != "exact":
-        resampler = Resampler.from_state(state, thresholds, _UNCARRIED[resampling.placement])
+        resampler = Resampler.from_state(
+            state, thresholds, _UNCARRIED[resampling.placement], resampling.shape
+        )
         return _Resampled(motion, resampling, resampler)
     if REST not in mesh.attributes:
         raise UsageError(
@@ -77,7 +83,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> Surface:
             "resume from a frame that was made with exact placement"
         )
     epoch = _Epoch(motion, resampling, flow, frame.number)
-    resampler = Resampler.from_state(state, thresholds, epoch.placement)
+    resampler = Resampler.from_state(state, thresholds, epoch.placement, resampling.shape)
     return _Carried(motion, resampling, resampler, epoch)
 
 
@@ -99,7 +105,7 @@ class _Epoch:
         for frame in range(self.rest + 1, number + 1):
             self.history.add(step_into(motion, flow, frame))
         project = motion.subject.project if self.rest == first else None
-        self.placement = Exact(self.history.carry, project)
+        self.placement = Exact(self.history.carry, project, tags_creases=False)
         self._next = partial(_Epoch, motion, resampling, flow, self.over)
 
     def next(self) -> _Epoch:
@@ -165,5 +171,7 @@ class _Carried(_Resampled):
         """The same frame, from here on the surface at rest."""
         self._epoch = self._epoch.next()
         state = {**self._resampler.state(), f"attribute.{REST}": frame.mesh.vertices}
-        self._resampler = Resampler.from_state(state, self._resampler.thresholds, self._epoch.placement)
+        self._resampler = Resampler.from_state(
+            state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.roundness
+        )
         return replace(frame, mesh=self._resampler.mesh)

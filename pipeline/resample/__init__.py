@@ -1,8 +1,9 @@
 """Adaptive resampling of a surface in flow (Reynolds 1991)."""
 
 from pipeline.resample.density import Curvature, DistanceToCamera, Formula
+from pipeline.resample.exact import Exact
 from pipeline.resample.hardness import WithinBall, WithinBox, edges_by_angle, edges_in_region
-from pipeline.resample.placement import Chord, Curved, Exact, Placement
+from pipeline.resample.placement import Chord, Curved, Placement
 from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
 from pipeline.resample.report import Report
 from pipeline.resample.resampler import Resampler, resample

@@ -20,14 +20,15 @@ from pipeline.mesh._kernels_halfedge import (
     preceding,
 )
 from pipeline.resample._kernels_lists import FRESH, bracket, hard_cosine, is_short, push, squared
-from pipeline.resample._kernels_ring import RING, Ring, folds, walk, weigh
+from pipeline.resample._kernels_ring import RING, UPRIGHT, Ring, folds, walk, weigh
 
-REASONS = ("link", "boundary", "feature", "too_long", "fold", "crowded")
-LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, CROWDED = range(6)
+REASONS = ("link", "boundary", "feature", "too_long", "fold", "shape", "crowded")
+LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, SHAPE, CROWDED = range(7)
 FREE = -1
 
 AT_START, AT_END, AT_MIDDLE = 0, 1, 2
 _RINGS = numba.types.UniTuple(RING, 2)
+_REACH = 0.05  # how far, in longest edges, a vertex that goes may have been from what stays
 _STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that bends less is a straight line
 
 
@@ -82,14 +83,24 @@ def _rank(surface: Surface, centre: int, ring: Ring, cosine: float) -> int:
     return 3 if _bend(surface, centre, other, ring) < cosine else 2
 
 
+@kernel(numba.float64(MATRIX, numba.int64, numba.int64, RING), **LEAN)
+def _swept(points: Points, centre: int, to: int, ring: Ring) -> float:
+    """Six times the volume that a ring sweeps if its centre moves to another vertex."""
+    total = 0.0
+    for i in range(ring.size[0]):
+        for k in range(3):
+            total += (points[to, k] - points[centre, k]) * ring.normals[i, k]
+    return abs(total)
+
+
 @kernel(numba.types.UniTuple(numba.int64, 3)(SURFACE, numba.int64, RING, RING, VECTOR), **LEAN)
 def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tuple[int, int, int]:
     """Where the remaining vertex may lie, best first; FREE fills up, all FREE means a feature forbids it.
 
     The end with more hard edges wins and keeps its position (P30). Ties are ours: soft ends take the
-    midpoint (P27) or else either end. Two vertices of one crease take the midpoint where the crease is
-    straight, or else the end where it bends more. Corners never move into each other, and two creases
-    are never merged across the soft surface between them: that is what keeps a tendril alive (P32).
+    midpoint (P27) or else the end that changes the volume less. Two vertices of one crease take the midpoint
+    where the crease is straight, or else the end where it bends more. Corners never move into each other,
+    and two creases are never merged across the soft surface between them: that keeps a tendril alive (P32).
     """
     a, b = surface.vert[h], surface.vert[following(h)]
     midpoints = limits[3] > 0
@@ -104,8 +115,11 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
         return AT_START, FREE, FREE
     if theirs > mine:
         return AT_END, FREE, FREE
+    if mine < 2 and midpoints:
+        return AT_MIDDLE, AT_START, AT_END
     if mine < 2:
-        return (AT_MIDDLE, AT_START, AT_END) if midpoints else (AT_START, AT_END, FREE)
+        at_start, at_end = _swept(surface.points, b, a, far), _swept(surface.points, a, b, near)
+        return (AT_START, AT_END, FREE) if at_start <= at_end else (AT_END, AT_START, FREE)
     one, two = _bend(surface, a, b, near), _bend(surface, b, a, far)
     if one > _STRAIGHT and two > _STRAIGHT:
         return (AT_MIDDLE, AT_START, AT_END) if midpoints else (AT_START, AT_END, FREE)
@@ -121,11 +135,57 @@ def _move_fault(surface: Surface, ring: Ring, centre: int, other: int, place: Fl
     for i in range(ring.size[1]):
         v = ring.vertex[i]
         x, y, z = points[v, 0] - place[0], points[v, 1] - place[1], points[v, 2] - place[2]
-        if v != other and x * x + y * y + z * z > min(
+        if v != other and x * x + y * y + z * z > limits[6] * min(
             bracket(surface, limits, centre, v)[0], bracket(surface, limits, other, v)[0]
         ):
             return TOO_LONG
-    return FOLD if folds(points, ring, other, place) else FREE
+    return FOLD if folds(points, ring, other, place, UPRIGHT) else FREE
+
+
+@kernel(numba.float64(numba.float64, numba.float64, numba.float64, numba.float64, numba.float64), **LEAN)
+def _to_triangle(aa: float, ab: float, bb: float, ap: float, bp: float) -> float:
+    """How much nearer than its corner o the nearest point of a triangle is to a point p, as squares.
+
+    Given are the products of its sides a and b, which leave o, with each other and with p - o.
+    """
+    det = aa * bb - ab * ab
+    s, t = bb * ap - ab * bp, aa * bp - ab * ap
+    if s >= 0.0 and t >= 0.0 and s + t <= det and det > 0.0:
+        return (s * ap + t * bp) / det
+    best = 0.0
+    if aa > 0.0:
+        u = min(1.0, max(0.0, ap / aa))
+        best = max(best, u * (2.0 * ap - u * aa))
+    if bb > 0.0:
+        u = min(1.0, max(0.0, bp / bb))
+        best = max(best, u * (2.0 * bp - u * bb))
+    cc = aa - 2.0 * ab + bb
+    if cc > 0.0:
+        u = min(1.0, max(0.0, (bp - ab - ap + aa) / cc))
+        best = max(best, 2.0 * ap - aa + u * (2.0 * (bp - ab - ap + aa) - u * cc))
+    return best
+
+
+@kernel(numba.float64(MATRIX, RING, numba.int64, numba.int64), **LEAN)
+def _left_behind(points: Points, ring: Ring, centre: int, to: int) -> float:
+    """Squared distance of the ring's centre from its faces once it has merged into the vertex `to`."""
+    away, best = squared(points, centre, to), 0.0
+    for i in range(ring.size[0]):
+        b = ring.vertex[i]
+        c = ring.vertex[i + 1] if i + 1 < ring.size[1] else ring.vertex[0]
+        if b == to or c == to:
+            continue
+        aa, bb, ab, ap, bp = 0.0, 0.0, 0.0, 0.0, 0.0
+        for k in range(3):
+            origin = points[to, k]
+            u, v, w = points[b, k] - origin, points[c, k] - origin, points[centre, k] - origin
+            aa += u * u
+            bb += v * v
+            ab += u * v
+            ap += u * w
+            bp += v * w
+        best = max(best, _to_triangle(aa, ab, bb, ap, bp))
+    return away - best
 
 
 @kernel((MATRIX, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)
@@ -165,6 +225,10 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tu
             fault = _move_fault(surface, near, a, b, near.place, limits)
         if fault == FREE and where != AT_END:
             fault = _move_fault(surface, far, b, a, near.place, limits)
+        if fault == FREE and limits[3] == 0.0:  # placed exactly, the surface is worth being kept so
+            lost = _left_behind(points, far, b, a) if where == AT_START else _left_behind(points, near, a, b)
+            if lost > _REACH * _REACH * bracket(surface, limits, a, b)[0]:
+                fault = SHAPE
         if fault == FREE:
             return where, FREE
         if reason == FEATURE:

@@ -148,8 +148,10 @@ def _facing_obtuse(surface: Surface, f: int) -> int:
     return h + 2 if _openness(points, b, c, a) < 0 else -1
 
 
-@kernel(numba.int64(SURFACE, numba.int64, VECTOR, BYTES, INTS), **LEAN)
-def flip_marked(surface: Surface, faces: int, limits: Floats, marks: AnyArray, again: Indices) -> int:
+@kernel(numba.int64(SURFACE, numba.int64, VECTOR, BYTES, INTS, INTS), **LEAN)
+def flip_marked(
+    surface: Surface, faces: int, limits: Floats, marks: AnyArray, obtuse: Indices, again: Indices
+) -> int:
     """Flip what is worth it among the edges of FRESH faces, and then around each flip.
 
     An edge can only be worth it if it faces an obtuse corner, and a face has at most one: so each FRESH
@@ -159,7 +161,12 @@ def flip_marked(surface: Surface, faces: int, limits: Floats, marks: AnyArray, a
     """
     vert, twin = surface.vert, surface.twin
     again[0] = 0
-    flips, looks = 0, 0
+    flips, looks = 0, int(obtuse[0])
+    for i in range(1, obtuse[0] + 1):
+        if vert[obtuse[i]] >= 0:
+            flips += _try_flip(surface, obtuse[i], limits, marks, again)
+            marks[obtuse[i] // 3] = CHANGED
+    obtuse[0] = 0
     for f in range(faces):
         if marks[f] != FRESH or vert[3 * f] < 0:
             continue

@@ -6,10 +6,15 @@ nothing: what a list loses, the look at the marked faces that ends a round finds
 Marks are one byte a face: AS_IT_WAS when the frame began, CHANGED since, or FRESH, changed since flips
 were last looked for.
 
-Limits are five numbers: the largest and the smallest squared length allowed, the cosine of the hard angle,
-whether two soft ends merge halfway, and the column of `Surface.carried` where every vertex has limits of
-its own (largest length, smallest length, cosine), or -1 where the same hold everywhere. The limit of an
-edge is then the geometric mean of those of its ends, which needs no root: lengths are compared as squares.
+Limits are seven numbers:
+0, 1  the largest and the smallest squared length allowed
+2     cosine of the hard angle
+3     1 where two soft ends merge halfway, 0 where at one of them
+4     the column of `Surface.carried` where every vertex has limits of its own (largest length, smallest
+      length, cosine), or -1 where the same hold everywhere. The limit of an edge is then the geometric mean
+      of those of its ends, which needs no root: lengths are compared as squares
+5     the share of a triangle's longest side in the sum of its squared sides from which on it is obtuse
+6     how many times the largest squared length an edge may have that a collapse makes
 """
 
 from __future__ import annotations

@@ -25,8 +25,10 @@ from pipeline.resample._kernels_ring import RING, Ring, folds, walk, weigh_faces
 MOST_AROUND = (
     12  # spokes of a new vertex: two of its own edge, two medians, and its neighbours' in the same pass
 )
+LEAVING = 3  # which of them leaves the new vertex
 BIRTH = 4  # numbers noted of each new vertex: parents a and b, half-edges a→vertex and vertex→b
 _SWEEPS = 3
+_ASTRAY = -0.5  # cosine: around a place that is known to be right, faces may turn by 120 degrees
 _TABLE = numba.int32[:, ::1]
 _LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
 
@@ -204,7 +206,7 @@ def curved_middles(
     cosine of -1 only tagged edges and boundaries are creases. `scratch` has six entries.
     """
     for i in range(len(births)):
-        a, b, h, new = births[i, 0], births[i, 1], births[i, 2], births[i, 3]
+        a, b, h, new = births[i, 0], births[i, 1], births[i, 2], births[i, LEAVING]
         for k in range(3):
             places[i, k] = 0.5 * (surface.points[a, k] + surface.points[b, k])
             normals[i, k] = 0.0
@@ -224,13 +226,13 @@ def settle(surface: Surface, births: Indices, ring: Ring, places: Points, settle
     for _ in range(_SWEEPS):
         before = done
         for i in range(len(births)):
-            middle, new = surface.vert[births[i, 3]], births[i, 3]
+            middle, new = surface.vert[births[i, LEAVING]], births[i, LEAVING]
             if settled[i] or not walk(surface, new, ring):
                 continue
             weigh_faces(surface, middle, ring)
             for k in range(3):
                 ring.place[k] = places[i, k]
-            if folds(surface.points, ring, -1, ring.place):
+            if folds(surface.points, ring, -1, ring.place, _ASTRAY):
                 continue
             for k in range(3):
                 surface.points[middle, k] = places[i, k]
@@ -248,7 +250,7 @@ def long_around(surface: Surface, births: Indices, limits: Floats, listed: Indic
     for i in range(1, listed[0] + 1):
         push(longs, listed[i])
     for i in range(len(births)):
-        first = k = births[i, 3]
+        first = k = births[i, LEAVING]
         while True:
             a, b = vert[k], vert[following(k)]
             if squared(surface.points, a, b) > bracket(surface, limits, a, b)[0]:

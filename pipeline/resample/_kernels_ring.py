@@ -28,7 +28,7 @@ from pipeline.mesh._kernels_halfedge import (
 from pipeline.resample._kernels_lists import area_vector, squared
 
 MOST_SPOKES = 512
-_LEAST_COSINE = 0.2  # a face may turn by 78 degrees in one step, not more
+UPRIGHT = 0.2  # cosine: a face may turn by 78 degrees in one step, not more
 _THIN = 0.02  # twice the area over the longest side squared; below it a face counts as a sliver
 
 
@@ -118,11 +118,12 @@ def weigh(surface: Surface, centre: int, ring: Ring, cosine: float) -> None:
     ring.size[2] = count
 
 
-@kernel(numba.boolean(MATRIX, RING, numba.int64, VECTOR), **LEAN)
-def folds(points: Points, ring: Ring, other: int, place: Floats) -> bool:
-    """Whether a face of the ring would turn over or become a sliver if its centre moved to `place`.
+@kernel(numba.boolean(MATRIX, RING, numba.int64, VECTOR, numba.float64), **LEAN)
+def folds(points: Points, ring: Ring, other: int, place: Floats, cosine: float) -> bool:
+    """Whether a face of the ring would turn too far or become a sliver if its centre moved to `place`.
 
-    Faces at the vertex `other`, which the centre may merge with, do not count. `weigh_faces` comes first.
+    Too far is more than the angle of that cosine. Faces at the vertex `other`, which the centre may merge
+    with, do not count. `weigh_faces` comes first.
     """
     faces, spokes = ring.size[0], ring.size[1]
     for i in range(faces):
@@ -137,7 +138,7 @@ def folds(points: Points, ring: Ring, other: int, place: Floats) -> bool:
         mx, my, mz = ring.normals[i, 0], ring.normals[i, 1], ring.normals[i, 2]
         old = mx * mx + my * my + mz * mz
         dot = nx * mx + ny * my + nz * mz
-        if old > 0 and (dot <= 0 or dot * dot < _LEAST_COSINE * _LEAST_COSINE * old * new):
+        if old > 0 and dot * abs(dot) < cosine * abs(cosine) * old * new:
             return True
         side = max(ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz, squared(points, b, c))
         if new < _THIN * _THIN * side * side and new < old:

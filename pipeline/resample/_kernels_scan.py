@@ -50,18 +50,24 @@ def _list(surface: Surface, h: int, length: float, limits: Floats, longs: Indice
     return 1
 
 
-@kernel(numba.float64(SURFACE, numba.int64, VECTOR, INTS, INTS, MATRIX), **LEAN)
+@kernel(numba.float64(SURFACE, numba.int64, VECTOR, INTS, INTS, INTS, MATRIX), **LEAN)
 def scan(
-    surface: Surface, faces: int, limits: Floats, longs: Indices, shorts: Indices, extents: Points
+    surface: Surface,
+    faces: int,
+    limits: Floats,
+    longs: Indices,
+    shorts: Indices,
+    obtuse: Indices,
+    extents: Points,
 ) -> float:
     """List every edge out of the bracket once; answers a sum that is finite where all lengths are.
 
-    `extents` (blocks, 2) gets the
+    `obtuse` lists the edges that face a corner much wider than a right angle. `extents` (blocks, 2) gets the
     smallest and largest of each block, over the faces within the bracket. No face may be missing. Faces
     are visited in order and only edges out of the bracket look at their twins, so the pass costs little
     more than reading the mesh.
     """
-    most, least, total = limits[0], limits[1], 0.0
+    most, least, total, bluntness = limits[0], limits[1], 0.0, limits[5]
     if limits[4] >= 0:
         most, least = 0.0, np.inf  # every edge has its own bracket to be compared with
     for block in range(len(extents)):
@@ -70,6 +76,8 @@ def scan(
             ab, bc, ca = _sides(surface, f)
             small, large = _least_and_most(ab, bc, ca)
             total += ab + bc + ca
+            if large > bluntness * (ab + bc + ca):
+                push(obtuse, 3 * f if large == ab else (3 * f + 1 if large == bc else 3 * f + 2))
             out = 0
             if large > most or small < least:
                 out += _list(surface, 3 * f, ab, limits, longs, shorts)

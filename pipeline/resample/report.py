@@ -19,10 +19,12 @@ class Report:
                                feature    two corners or two creases would become one
                                too_long   an edge over the maximum would appear
                                fold       a face would turn over or become a sliver
+                               shape      the tip of something thin would be lost
                                crowded    an end has more than 500 neighbours
     vertices, faces, edges     what there is now
     too_long, too_short        edges out of the bracket; too_long is always 0, too_short the sum of `refused`
     shortest, longest          edge lengths, scene units
+    relaxed                    vertices moved within the surface for the shape of their triangles
     on_chord                   new vertices that the placement left at the middle of their edge, because
                                the surface would have folded where they belong
     """
@@ -38,6 +40,7 @@ class Report:
     too_short: int
     shortest: float
     longest: float
+    relaxed: int = 0
     on_chord: int = 0
     refused: Mapping[str, int] = field(default_factory=dict)
 

@@ -17,6 +17,7 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample import Thresholds
 from pipeline.resample.hardness import Region
+from pipeline.resample.shape import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
 from pipeline.shot.data import NOT_DATA, as_data
 from pipeline.shot.subject import Solid, Subject
@@ -34,7 +35,7 @@ class Resampling:
     placement   where new vertices go: chord, the middle of the edge (P25); curved, on a surface that is
                 smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
     splits      edges: one long edge at a time (P25); faces: one triangle into four (P26)
-    shape       0 to 1: how much is done for well-shaped triangles (P36)
+    shape       0 to 1: the roundness of triangles below which they are mended (P36; see `Shape`)
     normals     carried through the flow, where the placement is exact; or of the geometry of each frame
     renew       frames after which the present surface becomes the undeformed one, where placement is exact
     creases     edges that stay hard whatever becomes of their angle (P31): rest, those that are hard in the
@@ -48,7 +49,7 @@ class Resampling:
     method: Literal["triangles", "polyhedra"] = "triangles"
     placement: Literal["chord", "curved", "exact"] = "exact"
     splits: Literal["edges", "faces"] = "edges"
-    shape: float = 0.5
+    shape: float = DEFAULT_ROUNDNESS
     normals: Literal["carried", "geometric"] = "carried"
     renew: int = 240
     creases: Literal["rest", "model", "none"] | Region = "rest"

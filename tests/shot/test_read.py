@@ -116,7 +116,7 @@ def test_settings_that_another_placement_ignores_are_no_part_of_any_mesh(tmp_pat
 
     assert data("placement: chord") == data("placement: chord, renew: 10, normals: geometric")
     assert data("placement: exact") != data("placement: exact, renew: 10")
-    assert data("shape: 0.5") == data("") != data("shape: 0.6")
+    assert data("shape: 0.6") == data("") != data("shape: 0.7")
 
 
 def test_without_resampling_a_motion_has_data_too(tmp_path: Path) -> None:
