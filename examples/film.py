@@ -1,0 +1,56 @@
+"""What the figures film: a surface and a flow, with resampling and without."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from pipeline.arrays import Floats, Points
+from pipeline.flow import Flow
+from pipeline.mesh import PolygonMesh, TriangleMesh
+from pipeline.resample import PolyhedralResampler, Report, Resampler
+
+RATE = 24
+"""Frames a second."""
+
+
+def resampled(surface: Resampler | PolyhedralResampler, flow: Flow, frames: int) -> Iterator[Report]:
+    """Each frame's report; the first is the subject at rest, and then the flow moves it for a frame (P6)."""
+    yield surface.resample()
+    for frame in range(frames):
+        surface.vertices[:] = flow.displace(surface.vertices, frame / RATE, 1 / RATE)
+        yield surface.resample()
+
+
+def unresampled(points: Points, flow: Flow, frames: int) -> Iterator[Points]:
+    """(V, 3) each frame's vertices, where they only move."""
+    yield points
+    for frame in range(frames):
+        points = flow.displace(points, frame / RATE, 1 / RATE)
+        yield points
+
+
+def edge_lengths(mesh: TriangleMesh | PolygonMesh) -> Floats:
+    """(E,) scene units, each edge once."""
+    polygons = PolygonMesh.from_triangles(mesh) if isinstance(mesh, TriangleMesh) else mesh
+    ends = mesh.vertices[polygons.edges]
+    lengths: Floats = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+    return lengths
+
+
+def volume(mesh: TriangleMesh) -> float:
+    """Of a closed surface, cubic scene units."""
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
+
+
+def sphericity(mesh: TriangleMesh) -> float:
+    """The area of the ball of equal volume over the surface's own: 1 for a ball, 0.806 for a cube.
+
+    Source: Wadell, *Volume, Shape, and Roundness of Quartz Particles*, Journal of Geology 43 (1935).
+    """
+    a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
+    area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+    return math.pi ** (1 / 3) * (6 * volume(mesh)) ** (2 / 3) / area

@@ -1,0 +1,105 @@
+"""Shaded pictures by the project's own renderer, with the edges of the mesh drawn over them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from examples.drawing import INK
+from pipeline.arrays import AnyArray, Floats
+from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
+from pipeline.production.framing import Framing, View, frame_all
+from render.colour import quantise, to_display
+from render.denoise import denoise
+from render.engine import choose
+from render.frame import render_frame
+from render.lights import LIGHTS, LightRig
+from render.look import LOOKS, Look
+from render.quality import Quality
+from render.scene import Surface
+from render.stage import Stage
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+BRIGHT = Stage(colour=(0.8, 0.8, 0.79))
+"""A white cyclorama, for pictures on a white page."""
+
+_STEPS = 12  # pieces of an edge, each of which is seen or hidden
+_BEHIND = 0.004  # of the distance: what lies this much deeper than the picture shows is hidden
+
+
+@dataclass(frozen=True)
+class Photograph:
+    """pixels (H, W, 3) of 8 bits; depth (H, W), the distance from the camera; and how it was framed."""
+
+    pixels: AnyArray
+    depth: Floats
+    framing: Framing
+
+
+def framed(
+    mesh: TriangleMesh, azimuth: float, elevation: float, aspect: float, margin: float = 0.1
+) -> Framing:
+    """A camera for one mesh; angles in degrees, `aspect` is width over height."""
+    view = View(math.radians(azimuth), math.radians(elevation), math.radians(26), margin)
+    return frame_all([view], lambda _: mesh.vertices, aspect)[0]
+
+
+def photograph(
+    mesh: TriangleMesh,
+    framing: Framing,
+    size: tuple[int, int],
+    look: Look = LOOKS["clay"],
+    lights: LightRig = LIGHTS["studio"],
+    stage: Stage = BRIGHT,
+    exposure: float = 0.0,
+    samples: int = 64,
+) -> Photograph:
+    """Render a mesh, its normals averaged up to 40 degrees; `size` is width and height in pixels."""
+    shaded = split_at_creases(mesh, math.radians(40))
+    surface = Surface(shaded.vertices.astype(np.float32), shaded.normals.astype(np.float32), shaded.faces)
+    quality = Quality(*size, samples=samples, depth=6, guides=64)
+    layers = render_frame(
+        surface, look, lights, stage, framing.placement, framing.camera, quality, seed=1, engine=choose()
+    )
+    light = denoise(layers) * np.float32(2.0 ** (lights.exposure + exposure))
+    return Photograph(quantise(to_display(light, display="srgb")), layers["depth"], framing)
+
+
+def show(panel: Axes, picture: Photograph) -> None:
+    """The picture alone, pixel for pixel."""
+    height, width = picture.pixels.shape[:2]
+    panel.imshow(picture.pixels, extent=(0, width, height, 0))
+    panel.set(xlim=(0, width), ylim=(height, 0))
+
+
+def wires(
+    panel: Axes, picture: Photograph, mesh: TriangleMesh, width: float = 0.35, colour: str = INK
+) -> None:
+    """The edges that are seen, over the picture; what is hidden is found by the picture's depth."""
+    from matplotlib.collections import LineCollection
+
+    high, wide = picture.depth.shape
+    ends = mesh.vertices[PolygonMesh.from_triangles(mesh).edges]
+    share = np.linspace(0.0, 1.0, _STEPS + 1)[:, None, None]
+    points = (1 - share) * ends[:, 0] + share * ends[:, 1]
+    camera = picture.framing.camera
+    x, y, _ = camera.project(points.reshape(-1, 3), wide / high).T
+    at = np.stack([(x + 1) / 2 * wide, (1 - y) / 2 * high], axis=-1).reshape(_STEPS + 1, -1, 2)
+    middle = (at[1:] + at[:-1]) / 2
+    distance = np.linalg.norm((points[1:] + points[:-1]) / 2 - camera.origin, axis=2)
+    column, row = (np.clip(middle[..., k].astype(int), 0, (wide, high)[k] - 1) for k in (0, 1))
+    seen = distance < picture.depth[row, column] * (1 + _BEHIND)
+    pieces = np.stack([at[:-1], at[1:]], axis=2)[seen]
+    panel.add_collection(
+        LineCollection(pieces, colors=colour, linewidths=width, alpha=0.75, capstyle="round")
+    )
+
+
+def dimmed(lights: LightRig, stops: float) -> LightRig:
+    """The same lights at another exposure."""
+    return replace(lights, exposure=lights.exposure + stops)
