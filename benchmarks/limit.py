@@ -4,13 +4,16 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numba
 
 from pipeline.arrays import Indices, Points
 
+_jit: Any = numba.njit(fastmath=True, cache=False)
 
-@numba.njit(fastmath=True, cache=False)  # type: ignore[untyped-decorator]
+
+@_jit
 def edge_pass(points: Points, edges: Indices, bound: float) -> int:
     """How many edges have a squared length over the bound."""
     count = 0

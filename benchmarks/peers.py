@@ -12,21 +12,44 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
+
+from benchmarks.measures import Nearest
+from pipeline.arrays import AnyArray, Faces, Points
 from pipeline.mesh import TriangleMesh
 
-Remesher = Callable[[TriangleMesh, float], float]
+Remesher = Callable[[TriangleMesh, float], tuple[TriangleMesh, float]]
+"""(mesh, maximum edge length) -> the mesh remeshed once, and the seconds of the call alone."""
 
 _AIM = 0.75  # target edge length over the maximum edge length
 
 
 def installed() -> dict[str, Remesher]:
-    """By name, a function that remeshes once and answers with the seconds of the call alone."""
+    """By name."""
     known: dict[str, Remesher] = {"pymeshlab": _pymeshlab, "gpytoolbox": _gpytoolbox}
-    sys.path.append(str(Path(sys.prefix) / "peers"))
-    return {name: run for name, run in known.items() if importlib.util.find_spec(name)}
+    return {name: run for name, run in known.items() if _found(name)}
 
 
-def _pymeshlab(mesh: TriangleMesh, longest: float) -> float:
+def nearest() -> Nearest | None:
+    """libigl's search for the nearest face, where it is installed."""
+    return _nearest if _found("igl") and _found("scipy") else None
+
+
+def _found(name: str) -> bool:
+    beside = str(Path(sys.prefix) / "peers")
+    if beside not in sys.path:
+        sys.path.append(beside)
+    return importlib.util.find_spec(name) is not None
+
+
+def _nearest(points: Points, vertices: Points, faces: Faces) -> AnyArray:
+    igl = importlib.import_module("igl")
+    _, face, _ = igl.point_mesh_squared_distance(points, np.array(vertices), faces.astype(np.int64))
+    found: AnyArray = face
+    return found
+
+
+def _pymeshlab(mesh: TriangleMesh, longest: float) -> tuple[TriangleMesh, float]:
     pymeshlab = importlib.import_module("pymeshlab")
     meshes = pymeshlab.MeshSet(verbose=False)
     meshes.add_mesh(pymeshlab.Mesh(mesh.vertices, mesh.faces))
@@ -35,12 +58,15 @@ def _pymeshlab(mesh: TriangleMesh, longest: float) -> float:
     meshes.meshing_isotropic_explicit_remeshing(
         iterations=1, targetlen=aim, featuredeg=40, checksurfdist=False, reprojectflag=False
     )
-    return time.perf_counter() - start
+    seconds = time.perf_counter() - start
+    done = meshes.current_mesh()
+    return TriangleMesh(done.vertex_matrix(), done.face_matrix()), seconds
 
 
-def _gpytoolbox(mesh: TriangleMesh, longest: float) -> float:
+def _gpytoolbox(mesh: TriangleMesh, longest: float) -> tuple[TriangleMesh, float]:
     gpytoolbox = importlib.import_module("gpytoolbox")
     vertices, faces = mesh.vertices.copy(), mesh.faces.copy()
     start = time.perf_counter()
-    gpytoolbox.remesh_botsch(vertices, faces, 1, _AIM * longest, False)
-    return time.perf_counter() - start
+    vertices, faces = gpytoolbox.remesh_botsch(vertices, faces, 1, _AIM * longest, False)
+    seconds = time.perf_counter() - start
+    return TriangleMesh(vertices, faces), seconds

@@ -1,0 +1,88 @@
+"""A film of `benchmarks.works`, resampled frame after frame, with the clock on the resampling alone."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from benchmarks.works import Film
+from pipeline.arrays import Points
+from pipeline.mesh import TriangleMesh, icosphere
+from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
+
+PLACEMENTS = ("chord", "curved", "exact")
+
+
+@dataclass(frozen=True)
+class Moment:
+    """One frame: the surface moved but not resampled, and how to have it resampled.
+
+    seconds, carrying  of all frames so far; carrying is not part of the seconds
+    """
+
+    number: int
+    before: TriangleMesh | None
+    after: Callable[[], TriangleMesh]
+    report: Report
+    seconds: float
+    carrying: float
+
+
+def play(
+    film: Film,
+    placement: str,
+    thresholds: Thresholds | None = None,
+    shape: float | None = None,
+    looks: Callable[[int], bool] = lambda number: False,
+) -> Iterator[Moment]:
+    """Every frame of a film. `looks` says of which the surface before resampling is wanted."""
+    carrier = _Carrier(film)
+    how: dict[str, Placement] = {
+        "chord": Chord(),
+        "curved": Curved(),
+        "exact": Exact(carrier.carry, film.project),
+    }
+    chosen = thresholds if thresholds is not None else Thresholds(film.max_edge_length)
+    stronger = {} if shape is None else {"shape": shape}
+    resampler = Resampler(film.subject, chosen, how[placement], **stronger)
+    seconds = 0.0
+    for number in range(1, film.frames + 1):
+        resampler.vertices[:] = film.follow(resampler.vertices, number - 1, number)
+        before, carrier.frame, carried = resampler.mesh if looks(number) else None, number, carrier.seconds
+        start = time.perf_counter()
+        report = resampler.resample()
+        seconds += time.perf_counter() - start - (carrier.seconds - carried)
+        yield Moment(number, before, lambda: resampler.mesh, report, seconds, carrier.seconds)
+
+
+class _Carrier:
+    """Follows points from rest to now, and knows how long that took."""
+
+    def __init__(self, film: Film) -> None:
+        self._film, self.frame, self.seconds = film, 0, 0.0
+
+    def carry(self, points: Points) -> Points:
+        start = time.perf_counter()
+        moved = self._film.follow(points, 0, self.frame)
+        self.seconds += time.perf_counter() - start
+        return moved
+
+
+def warm() -> None:
+    """Load all kernels, so that no clock sees it."""
+    ball = icosphere(6)
+    rest = ball.vertices
+    for placement in (Chord(), Curved(), Exact(lambda points: points * (1.5, 0.6, 1.0), _onto)):
+        for shape in (0.6, 0.85):
+            resampler = Resampler(ball, Thresholds(0.25), placement, shape)
+            resampler.vertices[:] = rest * (1.5, 0.6, 1.0)
+            resampler.resample()
+            resampler.mesh  # noqa: B018
+
+
+def _onto(points: Points) -> Points:
+    on: Points = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return on
