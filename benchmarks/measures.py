@@ -59,7 +59,7 @@ def rms(values: Floats) -> float:
 
 
 def exactness(film: Film, mesh: TriangleMesh, frame: int, samples: int = SAMPLES) -> dict[str, float]:
-    """Of vertices and face centres: distance from the exact surface, in maximum edges, and angle of the faces.
+    """Of vertices and face centres: distance from the exact surface, in maximum edges; angle of the faces.
 
     A point is followed back to the rest, where its height above the true surface is known; divided by the
     steepness with which that grows around the point, it is the distance now, to first order.

@@ -50,7 +50,7 @@ def main(frequency: int = FREQUENCY) -> list[Target]:
 
 
 def write(file: Path, frequency: int) -> None:
-    """A geodesic sphere whose edges are in the bracket, but for those around its equator, which it stretches."""
+    """A geodesic sphere, stretched around its equator until edges there are too long."""
     ball = icosphere(frequency)
     longest = float(lengths_of(ball.vertices, edges_of(ball.faces)).mean()) / math.sqrt(0.4)
     points = np.array(ball.vertices)
