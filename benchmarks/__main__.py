@@ -1,6 +1,8 @@
 """`python -m benchmarks`: everything there is to measure."""
 
-from benchmarks.resampling import main
+from benchmarks import polyhedra, renewal, resampling
 
 if __name__ == "__main__":
-    main()
+    resampling.main()
+    renewal.main()
+    polyhedra.main()

@@ -41,7 +41,8 @@ def main() -> list[Target]:
 
 def measure(film: Film, name: str, moments: Iterator[Moment]) -> list[Row]:
     """One run to its end, looked at a few times."""
-    rows, peak, on_chord, splits = [], len(film.subject.vertices), 0, 0
+    rows: list[Row] = []
+    peak, on_chord, splits = len(film.subject.vertices), 0, 0
     for moment in moments:
         report = moment.report
         peak, splits = max(peak, report.vertices), splits + report.splits
@@ -63,7 +64,8 @@ def measure(film: Film, name: str, moments: Iterator[Moment]) -> list[Row]:
 
 def measure_peer(film: Film, name: str, remesh: peers.Remesher) -> list[Row]:
     """The same by a remesher that is called once a frame; as far as it comes."""
-    mesh, seconds, rows, peak = film.subject, 0.0, [], 0
+    rows: list[Row] = []
+    mesh, seconds, peak = film.subject, 0.0, 0
     for number in range(1, film.frames + 1):
         moved = mesh.with_vertices(film.follow(mesh.vertices, number - 1, number))
         try:

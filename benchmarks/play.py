@@ -10,7 +10,9 @@ import numpy as np
 
 from benchmarks.works import Film
 from pipeline.arrays import Points
+from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh, icosphere
+from pipeline.mesh.normals import NORMAL
 from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
 
 PLACEMENTS = ("chord", "curved", "exact")
@@ -38,7 +40,10 @@ def play(
     shape: float | None = None,
     looks: Callable[[int], bool] = lambda number: False,
 ) -> Iterator[Moment]:
-    """Every frame of a film. `looks` says of which the surface before resampling is wanted."""
+    """Every frame of a film. `looks` says of which the surface before resampling is wanted.
+
+    Where the subject has a normal at each vertex, normals go with the flow.
+    """
     carrier = _Carrier(film)
     how: dict[str, Placement] = {
         "chord": Chord(),
@@ -50,12 +55,24 @@ def play(
     resampler = Resampler(film.subject, chosen, how[placement], **stronger)
     seconds = 0.0
     for number in range(1, film.frames + 1):
-        resampler.vertices[:] = film.follow(resampler.vertices, number - 1, number)
+        _move(film, resampler, number)
         before, carrier.frame, carried = resampler.mesh if looks(number) else None, number, carrier.seconds
         start = time.perf_counter()
         report = resampler.resample()
         seconds += time.perf_counter() - start - (carrier.seconds - carried)
         yield Moment(number, before, lambda: resampler.mesh, report, seconds, carrier.seconds)
+
+
+def _move(film: Film, resampler: Resampler, number: int) -> None:
+    """Into a frame: the vertices, and their normals where they have any."""
+
+    def step(points: Points) -> Points:
+        return film.follow(points, number - 1, number)
+
+    points, normals = resampler.vertices.copy(), resampler.vectors(NORMAL)
+    resampler.vertices[:] = step(points)
+    if normals is not None:
+        normals[:] = carried_normals(step, points, resampler.vertices, normals)
 
 
 class _Carrier:

@@ -4,20 +4,28 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import TypeVar, cast
 
 import numba
 import numpy as np
 
 from pipeline.arrays import Points
 
+F = TypeVar("F", bound=Callable[..., object])
+
 Follow = Callable[[Points, int, int], Points]
 """(points (N, 3), from frame, to frame) -> where they are then."""
 
-_jit: Any = numba.njit(cache=False)
+Velocity = Callable[[float, float, float, float], tuple[float, float, float]]
+"""(x, y, z, t) -> velocity, in scene units per second."""
 
 
-@_jit
+def compiled(function: F) -> F:
+    """By numba, in this process only."""
+    return cast(F, numba.njit(function))
+
+
+@compiled
 def stir(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
     """Two counter-rotating Gaussian vortices about z and a twist about y; free of divergence."""
     one = 4.0 * math.exp(-((x - 0.9) ** 2 + y * y) / 0.64)
@@ -25,13 +33,13 @@ def stir(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
     return 1.2 * y * z - (one + two) * y, one * (x - 0.9) + two * (x + 0.9), -1.2 * y * x
 
 
-@_jit
+@compiled
 def lorenz(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
     """With σ = 10, ρ = 28, β = 8/3."""
     return 10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z
 
 
-@_jit
+@compiled
 def enright(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
     """LeVeque (1996), with a period of 3."""
     fade, pi = math.cos(math.pi * t / 3.0), math.pi
@@ -43,10 +51,10 @@ def enright(x: float, y: float, z: float, t: float) -> tuple[float, float, float
     )
 
 
-def following(velocity: Any, seconds: float) -> Follow:
+def following(velocity: Velocity, seconds: float) -> Follow:
     """The flow of a velocity over frames of that many seconds."""
 
-    @_jit
+    @compiled
     def trace(points: Points, time: float, h: float, steps: int, out: Points) -> None:
         for i in range(len(points)):
             x, y, z, t = points[i, 0], points[i, 1], points[i, 2], time
