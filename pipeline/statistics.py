@@ -10,6 +10,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Vectors
 from pipeline.mesh import ShadedMesh, TriangleMesh, face_normals, vertex_normals
 from pipeline.mesh._kernels_halfedge import match_twins
+from pipeline.mesh.intersections import self_intersections
 
 
 @dataclass(frozen=True)
@@ -20,12 +21,14 @@ class MeshStatistics:
     diameter         diagonal of the bounding box, scene units
     median_dihedral  median inner angle between neighbouring faces, radians: π is flat
     area             scene units squared
+    crossings        pairs of faces that pass through each other, which no continuous flow makes
     """
 
     mean_edge: float
     diameter: float
     median_dihedral: float
     area: float
+    crossings: int
 
 
 def mesh_statistics(mesh: TriangleMesh) -> MeshStatistics:
@@ -41,6 +44,7 @@ def mesh_statistics(mesh: TriangleMesh) -> MeshStatistics:
         diameter=float(np.linalg.norm(high - low)),
         median_dihedral=_median_dihedral(mesh, face_normals(mesh)),
         area=float(np.sqrt(np.maximum(sixteenfold, 0.0)).sum() / 4),
+        crossings=self_intersections(mesh),
     )
 
 
