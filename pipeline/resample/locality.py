@@ -18,4 +18,4 @@ def in_memory_order(mesh: TriangleMesh) -> TriangleMesh:
     if len(mesh.faces) <= _CACHED:
         return mesh
     order = np.argsort(mesh.faces.min(axis=1), kind="stable")
-    return TriangleMesh(mesh.vertices, mesh.faces[order], mesh.attributes)
+    return TriangleMesh(mesh.vertices, mesh.faces[order], mesh.attributes, mesh.creases)

@@ -7,6 +7,8 @@ It looks at the geometry of one moment only and knows nothing of what moved it (
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from typing import Literal
 
 from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.errors import UsageError
@@ -15,9 +17,12 @@ from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample.frame import Frame
 from pipeline.resample.locality import in_memory_order
 from pipeline.resample.placement import Chord, Placement
+from pipeline.resample.quarter import quarter
 from pipeline.resample.report import Report
 from pipeline.resample.shape import DEFAULT_ROUNDNESS, Shape
 from pipeline.resample.thresholds import Thresholds
+
+Splits = Literal["edges", "faces"]
 
 _CHORD = Chord()
 _ATTRIBUTE = "attribute."
@@ -30,6 +35,8 @@ class Resampler:
     thresholds   the bracket; may be replaced between frames
     placement    where new vertices go
     shape        roundness below which triangles are mended (see `Shape`): 0 to 1
+    splits       "edges": long edges are cut in two (P25); "faces": faces that have one into four (P26), which
+                 is for new vertices on the chord (UsageError otherwise)
 
     Vertex attributes go along: a new vertex gets the mean of its parents', a merged one the survivor's
     (integers and flags are never mixed).
@@ -41,9 +48,21 @@ class Resampler:
         thresholds: Thresholds,
         placement: Placement = _CHORD,
         shape: float = DEFAULT_ROUNDNESS,
+        splits: Splits = "edges",
     ) -> None:
-        self.thresholds, self.placement, self.shape = thresholds, placement, Shape(shape)
+        self._settle(thresholds, placement, shape, splits)
         self._mesh = HalfedgeMesh(in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh))))
+
+    def _settle(self, thresholds: Thresholds, placement: Placement, shape: float, splits: Splits) -> None:
+        if splits not in ("edges", "faces"):
+            raise UsageError(f"splits {splits!r} is not known; use 'edges' or 'faces'")
+        if splits == "faces" and placement.leaves_chord:
+            raise UsageError(
+                "splits 'faces' puts new vertices in the middle of their edges, and "
+                f"{type(placement).__name__} elsewhere; use Chord(), or split edges"
+            )
+        self.thresholds, self.placement, self.shape = thresholds, placement, Shape(shape)
+        self.splits: Splits = splits
 
     @property
     def vertices(self) -> Points:
@@ -75,6 +94,7 @@ class Resampler:
         thresholds: Thresholds,
         placement: Placement = _CHORD,
         shape: float = DEFAULT_ROUNDNESS,
+        splits: Splits = "edges",
     ) -> Resampler:
         """Go on from a `state`, bit for bit as if never stopped. Names it does not know are left alone."""
         missing = {"vertices", "faces"} - set(state)
@@ -84,7 +104,7 @@ class Resampler:
             )
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
         resumed = cls.__new__(cls)  # not by __init__, which may order faces anew
-        resumed.thresholds, resumed.placement, resumed.shape = thresholds, placement, Shape(shape)
+        resumed._settle(thresholds, placement, shape, splits)
         creases = state.get("creases")
         resumed._mesh = HalfedgeMesh(TriangleMesh(state["vertices"], state["faces"], attributes, creases))
         return resumed
@@ -98,9 +118,26 @@ class Resampler:
         frame = Frame(self._mesh, self.thresholds, self.placement, self.shape)
         self.placement.heal(self._mesh)
         frame.scan()
-        frame.split_long_edges()
-        frame.collapse_short_edges()
-        return frame.report()
+        if self.splits == "faces" and frame.longs[0]:
+            return self._in_four()
+        return _brought_back(frame)
+
+    def _in_four(self) -> Report:
+        """Cut faces, and see to short edges and shapes as ever."""
+        before = self._mesh.snapshot()
+        mesh, thresholds, passes = quarter(before, self.thresholds)
+        self._mesh = HalfedgeMesh(mesh)
+        frame = Frame(self._mesh, thresholds, self.placement, self.shape)
+        frame.scan()
+        done, cut = _brought_back(frame), len(mesh.vertices) - len(before.vertices)
+        return replace(done, splits=done.splits + cut, passes=done.passes + passes)
+
+
+def _brought_back(frame: Frame) -> Report:
+    """The rest of a frame whose edges have been looked through."""
+    frame.split_long_edges()
+    frame.collapse_short_edges()
+    return frame.report()
 
 
 def resample(
@@ -108,8 +145,9 @@ def resample(
     thresholds: Thresholds,
     placement: Placement = _CHORD,
     shape: float = DEFAULT_ROUNDNESS,
+    splits: Splits = "edges",
 ) -> tuple[TriangleMesh, Report]:
     """One resampling of one mesh; for a film keep a `Resampler`, which keeps the connectivity."""
-    resampler = Resampler(mesh, thresholds, placement, shape)
+    resampler = Resampler(mesh, thresholds, placement, shape, splits)
     report = resampler.resample()
     return resampler.mesh, report

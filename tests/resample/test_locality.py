@@ -39,3 +39,8 @@ def test_a_large_surface_resumes_with_the_same_bits() -> None:
         assert each.resample().splits > 0
     assert straight.mesh.faces.tobytes() == resumed.mesh.faces.tobytes()
     assert straight.mesh.vertices.tobytes() == resumed.mesh.vertices.tobytes()
+
+
+def test_a_large_surface_keeps_its_creases() -> None:
+    mesh = LARGE.with_creases(LARGE.faces[:40, :2])
+    assert np.array_equal(Resampler(mesh, Thresholds(0.1)).mesh.creases, mesh.creases)
