@@ -195,6 +195,18 @@ def _bend_patch(
         normals[i, k] /= math.sqrt(length) if length > 0.0 else 1.0
 
 
+@kernel(numba.int64(SURFACE, numba.int64, numba.int64), **LEAN)
+def arriving(surface: Surface, new: int, a: int) -> int:
+    """The half-edge a→vertex, from the one that leaves the vertex for its other parent.
+
+    It may have another place in the table than when it was cut, if its face was cut again in the same pass.
+    """
+    k = preceding(new)
+    while surface.vert[k] != a:
+        k = preceding(surface.twin[k])
+    return int(k)
+
+
 @kernel((SURFACE, _TABLE, numba.float64, VECTOR, MATRIX, MATRIX))
 def curved_middles(
     surface: Surface, births: Indices, cosine: float, scratch: Floats, places: Points, normals: Vectors
@@ -206,7 +218,8 @@ def curved_middles(
     cosine of -1 only tagged edges and boundaries are creases. `scratch` has six entries.
     """
     for i in range(len(births)):
-        a, b, h, new = births[i, 0], births[i, 1], births[i, 2], births[i, LEAVING]
+        a, b, new = births[i, 0], births[i, 1], births[i, LEAVING]
+        h = arriving(surface, new, a)
         for k in range(3):
             places[i, k] = 0.5 * (surface.points[a, k] + surface.points[b, k])
             normals[i, k] = 0.0
@@ -259,7 +272,7 @@ def long_around(surface: Surface, births: Indices, limits: Floats, listed: Indic
             if k < 0 or k == first:
                 break
         if k < 0:  # of a boundary's two edges at the vertex, the one that no spoke has led along
-            back = births[i, 2]
+            back = arriving(surface, births[i, LEAVING], births[i, 0])
             a, b = vert[back], vert[following(back)]
             if squared(surface.points, a, b) > bracket(surface, limits, a, b)[0]:
                 push(longs, back)
