@@ -6,25 +6,19 @@ from collections import deque
 
 from examples.drawing import page, save
 from examples.film import resampled, unresampled
-from pipeline.flow import Flow, Sequence, Streamlines, Sum
-from pipeline.flow.catalogue import Twist, Vortex
+from pipeline.flow import Flow, Streamlines, Sum
+from pipeline.flow.catalogue import Vortex
 from pipeline.mesh import TriangleMesh, box
 from pipeline.resample import Resampler, Thresholds
 
-FRAMES, EDGE, LONGEST = 30, 0.2, 0.2
-SIZE = (470, 470)
+FRAMES, EDGE, LONGEST = 34, 0.25, 0.2
+SIZE = (940, 780)
 
 
 def stirring() -> Flow:
-    """Two vortices that turn against each other."""
-    return Streamlines(
-        Sum(
-            tuple(
-                Vortex(centre=(0.9 * side, 0.3, 0.0), radius=0.8, strength=7.0 * side, profile="gaussian")
-                for side in (1, -1)
-            )
-        )
-    )
+    """Two vortices that turn against each other, and a third across them."""
+    pair = [Vortex(centre=(0.9 * side, 0.3, 0.0), radius=0.8, strength=7.6 * side) for side in (1, -1)]
+    return Streamlines(Sum((*pair, Vortex(axis=(0.0, 1.0, 0.0), radius=1.2, strength=4.0))))
 
 
 def both_ways(frames: int = FRAMES) -> tuple[TriangleMesh, TriangleMesh]:
@@ -40,8 +34,8 @@ def draw() -> None:
     from examples.shading import framed, photograph, show, wires
 
     static, adaptive = both_ways()
-    figure, panels = page(("without resampling", "with resampling"), height=5.0, drawings=True)
-    framing = framed(adaptive, azimuth=-24, elevation=18, aspect=1.0)
+    figure, panels = page(("without resampling", "with resampling"), height=4.25, drawings=True)
+    framing = framed(adaptive, azimuth=-24, elevation=22, aspect=SIZE[0] / SIZE[1])
     for panel, mesh in zip(panels, (static, adaptive), strict=True):
         picture = photograph(mesh, framing, SIZE)
         show(panel, picture)

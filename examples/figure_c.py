@@ -48,7 +48,7 @@ def draw() -> None:
         (-3.3, halves, f"cut in two, and again: {len(halves)} parts"),
     )
     for height, mesh, title in stack:
-        lifted = mesh.with_vertices(mesh.vertices + [0, height, 0])
+        lifted = mesh.with_vertices(mesh.vertices + np.array([0, height, 0]))
         outline(left, lifted, facecolors=[SHADES[f % 2] for f in range(len(mesh))])
         left.text(-2.8, height + 0.72, title, fontsize=9.5)
     (low_x, low, _), (high_x, high, _) = face.bounds

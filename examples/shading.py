@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -56,13 +56,13 @@ def photograph(
     look: Look = LOOKS["clay"],
     lights: LightRig = LIGHTS["studio"],
     stage: Stage = BRIGHT,
-    exposure: float = 0.0,
-    samples: int = 64,
+    exposure: float = 0.4,
+    samples: int = 16,
 ) -> Photograph:
     """Render a mesh, its normals averaged up to 40 degrees; `size` is width and height in pixels."""
     shaded = split_at_creases(mesh, math.radians(40))
     surface = Surface(shaded.vertices.astype(np.float32), shaded.normals.astype(np.float32), shaded.faces)
-    quality = Quality(*size, samples=samples, depth=6, guides=64)
+    quality = Quality(*size, samples=samples, depth=6, guides=16)
     layers = render_frame(
         surface, look, lights, stage, framing.placement, framing.camera, quality, seed=1, engine=choose()
     )
@@ -74,11 +74,12 @@ def show(panel: Axes, picture: Photograph) -> None:
     """The picture alone, pixel for pixel."""
     height, width = picture.pixels.shape[:2]
     panel.imshow(picture.pixels, extent=(0, width, height, 0))
-    panel.set(xlim=(0, width), ylim=(height, 0))
+    panel.set(xlim=(0, width), ylim=(height, 0), aspect="equal", anchor="NW")
+    panel.set_axis_off()
 
 
 def wires(
-    panel: Axes, picture: Photograph, mesh: TriangleMesh, width: float = 0.35, colour: str = INK
+    panel: Axes, picture: Photograph, mesh: TriangleMesh, width: float = 0.3, colour: str = INK
 ) -> None:
     """The edges that are seen, over the picture; what is hidden is found by the picture's depth."""
     from matplotlib.collections import LineCollection
@@ -98,8 +99,3 @@ def wires(
     panel.add_collection(
         LineCollection(pieces, colors=colour, linewidths=width, alpha=0.75, capstyle="round")
     )
-
-
-def dimmed(lights: LightRig, stops: float) -> LightRig:
-    """The same lights at another exposure."""
-    return replace(lights, exposure=lights.exposure + stops)

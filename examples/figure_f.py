@@ -1,0 +1,39 @@
+"""Figure F: a flow sculpture. That of *Virtually Yours* is lost; this one is ours (P40)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from examples.drawing import page, save
+from pipeline.animation import animate
+from pipeline.mesh import TriangleMesh
+from pipeline.shot import read_shot
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.stage import Stage
+
+SHOT = Path(__file__).resolve().parent.parent / "shots" / "A010_cube.yaml"
+FRAME, SIZE = 44, (1200, 675)
+
+
+def sculpture(frame: int = FRAME) -> TriangleMesh:
+    """The cube of the film's first shot, rolled up by two vortices."""
+    return next(made.mesh for made in animate(read_shot(SHOT)) if made.number == frame)
+
+
+def draw() -> None:
+    from examples.shading import framed, photograph, show
+
+    mesh = sculpture()
+    figure, (panel,) = page(("",), height=5.4, drawings=True)
+    figure.get_layout_engine().set(w_pad=0, h_pad=0)
+    framing = framed(mesh, azimuth=14, elevation=15, aspect=SIZE[0] / SIZE[1], margin=0.12)
+    picture = photograph(
+        mesh, framing, SIZE, LOOKS["glaze"], LIGHTS["gallery"], Stage(), exposure=0.0, samples=64
+    )
+    show(panel, picture)
+    save(figure, "figure_f.png")
+
+
+if __name__ == "__main__":
+    draw()

@@ -1,0 +1,83 @@
+"""Where new vertices go (P34): chord, curved and exact placement against the exact surface."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from examples.drawing import COOL, OCHRE, WARM, page, save
+from examples.figure_a import stirring
+from examples.film import RATE
+from pipeline.arrays import Floats, Points
+from pipeline.flow.history import History, Step
+from pipeline.mesh import icosphere
+from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
+
+FRAMES, LONGEST, EVERY = 60, 0.15, 6
+STEP = 1e-6
+"""Scene units, of the differences that tell the gradient."""
+
+NAMES = ("chord", "curved", "exact")
+
+
+def film(name: str, frames: int = FRAMES, every: int = EVERY) -> Floats:
+    """(N, 2) how far vertices and face centres are off the exact surface, in maximum edges.
+
+    The 95th percentile every so many frames: a few vertices may have had to stay on the chord.
+    """
+    history, flow = History(), stirring()
+    placements: dict[str, Placement] = {
+        "chord": Chord(), "curved": Curved(), "exact": Exact(history.carry, project=onto_ball)
+    }  # fmt: skip
+    resampler = Resampler(icosphere(14), Thresholds(LONGEST), placements[name])
+    errors = []
+    for frame in range(1, frames + 1):
+        history.add(Step(flow, (frame - 1) / RATE, 1 / RATE, frame))
+        resampler.vertices[:] = flow.displace(resampler.vertices, (frame - 1) / RATE, 1 / RATE)
+        resampler.resample()
+        if frame % every == 0:
+            mesh = resampler.mesh
+            both = (mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1))
+            errors.append([float(np.percentile(np.abs(distances(points, frame)), 95)) for points in both])
+    return np.array(errors) / LONGEST
+
+
+def onto_ball(points: Points) -> Points:
+    """The nearest points of the unit sphere."""
+    nearest: Points = points / np.linalg.norm(points, axis=1, keepdims=True)
+    return nearest
+
+
+def distances(points: Points, frame: int) -> Floats:
+    """(N,) from the exact surface, to first order: the height above the ball at rest over its gradient."""
+    steps = STEP * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+    heights = height_at_rest((points + steps[:, None]).reshape(-1, 3), frame).reshape(4, -1)
+    far: Floats = heights[0] * STEP / np.linalg.norm(heights[1:] - heights[0], axis=0)
+    return far
+
+
+def height_at_rest(points: Points, frame: int) -> Floats:
+    """(N,) how far from the sphere points would be if the flow ran backwards to the first frame."""
+    back = History()
+    for number in range(frame, 0, -1):
+        back.add(Step(stirring(), number / RATE, -1 / RATE, number))
+    height: Floats = np.linalg.norm(back.carry(points), axis=1) - 1.0
+    return height
+
+
+def draw() -> None:
+    figure, panels = page(("vertices", "centres of faces"), height=3.1)
+    frames = np.arange(EVERY, FRAMES + 1, EVERY)
+    for name, colour in zip(NAMES, (WARM, OCHRE, COOL), strict=True):
+        for panel, errors in zip(panels, film(name).T, strict=True):
+            panel.plot(frames, errors, color=colour, label=name)
+    for panel in panels:
+        panel.set_xlabel("frame")
+    panels[0].set_yscale("log")
+    panels[1].set_ylim(0)
+    panels[0].set_ylabel("95% are nearer than, in maximum edges")
+    panels[1].legend()
+    save(figure, "placements.svg")
+
+
+if __name__ == "__main__":
+    draw()
