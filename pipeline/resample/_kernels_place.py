@@ -116,23 +116,25 @@ def _onward(surface: Surface, h: int, before: int, cosine: float) -> int:
     return found if many == 1 else -1
 
 
-@kernel(numba.boolean(SURFACE, numba.int64, numba.int64, numba.int64, VECTOR, numba.int64), **LEAN)
-def _tangent(surface: Surface, v: int, to: int, beyond: int, out: Floats, at: int) -> bool:
+@kernel(numba.boolean(SURFACE, numba.int64, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)
+def _tangent(surface: Surface, v: int, to: int, beyond: int, at: int, out: Floats) -> bool:
     """Unit tangent at v of the circle through `beyond`, v and `to`, into `out[at:]`; false at a corner.
 
-    It is the mean of the two chords, each weighted by the length of the other.
+    It is the mean of the two chords, each weighted by the length of the other. `out[6]` is the first vertex
+    of this pass: where the edge to `beyond` has been cut, that is the middle of the chord.
     """
     if beyond < 0:
         return False
     points = surface.points
     p, q = math.sqrt(squared(points, v, beyond)), math.sqrt(squared(points, to, v))
+    whole = 2.0 * p if beyond >= out[6] else p
     if p == 0.0 or q == 0.0:
         return False
     turn, length = 0.0, 0.0
     for k in range(3):
         one, two = (points[v, k] - points[beyond, k]) / p, (points[to, k] - points[v, k]) / q
         turn += one * two
-        out[at + k] = q * one + p * two
+        out[at + k] = q * one + whole * two
         length += out[at + k] * out[at + k]
     if turn < _LEAST_COSINE:
         return False
@@ -151,8 +153,8 @@ def _bend_crease(
     """
     vert, points = surface.vert, surface.points
     a, middle, b = vert[h], vert[new], vert[following(new)]
-    begins = _tangent(surface, a, b, _onward(surface, h, middle, cosine), scratch, 0)
-    ends = _tangent(surface, b, a, _onward(surface, following(new), middle, cosine), scratch, 3)
+    begins = _tangent(surface, a, b, _onward(surface, h, middle, cosine), 0, scratch)
+    ends = _tangent(surface, b, a, _onward(surface, following(new), middle, cosine), 3, scratch)
     length = math.sqrt(squared(points, a, b))
     if not (begins or ends) or length == 0.0:
         return
@@ -215,8 +217,10 @@ def curved_middles(
 
     Soft edges bend with the normals at their ends, which stop at creases; edges of creases bend with the
     crease and have no normal (zero). Flat sides and straight creases stay exactly what they are. With a
-    cosine of -1 only tagged edges and boundaries are creases. `scratch` has six entries.
+    cosine of -1 only tagged edges and boundaries are creases. `scratch` has seven entries.
     """
+    if len(births):
+        scratch[6] = surface.vert[births[0, LEAVING]]
     for i in range(len(births)):
         a, b, new = births[i, 0], births[i, 1], births[i, LEAVING]
         h = arriving(surface, new, a)

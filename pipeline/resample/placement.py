@@ -103,7 +103,7 @@ class Curved:
 def on_patches(surface: Surface, births: Indices, cosine: float) -> tuple[Points, Vectors]:
     """Places (N, 3) of new vertices on curved patches, and unit normals there, zero on creases."""
     places, normals = np.empty((len(births), 3)), np.empty((len(births), 3))
-    curved_middles(surface, births, cosine, np.empty(6), places, normals)
+    curved_middles(surface, births, cosine, np.empty(7), places, normals)
     return places, normals
 
 
