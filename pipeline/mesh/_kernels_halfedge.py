@@ -15,6 +15,7 @@ from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.kernels import kernel
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
+_BLOCK, _PART = 48, 48 << 12  # half-edges: looked at in one go, and by one thread
 
 LEAN: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "forceinline": True}
 """Options for kernels that allocate nothing. Without numba's run-time system no call counts references
@@ -134,15 +135,46 @@ def second_fan(vert: Indices, twin: Indices, vertices: int) -> int:
     return -1
 
 
-@kernel((SURFACE, numba.int64[::1], INTS, INTS, INTS))
+@kernel((INTS, numba.int64, numba.int64, numba.int64, INTS), **LEAN)
+def _rename(vert: Indices, first: int, last: int, vertices: int, renamed: Indices) -> None:
+    """Give vertices from `vertices` on their new numbers, in vert[first:last].
+
+    Few are, so a whole block is asked first whether it holds any: that needs no branches.
+    """
+    for start in range(first, last, _BLOCK):
+        end = min(start + _BLOCK, last)
+        highest = 0
+        for h in range(start, end):
+            highest = max(highest, vert[h])
+        if highest >= vertices:
+            for h in range(start, end):
+                if vert[h] >= vertices:
+                    vert[h] = renamed[vert[h] - vertices]
+
+
+@kernel((INTS, numba.int64, numba.int64, INTS))
+def rename(vert: Indices, halfedges: int, vertices: int, renamed: Indices) -> None:
+    """Give the vertices from `vertices` on their new numbers, `renamed`, wherever they are named."""
+    _rename(vert, 0, halfedges, vertices, renamed)
+
+
+@kernel((INTS, numba.int64, numba.int64, INTS), parallel=True)
+def rename_together(vert: Indices, halfedges: int, vertices: int, renamed: Indices) -> None:
+    """The same by several threads."""
+    for part in numba.prange(-(-halfedges // _PART)):
+        _rename(vert, _PART * part, min(_PART * (part + 1), halfedges), vertices, renamed)
+
+
+@kernel(numba.boolean(SURFACE, numba.int64[::1], INTS, INTS, INTS))
 def fill_holes(
     surface: Surface, sizes: Indices, dead_faces: Indices, dead_vertices: Indices, renamed: Indices
-) -> None:
+) -> bool:
     """Close the gaps that removed faces and vertices left, by moving the last ones into them.
 
     `sizes` holds the numbers of vertices and faces, dead ones included, and is brought up to date. The
-    cost of moving is that of the gaps, not of the mesh; one pass over `vert` gives moved vertices their
-    new numbers. The lists of the dead are sorted; `renamed` is scratch of V entries.
+    cost is that of the gaps, not of the mesh. The lists of the dead are sorted. Answers whether vertices
+    have moved: `rename` then has to go over the faces with `renamed` (as many entries as there are dead
+    vertices), the new numbers of those from the new size on.
     """
     points, carried, _, vert, twin, tagged = surface
     vertices, faces = sizes[0] - len(dead_vertices), sizes[1] - len(dead_faces)
@@ -164,11 +196,10 @@ def fill_holes(
             continue
         target = dead_vertices[hole]
         hole += 1
-        renamed[v] = target
-        points[target] = points[v]
-        carried[target] = carried[v]
-    if hole > 0:
-        for h in range(3 * faces):
-            if vert[h] >= vertices:
-                vert[h] = renamed[vert[h]]
+        renamed[v - vertices] = target
+        for k in range(3):
+            points[target, k] = points[v, k]
+        for k in range(carried.shape[1]):
+            carried[target, k] = carried[v, k]
     sizes[0], sizes[1] = vertices, faces
+    return hole > 0

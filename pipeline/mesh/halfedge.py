@@ -8,11 +8,20 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from pipeline.errors import MeshError
-from pipeline.mesh._kernels_halfedge import SOUND, Surface, fill_holes, match_twins
+from pipeline.mesh._kernels_halfedge import (
+    SOUND,
+    Surface,
+    fill_holes,
+    match_twins,
+    rename,
+    rename_together,
+)
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
 _HEADROOM = 1.5
+WORTH_SHARING = 1 << 19
+"""Half-edges from which on a pass over all of them is worth the start of threads."""
 
 
 class HalfedgeMesh:
@@ -27,6 +36,7 @@ class HalfedgeMesh:
 
     def __init__(self, mesh: TriangleMesh) -> None:
         self.euler = require(mesh).euler
+        self._scratch: dict[str, AnyArray] = {}
         self._columns = _Columns.of(mesh.attributes)
         self.sizes: AnyArray = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
         self.surface = Surface(
@@ -74,9 +84,27 @@ class HalfedgeMesh:
 
     def fill_holes(self, dead_vertices: Indices, dead_faces: Indices) -> None:
         """Make the arrays gapless again after elements were removed."""
-        if len(dead_vertices) or len(dead_faces):
-            renamed = np.empty(int(self.sizes[0]), np.int32)
-            fill_holes(self.surface, self.sizes, np.sort(dead_faces), np.sort(dead_vertices), renamed)
+        if not len(dead_vertices) and not len(dead_faces):
+            return
+        renamed = np.empty(len(dead_vertices), np.int32)
+        if fill_holes(self.surface, self.sizes, np.sort(dead_faces), np.sort(dead_vertices), renamed):
+            halfedges, vertices = int(3 * self.sizes[1]), int(self.sizes[0])
+            everywhere = rename_together if halfedges > WORTH_SHARING else rename
+            everywhere(self.surface.vert, halfedges, vertices, renamed)
+
+    def scratch(self, name: str, room: int, kind: type = np.int32) -> AnyArray:
+        """An array of at least that many entries, kept for the next who asks by this name.
+
+        What it holds is what was left there, zero at first: who works with the mesh again and again need not
+        wait for memory every time. Nothing that matters may depend on it.
+        """
+        kept = self._scratch.get(name)
+        if kept is None or len(kept) < room:
+            larger: AnyArray = np.zeros(room if kept is None else max(room, int(len(kept) * _HEADROOM)), kind)
+            if kept is not None:
+                larger[: len(kept)] = kept
+            self._scratch[name] = kept = larger
+        return kept
 
     def attributes(self) -> dict[str, AnyArray]:
         """Copies of the vertex attributes, in their own shapes and types."""

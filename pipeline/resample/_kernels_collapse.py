@@ -5,10 +5,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import Floats, Indices, Points
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
-    BYTES,
     INTS,
     LEAN,
     MATRIX,
@@ -19,15 +18,30 @@ from pipeline.mesh._kernels_halfedge import (
     join,
     preceding,
 )
-from pipeline.resample._kernels_lists import FRESH, bracket, hard_cosine, is_short, push, squared
-from pipeline.resample._kernels_ring import RING, UPRIGHT, Ring, folds, walk, weigh
+from pipeline.resample._kernels_lists import (
+    CHANGED,
+    CHANGES,
+    DUE,
+    FRESH,
+    REFUSED,
+    UNLISTED,
+    Changes,
+    bracket,
+    enlist,
+    hard_cosine,
+    is_short,
+    push,
+    squared,
+    touch,
+)
+from pipeline.resample._kernels_ring import MOST_SPOKES, RING, UPRIGHT, Ring, folds, walk, weigh
 
 REASONS = ("link", "boundary", "feature", "too_long", "fold", "shape", "crowded")
 LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, SHAPE, CROWDED = range(7)
 FREE = -1
 
 AT_START, AT_END, AT_MIDDLE = 0, 1, 2
-_RINGS = numba.types.UniTuple(RING, 2)
+RINGS = numba.types.UniTuple(RING, 2)
 _REACH = 0.05  # how far, in longest edges, a vertex that goes may have been from what stays
 _STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that bends less is a straight line
 
@@ -274,50 +288,111 @@ def collapse_edge(
         _drop_face(surface, back, dead_faces)
 
 
-@kernel((SURFACE, RING, VECTOR, INTS, BYTES), **LEAN)
-def _look_around(surface: Surface, ring: Ring, limits: Floats, shorts: Indices, marks: AnyArray) -> None:
-    """After a collapse: mark the faces of a ring, and list the spokes of those left that are short."""
+@kernel((SURFACE, RING, VECTOR, CHANGES), **LEAN)
+def _look_around(surface: Surface, ring: Ring, limits: Floats, changes: Changes) -> None:
+    """After a collapse: touch the faces of a ring, and enlist the spokes of those left that are short."""
     for i in range(ring.size[0]):
         h = ring.leaving[i]
-        marks[h // 3] = FRESH
+        touch(changes, h // 3)
         if surface.vert[h] < 0:
             continue
         if is_short(surface, h, limits):
-            push(shorts, h)
+            enlist(changes, h)
         if surface.twin[preceding(h)] < 0 and is_short(surface, preceding(h), limits):
-            push(shorts, preceding(h))
+            enlist(changes, preceding(h))
 
 
-@kernel(numba.int64(SURFACE, VECTOR, _RINGS, INTS, INTS, INTS, BYTES, numba.int64[::1]), **LEAN)
-def collapse_all(
+@kernel(numba.boolean(SURFACE, numba.int64, VECTOR, CHANGES), **LEAN)
+def _is_due(surface: Surface, h: int, limits: Floats, changes: Changes) -> bool:
+    """Whether a listed half-edge is that of a short edge which is listed by no other."""
+    if surface.vert[h] < 0 or not is_short(surface, h, limits):
+        return False
+    back = surface.twin[h]
+    return bool(back < 0 or changes.notes[back] == UNLISTED)
+
+
+@kernel(numba.int64(SURFACE, VECTOR, RINGS, CHANGES, INTS, INTS), **LEAN)
+def collapse_due(
     surface: Surface,
     limits: Floats,
     rings: tuple[Ring, Ring],
-    shorts: Indices,
+    changes: Changes,
     dead_faces: Indices,
     dead_vertices: Indices,
-    marks: AnyArray,
-    refused: Indices,
 ) -> int:
-    """Collapse the edges of `shorts` that are short and may be; answers how many were.
+    """Collapse the edges in `shorts` that are due and may; answers how many did.
 
-    Edges that become short join the list as it is worked through. `refused` counts the others by
-    REASONS. `marks` notes the faces touched.
+    Edges that become short join the list as it is worked through. What was refused stays in it.
     """
-    near, far = rings
-    done, next_one = 0, 1
-    while next_one <= shorts[0]:
-        h = shorts[next_one]
-        next_one += 1
-        if surface.vert[h] < 0 or not is_short(surface, h, limits):
-            continue
-        where, reason = judge(surface, h, near, far, limits)
+    (near, far), shorts, notes = rings, changes.shorts, changes.notes
+    done, kept, at = 0, 0, 0
+    while at < shorts[0]:
+        at += 1
+        h = shorts[at]
+        where, reason = FREE, FREE
+        if notes[h] == DUE:
+            notes[h] = UNLISTED
+            if not _is_due(surface, h, limits, changes):
+                continue
+            where, reason = judge(surface, h, near, far, limits)
+            notes[h] = REFUSED + reason if where == FREE else UNLISTED
         if where == FREE:
-            refused[reason] += 1
+            kept += 1
+            shorts[kept] = h
             continue
         push(dead_vertices, surface.vert[following(h)])
         collapse_edge(surface, h, far, where, near.place, dead_faces)
         done += 1
-        _look_around(surface, near, limits, shorts, marks)
-        _look_around(surface, far, limits, shorts, marks)
+        _look_around(surface, near, limits, changes)
+        _look_around(surface, far, limits, changes)
+        if shorts[0] + 4 * MOST_SPOKES > len(shorts):  # close the gap that the looked at have left
+            for i in range(at + 1, shorts[0] + 1):
+                shorts[kept + i - at] = shorts[i]
+            shorts[0] -= at - kept
+            at = kept
+    shorts[0] = kept
     return done
+
+
+@kernel(numba.boolean(SURFACE, numba.int64, CHANGES), **LEAN)
+def _fresh_around(surface: Surface, h: int, changes: Changes) -> bool:
+    """Whether any face at the start of h is FRESH."""
+    twin, marks = surface.twin, changes.marks
+    k = h
+    while True:
+        if marks[k // 3] == FRESH:
+            return True
+        k = twin[preceding(k)]
+        if k == h:
+            return False
+        if k < 0:
+            break
+    k = twin[h]  # the fan is open: on to its other side
+    while k >= 0:
+        if marks[k // 3] == FRESH:
+            return True
+        k = twin[following(k)]
+    return False
+
+
+@kernel(numba.int64(SURFACE, CHANGES), **LEAN)
+def recall(surface: Surface, changes: Changes) -> int:
+    """Make refused edges due again where a face around has changed; answers how many edges are due.
+
+    No face is FRESH afterwards.
+    """
+    shorts, notes, fresh = changes.shorts, changes.notes, changes.fresh
+    due = 0
+    for i in range(1, shorts[0] + 1):
+        h = shorts[i]
+        if (
+            surface.vert[h] < 0
+            or _fresh_around(surface, h, changes)
+            or _fresh_around(surface, following(h), changes)
+        ):
+            notes[h] = DUE
+        due += notes[h] == DUE
+    for i in range(1, fresh[0] + 1):
+        changes.marks[fresh[i]] = CHANGED
+    fresh[0] = 0
+    return due

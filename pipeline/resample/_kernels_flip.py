@@ -5,10 +5,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import Floats, Indices, Points
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
-    BYTES,
     INTS,
     LEAN,
     MATRIX,
@@ -20,17 +19,21 @@ from pipeline.mesh._kernels_halfedge import (
     preceding,
 )
 from pipeline.resample._kernels_lists import (
-    AS_IT_WAS,
-    CHANGED,
+    CHANGES,
     FRESH,
+    UNLISTED,
+    Changes,
     area_vector,
     bracket,
+    enlist,
     hard_cosine,
     push,
     squared,
+    touch,
 )
 
 _GAIN = 0.1  # cot α + cot β must be below minus this: a flip has to be worth the change of the surface
+MOST_AGAIN = 128  # edges to look at again around one flip and those that it leads to; a flip adds four
 _FLAT = 0.94  # cosine of 20 degrees: how far the two faces may lean before and after
 
 
@@ -120,21 +123,6 @@ def flip_edge(surface: Surface, h: int) -> None:
     join(twin, h1, k1)
 
 
-@kernel(numba.int64(SURFACE, numba.int64, VECTOR, BYTES, INTS), **LEAN)
-def _try_flip(surface: Surface, h: int, limits: Floats, marks: AnyArray, again: Indices) -> int:
-    """Flip the edge of h if it is worth it, and list the four edges around for another look."""
-    k = surface.twin[h]
-    if k < 0 or not worth_flipping(surface, h, limits):
-        return 0
-    flip_edge(surface, h)
-    marks[h // 3] = marks[k // 3] = CHANGED
-    push(again, h)
-    push(again, preceding(h))
-    push(again, k)
-    push(again, preceding(k))
-    return 1
-
-
 @kernel(numba.int64(SURFACE, numba.int64), **LEAN)
 def _facing_obtuse(surface: Surface, f: int) -> int:
     """The half-edge of a face that faces its obtuse corner; -1 where all corners are acute."""
@@ -148,39 +136,67 @@ def _facing_obtuse(surface: Surface, f: int) -> int:
     return h + 2 if _openness(points, b, c, a) < 0 else -1
 
 
-@kernel(numba.int64(SURFACE, numba.int64, VECTOR, BYTES, INTS, INTS), **LEAN)
-def flip_marked(
-    surface: Surface, faces: int, limits: Floats, marks: AnyArray, obtuse: Indices, again: Indices
-) -> int:
-    """Flip what is worth it among the edges of FRESH faces, and then around each flip.
+@kernel((SURFACE, numba.int64, CHANGES), **LEAN)
+def _flip_noted(surface: Surface, h: int, changes: Changes) -> None:
+    """Flip the edge of h, touch its faces, and keep listed those of their edges that now stand elsewhere."""
+    k = surface.twin[h]
+    beside, beyond = following(k), following(h)
+    flip_edge(surface, h)
+    touch(changes, h // 3)
+    touch(changes, k // 3)
+    if changes.notes[beside] != UNLISTED:
+        enlist(changes, h)
+    if changes.notes[beyond] != UNLISTED:
+        enlist(changes, k)
+
+
+@kernel(numba.int64(SURFACE, numba.int64, VECTOR, CHANGES, INTS), **LEAN)
+def _flip_from(surface: Surface, h: int, limits: Floats, changes: Changes, again: Indices) -> int:
+    """Flip the edge of h if it is worth it, and go on with the four edges around; answers how often.
+
+    Flips on a curved surface might chase each other for ever, so there is an end when `again` is full.
+    """
+    twin = surface.twin
+    again[0], again[1] = 1, h
+    flips, at = 0, 1
+    while at <= again[0]:
+        h = again[at]
+        k = twin[h]
+        at += 1
+        if k >= 0 and worth_flipping(surface, h, limits):
+            _flip_noted(surface, h, changes)
+            flips += 1
+            push(again, h)
+            push(again, preceding(h))
+            push(again, k)
+            push(again, preceding(k))
+    return flips
+
+
+@kernel(numba.int64(SURFACE, VECTOR, CHANGES, INTS, INTS), **LEAN)
+def flip_fresh(surface: Surface, limits: Floats, changes: Changes, obtuse: Indices, again: Indices) -> int:
+    """Flip what is worth it among the edges of `obtuse` and of FRESH faces, and then around each flip.
 
     An edge can only be worth it if it faces an obtuse corner, and a face has at most one: so each FRESH
-    face looks at one edge, and those beside it that were left alone look across at theirs. `again` is
-    scratch. Flips on a curved surface might chase each other for ever, so their number is bounded by that
-    of the faces looked at.
+    face looks at one edge, and those beside it that are not look across at theirs. `obtuse` is emptied;
+    `again` is scratch.
     """
-    vert, twin = surface.vert, surface.twin
-    again[0] = 0
-    flips, looks = 0, int(obtuse[0])
+    vert, twin, fresh, marks = surface.vert, surface.twin, changes.fresh, changes.marks
+    flips = 0
+    before = int(fresh[0])
     for i in range(1, obtuse[0] + 1):
         if vert[obtuse[i]] >= 0:
-            flips += _try_flip(surface, obtuse[i], limits, marks, again)
-            marks[obtuse[i] // 3] = CHANGED
+            flips += _flip_from(surface, obtuse[i], limits, changes, again)
     obtuse[0] = 0
-    for f in range(faces):
-        if marks[f] != FRESH or vert[3 * f] < 0:
+    for i in range(1, before + 1):
+        f = fresh[i]
+        if vert[3 * f] < 0:
             continue
-        marks[f] = CHANGED
-        looks += 1
         for h in range(3 * f, 3 * f + 3):
             k = twin[h]
-            if k >= 0 and marks[k // 3] == AS_IT_WAS and _facing_obtuse(surface, k // 3) == k:
-                flips += _try_flip(surface, k, limits, marks, again)
+            if k >= 0 and marks[k // 3] != FRESH and _facing_obtuse(surface, k // 3) == k:
+                flips += _flip_from(surface, k, limits, changes, again)
         h = _facing_obtuse(surface, f)
         if h >= 0:
-            flips += _try_flip(surface, h, limits, marks, again)
-    at = 1
-    while at <= again[0] and flips < looks:
-        flips += _try_flip(surface, again[at], limits, marks, again)
-        at += 1
+            flips += _flip_from(surface, h, limits, changes, again)
     return flips

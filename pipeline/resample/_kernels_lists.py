@@ -1,10 +1,7 @@
-"""Work lists and geometry shared by the resampling kernels.
+"""Work lists, what a frame notes down, and geometry shared by the resampling kernels.
 
-A work list is an int32 array whose first entry is how many follow it. Pushing onto a full list does
-nothing: what a list loses, the look at the marked faces that ends a round finds again.
-
-Marks are one byte a face: AS_IT_WAS when the frame began, CHANGED since, or FRESH, changed since flips
-were last looked for.
+A work list is an int32 array whose first entry counts those that follow. Pushing onto a full list does
+nothing; lists that must not lose anything have room for everything they could hold.
 
 Limits are seven numbers:
 0, 1  the largest and the smallest squared length allowed
@@ -19,14 +16,37 @@ Limits are seven numbers:
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numba
 import numpy as np
 
-from pipeline.arrays import Floats, Indices, Points
+from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, following
+from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, following
 
 AS_IT_WAS, CHANGED, FRESH = 0, 1, 2
+"""Marks of faces: never touched in this frame, touched, or touched since refused edges were last recalled."""
+
+UNLISTED, DUE, REFUSED = 0, 1, 2
+"""Notes on half-edges: not in `shorts`, in it to be looked at, or (plus the reason) in it to wait."""
+
+
+class Changes(NamedTuple):
+    """What a frame has changed so far, and the short edges that it has not collapsed.
+
+    Every edge that is short stands in `shorts` by one of its half-edges or both. One that was refused waits
+    there until a face around its ends changes: nothing else could let it go.
+    """
+
+    marks: AnyArray  # (F,) uint8: AS_IT_WAS, CHANGED or FRESH
+    changed: Indices  # work list of the faces that are not as they were, each once
+    fresh: Indices  # work list of the FRESH faces, each once
+    notes: AnyArray  # (3F,) uint8: UNLISTED, DUE, or REFUSED + the reason
+    shorts: Indices  # work list of half-edges
+
+
+CHANGES = numba.types.NamedTuple([BYTES, INTS, INTS, BYTES, INTS], Changes)
 
 
 @kernel((INTS, numba.int64), **LEAN)
@@ -35,6 +55,26 @@ def push(items: Indices, item: int) -> None:
     if n < len(items):
         items[n] = item
         items[0] = n
+
+
+@kernel((CHANGES, numba.int64), **LEAN)
+def touch(changes: Changes, f: int) -> None:
+    """Note that a face has changed."""
+    marks = changes.marks
+    if marks[f] == FRESH:
+        return
+    if marks[f] == AS_IT_WAS:
+        push(changes.changed, f)
+    marks[f] = FRESH
+    push(changes.fresh, f)
+
+
+@kernel((CHANGES, numba.int64), **LEAN)
+def enlist(changes: Changes, h: int) -> None:
+    """Have the edge of h looked at for a collapse."""
+    if changes.notes[h] == UNLISTED:
+        changes.notes[h] = DUE
+        push(changes.shorts, h)
 
 
 @kernel(numba.float64(MATRIX, numba.int64, numba.int64), **LEAN)

@@ -19,7 +19,7 @@ from pipeline.mesh._kernels_halfedge import (
     following,
     preceding,
 )
-from pipeline.resample._kernels_lists import area_vector, bracket, push, squared
+from pipeline.resample._kernels_lists import CHANGES, Changes, area_vector, bracket, enlist, push, squared
 from pipeline.resample._kernels_ring import RING, Ring, folds, walk, weigh_faces
 
 MOST_AROUND = (
@@ -260,23 +260,34 @@ def settle(surface: Surface, births: Indices, ring: Ring, places: Points, settle
     return done
 
 
-@kernel((SURFACE, _TABLE, VECTOR, INTS, INTS))
-def long_around(surface: Surface, births: Indices, limits: Floats, listed: Indices, longs: Indices) -> None:
-    """List the edges of `listed` and those at the new vertices that are too long, now that they moved."""
-    vert, twin = surface.vert, surface.twin
+@kernel((SURFACE, numba.int64, VECTOR, INTS, CHANGES), **LEAN)
+def _sort_out(surface: Surface, h: int, limits: Floats, longs: Indices, changes: Changes) -> None:
+    """List an edge whose end has moved, if it is out of the bracket."""
+    a, b = surface.vert[h], surface.vert[following(h)]
+    length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
+    if length > most:
+        push(longs, h)
+    elif length < least:
+        enlist(changes, h)
+
+
+@kernel((SURFACE, _TABLE, VECTOR, INTS, INTS, CHANGES))
+def long_around(
+    surface: Surface, births: Indices, limits: Floats, listed: Indices, longs: Indices, changes: Changes
+) -> None:
+    """List the edges of `listed` and those at the new vertices that are too long, now that they moved.
+
+    Those that became short are enlisted.
+    """
+    twin = surface.twin
     for i in range(1, listed[0] + 1):
         push(longs, listed[i])
     for i in range(len(births)):
         first = k = births[i, LEAVING]
         while True:
-            a, b = vert[k], vert[following(k)]
-            if squared(surface.points, a, b) > bracket(surface, limits, a, b)[0]:
-                push(longs, k)
+            _sort_out(surface, k, limits, longs, changes)
             k = twin[preceding(k)]
             if k < 0 or k == first:
                 break
         if k < 0:  # of a boundary's two edges at the vertex, the one that no spoke has led along
-            back = arriving(surface, births[i, LEAVING], births[i, 0])
-            a, b = vert[back], vert[following(back)]
-            if squared(surface.points, a, b) > bracket(surface, limits, a, b)[0]:
-                push(longs, back)
+            _sort_out(surface, arriving(surface, births[i, LEAVING], births[i, 0]), limits, longs, changes)

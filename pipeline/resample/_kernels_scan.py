@@ -1,5 +1,7 @@
 """Which edges are out of the bracket, and how far the lengths reach: of all edges once, then of what changed.
 
+The first look only finds the odd faces, those with an edge out of the bracket or a wide corner. It takes no
+branches, and works in chunks of faces, which threads may share: what is found does not depend on who looked.
 Lengths are summed up by blocks of faces, so that a frame that touches a tenth of the surface counts
 little more than that tenth again.
 """
@@ -9,12 +11,22 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, following
-from pipeline.resample._kernels_lists import AS_IT_WAS, bracket, push, squared
+from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, following
+from pipeline.resample._kernels_lists import (
+    AS_IT_WAS,
+    CHANGES,
+    FRESH,
+    Changes,
+    bracket,
+    enlist,
+    push,
+    squared,
+)
 
 BLOCK = 16
+CHUNK = 1 << 15  # faces; a multiple of BLOCK
 _PAIR = numba.types.UniTuple(numba.float64, 2)
 _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
@@ -23,7 +35,8 @@ _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 def _sides(surface: Surface, f: int) -> tuple[float, float, float]:
     """Squared lengths of the three edges of a face that is there."""
     points, vert = surface.points, surface.vert
-    a, b, c = vert[3 * f], vert[3 * f + 1], vert[3 * f + 2]
+    h = np.uint64(3 * f)
+    a, b, c = vert[h], vert[h + np.uint64(1)], vert[h + np.uint64(2)]
     return squared(points, a, b), squared(points, b, c), squared(points, c, a)
 
 
@@ -39,112 +52,140 @@ def _wider(low: float, high: float, small: float, large: float) -> tuple[float, 
     return small if small < low else low, large if large > high else high
 
 
-@kernel(numba.int64(SURFACE, numba.int64, numba.float64, VECTOR, INTS, INTS), **LEAN)
-def _list(surface: Surface, h: int, length: float, limits: Floats, longs: Indices, shorts: Indices) -> int:
-    """List the edge of h if it is out of the bracket and its twin does not do it; answers 1 if it is out."""
+@kernel(numba.boolean(SURFACE, numba.int64, numba.float64, VECTOR), **LEAN)
+def _is_out(surface: Surface, h: int, length: float, limits: Floats) -> bool:
+    """Whether the edge of h is out of its own bracket, where each has one."""
     most, least = bracket(surface, limits, surface.vert[h], surface.vert[following(h)])
-    if least <= length <= most:
-        return 0
-    if surface.twin[h] < h:
-        push(longs if length > most else shorts, h)
-    return 1
+    return bool((length > most) | (length < least))
 
 
-@kernel(numba.float64(SURFACE, numba.int64, VECTOR, INTS, INTS, INTS, MATRIX), **LEAN)
-def scan(
-    surface: Surface,
-    faces: int,
-    limits: Floats,
-    longs: Indices,
-    shorts: Indices,
-    obtuse: Indices,
-    extents: Points,
+@kernel(numba.float64(SURFACE, numba.int64, numba.int64, VECTOR, INTS, INTS, MATRIX), **LEAN)
+def _find_odd(
+    surface: Surface, chunk: int, faces: int, limits: Floats, odd: Indices, counts: Indices, extents: Points
 ) -> float:
-    """List every edge out of the bracket once; answers a sum that is finite where all lengths are.
-
-    `obtuse` lists the edges that face a corner much wider than a right angle. `extents` (blocks, 2) gets the
-    smallest and largest of each block, over the faces within the bracket. No face may be missing. Faces
-    are visited in order and only edges out of the bracket look at their twins, so the pass costs little
-    more than reading the mesh.
-    """
-    most, least, total, bluntness = limits[0], limits[1], 0.0, limits[5]
-    if limits[4] >= 0:
-        most, least = 0.0, np.inf  # every edge has its own bracket to be compared with
-    for block in range(len(extents)):
+    """The part of `find_odd` for one chunk."""
+    most, least, blunt, active = limits[0], limits[1], limits[5], limits[4] >= 0
+    first, last = CHUNK * chunk, min(CHUNK * (chunk + 1), faces)
+    start = first + chunk  # every chunk has an entry to spare, since the next is written before it is known
+    found, total = 0, 0.0
+    for block in range(first // BLOCK, -(-last // BLOCK)):
         low, high = np.inf, 0.0
-        for f in range(BLOCK * block, min(BLOCK * (block + 1), faces)):
+        for f in range(BLOCK * block, min(BLOCK * (block + 1), last)):
             ab, bc, ca = _sides(surface, f)
             small, large = _least_and_most(ab, bc, ca)
-            total += ab + bc + ca
-            if large > bluntness * (ab + bc + ca):
-                push(obtuse, 3 * f if large == ab else (3 * f + 1 if large == bc else 3 * f + 2))
-            out = 0
-            if large > most or small < least:
-                out += _list(surface, 3 * f, ab, limits, longs, shorts)
-                out += _list(surface, 3 * f + 1, bc, limits, longs, shorts)
-                out += _list(surface, 3 * f + 2, ca, limits, longs, shorts)
-            if out == 0:
-                low, high = _wider(low, high, small, large)
+            around = ab + bc + ca
+            total += around
+            out = (large > most) | (small < least)
+            if active:
+                out = _is_out(surface, 3 * f, ab, limits) | _is_out(surface, 3 * f + 1, bc, limits)
+                out |= _is_out(surface, 3 * f + 2, ca, limits)
+            odd[start + found] = f
+            found += out | (large > blunt * around)
+            low, high = _wider(low, high, np.inf if out else small, 0.0 if out else large)
         extents[block, 0], extents[block, 1] = low, high
+    counts[chunk] = found
     return total
 
 
-@kernel((SURFACE, numba.int64, VECTOR, BYTES, INTS, INTS, INTS), **LEAN)
-def look_again(
+@kernel(numba.float64(SURFACE, numba.int64, VECTOR, INTS, INTS, MATRIX))
+def find_odd(
+    surface: Surface, faces: int, limits: Floats, odd: Indices, counts: Indices, extents: Points
+) -> float:
+    """Find the faces with an edge out of the bracket or a corner much wider than a right angle.
+
+    Answers a sum that is finite where all lengths are. Chunk c writes its `counts[c]` faces into `odd` from
+    (CHUNK + 1) c on. `extents` (blocks, 2) gets the smallest and largest squared length of each block, over
+    the faces within the bracket. No face may be missing.
+    """
+    total = 0.0
+    for chunk in range(len(counts)):
+        total += _find_odd(surface, chunk, faces, limits, odd, counts, extents)
+    return total
+
+
+@kernel(numba.float64(SURFACE, numba.int64, VECTOR, INTS, INTS, MATRIX), parallel=True)
+def find_odd_together(
+    surface: Surface, faces: int, limits: Floats, odd: Indices, counts: Indices, extents: Points
+) -> float:
+    """The same by several threads."""
+    totals = np.empty(len(counts))
+    for chunk in numba.prange(len(counts)):
+        totals[chunk] = _find_odd(surface, chunk, faces, limits, odd, counts, extents)
+    return float(totals.sum())
+
+
+@kernel((SURFACE, VECTOR, INTS, INTS, INTS, INTS, CHANGES))
+def list_odd(
     surface: Surface,
-    faces: int,
     limits: Floats,
-    marks: AnyArray,
-    before: Indices,
+    odd: Indices,
+    counts: Indices,
     longs: Indices,
-    shorts: Indices,
+    obtuse: Indices,
+    changes: Changes,
 ) -> None:
-    """List every edge out of the bracket once, as `scan` would, by looking at the marked faces only.
-
-    Beside them only edges that stood in the list of short ones `before` can be out of the bracket.
-    """
+    """List every edge of the odd faces that is out of the bracket, once, and those that face wide corners."""
     vert, twin = surface.vert, surface.twin
-    for i in range(1, before[0] + 1):
-        h = before[i]
-        if marks[h // 3] or (twin[h] >= 0 and marks[twin[h] // 3]):
+    for chunk in range(len(counts)):
+        start = (CHUNK + 1) * chunk
+        for i in range(start, start + counts[chunk]):
+            f = odd[i]
+            ab, bc, ca = _sides(surface, f)
+            large = max(ab, bc, ca)
+            if large > limits[5] * (ab + bc + ca):
+                push(obtuse, 3 * f if large == ab else (3 * f + 1 if large == bc else 3 * f + 2))
+            for h in range(3 * f, 3 * f + 3):
+                length = ab if h == 3 * f else (bc if h == 3 * f + 1 else ca)
+                most, least = bracket(surface, limits, vert[h], vert[following(h)])
+                if (length > most or length < least) and twin[h] < h:
+                    if length > most:
+                        push(longs, h)
+                    else:
+                        enlist(changes, h)
+
+
+@kernel((SURFACE, VECTOR, CHANGES, INTS))
+def list_long(surface: Surface, limits: Floats, changes: Changes, longs: Indices) -> None:
+    """List the edges of FRESH faces that are too long, each once."""
+    vert, twin, fresh = surface.vert, surface.twin, changes.fresh
+    for i in range(1, fresh[0] + 1):
+        if vert[3 * fresh[i]] < 0:
             continue
-        push(shorts, h)
-    for f in range(faces):
-        if marks[f] == AS_IT_WAS or vert[3 * f] < 0:
-            continue
-        for h in range(3 * f, 3 * f + 3):
+        for h in range(3 * fresh[i], 3 * fresh[i] + 3):
             a, b = vert[h], vert[following(h)]
-            length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
-            if least <= length <= most:
-                continue
-            back = twin[h]
-            if back > h and marks[back // 3]:
-                continue
-            push(longs if length > most else shorts, h)
+            first = twin[h] < h or changes.marks[twin[h] // 3] != FRESH
+            if first and squared(surface.points, a, b) > bracket(surface, limits, a, b)[0]:
+                push(longs, h)
 
 
-@kernel(_PAIR(SURFACE, numba.int64, BYTES, INTS, MATRIX), **LEAN)
-def extent(
-    surface: Surface, faces: int, marks: AnyArray, shorts: Indices, extents: Points
-) -> tuple[float, float]:
-    """The smallest and largest squared length now.
-
-    Looked at anew are the marked faces and those beside `shorts`, which `scan` left out, and of all the
-    others only blocks that reach farther than what was seen so far.
-    """
+@kernel(_PAIR(SURFACE, INTS, numba.int64, numba.int64), **LEAN)
+def _reach(surface: Surface, listed: Indices, first: int, last: int) -> tuple[float, float]:
+    """The smallest and largest squared length of the faces listed from `first` to before `last`."""
     low, high = np.inf, 0.0
-    for f in range(faces):
-        if marks[f] != AS_IT_WAS:
-            low, high = _wider(low, high, *_least_and_most(*_sides(surface, f)))
-    for i in range(1, shorts[0] + 1):
-        low, high = _wider(low, high, *_least_and_most(*_sides(surface, shorts[i] // 3)))
-        back = surface.twin[shorts[i]]
+    for i in range(first, last):
+        if surface.vert[3 * listed[i]] >= 0:
+            low, high = _wider(low, high, *_least_and_most(*_sides(surface, listed[i])))
+    return low, high
+
+
+@kernel(_PAIR(SURFACE, numba.int64, CHANGES, MATRIX))
+def extent(surface: Surface, faces: int, changes: Changes, extents: Points) -> tuple[float, float]:
+    """The smallest and largest squared length now, before the holes are filled.
+
+    Looked at anew are the changed faces and those beside edges in `shorts`, which `find_odd` left out, and of
+    all the others only blocks that reach farther than what was seen so far. `faces` is how many there were.
+    """
+    low, high = _reach(surface, changes.changed, 1, changes.changed[0] + 1)
+    for i in range(1, changes.shorts[0] + 1):
+        h = changes.shorts[i]
+        low, high = _wider(low, high, *_least_and_most(*_sides(surface, h // 3)))
+        back = surface.twin[h]
         if back >= 0:
             low, high = _wider(low, high, *_least_and_most(*_sides(surface, back // 3)))
     for block in range(len(extents)):
         if extents[block, 0] >= low and extents[block, 1] <= high:
             continue
         for f in range(BLOCK * block, min(BLOCK * (block + 1), faces)):
-            if marks[f] == AS_IT_WAS:
+            if changes.marks[f] == AS_IT_WAS:
                 low, high = _wider(low, high, *_least_and_most(*_sides(surface, f)))
     return low, high

@@ -9,7 +9,7 @@ import numba
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface
-from pipeline.resample._kernels_lists import AS_IT_WAS, FRESH, bracket, hard_cosine, push, squared
+from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, hard_cosine, push, squared, touch
 from pipeline.resample._kernels_ring import RING, UPRIGHT, Ring, folds, walk, weigh
 
 _FLAT = 1e-9  # how far a ring may leave its plane, in its own lengths, and still count as flat
@@ -22,14 +22,16 @@ def roundness(ab: float, bc: float, ca: float) -> float:
     return (b + c - a) * (c + a - b) * (a + b - c) / (a * b * c) if a * b * c > 0.0 else 0.0
 
 
-@kernel((SURFACE, numba.int64, numba.float64, BYTES, BYTES, INTS))
-def list_poor(
-    surface: Surface, faces: int, least: float, marks: AnyArray, seen: AnyArray, spokes: Indices
-) -> None:
-    """List a half-edge from every vertex of changed faces whose roundness is below `least`, each once."""
-    vert, points = surface.vert, surface.points
-    for f in range(faces):
-        if marks[f] == AS_IT_WAS or vert[3 * f] < 0:
+@kernel((SURFACE, numba.float64, CHANGES, BYTES, INTS))
+def list_poor(surface: Surface, least: float, changes: Changes, seen: AnyArray, spokes: Indices) -> None:
+    """List a half-edge from every vertex of changed faces whose roundness is below `least`, each once.
+
+    `seen` (V,) is zero at first.
+    """
+    vert, points, changed = surface.vert, surface.points, changes.changed
+    for i in range(1, changed[0] + 1):
+        f = changed[i]
+        if vert[3 * f] < 0:
             continue
         a, b, c = vert[3 * f], vert[3 * f + 1], vert[3 * f + 2]
         if roundness(squared(points, a, b), squared(points, b, c), squared(points, c, a)) >= least:
@@ -120,14 +122,14 @@ def _worst(surface: Surface, centre: int, ring: Ring, place: Floats, limits: Flo
     return worst
 
 
-@kernel(numba.int64(SURFACE, INTS, MATRIX, VECTOR, RING, BYTES, BYTES))
+@kernel(numba.int64(SURFACE, INTS, MATRIX, VECTOR, RING, CHANGES, BYTES))
 def adopt(
     surface: Surface,
     spokes: Indices,
     places: Points,
     limits: Floats,
     ring: Ring,
-    marks: AnyArray,
+    changes: Changes,
     adopted: AnyArray,
 ) -> int:
     """Move the vertices of `spokes` to their places, one by one, where the worst triangle around gains.
@@ -152,7 +154,7 @@ def adopt(
         for k in range(3):
             surface.points[v, k] = places[i, k]
         for j in range(ring.size[0]):
-            marks[ring.leaving[j] // 3] = FRESH
+            touch(changes, ring.leaving[j] // 3)
         adopted[i] = 1
         done += 1
     return done

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numba
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices
+from pipeline.arrays import Floats, Indices
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
-    BYTES,
     INTS,
     LEAN,
     SURFACE,
@@ -18,7 +17,7 @@ from pipeline.mesh._kernels_halfedge import (
     join,
     preceding,
 )
-from pipeline.resample._kernels_lists import FRESH, bracket, push, squared
+from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, enlist, push, squared, touch
 
 _CLASSES = 4
 
@@ -63,15 +62,15 @@ def _set_middle(surface: Surface, middle: int, a: int, b: int) -> None:
         carried[middle, k] = 0.5 * (carried[a, k] + carried[b, k]) if blends[k] > 0 else carried[a, k]
 
 
-@kernel((SURFACE, numba.int64, VECTOR, INTS, INTS), **LEAN)
-def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, shorts: Indices) -> None:
+@kernel((SURFACE, numba.int64, VECTOR, INTS, CHANGES), **LEAN)
+def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, changes: Changes) -> None:
     """List an edge that is new, or has another place in the table, if it is out of the bracket."""
     a, b = surface.vert[h], surface.vert[following(h)]
     length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
     if length > most:
         push(later, h)
     elif length < least:
-        push(shorts, h)
+        enlist(changes, h)
 
 
 @kernel(INTS(SURFACE, INTS, VECTOR, INTS))
@@ -107,7 +106,7 @@ def longest_first(surface: Surface, longs: Indices, limits: Floats, later: Indic
     return order
 
 
-@kernel((SURFACE, numba.int64[::1], VECTOR, INTS, INTS, INTS, INTS, BYTES), **LEAN)
+@kernel((SURFACE, numba.int64[::1], VECTOR, INTS, INTS, INTS, CHANGES), **LEAN)
 def split_pass(
     surface: Surface,
     sizes: Indices,
@@ -115,14 +114,13 @@ def split_pass(
     order: Indices,
     later: Indices,
     births: Indices,
-    shorts: Indices,
-    marks: AnyArray,
+    changes: Changes,
 ) -> None:
     """Split the edges of `order` that are long, each once; what is long then stands in `later`.
 
     New vertices lie at the middle of their parents. `births` notes four numbers of each, so that a
     placement may move them all together before the next pass: its parents a and b, and the half-edges
-    a→vertex and vertex→b. `marks` notes the faces touched.
+    a→vertex and vertex→b.
     The arrays must have room for as many vertices, and twice as many faces, as `order` has entries.
     """
     vert, twin = surface.vert, surface.twin
@@ -140,11 +138,11 @@ def split_pass(
         push(births, b)
         push(births, h)
         push(births, 3 * first)
-        _sort_out(surface, h, limits, later, shorts)
+        _sort_out(surface, h, limits, later, changes)
         for g in range(first, sizes[1]):
-            marks[g] = FRESH
+            touch(changes, g)
             for i in range(3):
-                _sort_out(surface, 3 * g + i, limits, later, shorts)
-        marks[h // 3] = FRESH
+                _sort_out(surface, 3 * g + i, limits, later, changes)
+        touch(changes, h // 3)
         if back >= 0:
-            marks[back // 3] = FRESH
+            touch(changes, back // 3)

@@ -11,6 +11,7 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
+from pipeline.resample._kernels_lists import Changes
 from pipeline.resample._kernels_place import BIRTH, LEAVING
 from pipeline.resample._kernels_ring import new_ring
 from pipeline.resample._kernels_shape import adopt, relaxed
@@ -103,7 +104,7 @@ class Exact:
         rest[born[went]] = goals[best, each][went]
         return went
 
-    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, marks: AnyArray) -> int:
+    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
         """Only where it is known what the surface at rest is like beside a vertex: with a `project`, or
         where the surface at rest is flat."""
         rest, ring = np.ascontiguousarray(_rest(mesh)), new_ring()
@@ -116,7 +117,7 @@ class Exact:
         goals = self._truly(places[:many])
         moved, turned = self._now(mesh, goals, normals[:many], rest[to] - rest[start])
         adopted = np.zeros(many, np.uint8)
-        done = int(adopt(mesh.surface, spokes, moved, limits, ring, marks, adopted))
+        done = int(adopt(mesh.surface, spokes, moved, limits, ring, changes, adopted))
         went = adopted > 0
         _write(mesh, REST, start[went], goals[went])
         _write(mesh, NORMAL, start[went], None if turned is None else turned[went])

@@ -6,16 +6,26 @@ import math
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.arrays import Floats, Indices
 from pipeline.errors import FrameError
-from pipeline.mesh.halfedge import HalfedgeMesh
-from pipeline.resample._kernels_collapse import REASONS, TOO_LONG, collapse_all
-from pipeline.resample._kernels_flip import flip_marked
+from pipeline.mesh.halfedge import WORTH_SHARING, HalfedgeMesh
+from pipeline.resample._kernels_collapse import REASONS, TOO_LONG
+from pipeline.resample._kernels_flip import MOST_AGAIN
+from pipeline.resample._kernels_lists import DUE, REFUSED, Changes
 from pipeline.resample._kernels_place import BIRTH, MOST_AROUND, long_around
-from pipeline.resample._kernels_ring import new_ring
-from pipeline.resample._kernels_scan import BLOCK, extent, look_again, scan
+from pipeline.resample._kernels_ring import MOST_SPOKES, new_ring
+from pipeline.resample._kernels_scan import (
+    BLOCK,
+    CHUNK,
+    extent,
+    find_odd,
+    find_odd_together,
+    list_long,
+    list_odd,
+)
 from pipeline.resample._kernels_shape import list_poor
 from pipeline.resample._kernels_split import longest_first, split_pass
+from pipeline.resample._kernels_tidy import collapse_once, tidy
 from pipeline.resample.placement import Placement
 from pipeline.resample.report import Report
 from pipeline.resample.shape import Shape
@@ -23,6 +33,8 @@ from pipeline.resample.thresholds import Thresholds
 
 _MOST_PLACED = 16  # passes; an edge halved that often has been stretched 65,000-fold in one frame
 _ALLOWANCE = 1.2  # times the maximum: how long an edge may be for a moment, so that a short one can go
+_RINGS = (new_ring(), new_ring())
+_AGAIN: Indices = np.empty(MOST_AGAIN + 1, np.int32)
 
 
 class Frame:
@@ -34,26 +46,28 @@ class Frame:
         self.mesh, self.thresholds, self.placement, self.shape = mesh, thresholds, placement, shape
         self.limits = _limits(mesh, thresholds, placement, shape)
         self.splits = self.collapses = self.flips = self.passes = self.relaxed = self.on_chord = 0
-        self.refused: Indices = np.zeros(len(REASONS), np.int64)
-        faces = int(mesh.sizes[1])
-        self.marks = np.zeros(faces, np.uint8)
-        self.extents: Points = np.empty((-(-faces // BLOCK), 2))
-        self.dead_faces, self.dead_vertices = _work_list(0), _work_list(0)
+        self.changes = changes_of(mesh)
+        for notes in self.changes:
+            notes[: 1 if notes.dtype == np.int32 else None] = 0  # lists are empty, marks wiped
+        self.faces = int(mesh.sizes[1])  # how many there were
 
     def scan(self) -> None:
         """Find the edges out of the bracket, and those of clearly obtuse triangles."""
-        faces = int(self.mesh.sizes[1])
-        self.longs, self.shorts = _work_list(self.mesh.edges), _work_list(2 * self.mesh.edges)
-        self.obtuse = _work_list(faces)
-        total = scan(
-            self.mesh.surface, faces, self.limits, self.longs, self.shorts, self.obtuse, self.extents
-        )
+        faces, mesh = self.faces, self.mesh
+        chunks, blocks = -(-faces // CHUNK), -(-faces // BLOCK)
+        odd, counts = mesh.scratch("odd", faces + chunks), np.empty(chunks, np.int32)
+        self.extents = mesh.scratch("extents", 2 * blocks, np.float64)[: 2 * blocks].reshape(-1, 2)
+        look = find_odd_together if 3 * faces > WORTH_SHARING else find_odd
+        total = look(mesh.surface, faces, self.limits, odd, counts, self.extents)
         if not math.isfinite(total):
-            size = np.abs(self.mesh.vertices).max(axis=1)
+            size = np.abs(mesh.vertices).max(axis=1)
             wild = int(np.argmax(np.where(np.isnan(size), math.inf, size)))
             raise FrameError(
-                f"vertex {wild} has left the numbers: {self.mesh.vertices[wild]}; calm the flow there"
+                f"vertex {wild} has left the numbers: {mesh.vertices[wild]}; calm the flow there"
             )
+        many = int(counts.sum())
+        self.longs, self.obtuse = _work_list(3 * many), _work_list(many)
+        list_odd(mesh.surface, self.limits, odd, counts, self.longs, self.obtuse, self.changes)
 
     def split_long_edges(self) -> None:
         """Pass after pass until none is too long; every pass takes the longest first (P25)."""
@@ -61,19 +75,10 @@ class Frame:
             room, first = int(self.longs[0]), int(self.mesh.sizes[0])
             self._keep_to_budget(room)
             self.mesh.reserve(room, 2 * room)
-            self.marks = np.concatenate([self.marks, np.zeros(2 * room, np.uint8)])
+            self.changes = changes_of(self.mesh)
             later, births = _work_list(10 * room), _work_list(BIRTH * room)
             order = longest_first(self.mesh.surface, self.longs, self.limits, later)
-            split_pass(
-                self.mesh.surface,
-                self.mesh.sizes,
-                self.limits,
-                order,
-                later,
-                births,
-                self.shorts,
-                self.marks,
-            )
+            split_pass(self.mesh.surface, self.mesh.sizes, self.limits, order, later, births, self.changes)
             self.splits += int(self.mesh.sizes[0]) - first
             self.passes += 1
             self.longs = self._placed(_items(births).reshape(-1, BIRTH), later)
@@ -84,105 +89,83 @@ class Frame:
             return later
         self.on_chord += self.placement.place(self.mesh, births, self.limits[2])
         around = _work_list(int(later[0]) + MOST_AROUND * len(births))
-        long_around(self.mesh.surface, births, self.limits, later, around)
+        long_around(self.mesh.surface, births, self.limits, later, around, self.changes)
         return around
 
     def collapse_short_edges(self) -> None:
         """Collapse, flip and mend, until every edge that is still short has a reason to be (P9)."""
-        self._tidy(self._collapse() + self.splits + int(self.obtuse[0]))
+        self.dead = (
+            _emptied(self.mesh.scratch("dead faces", 1 + int(self.mesh.sizes[1]))),
+            _emptied(self.mesh.scratch("dead vertices", 1 + int(self.mesh.sizes[0]))),
+        )
+        self._tidy()
         self._mend()
-        if self.refused[TOO_LONG]:
+        if self._refused(TOO_LONG).any():
             self._make_room()
             self._mend()
-        self.mesh.fill_holes(np.sort(_items(self.dead_vertices)), np.sort(_items(self.dead_faces)))
+        low, high = extent(self.mesh.surface, self.faces, self.changes, self.extents)
+        self.shortest, self.longest = math.sqrt(low), math.sqrt(high)
+        self.mesh.fill_holes(_items(self.dead[1]), _items(self.dead[0]))
 
-    def _tidy(self, changed: int) -> None:
-        """Flip and look again until nothing more can be done."""
-        while changed:
-            self._flip()
-            if self._all_settled():
-                break
-            self._look_again()
-            changed = self._collapse()
+    def _tidy(self) -> None:
+        """Collapse and flip until nothing more can be done."""
+        surface = self.mesh.surface
+        collapses, flips = tidy(surface, self.limits, _RINGS, self.changes, self.dead, self.obtuse, _AGAIN)
+        self.collapses += collapses
+        self.flips += flips
 
     def _mend(self) -> None:
         """Move the vertices of badly shaped triangles within the surface (P36), where that is possible."""
         for _ in range(self.shape.rounds if self.placement.knows_surroundings else 0):
-            vertices, faces = (int(size) for size in self.mesh.sizes)
-            spokes, seen = _work_list(vertices), np.zeros(vertices, np.uint8)
-            list_poor(self.mesh.surface, faces, self.shape.roundness, self.marks, seen, spokes)
+            spokes, seen = (
+                _work_list(3 * int(self.changes.changed[0])),
+                np.zeros(self.mesh.sizes[0], np.uint8),
+            )
+            list_poor(self.mesh.surface, self.shape.roundness, self.changes, seen, spokes)
             if not spokes[0]:
                 return
-            moved = self.placement.relax(self.mesh, spokes, self.limits, self.marks)
+            moved = self.placement.relax(self.mesh, spokes, self.limits, self.changes)
             self.relaxed += moved
             if not moved:
                 return
-            self._tidy(moved)
+            self._tidy()
 
     def _make_room(self) -> None:
         """Let go short edges that only a too long one keeps, and split that one instead."""
+        self.changes.notes[self._refused(TOO_LONG)] = DUE
         self.limits[6] = _ALLOWANCE**2
-        self._collapse()
+        self.collapses += collapse_once(self.mesh.surface, self.limits, _RINGS, self.changes, self.dead)
         self.limits[6] = 1.0
-        self._look_again()
+        self.longs = _work_list(3 * int(self.changes.fresh[0]))
+        list_long(self.mesh.surface, self.limits, self.changes, self.longs)
         self.split_long_edges()
-        self._tidy(1)
-
-    def _all_settled(self) -> bool:
-        """Whether nothing can be left to do: every edge that became short was listed, and has collapsed."""
-        overflow = self.shorts[0] + 1 == len(self.shorts)
-        settled = not (overflow or self.refused.any() or self.placement.leaves_chord)
-        if settled:
-            self.shorts[0] = 0
-        return settled
-
-    def _look_again(self) -> None:
-        before = self.shorts
-        self.longs, self.shorts = _work_list(self.mesh.edges), _work_list(2 * self.mesh.edges)
-        look_again(
-            self.mesh.surface, self.mesh.sizes[1], self.limits, self.marks, before, self.longs, self.shorts
+        more_faces, more_vertices = (int(size) for size in self.mesh.sizes[::-1])
+        self.dead = (
+            self.mesh.scratch("dead faces", 1 + more_faces),
+            self.mesh.scratch("dead vertices", 1 + more_vertices),
         )
+        self._tidy()
 
-    def _collapse(self) -> int:
-        self.refused[:] = 0
-        self.dead_faces = _with_room(self.dead_faces, int(self.mesh.sizes[1]))
-        self.dead_vertices = _with_room(self.dead_vertices, int(self.mesh.sizes[0]))
-        done = collapse_all(
-            self.mesh.surface,
-            self.limits,
-            (new_ring(), new_ring()),
-            self.shorts,
-            self.dead_faces,
-            self.dead_vertices,
-            self.marks,
-            self.refused,
-        )
-        self.collapses += done
-        return int(done)
-
-    def _flip(self) -> None:
-        faces = self.mesh.sizes[1]
-        edges = _work_list(8 * self.mesh.edges)
-        self.flips += flip_marked(self.mesh.surface, faces, self.limits, self.marks, self.obtuse, edges)
+    def _refused(self, reason: int) -> Indices:
+        """The short edges that were refused for that reason, each by a half-edge."""
+        waiting = _items(self.changes.shorts)
+        chosen: Indices = waiting[self.changes.notes[waiting] == REFUSED + reason]
+        return chosen
 
     def _keep_to_budget(self, more: int) -> None:
         vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices
         if vertices + more > budget:
-            longest = self._extent(np.ones_like(self.marks))[1]
+            corners = self.mesh.vertices[self.mesh.faces]
+            longest = float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
             raise FrameError(
                 f"{vertices} vertices and {more} edges to split exceed the budget of {budget} vertices "
                 f"(longest edge {longest:g}, allowed {math.sqrt(self.limits[0]):g}); "
                 "raise max_vertices or max_edge_length"
             )
 
-    def _extent(self, marks: AnyArray) -> tuple[float, float]:
-        """The shortest and longest edge, where marks tell what has changed since the scan."""
-        low, high = extent(self.mesh.surface, self.mesh.sizes[1], marks, self.shorts, self.extents)
-        return math.sqrt(low), math.sqrt(high)
-
     def report(self) -> Report:
-        low, high = self._extent(self.marks)
-        refused = {reason: int(n) for reason, n in zip(REASONS, self.refused, strict=True) if n}
+        waiting = self.changes.notes[_items(self.changes.shorts)]
+        refused = np.bincount(waiting, minlength=REFUSED + len(REASONS))[REFUSED:]
         return Report(
             splits=self.splits,
             collapses=self.collapses,
@@ -192,13 +175,26 @@ class Frame:
             faces=int(self.mesh.sizes[1]),
             edges=self.mesh.edges,
             too_long=int(self.longs[0]),
-            too_short=int(self.shorts[0]),
+            too_short=len(waiting),
             relaxed=self.relaxed,
             on_chord=self.on_chord,
-            shortest=low,
-            longest=high,
-            refused=refused,
+            shortest=self.shortest,
+            longest=self.longest,
+            refused={reason: int(n) for reason, n in zip(REASONS, refused, strict=True) if n},
         )
+
+
+def changes_of(mesh: HalfedgeMesh) -> Changes:
+    """The notes of a frame, with room for all faces that the mesh has room for."""
+    halfedges = len(mesh.surface.vert)
+    faces = halfedges // 3
+    return Changes(
+        mesh.scratch("marks", faces, np.uint8),
+        mesh.scratch("changed", faces + 1),
+        mesh.scratch("fresh", faces + 1),
+        mesh.scratch("notes", halfedges, np.uint8),
+        mesh.scratch("shorts", halfedges + 8 * MOST_SPOKES),
+    )
 
 
 def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, shape: Shape) -> Floats:
@@ -223,13 +219,9 @@ def _work_list(room: int) -> Indices:
     return items
 
 
-def _with_room(work_list: Indices, room: int) -> Indices:
-    """The list, able to hold that many."""
-    if len(work_list) > room:
-        return work_list
-    larger = _work_list(room)
-    larger[: len(work_list)] = work_list
-    return larger
+def _emptied(work_list: Indices) -> Indices:
+    work_list[0] = 0
+    return work_list
 
 
 def _items(work_list: Indices) -> Indices:

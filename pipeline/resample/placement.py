@@ -11,6 +11,7 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.mesh._kernels_halfedge import Surface
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
+from pipeline.resample._kernels_lists import Changes
 from pipeline.resample._kernels_place import curved_middles, settle
 from pipeline.resample._kernels_ring import new_ring
 
@@ -49,11 +50,11 @@ class Placement(Protocol):
     def heal(self, mesh: HalfedgeMesh) -> None:
         """Mend what earlier frames had to leave, before this one begins."""
 
-    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, marks: AnyArray) -> int:
+    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
         """Move vertices within the surface where their worst triangle gains; answers how many moved.
 
         spokes  a work list of half-edges, one from each vertex to look at
-        marks   of faces, set around what moved
+        changes what the frame has changed, to which the faces around what moved are added
         """
 
 
@@ -74,7 +75,7 @@ class Chord:
     def heal(self, mesh: HalfedgeMesh) -> None:
         """They need none."""
 
-    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, marks: AnyArray) -> int:
+    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
         return 0
 
 
@@ -96,7 +97,7 @@ class Curved:
     def heal(self, mesh: HalfedgeMesh) -> None:
         """They need none."""
 
-    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, marks: AnyArray) -> int:
+    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
         return 0
 
 

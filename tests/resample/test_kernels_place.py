@@ -12,6 +12,7 @@ from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, tor
 from pipeline.resample._kernels_place import BIRTH, arriving, curved_middles, long_around, settle, side_normal
 from pipeline.resample._kernels_ring import new_ring
 from pipeline.resample._kernels_split import split_pass
+from pipeline.resample.frame import changes_of
 
 HARD = math.cos(math.radians(40))
 CUBE, BALL, RING = box(edge_length=0.5), icosphere(4), torus(1.0, 0.4, 0.3)
@@ -35,10 +36,8 @@ def cut(mesh: TriangleMesh, longest: float) -> tuple[HalfedgeMesh, Indices]:
     first = np.flatnonzero((lengths > longest) & (live.twins < np.arange(len(lengths))))
     live.reserve(len(first), 2 * len(first))
     later, births = work_list(50 * len(first)), work_list(BIRTH * len(first))
-    marks, shorts = np.zeros(len(live.surface.vert), np.uint8), work_list(10 * len(first))
-    split_pass(
-        live.surface, live.sizes, limits(longest), first.astype(np.int32), later, births, shorts, marks
-    )
+    order = first.astype(np.int32)
+    split_pass(live.surface, live.sizes, limits(longest), order, later, births, changes_of(live))
     return live, births[1 : 1 + births[0]].reshape(-1, BIRTH)
 
 
@@ -201,7 +200,7 @@ def test_after_a_move_all_long_edges_around_are_listed_once(mesh: TriangleMesh) 
     first = len(mesh.vertices)
     live.vertices[first:] += 0.1 * np.random.default_rng(1).normal(size=(len(births), 3))
     longs = work_list(30 * len(births))
-    long_around(live.surface, births, limits(0.3), work_list(0), longs)
+    long_around(live.surface, births, limits(0.3), work_list(0), longs, changes_of(live))
     found = longs[1 : 1 + longs[0]]
     after = np.where(found % 3 == 2, found - 2, found + 1)
     ends = live.surface.vert[np.column_stack([found, after])]
