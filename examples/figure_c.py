@@ -43,7 +43,7 @@ def draw() -> None:
         ("", "a concave face, whose outline a plane may cross four times"), 3.3, drawings=True
     )
     stack = (
-        (0.0, face, "a face of short edges, its bounds, and planes across the longest side"),
+        (0.0, face, "a face too long, of short edges; planes cut its longest dimension"),
         (-1.75, bread, f"all cuts at once, like bread: {len(bread)} parts"),
         (-3.3, halves, f"cut in two, and again: {len(halves)} parts"),
     )

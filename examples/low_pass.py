@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from examples.drawing import COOL, WARM, page, save
+from examples.drawing import COOL, GREY, WARM, page, save
 from examples.film import resampled, sphericity
 from pipeline.flow import Flow, Sequence, keyed
 from pipeline.flow.catalogue import Twist
@@ -53,8 +53,8 @@ def draw() -> None:
         panels[2].plot(values, color=colour)
     panels[2].set(xlabel="rounds of three twists", ylim=(0.78, 1.02))
     for name, level in (("ball", 1.0), ("cube", (math.pi / 6) ** (1 / 3))):
-        panels[2].axhline(level, linewidth=0.8, color="#888888", dashes=(4, 3))
-        panels[2].text(0.1, level + 0.004, name, fontsize=8)
+        panels[2].axhline(level, linewidth=0.8, color=GREY, dashes=(4, 3))
+        panels[2].text(ROUNDS, level - 0.004, name, fontsize=8, ha="right", va="top")
     save(figure, "low_pass.png")
 
 

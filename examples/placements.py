@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from examples.drawing import COOL, OCHRE, WARM, page, save
@@ -9,7 +11,7 @@ from examples.figure_a import stirring
 from examples.film import RATE
 from pipeline.arrays import Floats, Points
 from pipeline.flow.history import History, Step
-from pipeline.mesh import icosphere
+from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 
 FRAMES, LONGEST, EVERY = 60, 0.15, 6
@@ -19,26 +21,39 @@ STEP = 1e-6
 NAMES = ("chord", "curved", "exact")
 
 
+def filmed(name: str, thresholds: Thresholds, frames: int) -> Iterator[tuple[int, TriangleMesh]]:
+    """A ball of radius 1 in two vortices and a third: each frame's number and its surface."""
+    history, flow = History(), stirring()
+    placements: dict[str, Placement] = {
+        "chord": Chord(),
+        "curved": Curved(),
+        "exact": Exact(history.carry, project=onto_ball),
+    }
+    resampler = Resampler(icosphere(14), thresholds, placements[name])
+    for frame in range(1, frames + 1):
+        history.add(Step(flow, (frame - 1) / RATE, 1 / RATE, frame))
+        resampler.vertices[:] = flow.displace(resampler.vertices, (frame - 1) / RATE, 1 / RATE)
+        resampler.resample()
+        yield frame, resampler.mesh
+
+
 def film(name: str, frames: int = FRAMES, every: int = EVERY) -> Floats:
     """(N, 2) how far vertices and face centres are off the exact surface, in maximum edges.
 
     The 95th percentile every so many frames: a few vertices may have had to stay on the chord.
     """
-    history, flow = History(), stirring()
-    placements: dict[str, Placement] = {
-        "chord": Chord(), "curved": Curved(), "exact": Exact(history.carry, project=onto_ball)
-    }  # fmt: skip
-    resampler = Resampler(icosphere(14), Thresholds(LONGEST), placements[name])
     errors = []
-    for frame in range(1, frames + 1):
-        history.add(Step(flow, (frame - 1) / RATE, 1 / RATE, frame))
-        resampler.vertices[:] = flow.displace(resampler.vertices, (frame - 1) / RATE, 1 / RATE)
-        resampler.resample()
+    for frame, mesh in filmed(name, Thresholds(LONGEST), frames):
         if frame % every == 0:
-            mesh = resampler.mesh
-            both = (mesh.vertices, mesh.vertices[mesh.faces].mean(axis=1))
-            errors.append([float(np.percentile(np.abs(distances(points, frame)), 95)) for points in both])
+            both = (mesh.vertices, centres(mesh))
+            errors.append([np.percentile(np.abs(distances(points, frame)), 95) for points in both])
     return np.array(errors) / LONGEST
+
+
+def centres(mesh: TriangleMesh) -> Points:
+    """(F, 3) the middle of each face."""
+    middles: Points = mesh.vertices[mesh.faces].mean(axis=1)
+    return middles
 
 
 def onto_ball(points: Points) -> Points:
@@ -74,7 +89,7 @@ def draw() -> None:
         panel.set_xlabel("frame")
     panels[0].set_yscale("log")
     panels[1].set_ylim(0)
-    panels[0].set_ylabel("95% are nearer than, in maximum edges")
+    panels[0].set_ylabel("95th percentile / maximum edge")
     panels[1].legend()
     save(figure, "placements.svg")
 

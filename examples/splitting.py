@@ -1,0 +1,66 @@
+"""Other ways to place samples (P26): cutting faces into four, and density that follows the curvature."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from examples.density import LONGEST, SUBJECT, stirring
+from examples.drawing import COOL, WARM, page, save
+from examples.film import edge_lengths, resampled
+from examples.placements import centres, distances, filmed
+from pipeline.arrays import Floats
+from pipeline.resample import Curvature, Report, Resampler, Thresholds
+from pipeline.resample.resampler import Splits
+
+FRAMES, STIRRED = 240, 30
+UNIFORM = (0.3, 0.2, 0.14, 0.1)
+"""Maximum edge lengths."""
+TOLERANCES = (0.012, 0.005, 0.0022, 0.001)
+"""How far an edge may leave the surface, scene units."""
+
+
+def split(splits: Splits, frames: int = FRAMES) -> tuple[list[Report], Floats]:
+    """The ball of the density film: its reports, and the lengths of its edges at the end."""
+    resampler = Resampler(SUBJECT, Thresholds(LONGEST), splits=splits)
+    reports = list(resampled(resampler, stirring(), frames))
+    return reports, edge_lengths(resampler.mesh)
+
+
+def followed(thresholds: Thresholds, frames: int = STIRRED) -> tuple[int, float]:
+    """How many vertices a stirred ball has at the end, and the rms distance of its faces' centres from the
+    exact surface, scene units."""
+    *_, (frame, mesh) = filmed("exact", thresholds, frames)
+    return len(mesh.vertices), float(np.sqrt(np.mean(distances(centres(mesh), frame) ** 2)))
+
+
+def curved(tolerance: float) -> Thresholds:
+    """A density that follows the curvature, everywhere on a surface without creases."""
+    return Thresholds(Curvature(tolerance, finest=0.03, coarsest=0.5, hard_angle=math.pi))
+
+
+def draw() -> None:
+    figure, (lengths, errors) = page(
+        ("edges cut in two, faces in four", "uniform, by curvature"), height=3.3
+    )
+    for way, colour in (("edges", COOL), ("faces", WARM)):
+        reports, sides = split(way)
+        counted, borders = np.histogram(sides / LONGEST, np.linspace(0.2, 1.0, 41))
+        name = f"{way}: {reports[-1].vertices} vertices"
+        lengths.stairs(100 * counted / len(sides), borders, color=colour, label=name, linewidth=1.6)
+    lengths.set(xlabel="edge length / maximum", ylabel="% of the edges", xlim=(0.2, 1.0), ylim=(0, None))
+    lengths.legend()
+    for name, colour, all_thresholds in (
+        ("uniform", WARM, [Thresholds(longest) for longest in UNIFORM]),
+        ("by curvature", COOL, [curved(tolerance) for tolerance in TOLERANCES]),
+    ):
+        points = np.array([followed(thresholds) for thresholds in all_thresholds])
+        errors.loglog(*points.T, color=colour, label=name, marker="o", markersize=4.5)
+    errors.set(xlabel="vertices", ylabel="rms distance of faces' centres")
+    errors.legend()
+    save(figure, "splitting.svg")
+
+
+if __name__ == "__main__":
+    draw()
