@@ -11,8 +11,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import UsageError
-from pipeline.mesh import TriangleMesh
-from pipeline.resample import Report
+from pipeline.mesh import PolygonMesh, TriangleMesh
+from pipeline.resample import PolyhedralReport, Report
 from pipeline.statistics import MeshStatistics
 
 _ATTRIBUTE = "attribute:"
@@ -39,31 +39,38 @@ class FrameReport:
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> FrameReport:
         resampling = data["resampling"]
+        kind = PolyhedralReport if resampling and "cuts" in resampling else Report
         return cls(
-            resampling=None if resampling is None else Report(**resampling),
+            resampling=None if resampling is None else kind(**resampling),
             statistics=MeshStatistics(**data["statistics"]),
         )
 
 
 @dataclass(frozen=True)
 class MeshFrame:
-    """One frame of a shot's surface. With the shot, it is all that later frames depend on."""
+    """One frame of a shot's surface. With the shot, it is all that later frames depend on.
+
+    polygons  where the surface is one of polygons: what `mesh` is, cut into triangles; its vertices are the
+              first of the mesh's
+    """
 
     number: int
     mesh: TriangleMesh
     report: FrameReport
+    polygons: PolygonMesh | None = None
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """The frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
 
         vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
-        () and report (): a string of JSON.
+        () and report (): a string of JSON; of polygons also offsets int32 (P + 1,) and corners int32 (C,).
         """
         attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
         return {
             "vertices": self.mesh.vertices,
             "faces": self.mesh.faces,
             "creases": self.mesh.creases,
+            **_sides(self.polygons),
             **attributes,
             "number": np.array(self.number),
             "report": np.array(json.dumps(self.report.as_data())),
@@ -77,8 +84,25 @@ class MeshFrame:
             raise UsageError(f"the arrays hold no {' and no '.join(missing)}; they are no frame of ours")
         names = [name for name in arrays if name.startswith(_ATTRIBUTE)]
         attributes = {name.removeprefix(_ATTRIBUTE): arrays[name] for name in names}
+        mesh = TriangleMesh(arrays["vertices"], arrays["faces"], attributes, arrays.get("creases"))
         return cls(
             number=int(arrays["number"]),
-            mesh=TriangleMesh(arrays["vertices"], arrays["faces"], attributes, arrays.get("creases")),
+            mesh=mesh,
             report=FrameReport.from_data(json.loads(str(arrays["report"]))),
+            polygons=_polygons(mesh, arrays),
         )
+
+
+def _sides(polygons: PolygonMesh | None) -> dict[str, AnyArray]:
+    return {} if polygons is None else {"offsets": polygons.offsets, "corners": polygons.corners}
+
+
+def _polygons(mesh: TriangleMesh, arrays: Mapping[str, AnyArray]) -> PolygonMesh | None:
+    """The polygons that the mesh was cut from, where the arrays name their corners."""
+    if "corners" not in arrays or "offsets" not in arrays:
+        return None
+    many = int(arrays["corners"].max()) + 1  # every vertex of a surface is a corner of it
+    attributes = {name: values[:many] for name, values in mesh.attributes.items()}
+    return PolygonMesh.from_arrays(
+        mesh.vertices[:many], arrays["offsets"], arrays["corners"], attributes, mesh.creases
+    )

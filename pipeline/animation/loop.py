@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from pipeline.animation.epoch import step_into
 from pipeline.animation.frame import MeshFrame
-from pipeline.animation.surface import at_rest, resumed, step_into
+from pipeline.animation.start import at_rest, resumed
 from pipeline.flow import Displacement, Flow, as_flow
 from pipeline.shot import Motion, Shot
 

@@ -46,6 +46,20 @@ def bounds(source: Source) -> Iterator[Problem]:
                 )
 
 
+def splits(source: Source) -> Iterator[Problem]:
+    """Faces are cut in four at the middles of their edges, and nowhere else."""
+    placement = source.get("resample", "placement")
+    polyhedra = source.get("resample", "method") == "polyhedra"
+    if source.get("resample", "splits") != "faces" or polyhedra or placement == "chord":
+        return
+    has = "by default placement is exact" if placement is None else f"placement is {placement}"
+    yield (
+        ("resample", "splits"),
+        f"splits: faces puts new vertices in the middle of their edges, and {has}. "
+        "Write placement: chord, or leave splits out.",
+    )
+
+
 def formulas(source: Source) -> Iterator[Problem]:
     """Formulas can be read."""
     for name in (*THRESHOLDS, "creases"):

@@ -43,7 +43,14 @@ def read_shot(path: str | Path, text: str | None = None) -> Shot:
     source = Source.read(Path(path), text)
     clock, problems = checks.read_clock(source)
     problems += checks.keys(source, clock)
-    for check in (checks.directions, brackets.ratio, brackets.bounds, brackets.formulas, checks.solid):
+    for check in (
+        checks.directions,
+        brackets.ratio,
+        brackets.bounds,
+        brackets.splits,
+        brackets.formulas,
+        checks.solid,
+    ):
         problems += check(source)
     missing = list(checks.model(source))
     document = _parsed(source, ShotDocument, problems, missing)

@@ -14,6 +14,7 @@ import numpy as np
 from pipeline.flow import Flow
 from pipeline.flow.choreography import Number, number_at
 from pipeline.frames import FrameRange, FrameRate
+from pipeline.mesh.polygons import PolygonMesh
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample import Thresholds
 from pipeline.resample.hardness import Region
@@ -64,15 +65,18 @@ class Resampling:
         return every
 
     def data(self) -> dict[str, Any]:
-        """What decides meshes, as JSON-able data: thresholds, and the settings that the others let matter."""
+        """What decides meshes, as JSON-able data: thresholds, and the settings that the others let matter.
+
+        When the surface at rest is renewed is said by the frames in which it is: see `Motion.step_data`.
+        """
         settings: dict[str, Any] = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
         idle: tuple[str, ...]
         if self.method == "polyhedra":
-            idle = ("placement", "splits", "shape", "normals", "renew")
+            idle = ("renew", "placement", "splits", "shape", "normals")
         elif self.placement == "exact":
-            idle = ("cutting", "collapse")
+            idle = ("renew", "cutting", "collapse")
         else:
-            idle = ("cutting", "collapse", "normals", "renew")
+            idle = ("renew", "cutting", "collapse", "normals")
         return {name: value for name, value in settings.items() if name not in idle}
 
 
@@ -133,6 +137,22 @@ class Motion:
         lengths = resampling.thresholds.fields(coarse)[:, 0]
         return self.subject.build(max(float(lengths.min()), float(np.median(lengths)) / 3.0))
 
+    def polygons_at_rest(self) -> PolygonMesh:
+        """The subject's polygons. Where lengths are functions, a solid is as `mesh_at_rest` has it, for a
+        few corners could not tell them how it is between."""
+        resampling = self.resampling_at(self.frames.first)
+        longest = None if resampling is None else resampling.thresholds.max_edge_length
+        if longest is None or isinstance(longest, float) or not isinstance(self.subject, Solid):
+            return self.subject.polygons(longest if isinstance(longest, float) else None)
+        return PolygonMesh.from_triangles(self.mesh_at_rest())
+
+    def renews(self, frame: int) -> bool:
+        """Whether the surface of that frame becomes the undeformed one."""
+        resampling, since = self.resampling, frame - self.frames.first
+        if resampling is None or resampling.method != "triangles" or resampling.placement != "exact":
+            return False
+        return since > 0 and since % resampling.renew == 0
+
     def start_data(self) -> dict[str, Any]:
         """What decides the first frame, as JSON-able data: equal data, equal mesh."""
         return {
@@ -144,10 +164,12 @@ class Motion:
         """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
         acting = self.flow.acting(*self.clock.step(frame))
         now = self.resampling_at(frame)
-        if now is self.resampling:
-            return acting
-        assert now is not None
-        return {"flow": acting, "thresholds": thresholds_data(now.thresholds)}
+        changes: dict[str, Any] = {}
+        if now is not None and now is not self.resampling:
+            changes["thresholds"] = thresholds_data(now.thresholds)
+        if self.renews(frame):
+            changes["renewed"] = True
+        return {"flow": acting, **changes} if changes else acting
 
 
 @dataclass(frozen=True)

@@ -11,7 +11,18 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, rod, sheet, torus
+from pipeline.mesh import (
+    PolygonMesh,
+    TriangleMesh,
+    box,
+    icosphere,
+    read_mesh,
+    read_polygons,
+    rod,
+    sheet,
+    torus,
+)
+from pipeline.mesh.polygon_solids import one_sided_sheet, six_sided_box
 from pipeline.mesh.true_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
 from pipeline.shot.data import NOT_DATA
 
@@ -34,6 +45,10 @@ class Subject(ABC):
         None). A model is as its file says: long edges are split on the first frame (P20, P25).
         """
 
+    def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
+        """The surface at rest, of its own polygons where it has any (P20), else of what `build` makes."""
+        return PolygonMesh.from_triangles(self.build(max_edge_length))
+
 
 @dataclass(frozen=True)
 class SolidKind:
@@ -42,11 +57,13 @@ class SolidKind:
     measures  what it is measured by, in scene units, and what it measures if nothing is said
     make      `make(edge_length, *measures)`: its mesh
     surface   `surface(*measures)`: what the mesh stands for
+    polygons  `polygons(*measures)`: the same of a few polygons, where it has flat sides only
     """
 
     measures: Mapping[str, Measure]
     make: Callable[..., TriangleMesh]
     surface: Callable[..., TrueSurface]
+    polygons: Callable[..., PolygonMesh] | None = None
 
 
 def _icosphere(edge_length: float, radius: float) -> TriangleMesh:
@@ -63,14 +80,14 @@ def _box(size: float | tuple[float, float, float]) -> TrueSurface:
 
 
 SOLIDS: Mapping[str, SolidKind] = {
-    "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge), _box),
+    "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge), _box, six_sided_box),
     "icosphere": SolidKind({"radius": 1.0}, _icosphere, Sphere),
     "rod": SolidKind(
         {"length": 3.0, "radius": 0.5, "caps": "round"},
         lambda edge, length, radius, caps: rod(length, radius, edge, caps),
         _rod,
     ),
-    "sheet": SolidKind({"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge), Sheet),
+    "sheet": SolidKind({"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge), Sheet, one_sided_sheet),
     "torus": SolidKind(
         {"radius": 1.0, "tube_radius": 0.4},
         lambda edge, radius, tube_radius: torus(radius, tube_radius, edge),
@@ -111,6 +128,12 @@ class Solid(Subject):
         edge = MIDDLE * max_edge_length if max_edge_length else COARSE * largest
         return SOLIDS[self.solid].make(max(edge, FINE * largest), *values)
 
+    def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
+        make = SOLIDS[self.solid].polygons
+        if make is None:
+            return super().polygons(max_edge_length)
+        return make(*(value for _, value in self.measures))
+
 
 @dataclass(frozen=True)
 class Model(Subject):
@@ -126,6 +149,10 @@ class Model(Subject):
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         mesh = read_mesh(self.path)
+        return mesh.with_vertices(self.scale * mesh.vertices)
+
+    def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
+        mesh = read_polygons(self.path)
         return mesh.with_vertices(self.scale * mesh.vertices)
 
 

@@ -115,8 +115,23 @@ def test_settings_that_another_placement_ignores_are_no_part_of_any_mesh(tmp_pat
         return read_shot(written(tmp_path, text)).motion.start_data()
 
     assert data("placement: chord") == data("placement: chord, renew: 10, normals: geometric")
-    assert data("placement: exact") != data("placement: exact, renew: 10")
+    assert data("placement: exact") != data("placement: exact, normals: geometric")
     assert data("shape: 0.6") == data("") != data("shape: 0.7")
+
+
+def test_a_renewal_is_said_by_its_frames_alone(tmp_path: Path) -> None:
+    """So that another rhythm goes on from the last frame that both have."""
+
+    def renewing(settings: str) -> list[int]:
+        text = GOOD.replace("max_edge_length: 0.25", f"max_edge_length: 0.25, {settings}")
+        motion = read_shot(written(tmp_path, text)).motion
+        data = {number: motion.step_data(number) for number in motion.frames.numbers[1:]}
+        return [number for number, step in data.items() if isinstance(step, dict) and step.get("renewed")]
+
+    assert renewing("renew: 20") == [21, 41]
+    assert renewing("renew: 48") == [49]
+    assert renewing("renew: 49") == renewing("") == []
+    assert renewing("renew: 20, placement: chord") == renewing("renew: 20, method: polyhedra") == []
 
 
 def test_without_resampling_a_motion_has_data_too(tmp_path: Path) -> None:

@@ -150,6 +150,12 @@ WRONG = [
       "a.yaml:4:47: curvature is not known under resample.hard_angle. There are: ease, formula, keys."]),
     ("0.2, hard_angle: {formula: 40 + }",
      ["a.yaml:4:60: this is no arithmetic. Look for a missing operator or bracket."]),
+    ("0.2, splits: faces",
+     ["a.yaml:4:34: splits: faces puts new vertices in the middle of their edges, and by default placement "
+      "is exact. Write placement: chord, or leave splits out."]),
+    ("0.2, placement: curved, splits: faces",
+     ["a.yaml:4:53: splits: faces puts new vertices in the middle of their edges, and placement is curved. "
+      "Write placement: chord, or leave splits out."]),
     ("0.2, method: polyhedron",
      ["a.yaml:4:34: resample.method: 'polyhedron' is no method. Did you mean 'polyhedra'?"]),
 ]  # fmt: skip
