@@ -18,15 +18,23 @@ Key = str
 
 _ROOM = Path(__file__).parents[2]
 
+
+def _all_but(folder: str, *names: str) -> tuple[str, ...]:
+    """The modules of a folder, those of these names left out."""
+    files = sorted((_ROOM / folder).glob("*.py"))
+    return tuple(f"{folder}/{file.name}" for file in files if file.stem not in names)
+
+
 SIMULATION_CODE = (
-    "pipeline/mesh",
-    "pipeline/statistics.py",
+    *_all_but("pipeline/mesh", "patches", "_kernels_patches", "write"),
     "pipeline/resample",
     "pipeline/flow",
     "pipeline/animation",
-    "pipeline/formula.py",
-    *(f"pipeline/shot/{name}.py" for name in ("shot", "subject", "resampling")),
+    *(f"pipeline/{name}.py" for name in ("formula", "frames", "kernels", "statistics")),
+    *(f"pipeline/shot/{name}.py" for name in ("clock", "shot", "subject", "resampling")),
 )
+"""What moves vertices. What reads shot files is no part of it: the values that it reads are."""
+
 NORMALS_CODE = (
     *(f"pipeline/mesh/{name}.py" for name in ("normals", "_kernels_normals", "patches", "_kernels_patches")),
     "pipeline/resample/hardness.py",

@@ -1,11 +1,16 @@
 """Keys: the same content, the same key; anything else, another."""
 
 import math
+import shutil
+import subprocess
+import sys
+from pathlib import Path
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from pipeline.production import keys
 from pipeline.production.keys import (
     FINISH_CODE,
     FRAMING_CODE,
@@ -50,3 +55,68 @@ def test_what_json_cannot_say_is_refused():
 )
 def test_every_source_a_key_names_is_there(sources):
     assert len(code_key(sources)) == 32
+
+
+STANDS_BESIDE = {
+    "pipeline",
+    "pipeline.arrays",
+    "pipeline.errors",
+    "pipeline.mesh._kernels_patches",
+    "pipeline.mesh.patches",
+    "pipeline.mesh.write",
+    "pipeline.shot",
+    *(
+        f"pipeline.shot.{name}"
+        for name in (
+            "brackets",
+            "checks",
+            "data",
+            "documents",
+            "fields",
+            "flows",
+            "messages",
+            "read",
+            "source",
+        )
+    ),
+}
+"""What a simulation imports although it changes no mesh: names of types, errors, and what reads shot files,
+whose values are in the keys themselves."""
+
+
+def test_all_that_a_simulation_imports_is_in_its_key_or_known_to_change_no_mesh():
+    script = "import sys, pipeline.animation; print(*(m for m in sys.modules if m.split('.')[0] == 'pipeline'))"
+    done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
+    room = Path(keys.__file__).parents[2]
+
+    def in_the_key(module: str) -> bool:
+        place = Path(*module.split("."))
+        file = place / "__init__.py" if (room / place).is_dir() else place.with_suffix(".py")
+        return any(Path(source) in (file, *file.parents) for source in SIMULATION_CODE)
+
+    modules = set(done.stdout.split())
+    assert {module for module in modules if not in_the_key(module)} == modules & STANDS_BESIDE
+
+
+@pytest.mark.parametrize(
+    ("edited", "counts"),
+    [
+        ("formula.py", True),
+        ("mesh/halfedge.py", True),
+        ("resample/polyhedra/slicer.py", True),
+        ("resample/quarter.py", True),
+        ("shot/clock.py", True),
+        ("mesh/write.py", False),
+        ("mesh/patches.py", False),
+        ("shot/messages.py", False),
+        ("cli/files.py", False),
+    ],
+)
+def test_only_an_edit_of_what_moves_vertices_simulates_again(edited, counts, tmp_path, monkeypatch):
+    room = Path(keys.__file__).parents[2]
+    shutil.copytree(room / "pipeline", tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
+    monkeypatch.setattr(keys, "_ROOM", tmp_path)
+    before = code_key.__wrapped__(SIMULATION_CODE)
+    with (tmp_path / "pipeline" / edited).open("a", encoding="utf-8") as file:
+        file.write("# another word\n")
+    assert (code_key.__wrapped__(SIMULATION_CODE) != before) == counts
