@@ -58,8 +58,8 @@ class Resampling:
     collapse: Literal["edges", "areas"] = "edges"
 
     def settings(self) -> dict[str, Any]:
-        """Every setting by its name in the shot file, JSON-able; functions as their parameters."""
-        settings: dict[str, Any] = as_data(self)
+        """Every setting that acts by its name in the shot file, JSON-able; functions as their parameters."""
+        settings = self._without(as_data(self), self._idle)
         every = {**settings.pop("thresholds"), **settings}
         del every["is"]
         return every
@@ -69,15 +69,21 @@ class Resampling:
 
         When the surface at rest is renewed is said by the frames in which it is: see `Motion.step_data`.
         """
-        settings: dict[str, Any] = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
-        idle: tuple[str, ...]
+        settings = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
+        return self._without(settings, (*self._idle, "renew"))
+
+    @property
+    def _idle(self) -> tuple[str, ...]:
+        """Names of the settings that cannot act beside the others."""
         if self.method == "polyhedra":
-            idle = ("renew", "placement", "splits", "shape", "normals")
-        elif self.placement == "exact":
-            idle = ("renew", "cutting", "collapse")
-        else:
-            idle = ("renew", "cutting", "collapse", "normals")
-        return {name: value for name, value in settings.items() if name not in idle}
+            return ("placement", "splits", "shape", "normals", "renew")
+        if self.placement == "exact":
+            return ("cutting", "collapse")
+        return ("cutting", "collapse", "normals", "renew")
+
+    @staticmethod
+    def _without(settings: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
+        return {name: value for name, value in settings.items() if name not in names}
 
 
 def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:

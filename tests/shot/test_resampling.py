@@ -121,6 +121,13 @@ def test_settings_stand_under_their_names() -> None:
     settings = found.settings()
     assert settings["max_edge_length"] == 0.2 and settings["placement"] == "curved"
     assert json.loads(json.dumps(settings)) == settings
+    assert "cutting" not in settings and "normals" not in settings  # which nothing came of
+    sliced = motion("0.2, method: polyhedra").resampling_at(1)
+    assert sliced is not None
+    assert set(sliced.settings()) == {
+        *("max_edge_length", "min_edge_length", "hard_angle", "max_vertices", "gradation"),
+        *("method", "creases", "cutting", "collapse"),
+    }
 
 
 WRONG = [
