@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film test soak bench check pictures setup lock clean
+.PHONY: film test soak bench check figures pictures setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -26,8 +26,12 @@ check: .venv/ready-dev
 bench: .venv/ready-bench
 	$(BIN)/python -m benchmarks
 
-# The README's moving picture, from the draft film.
-pictures: film
+# The figures of the docs, by the scripts in examples/.
+figures: .venv/ready-dev
+	$(BIN)/python -m examples
+
+# All pictures of the docs: the figures, and the README's moving one from the draft film.
+pictures: figures film
 	$(BIN)/python docs/pictures/make.py
 
 setup: .venv/ready

@@ -25,7 +25,7 @@ PAPER, INK, GREY, FAINT = "#ffffff", "#23282d", "#8a9299", "#e4e6e8"
 WARM, COOL, OCHRE, LEAF = "#c4553b", "#2c6e91", "#d39a2d", "#5b8a5a"
 """Warm is what grows or goes wrong, cool what shrinks or goes right; the others come third and fourth."""
 
-_STYLE: dict[str, Any] = {
+_STYLE: Any = {
     "figure.facecolor": PAPER,
     "savefig.facecolor": PAPER,
     "font.family": "DejaVu Sans",
@@ -55,20 +55,28 @@ _STYLE: dict[str, Any] = {
     "svg.hashsalt": "flowsculpt",
 }
 
+_SMALL = {"optimize": True, "compress_level": 9}
+
 
 def page(
-    titles: Sequence[str], height: float = 3.4, rows: int = 1, drawings: bool = False
+    titles: Sequence[str], height: float = 3.4, drawings: bool = False, bare: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A page 9.6 inches wide with a panel for each title; `drawings` have equal axes, unseen."""
+    """A page 9.6 inches wide with a panel for each title, side by side.
+
+    drawings  have equal axes, unseen
+    bare      without margins
+    """
     import matplotlib as mpl
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
 
     mpl.rcParams.update(_STYLE)
-    figure = Figure(figsize=(9.6, height), layout="constrained")
+    margin = 0.0 if bare else 0.12
+    layout = ConstrainedLayoutEngine(w_pad=margin, h_pad=margin)
+    figure = Figure(figsize=(9.6, height), layout=layout)
     FigureCanvasAgg(figure)
-    figure.get_layout_engine().set(w_pad=0.12, h_pad=0.1)
-    panels = list(np.ravel(figure.subplots(rows, -(-len(titles) // rows))))
+    panels = list(np.ravel(figure.subplots(1, len(titles))))
     for panel, title in zip(panels, titles, strict=True):
         panel.set_title(title)
         if drawings:
@@ -140,6 +148,7 @@ def arrows(panels: Sequence[Axes]) -> None:
 def save(figure: Figure, name: str) -> Path:
     """Write the figure to `docs/pictures`, the same bytes every time."""
     path = PICTURES / name
-    figure.savefig(path, dpi=100, metadata={"Date": None} if path.suffix == ".svg" else None)
+    how: dict[str, Any] = {"metadata": {"Date": None}} if path.suffix == ".svg" else {"pil_kwargs": _SMALL}
+    figure.savefig(path, dpi=100, **how)
     print(path.relative_to(PICTURES.parent.parent))
     return path

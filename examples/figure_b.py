@@ -53,7 +53,8 @@ def draw() -> None:
 
     titles = ("B1  static mesh", "B2  arbitrary faces", "B3  triangles")
     figure, panels = page(titles, height=3.3, drawings=True)
-    for panel, mesh in zip(panels, three_ways(), strict=True):
+    meshes: list[PolygonMesh | TriangleMesh] = [*three_ways()]
+    for panel, mesh in zip(panels, meshes, strict=True):
         ruled(panel, mesh, 0.45)
         for centre, colour in ((SWELLING, WARM), (SHRINKING, COOL)):
             panel.add_patch(Circle(centre[:2], RADIUS, color=colour, alpha=0.16, linewidth=0, zorder=3))

@@ -25,8 +25,7 @@ def draw() -> None:
     from examples.shading import framed, photograph, show
 
     mesh = sculpture()
-    figure, (panel,) = page(("",), height=5.4, drawings=True)
-    figure.get_layout_engine().set(w_pad=0, h_pad=0)
+    figure, (panel,) = page(("",), height=5.4, drawings=True, bare=True)
     framing = framed(mesh, azimuth=14, elevation=15, aspect=SIZE[0] / SIZE[1], margin=0.12)
     picture = photograph(
         mesh, framing, SIZE, LOOKS["glaze"], LIGHTS["gallery"], Stage(), exposure=0.0, samples=64

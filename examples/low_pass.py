@@ -54,7 +54,8 @@ def draw() -> None:
     panels[2].set(xlabel="rounds of three twists", ylim=(0.78, 1.02))
     for name, level in (("ball", 1.0), ("cube", (math.pi / 6) ** (1 / 3))):
         panels[2].axhline(level, linewidth=0.8, color=GREY, dashes=(4, 3))
-        panels[2].text(ROUNDS, level - 0.004, name, fontsize=8, ha="right", va="top")
+        above = name == "ball"
+        panels[2].text(ROUNDS, level, name, fontsize=8, ha="right", va="bottom" if above else "top")
     save(figure, "low_pass.png")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from examples.drawing import INK
-from pipeline.arrays import AnyArray, Floats
+from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
 from pipeline.production.framing import Framing, View, frame_all
 from render.colour import quantise, to_display
@@ -37,7 +37,7 @@ class Photograph:
     """pixels (H, W, 3) of 8 bits; depth (H, W), the distance from the camera; and how it was framed."""
 
     pixels: AnyArray
-    depth: Floats
+    depth: AnyArray
     framing: Framing
 
 

@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements
+from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements, splitting
+from pipeline.resample import Thresholds
 
 BRACKET = (density.RATIOS[1:] > 0.4) & (density.RATIOS[:-1] < 1.0)
 
@@ -53,3 +54,16 @@ def test_faces_drift_toward_triangles() -> None:
     rows = drift.shares(frames=40)
     assert rows[0, 1] == 1.0
     assert rows[-1, 0] > 0.25 and np.allclose(rows.sum(axis=1), 1.0)
+
+
+def test_faces_in_four_leave_lengths_more_uneven_than_edges_in_two() -> None:
+    (*_, last), edges = splitting.split("edges", frames=120)
+    _, faces = splitting.split("faces", frames=120)
+    assert last.too_long == 0 and max(edges.max(), faces.max()) <= density.LONGEST
+    assert faces.std() / faces.mean() > edges.std() / edges.mean()
+
+
+def test_density_by_curvature_is_nearer_with_fewer_vertices() -> None:
+    many, uniform = splitting.followed(Thresholds(0.2), frames=20)
+    few, curved = splitting.followed(splitting.curved(0.01), frames=20)
+    assert few < 0.9 * many and curved < 0.9 * uniform
