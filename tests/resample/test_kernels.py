@@ -162,7 +162,7 @@ def test_flips_leave_creases_and_good_edges_alone() -> None:
     assert worth_flipping(flat.surface, 0, limits)
     assert not worth_flipping(folded.surface, 0, limits)
     assert not worth_flipping(good.surface, 0, limits)
-    assert not worth_flipping(flat.surface, 0, np.array([0.2, 0.0, 0.7, 1.0])), (
+    assert not worth_flipping(flat.surface, 0, np.array([0.2, 0.0, 0.7, 1.0, -1.0, 1.0, 1.0])), (
         "the new edge would be too long"
     )
 

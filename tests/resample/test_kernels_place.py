@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Indices, Points, Vectors
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from pipeline.resample._kernels_lists import Changes
 from pipeline.resample._kernels_place import BIRTH, arriving, curved_middles, long_around, settle, side_normal
 from pipeline.resample._kernels_ring import new_ring
 from pipeline.resample._kernels_split import split_pass
@@ -28,6 +29,14 @@ def work_list(room: int) -> Indices:
     return items
 
 
+def nothing_changed(live: HalfedgeMesh) -> Changes:
+    """The notes of a frame that has only begun."""
+    changes = changes_of(live)
+    for notes in changes:
+        notes[: 1 if notes.dtype == np.int32 else None] = 0
+    return changes
+
+
 def cut(mesh: TriangleMesh, longest: float) -> tuple[HalfedgeMesh, Indices]:
     """One pass of splits: the surface with its new vertices on their chords, and the births (N, BIRTH)."""
     live = HalfedgeMesh(mesh)
@@ -36,8 +45,8 @@ def cut(mesh: TriangleMesh, longest: float) -> tuple[HalfedgeMesh, Indices]:
     first = np.flatnonzero((lengths > longest) & (live.twins < np.arange(len(lengths))))
     live.reserve(len(first), 2 * len(first))
     later, births = work_list(50 * len(first)), work_list(BIRTH * len(first))
-    order = first.astype(np.int32)
-    split_pass(live.surface, live.sizes, limits(longest), order, later, births, changes_of(live))
+    changes, order = nothing_changed(live), first.astype(np.int32)
+    split_pass(live.surface, live.sizes, limits(longest), order, later, births, changes)
     return live, births[1 : 1 + births[0]].reshape(-1, BIRTH)
 
 
@@ -200,7 +209,7 @@ def test_after_a_move_all_long_edges_around_are_listed_once(mesh: TriangleMesh) 
     first = len(mesh.vertices)
     live.vertices[first:] += 0.1 * np.random.default_rng(1).normal(size=(len(births), 3))
     longs = work_list(30 * len(births))
-    long_around(live.surface, births, limits(0.3), work_list(0), longs, changes_of(live))
+    long_around(live.surface, births, limits(0.3), work_list(0), longs, nothing_changed(live))
     found = longs[1 : 1 + longs[0]]
     after = np.where(found % 3 == 2, found - 2, found + 1)
     ends = live.surface.vert[np.column_stack([found, after])]

@@ -1,0 +1,189 @@
+"""Shape, brackets and the scan, against twins in plain numpy."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.arrays import AnyArray, Floats, Indices
+from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from pipeline.resample._kernels_lists import AS_IT_WAS, Changes, bracket, touch
+from pipeline.resample._kernels_ring import new_ring
+from pipeline.resample._kernels_shape import adopt, list_poor, relaxed, roundness
+from pipeline.resample.frame import Frame, changes_of
+from pipeline.resample.placement import Chord
+from pipeline.resample.shape import Shape
+from pipeline.resample.thresholds import Thresholds
+
+HARD = math.cos(math.radians(40))
+BALL, CUBE, RING, CLOTH = icosphere(5), box(edge_length=0.5), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25)
+
+
+def work_list(room: int) -> Indices:
+    items = np.empty(room + 1, np.int32)
+    items[0] = 0
+    return items
+
+
+def items(work: Indices) -> list[int]:
+    return [int(i) for i in work[1 : 1 + work[0]]]
+
+
+def nothing_changed(live: HalfedgeMesh) -> Changes:
+    """The notes of a frame that has only begun."""
+    changes = changes_of(live)
+    for notes in changes:
+        notes[: 1 if notes.dtype == np.int32 else None] = 0
+    return changes
+
+
+def jittered(mesh: TriangleMesh, seed: int, reach: float) -> TriangleMesh:
+    """Inner vertices of a sheet move within its plane, those of a solid anywhere."""
+    rng = np.random.default_rng(seed)
+    steps = reach * rng.normal(size=mesh.vertices.shape)
+    if mesh is CLOTH:
+        steps[:, 1] = 0
+        steps[np.abs(mesh.vertices).max(axis=1) == 1] = 0
+    return mesh.with_vertices(mesh.vertices + steps)
+
+
+def slow_roundness(corners: Floats) -> float:
+    """2 r / R by the area: r = 2 A / perimeter, R = a b c / 4 A."""
+    a, b, c = (float(np.linalg.norm(corners[i] - corners[i - 1])) for i in range(3))
+    area = float(np.linalg.norm(np.cross(corners[1] - corners[0], corners[2] - corners[0]))) / 2
+    return 2 * (2 * area / (a + b + c)) / (a * b * c / (4 * area)) if area else 0.0
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_roundness_is_twice_the_inradius_over_the_circumradius(seed: int) -> None:
+    corners = np.random.default_rng(seed).normal(size=(3, 3))
+    a, b, c = (float(np.sum((corners[i] - corners[(i + 1) % 3]) ** 2)) for i in range(3))
+    assert roundness(a, b, c) == pytest.approx(slow_roundness(corners), rel=1e-6, abs=1e-9)
+    assert roundness(1.0, 1.0, 1.0) == pytest.approx(1)
+    assert roundness(0.0, 1.0, 1.0) == 0
+
+
+@pytest.mark.parametrize("mesh", [BALL, RING, CLOTH])
+def test_poor_triangles_of_changed_faces_list_each_of_their_vertices_once(mesh: TriangleMesh) -> None:
+    mesh = jittered(mesh, 1, 0.06)
+    live = HalfedgeMesh(mesh)
+    changes = nothing_changed(live)
+    for f in range(0, len(mesh.faces), 2):
+        touch(changes, f)
+    seen, spokes = np.zeros(len(mesh.vertices), np.uint8), work_list(len(mesh.vertices))
+    list_poor(live.surface, 0.7, changes, seen, spokes)
+    poor = [
+        f for f, face in enumerate(mesh.faces) if f % 2 == 0 and slow_roundness(mesh.vertices[face]) < 0.7
+    ]
+    listed = [int(mesh.faces[h // 3, h % 3]) for h in items(spokes)]
+    assert len(listed) == len(set(listed))
+    assert set(listed) == set(mesh.faces[poor].ravel().tolist())
+
+
+def neighbours(mesh: TriangleMesh, v: int) -> list[int]:
+    around = mesh.faces[(mesh.faces == v).any(axis=1)]
+    return sorted(set(around.ravel().tolist()) - {v})
+
+
+def worst(mesh: TriangleMesh, points: Floats, v: int) -> float:
+    return min(slow_roundness(points[face]) for face in mesh.faces if v in face)
+
+
+@settings(max_examples=20, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_inner_vertices_of_a_plane_go_to_the_mean_of_their_neighbours_if_the_worst_triangle_gains(
+    seed: int,
+) -> None:
+    mesh = jittered(CLOTH, seed, 0.02)
+    live, ring = HalfedgeMesh(mesh), new_ring()
+    spokes = work_list(len(mesh.vertices))
+    first = {int(v): h for h, v in reversed(list(enumerate(mesh.faces.ravel())))}
+    spokes[0] = len(first)
+    spokes[1:] = list(first.values())
+    limits = np.array([4.0, 0.0, HARD, 1.0, -1.0, 1.0, 1.0])
+    places, normals = np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
+    many = relaxed(live.surface, mesh.vertices.copy(), spokes, limits, ring, False, places, normals)
+    inner = np.abs(mesh.vertices).max(axis=1) < 1
+    left = [int(mesh.faces[h // 3, h % 3]) for h in items(spokes)]
+    assert set(left) == set(np.flatnonzero(inner).tolist())
+    for i, v in enumerate(left):
+        assert np.allclose(places[i], mesh.vertices[neighbours(mesh, v)].mean(axis=0))
+        assert np.allclose(np.abs(normals[i]), (0, 1, 0))
+    changes, adopted = nothing_changed(live), np.zeros(many, np.uint8)
+    points = np.array(mesh.vertices)
+    adopt(live.surface, spokes, places[:many], limits, ring, changes, adopted)
+    for i, v in enumerate(left):
+        before, moved = worst(mesh, points, v), np.array(points)
+        moved[v] = places[i]
+        if adopted[i]:
+            assert worst(mesh, moved, v) > before
+            points = moved
+    assert np.array_equal(live.vertices, points)
+    touched = np.isin(mesh.faces, [v for i, v in enumerate(left) if adopted[i]]).any(axis=1)
+    assert np.array_equal(changes.marks[: len(touched)] != AS_IT_WAS, touched)
+
+
+def test_where_the_surface_at_rest_is_not_flat_nothing_moves_unless_it_is_known() -> None:
+    live, ring = HalfedgeMesh(BALL), new_ring()
+    limits = np.array([4.0, 0.0, HARD, 1.0, -1.0, 1.0, 1.0])
+    for known in (False, True):
+        spokes = work_list(20)
+        spokes[:21] = [20, *range(0, 60, 3)]
+        room = np.empty((20, 3))
+        many = relaxed(live.surface, BALL.vertices.copy(), spokes, limits, ring, known, room, room.copy())
+        assert many == (20 if known else 0)
+
+
+@pytest.mark.parametrize("mesh", [BALL, CUBE, RING, CLOTH])
+@pytest.mark.parametrize("active", [False, True])
+def test_the_scan_lists_what_a_loop_over_edges_finds(mesh: TriangleMesh, active: bool) -> None:
+    mesh = jittered(mesh, 2, 0.05)
+    longest = np.full(len(mesh.vertices), 0.3) + (0.2 * np.abs(mesh.vertices[:, 0]) if active else 0)
+    shortest, blunt = 0.45 * longest, Shape(0.6).longest_share
+    given = (lambda m: longest, lambda m: shortest) if active else (0.3, 0.135)
+    frame = Frame(HalfedgeMesh(mesh), Thresholds(*given, gradation=100.0), Chord(), Shape(0.6))
+    frame.scan()
+    longs, shorts, obtuse = frame.longs, frame.changes.shorts, frame.obtuse
+    ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    squares = np.sum((mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]]) ** 2, axis=1)
+    most, least = (bound[ends].prod(axis=1) for bound in (longest, shortest))
+    for listed, expected in ((longs, squares > most), (shorts, squares < least)):
+        found = [frozenset(ends[h].tolist()) for h in items(listed)]
+        assert len(found) == len(set(found)), "each once"
+        assert set(found) == {frozenset(pair) for pair in ends[expected].tolist()}
+    shares = squares.reshape(-1, 3).max(axis=1) / squares.reshape(-1, 3).sum(axis=1)
+    assert sorted(h // 3 for h in items(obtuse)) == np.flatnonzero(shares > blunt).tolist()
+    assert all(squares[h] == squares.reshape(-1, 3)[h // 3].max() for h in items(obtuse))
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_the_bracket_of_an_edge_is_the_geometric_mean_of_its_ends(seed: int) -> None:
+    live, rng = HalfedgeMesh(BALL), np.random.default_rng(seed)
+    fields = rng.uniform(0.1, 1.0, size=(len(BALL.vertices), 3))
+    limits: AnyArray = np.array([9.0, 1.0, HARD, 1.0, -1.0, 1.0, 1.0])
+    assert bracket(live.surface, limits, 0, 1) == (9.0, 1.0)
+    limits[4] = live.steer(fields)
+    a, b = rng.integers(len(fields), size=2)
+    most, least = bracket(live.surface, limits, int(a), int(b))
+    assert math.sqrt(most) == pytest.approx(math.sqrt(fields[a, 0] * fields[b, 0]))
+    assert math.sqrt(least) == pytest.approx(math.sqrt(fields[a, 1] * fields[b, 1]))
+    assert set(live.snapshot().attributes) == set(), "limits are no attribute"
+
+
+def test_a_face_counts_as_obtuse_where_it_is_less_round_than_the_demand() -> None:
+    for least in (0.3, 0.6, 0.85):
+        angle = 1.2
+        while True:
+            half = angle / 2
+            corners = np.array(
+                [(0, 0, 0), (math.sin(half), math.cos(half), 0), (-math.sin(half), math.cos(half), 0)]
+            )
+            if angle > math.pi / 2 and slow_roundness(corners) < least:
+                break
+            angle += 1e-3
+        squares = [float(np.sum((corners[i] - corners[i - 1]) ** 2)) for i in range(3)]
+        assert Shape(least).longest_share == pytest.approx(max(squares) / sum(squares), abs=2e-3)
