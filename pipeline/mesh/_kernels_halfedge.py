@@ -142,14 +142,14 @@ def _rename(vert: Indices, first: int, last: int, vertices: int, renamed: Indice
     Few are, so a whole block is asked first whether it holds any: that needs no branches.
     """
     for start in range(first, last, _BLOCK):
-        end = min(start + _BLOCK, last)
-        highest = 0
-        for h in range(start, end):
-            highest = max(highest, vert[h])
-        if highest >= vertices:
-            for h in range(start, end):
-                if vert[h] >= vertices:
-                    vert[h] = renamed[vert[h] - vertices]
+        block = vert[start : min(start + _BLOCK, last)]
+        any_moved = False
+        for v in block:
+            any_moved |= v >= vertices
+        if any_moved:
+            for i in range(len(block)):
+                if block[i] >= vertices:
+                    block[i] = renamed[block[i] - vertices]
 
 
 @kernel((INTS, numba.int64, numba.int64, INTS))

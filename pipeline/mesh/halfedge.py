@@ -19,7 +19,7 @@ from pipeline.mesh._kernels_halfedge import (
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
-_HEADROOM = 1.5
+_HEADROOM_AT_FIRST, _HEADROOM = 1.25, 1.5
 WORTH_SHARING = 1 << 19
 """Half-edges from which on a pass over all of them is worth the start of threads."""
 
@@ -39,17 +39,17 @@ class HalfedgeMesh:
         self._scratch: dict[str, AnyArray] = {}
         self._columns = _Columns.of(mesh.attributes)
         self.sizes: AnyArray = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
+        points, corners = (int(_HEADROOM_AT_FIRST * size) for size in (len(mesh.vertices), mesh.faces.size))
         self.surface = Surface(
-            np.array(mesh.vertices),
-            self._columns.pack(mesh.attributes, len(mesh.vertices)),
+            _grown(mesh.vertices, points),
+            _grown(self._columns.pack(mesh.attributes, len(mesh.vertices)), points),
             self._columns.blends,
-            mesh.faces.reshape(-1).copy(),
-            np.empty(mesh.faces.size, np.int32),
-            _tags_of(mesh),
+            _grown(mesh.faces.reshape(-1), corners),
+            _grown(np.empty(0, np.int32), corners),
+            _grown(_tags_of(mesh), corners),
         )
-        problem, _ = match_twins(self.surface.vert, len(mesh.vertices), self.surface.twin)
+        problem, _ = match_twins(self.surface.vert[: mesh.faces.size], len(mesh.vertices), self.twins)
         assert problem == SOUND, "require() has already shown the mesh to be manifold"
-        self.reserve(int(len(mesh.vertices) * (_HEADROOM - 1)), int(len(mesh.faces) * (_HEADROOM - 1)))
 
     @property
     def vertices(self) -> Points:

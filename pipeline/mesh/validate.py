@@ -108,8 +108,8 @@ def _edges_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
 
 def _doubled_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
     """Two faces back to back share all edges; they are a manifold only on paper."""
-    across = np.where(twin < 0, -1 - np.arange(len(twin)), twin // 3).reshape(-1, 3)
-    doubled = (across[:, 0] == across[:, 1]) | (across[:, 1] == across[:, 2]) | (across[:, 2] == across[:, 0])
+    a, b, c = (twin // 3).reshape(-1, 3).T  # the faces across; -1 where there is none
+    doubled = ((a == b) | (a == c)) & (a >= 0) | (b == c) & (b >= 0)
     if not doubled.any():
         return None
     f = _first(doubled)

@@ -79,7 +79,7 @@ def _find_odd(
             if active:
                 out = _is_out(surface, 3 * f, ab, limits) | _is_out(surface, 3 * f + 1, bc, limits)
                 out |= _is_out(surface, 3 * f + 2, ca, limits)
-            odd[start + found] = f
+            odd[np.uint64(start + found)] = f
             found += out | (large > blunt * around)
             low, high = _wider(low, high, np.inf if out else small, 0.0 if out else large)
         extents[block, 0], extents[block, 1] = low, high

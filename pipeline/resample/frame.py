@@ -47,8 +47,7 @@ class Frame:
         self.limits = _limits(mesh, thresholds, placement, shape)
         self.splits = self.collapses = self.flips = self.passes = self.relaxed = self.on_chord = 0
         self.changes = changes_of(mesh)
-        for notes in self.changes:
-            notes[: 1 if notes.dtype == np.int32 else None] = 0  # lists are empty, marks wiped
+        wipe(self.changes)
         self.faces = int(mesh.sizes[1])  # how many there were
 
     def scan(self) -> None:
@@ -195,6 +194,14 @@ def changes_of(mesh: HalfedgeMesh) -> Changes:
         mesh.scratch("notes", halfedges, np.uint8),
         mesh.scratch("shorts", halfedges + 8 * MOST_SPOKES),
     )
+
+
+def wipe(changes: Changes) -> None:
+    """Begin anew: no face has changed, and no edge is listed."""
+    for work_list in (changes.changed, changes.fresh, changes.shorts):
+        work_list[0] = 0
+    changes.marks.fill(0)
+    changes.notes.fill(0)
 
 
 def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, shape: Shape) -> Floats:

@@ -14,7 +14,7 @@ from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
-from pipeline.resample.frame import Frame
+from pipeline.resample.frame import Frame, changes_of, wipe
 from pipeline.resample.locality import in_memory_order
 from pipeline.resample.placement import Chord, Placement
 from pipeline.resample.quarter import quarter
@@ -52,6 +52,7 @@ class Resampler:
     ) -> None:
         self._settle(thresholds, placement, shape, splits)
         self._mesh = HalfedgeMesh(in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh))))
+        wipe(changes_of(self._mesh))  # memory is claimed now, so that no frame waits for it
 
     def _settle(self, thresholds: Thresholds, placement: Placement, shape: float, splits: Splits) -> None:
         if splits not in ("edges", "faces"):
