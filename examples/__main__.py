@@ -16,6 +16,7 @@ FIGURES = (
     "density",
     "hysteresis",
     "low_pass",
+    "tendril",
     "placements",
     "drift",
     "splitting",

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from examples.drawing import COOL, GREY, INK, WARM, dots, outline, page, save
-from pipeline.arrays import Points
+from pipeline.arrays import Indices, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh
 
 if TYPE_CHECKING:
@@ -48,7 +48,11 @@ def draw() -> None:
         write(panel, point + 0.17 * out / np.linalg.norm(out), f"v{v}", INK)
     for f, middle in enumerate(PATCH.vertices[PATCH.faces].mean(axis=1)):
         write(panel, middle, f"f{f}", COOL)
-    rows = {"h": np.arange(9), "vert": table.surface.vert[:9], "twin": table.surface.twin[:9]}
+    rows: dict[str, Indices] = {
+        "h": np.arange(9, dtype=np.int32),
+        "vert": table.surface.vert[:9],
+        "twin": table.surface.twin[:9],
+    }
     for line, (name, values) in enumerate(rows.items()):
         colour = WARM if name == "h" else INK
         cells.text(-0.4, -line, name, ha="right", va="center", color=colour)

@@ -53,4 +53,4 @@ def sphericity(mesh: TriangleMesh) -> float:
     """
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     area = float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
-    return math.pi ** (1 / 3) * (6 * volume(mesh)) ** (2 / 3) / area
+    return float(math.pi ** (1 / 3) * (6 * volume(mesh)) ** (2 / 3) / area)

@@ -12,6 +12,7 @@ from examples.film import edge_lengths, sphericity
 from pipeline.arrays import Points
 from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, require, require_polygons
 
+Cubes = tuple[TriangleMesh, TriangleMesh]
 Sheets = tuple[PolygonMesh, PolygonMesh, TriangleMesh]
 
 
@@ -20,16 +21,21 @@ def sheets() -> Sheets:
     return figure_b.three_ways()
 
 
-def test_resampling_holds_every_edge_of_figure_a_and_without_it_they_grow() -> None:
-    static, adaptive = figure_a.both_ways()
+@pytest.fixture(scope="module")
+def cubes() -> Cubes:
+    return figure_a.both_ways()
+
+
+def test_resampling_holds_every_edge_of_figure_a_and_without_it_they_grow(cubes: Cubes) -> None:
+    static, adaptive = cubes
     require(adaptive)
     at_rest = edge_lengths(box(edge_length=figure_a.EDGE)).max()
     assert edge_lengths(adaptive).max() <= figure_a.LONGEST
     assert edge_lengths(static).max() > 2.5 * at_rest
 
 
-def test_both_halves_of_figure_a_show_one_shape() -> None:
-    static, adaptive = figure_a.both_ways()
+def test_both_halves_of_figure_a_show_one_shape(cubes: Cubes) -> None:
+    static, adaptive = cubes
     assert np.abs(static.bounds - adaptive.bounds).max() < figure_a.LONGEST / 2
 
 

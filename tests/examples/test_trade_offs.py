@@ -6,7 +6,8 @@ import math
 
 import numpy as np
 
-from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements, splitting
+from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements, splitting, tendril
+from examples.film import RATE
 from pipeline.resample import Thresholds
 
 BRACKET = (density.RATIOS[1:] > 0.4) & (density.RATIOS[:-1] < 1.0)
@@ -42,7 +43,7 @@ def test_without_hard_edges_a_cube_becomes_rounder_and_with_them_it_stays_a_cube
 def test_exact_placement_is_nearer_to_the_surface_than_curved_and_that_than_the_chord() -> None:
     chord, curved, exact = (placements.film(name, frames=20, every=20)[-1] for name in placements.NAMES)
     assert exact[0] < 1e-6 < curved[0] < chord[0] / 3
-    assert exact[1] < 1.05 * curved[1] < chord[1]
+    assert exact[1] < 1.05 * curved[1] and curved[1] < chord[1]
 
 
 def test_the_distance_from_the_exact_surface_is_measured_right() -> None:
@@ -67,3 +68,11 @@ def test_density_by_curvature_is_nearer_with_fewer_vertices() -> None:
     many, uniform = splitting.followed(Thresholds(0.2), frames=20)
     few, curved = splitting.followed(splitting.curved(0.01), frames=20)
     assert few < 0.9 * many and curved < 0.9 * uniform
+
+
+def test_a_tendril_thinner_than_the_minimum_keeps_its_length_and_withers_only_without_hard_edges() -> None:
+    hard, soft = (tendril.drawn_out(angle) for angle in (tendril.HARD, tendril.NONE))
+    thickness = 2 * tendril.RADIUS * math.exp(-tendril.RATE * tendril.FRAMES / (2 * RATE))
+    assert thickness < 0.4 * tendril.LONGEST
+    assert min(hard.lengths) > 0.99
+    assert hard.volumes[-1] > 0.6 and soft.volumes[-1] < 0.4
