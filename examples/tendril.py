@@ -8,15 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from examples.drawing import COOL, WARM, outline, page, save
-from examples.film import RATE as FRAMES_A_SECOND
-from examples.film import resampled, volume
+from examples.film import RATE, resampled, volume
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue import Strain
 from pipeline.mesh import TriangleMesh, rod
 from pipeline.resample import Resampler, Thresholds
 
-FRAMES, LONGEST, RADIUS, RATE = 72, 0.1, 0.15, 1.5
-FLOW = Streamlines(Strain(rate=RATE))
+FRAMES, LONGEST, RADIUS, PULL = 72, 0.1, 0.15, 1.5
+FLOW = Streamlines(Strain(rate=PULL))
 """Draws out along y and keeps volume."""
 
 HARD, NONE = math.radians(40), math.pi
@@ -40,9 +39,7 @@ def drawn_out(hard_angle: float, frames: int = FRAMES) -> Drawn:
     volumes, lengths = [], []
     for frame, _ in enumerate(resampled(resampler, FLOW, frames)):
         volumes.append(volume(resampler.mesh))
-        lengths.append(
-            float(np.ptp(resampler.vertices[:, 1])) / (1.2 * math.exp(RATE * frame / FRAMES_A_SECOND))
-        )
+        lengths.append(float(np.ptp(resampler.vertices[:, 1])) / (1.2 * math.exp(PULL * frame / RATE)))
     return Drawn(resampler.mesh, [v / volumes[0] for v in volumes], lengths)
 
 

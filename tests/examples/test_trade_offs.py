@@ -72,7 +72,7 @@ def test_density_by_curvature_is_nearer_with_fewer_vertices() -> None:
 
 def test_a_tendril_thinner_than_the_minimum_keeps_its_length_and_withers_only_without_hard_edges() -> None:
     hard, soft = (tendril.drawn_out(angle) for angle in (tendril.HARD, tendril.NONE))
-    thickness = 2 * tendril.RADIUS * math.exp(-tendril.RATE * tendril.FRAMES / (2 * RATE))
+    thickness = 2 * tendril.RADIUS * math.exp(-tendril.PULL * tendril.FRAMES / (2 * RATE))
     assert thickness < 0.4 * tendril.LONGEST
     assert min(hard.lengths) > 0.99
     assert hard.volumes[-1] > 0.6 and soft.volumes[-1] < 0.4
