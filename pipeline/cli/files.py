@@ -16,12 +16,14 @@ from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
 from pipeline.mesh.io import read_polygons
 from pipeline.mesh.write import WRITERS
-from pipeline.resample import Chord, Curved, Placement, Report, Resampler, Thresholds
-from pipeline.resample.polyhedra import PolyhedralResampler
+from pipeline.resample import Chord, Curved, Placement, PolyhedralResampler, Report, Thresholds
+from pipeline.resample import resample as resample_triangles
+from pipeline.resample.resampler import Splits
 from pipeline.statistics import mesh_statistics
 
 PLACEMENTS: dict[str, Placement] = {"chord": Chord(), "curved": Curved()}
 METHODS = ("triangles", "polyhedra")
+SPLITS = ("edges", "faces")
 
 REFUSALS = {
     "link": "two parts of the surface would touch",
@@ -29,6 +31,7 @@ REFUSALS = {
     "feature": "two corners or two creases would become one",
     "too_long": "an edge over the maximum would appear",
     "fold": "a face would turn over or become a sliver",
+    "shape": "the tip of something thin would be lost",
     "crowded": "an end has too many neighbours",
     "area": "the faces beside it are large enough",
 }
@@ -67,6 +70,13 @@ def resample(
     method: Annotated[
         str, typer.Option(help="triangles; or polyhedra, which slices faces of any number of sides.")
     ] = "triangles",
+    splits: Annotated[
+        str | None,
+        typer.Option(
+            help="edges, the default: long edges are cut in two; faces: faces that have one, into four, "
+            "which keeps their shapes and makes more of them."
+        ),
+    ] = None,
 ) -> None:
     """Resample one mesh: split long edges, collapse short ones, keep creases and the shape.
 
@@ -74,10 +84,7 @@ def resample(
     detail that is to stay; half the length makes four times the faces. An edge that cannot collapse without
     harm to the surface stays short, and is counted by its reason.
     """
-    _known("method", method, METHODS)
-    _known("placement", placement or "chord", PLACEMENTS)
-    if method == "polyhedra" and placement:
-        raise UsageError("--placement is for triangles; polyhedra are cut by planes. Leave one of them out.")
+    _require_known_and_together(method, placement, splits)
     if target.suffix.lstrip(".").lower() not in WRITERS:
         raise MeshError(
             f"{target}: {target.suffix or 'no suffix'} cannot be written; use one of {', '.join(WRITERS)}"
@@ -90,21 +97,38 @@ def resample(
         facts = {"in": str(source), "out": str(target), "vertices": len(before.vertices)}
         answer(f"{target}: would be written, from {len(before.vertices)} vertices.", facts, common.json)
         return
-    after, report = _resampled(before, thresholds, PLACEMENTS[placement or "chord"], method)
+    after: TriangleMesh | PolygonMesh
+    if method == "polyhedra":
+        after, report = _sliced(before, thresholds)
+    else:
+        way: Splits = "faces" if splits == "faces" else "edges"
+        triangles, place = before.triangulated(), PLACEMENTS[placement or "chord"]
+        after, report = resample_triangles(triangles, thresholds, place, splits=way)
     write_mesh(after, target)
     _tell(source, target, before, after, report, common.json)
 
 
-def _resampled(
-    mesh: PolygonMesh, thresholds: Thresholds, placement: Placement, method: str
-) -> tuple[TriangleMesh | PolygonMesh, Report]:
-    if method == "triangles":
-        resampler = Resampler(mesh.triangulated(), thresholds, placement)
-        report = resampler.resample()
-        return resampler.mesh, report
+def _require_known_and_together(method: str, placement: str | None, splits: str | None) -> None:
+    """Raises UsageError for words that are not known, and for options that exclude each other."""
+    _known("method", method, METHODS)
+    _known("placement", placement or "chord", PLACEMENTS)
+    _known("splits", splits or "edges", SPLITS)
+    for option, word in (("placement", placement), ("splits", splits)):
+        if method == "polyhedra" and word:
+            raise UsageError(
+                f"--{option} is for triangles; polyhedra are cut by planes. Leave one of them out."
+            )
+    if splits == "faces" and placement == "curved":
+        raise UsageError(
+            "--splits faces puts new vertices in the middle of their edges, and --placement curved does not. "
+            "Leave one of them out."
+        )
+
+
+def _sliced(mesh: PolygonMesh, thresholds: Thresholds) -> tuple[PolygonMesh, Report]:
     slicer = PolyhedralResampler(mesh, thresholds)
-    sliced = slicer.resample()
-    return slicer.mesh, sliced
+    report = slicer.resample()
+    return slicer.mesh, report
 
 
 def _known(name: str, word: str, words: Any) -> None:

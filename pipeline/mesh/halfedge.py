@@ -27,7 +27,7 @@ WORTH_SHARING = 1 << 19
 class HalfedgeMesh:
     """A corner table over arrays with room to grow; the one mutable thing of the house.
 
-    Half-edge ``3f + i`` leaves corner i of face f. `docs/resampling.md` tells the invariants. Numbers of
+    Half-edge ``3f + i`` leaves corner i of face f. `docs/halfedge.md` tells the invariants. Numbers of
     vertices and faces are `sizes`; the arrays of `surface` are longer, so that a pass of splits can be
     given its room beforehand with `reserve`.
 

@@ -8,7 +8,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, require, write_mesh
+from pipeline.cli.files import REFUSALS
+from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require, write_mesh
+from pipeline.resample._kernels_collapse import REASONS
 
 
 def lengths(mesh: TriangleMesh):
@@ -60,6 +62,30 @@ def test_polyhedra_keep_faces_of_many_sides(studio):
     assert max(map(len, faces)) > 3
 
 
+@pytest.mark.parametrize(("suffix", "many"), [("obj", True), ("ply", True), ("off", True), ("stl", False)])
+def test_polygons_are_written_where_the_format_can(studio, suffix: str, many: bool):
+    (studio.path / "quad.obj").write_text("v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n")
+    words = ("quad.obj", f"cut.{suffix}", "--max-edge-length", "0.3", "--method", "polyhedra")
+    done = studio.run("--json", "resample", *words)
+    assert done.code == 0, done.err
+    found = read_polygons(studio.path / f"cut.{suffix}")
+    assert (found.average_sides > 3.5) == many
+    if many:
+        assert json.loads(done.out)["average_sides"] == pytest.approx(found.average_sides)
+        assert json.loads(done.out)["cuts"] == len(found) - 1
+
+
+def test_faces_are_cut_into_four_when_asked(studio):
+    write_mesh(icosphere(2), studio.path / "ball.ply")
+    words = ("ball.ply", "four.ply", "--max-edge-length", "0.4", "--min-edge-length", "0")
+    assert studio.run("resample", *words, "--splits", "faces").code == 0
+    assert len(read_mesh(studio.path / "four.ply").faces) == 4 * len(icosphere(2).faces)
+
+
+def test_every_reason_to_stay_short_has_its_words():
+    assert set(REFUSALS) == {*REASONS, "area"}
+
+
 def test_the_help_teaches_how_to_choose_the_length(studio):
     done = studio.run("resample", "--help")
     assert done.code == 0
@@ -81,6 +107,17 @@ def test_a_dry_run_writes_nothing(studio):
         (("box.obj", "o.fbx", "--max-edge-length", "1"), 2, "use one of ply, obj"),
         (("box.obj", "o.ply", "--max-edge-length", "1", "--min-edge-length", "0.7"), 2, "70%"),
         (("box.obj", "o.ply", "--max-edge-length", "1", "--placement", "curvd"), 2, "Did you mean 'curved'?"),
+        (("box.obj", "o.ply", "--max-edge-length", "1", "--splits", "face"), 2, "Did you mean 'faces'?"),
+        (
+            ("box.obj", "o.ply", "--max-edge-length", "1", "--splits", "faces", "--placement", "curved"),
+            2,
+            "--splits faces puts new vertices in the middle of their edges",
+        ),
+        (
+            ("box.obj", "o.ply", "--max-edge-length", "1", "--splits", "faces", "--method", "polyhedra"),
+            2,
+            "--splits is for triangles",
+        ),
         (("box.obj", "o.ply", "--max-edge-length", "1e-7"), 1, "budget"),
         (("box.obj", "shots/o.ply/o.ply", "--max-edge-length", "1"), 4, "cannot be written"),
     ],
