@@ -17,31 +17,37 @@ SUBJECTS = {
     "bar": rod(2.0, 0.3, 0.25),
     "cloth": sheet((2, 2), 0.3),
 }
-BOUND = 1.6  # half the side of a box that the surface is kept in
-PERIOD = 50  # frames after which another flow takes over
+PERIOD = 50  # frames: half of them there, half of them back, before another flow takes over
 
 
 def stir(points: Points, seed: int, frame: int) -> Points:
-    """One frame of one of four flows that take turns, in a box whose walls push back."""
+    """One frame of one of four flows that take turns: there and back, or the surface would grow for ever.
+
+    Errors that the way back leaves are kept from adding up: the flow also brings the surface to its size.
+    """
     rng = np.random.default_rng((seed, frame // PERIOD))
     kind, centre, axis = rng.integers(4), rng.uniform(-0.7, 0.7, 3), int(rng.integers(3))
+    within = frame % PERIOD
+    ahead = 1 if within < PERIOD // 2 else -1
     away = points - centre
     near = np.exp(-np.einsum("ij,ij->i", away, away) / 0.5)[:, None]
     u, v = (axis + 1) % 3, (axis + 2) % 3
     step = np.zeros_like(points)
     if kind == 0:  # a vortex
         step[:, u], step[:, v] = -away[:, v], away[:, u]
-        step *= 0.08 * near
-    elif kind == 1:  # in along the axis and out across it, or the reverse
-        step[:] = 0.03 * away
+        step *= 0.15 * near
+    elif kind == 1:  # in along the axis and out across it
+        step[:] = 0.045 * away
         step[:, axis] *= -2
-        step *= near * rng.choice([-1, 1])
+        step *= near
     elif kind == 2:  # waves
-        step[:, axis] = 0.03 * np.sin(3 * points[:, u] + frame / 7)
+        step[:, axis] = 0.06 * np.sin(3 * points[:, u] + min(within, PERIOD - 1 - within) / 7)
     else:  # contraction, then expansion
-        step[:] = 0.04 * away * near * (1 if frame % PERIOD >= PERIOD // 2 else -1)
-    moved = points + step
-    return moved - 0.3 * np.sign(moved) * np.maximum(np.abs(moved) - BOUND, 0)
+        step[:] = -0.06 * away * near
+    moved: Points = points + ahead * step
+    low, high = moved.min(axis=0), moved.max(axis=0)
+    wanted = 1 + 0.02 * np.clip(2.0 / np.maximum(high - low, 1e-9) - 1, -1, 1)
+    return (moved - (low + high) / 2) * wanted
 
 
 def edge_lengths(mesh: TriangleMesh) -> Floats:
@@ -61,8 +67,8 @@ def holds(mesh: TriangleMesh, report: Report, longest: float, shortest: float, e
         assert np.count_nonzero(lengths < shortest * (1 - 1e-12)) <= 2 * report.too_short
 
 
-def run(placement: Placement, frames: int, every: int) -> Report:
-    """Alternating flows on one ball; cheap promises at every frame, all of them at every so many."""
+def run(placement: Placement, frames: int) -> Report:
+    """Alternating flows on one ball, every promise looked at in every frame."""
     thresholds = Thresholds(0.25, max_vertices=40_000)
     resampler = Resampler(icosphere(8), thresholds, placement)
     for frame in range(frames):
@@ -72,21 +78,20 @@ def run(placement: Placement, frames: int, every: int) -> Report:
         assert report.longest <= 0.25, frame
         assert report.too_short == sum(report.refused.values()), frame
         assert report.vertices - report.edges + report.faces == 2, frame
-        if frame % every == 0 or frame == frames - 1:
-            holds(resampler.mesh, report, 0.25, 0.1, 2)
-            assert require(resampler.mesh, closed=True, name=f"frame {frame}").euler == 2
+        require(resampler.mesh, closed=True, name=f"frame {frame}")
+        holds(resampler.mesh, report, 0.25, 0.1, 2)
     return report
 
 
 @pytest.mark.parametrize("placement", [Chord(), Curved()], ids=["chord", "curved"])
 def test_two_hundred_frames_of_alternating_flows_keep_every_promise(placement: Placement) -> None:
-    assert run(placement, 200, 1).vertices > 300
+    assert run(placement, 200).vertices > 300
 
 
 @pytest.mark.soak
 @pytest.mark.parametrize("placement", [Chord(), Curved()], ids=["chord", "curved"])
 def test_ten_thousand_frames_of_alternating_flows_keep_every_promise(placement: Placement) -> None:
-    assert run(placement, 10_000, 10).vertices > 300
+    assert run(placement, 10_000).vertices > 300
 
 
 def any_surface_any_operations(
