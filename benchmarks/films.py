@@ -16,6 +16,7 @@ from benchmarks.play import PLACEMENTS, play, warm
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.works import Film, cube, lorenz
 from pipeline.mesh import require
+from pipeline.resample.shape import DEFAULT_ROUNDNESS
 
 EVERY = 8
 """Frames between those whose pop is measured."""
@@ -33,7 +34,7 @@ def main() -> list[Target]:
     return targets(rows)
 
 
-def measure(film: Film, placement: str, shape: float | None = None) -> Row:
+def measure(film: Film, placement: str, shape: float = DEFAULT_ROUNDNESS) -> Row:
     """One film to its end."""
     nearest = peers.nearest()
     edges = out = unexplained = relaxed = on_chord = splits = 0
@@ -54,7 +55,7 @@ def measure(film: Film, placement: str, shape: float | None = None) -> Row:
     kept = volume(mesh) / (volume(film.subject) * math.exp(film.swells))
     row: Row = {
         "film": film.name,
-        "placement": placement if shape is None else f"{placement}, shape {shape:g}",
+        "placement": placement if shape == DEFAULT_ROUNDNESS else f"{placement}, shape {shape:g}",
         "resampling": moment.seconds,
         "carrying": moment.carrying,
         "vertices": len(mesh.vertices),

@@ -14,6 +14,7 @@ from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.normals import NORMAL
 from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
+from pipeline.resample.shape import DEFAULT_ROUNDNESS
 
 PLACEMENTS = ("chord", "curved", "exact")
 
@@ -37,7 +38,7 @@ def play(
     film: Film,
     placement: str,
     thresholds: Thresholds | None = None,
-    shape: float | None = None,
+    shape: float = DEFAULT_ROUNDNESS,
     looks: Callable[[int], bool] = lambda number: False,
 ) -> Iterator[Moment]:
     """Every frame of a film. `looks` says of which the surface before resampling is wanted.
@@ -51,8 +52,7 @@ def play(
         "exact": Exact(carrier.carry, film.project),
     }
     chosen = thresholds if thresholds is not None else Thresholds(film.max_edge_length)
-    stronger = {} if shape is None else {"shape": shape}
-    resampler = Resampler(film.subject, chosen, how[placement], **stronger)
+    resampler = Resampler(film.subject, chosen, how[placement], shape)
     seconds = 0.0
     for number in range(1, film.frames + 1):
         _move(film, resampler, number)
