@@ -30,7 +30,8 @@ SIMULATION_CODE = (
     "pipeline/resample",
     "pipeline/flow",
     "pipeline/animation",
-    *(f"pipeline/{name}.py" for name in ("formula", "frames", "kernels", "statistics")),
+    "pipeline/formula",
+    *(f"pipeline/{name}.py" for name in ("frames", "kernels", "statistics")),
     *(f"pipeline/shot/{name}.py" for name in ("clock", "shot", "subject", "resampling")),
 )
 """What moves vertices. What reads shot files is no part of it: the values that it reads are."""

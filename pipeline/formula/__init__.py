@@ -1,0 +1,7 @@
+"""Formulas as artists write them: `0.02 + 0.01 * abs(y)`, checked word by word, evaluated by numpy."""
+
+from pipeline.formula.expression import Expression
+from pipeline.formula.syntax import MOST_CHARACTERS, FormulaError
+from pipeline.formula.words import FUNCTIONS
+
+__all__ = ["FUNCTIONS", "MOST_CHARACTERS", "Expression", "FormulaError"]

@@ -1,0 +1,104 @@
+"""A formula as a value, and what it comes to, by numpy."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.arrays import Floats
+from pipeline.errors import UsageError
+from pipeline.formula.syntax import checked, shown
+from pipeline.formula.words import CONSTANTS, FUNCTIONS, OPERATORS
+
+
+@dataclass(frozen=True)
+class Expression:
+    """A formula over named values; true is 1 and false 0.
+
+    text   what is written
+    names  the values it may speak of, such as ("x", "y", "z", "time")
+
+    Raises FormulaError, with the column, for anything that is no number, name, operator or function of ours.
+    """
+
+    text: str
+    names: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_tree", checked(self.text, self.names))
+
+    @property
+    def uses(self) -> frozenset[str]:
+        """The names that it speaks of."""
+        inner = ast.walk(self._syntax)
+        return frozenset(n.id for n in inner if isinstance(n, ast.Name)) & frozenset(self.names)
+
+    def __call__(self, **values: ArrayLike) -> Floats:
+        """The formula's value, one for each row of the values, which are numbers or arrays of one length.
+
+        Raises UsageError where a value is not finite, with the first place where that is so.
+        """
+        known = {name: np.asarray(values[name], np.float64) for name in self.uses}
+        with np.errstate(all="ignore"):  # what is not finite is told below, where it comes out
+            found = np.asarray(_value(self._syntax, {**CONSTANTS, **known}), np.float64)
+        everything = np.broadcast_shapes(found.shape, *(np.shape(value) for value in values.values()))
+        result = np.array(np.broadcast_to(found, everything))
+        bad = np.flatnonzero(~np.isfinite(result))
+        if bad.size:
+            raise UsageError(self._not_finite(result, int(bad[0]), values))
+        return result
+
+    @property
+    def _syntax(self) -> ast.expr:
+        tree: ast.expr = self._tree  # type: ignore[attr-defined]
+        return tree
+
+    def _not_finite(self, result: Floats, row: int, values: Mapping[str, ArrayLike]) -> str:
+        rows = {name: np.broadcast_to(value, result.shape).ravel()[row] for name, value in values.items()}
+        place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.names if name in rows)
+        return (
+            f"formula {shown(self.text)!r} is {result.ravel()[row]:g} at {place}; "
+            "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."
+        )
+
+
+def _value(node: ast.expr, known: Mapping[str, Any]) -> Any:
+    """The value of a checked tree. Both sides of a condition are evaluated, and one is taken at each row."""
+    match node:
+        case ast.Constant():
+            return np.float64(node.value)  # type: ignore[arg-type]
+        case ast.Name():
+            return known[node.id]
+        case ast.UnaryOp():
+            return _number(OPERATORS[type(node.op)](_value(node.operand, known)))
+        case ast.BinOp():
+            return OPERATORS[type(node.op)](_value(node.left, known), _value(node.right, known))
+        case ast.BoolOp():
+            return _number(_folded(OPERATORS[type(node.op)], [_value(part, known) for part in node.values]))
+        case ast.Compare():
+            sides = [_value(side, known) for side in (node.left, *node.comparators)]
+            pairs = zip(node.ops, sides, sides[1:], strict=False)
+            return _number(_folded(np.logical_and, [OPERATORS[type(op)](a, b) for op, a, b in pairs]))
+        case ast.IfExp():
+            return np.where(*(_value(part, known) for part in (node.test, node.body, node.orelse)))
+        case ast.Call(func=ast.Name(id=name)):
+            function, arguments = FUNCTIONS[name][0], [_value(part, known) for part in node.args]
+            return _folded(function, arguments) if name in ("min", "max") else function(*arguments)
+    raise AssertionError(f"{ast.dump(node)} was checked and is known")
+
+
+def _number(value: Any) -> Any:
+    """What is true as 1 and what is false as 0, so that it can be computed with."""
+    return np.asarray(value, np.float64)
+
+
+def _folded(function: Callable[..., Any], values: list[Any]) -> Any:
+    first, *others = values
+    for value in others:
+        first = function(first, value)
+    return first

@@ -1,0 +1,152 @@
+"""What may stand in a formula, checked word by word when it is read.
+
+Nothing in a formula can reach beyond it: its syntax tree may hold numbers, the names that the caller gives,
+arithmetic, comparisons, `and`, `or`, `not`, `a if b else c`, and the functions listed in `words`. Anything
+else is refused.
+"""
+
+from __future__ import annotations
+
+import ast
+import warnings
+
+from pipeline.errors import UsageError, suggestion
+from pipeline.formula.words import CONSTANTS, FUNCTIONS, OPERATORS
+
+MOST_CHARACTERS, MOST_PARTS, DEEPEST = 1000, 300, 40
+"""Beyond what anybody writes by hand, and far below what could exhaust a machine."""
+
+LARGEST_EXPONENT = 64
+
+
+class FormulaError(UsageError):
+    """What cannot stand in a formula, and where: `column` counts its characters from 1."""
+
+    def __init__(self, text: str, column: int, message: str) -> None:
+        super().__init__(f"formula {shown(text)!r}, column {column}: {message}")
+        self.column = column
+        self.message = message
+
+
+def checked(text: str, names: tuple[str, ...]) -> ast.expr:
+    """The syntax tree of a formula in which everything is allowed.
+
+    Raises FormulaError, with the column, for the first thing that is not.
+    """
+    if len(text) > MOST_CHARACTERS:
+        raise FormulaError(
+            text, MOST_CHARACTERS, f"it is too long; {MOST_CHARACTERS} characters are the most"
+        )
+    line = "".join(" " if c.isspace() else c for c in text)
+    indent = len(line) - len(line.lstrip())
+    if not line.strip():
+        raise FormulaError(text, 1, "it is empty. Write a number or a formula over " + ", ".join(names))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")  # the parser's own advice on what is refused in any case
+            tree = ast.parse(line.strip(), mode="eval").body
+    except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+        column = indent + (getattr(error, "offset", None) or len(line.strip()) + 1)
+        raise FormulaError(
+            text, min(column, len(text) + 1), "this is no arithmetic. Look for a missing operator or bracket."
+        ) from None
+    _Check(text, line.strip().encode(), indent, names).everything(tree)
+    return tree
+
+
+class _Check:
+    """Walks a syntax tree and stops at the first thing that is not allowed."""
+
+    def __init__(self, text: str, line: bytes, indent: int, names: tuple[str, ...]) -> None:
+        self.text, self.line, self.indent, self.names = text, line, indent, names
+        self.parts = 0
+
+    def everything(self, node: ast.expr, depth: int = 0) -> None:
+        self.parts += 1
+        if self.parts > MOST_PARTS or depth > DEEPEST:
+            raise self.error(
+                node, f"it is too involved; {MOST_PARTS} parts, nested {DEEPEST} deep, are the most"
+            )
+        for inner in self.inner(node):
+            self.everything(inner, depth + 1)
+
+    def inner(self, node: ast.expr) -> list[ast.expr]:
+        """The parts of a node, which itself is allowed."""
+        match node:
+            case ast.Constant():
+                self.number(node)
+                return []
+            case ast.Name():
+                self.name(node)
+                return []
+            case ast.UnaryOp() if type(node.op) in OPERATORS:
+                return [node.operand]
+            case ast.BinOp() if type(node.op) in OPERATORS:
+                self.exponent(node)
+                return [node.left, node.right]
+            case ast.BoolOp():
+                return node.values
+            case ast.Compare() if all(type(op) in OPERATORS for op in node.ops):
+                return [node.left, *node.comparators]
+            case ast.IfExp():
+                return [node.test, node.body, node.orelse]
+            case ast.Call():
+                self.call(node)
+                return node.args
+        raise self.error(node, _refusal(node))
+
+    def number(self, node: ast.Constant) -> None:
+        if isinstance(node.value, bool) or not isinstance(node.value, int | float):
+            raise self.error(node, f"{shown(repr(node.value))} is no number; write one plainly, such as 0.05")
+        if not abs(node.value) <= 1e100:
+            raise self.error(node, "this number is too large; 1e100 is the largest")
+
+    def name(self, node: ast.Name) -> None:
+        if node.id in FUNCTIONS:
+            raise self.error(node, f"{node.id} is a function; write {node.id}(…)")
+        if node.id not in self.names and node.id not in CONSTANTS:
+            words = (*self.names, *CONSTANTS, *FUNCTIONS)
+            raise self.error(node, f"{shown(node.id)} is not known here. {suggestion(node.id, words)}")
+
+    def exponent(self, node: ast.BinOp) -> None:
+        power = node.right.operand if isinstance(node.right, ast.UnaryOp) else node.right
+        if not isinstance(node.op, ast.Pow) or not isinstance(power, ast.Constant):
+            return
+        if isinstance(power.value, int | float) and abs(power.value) > LARGEST_EXPONENT:
+            raise self.error(power, f"the exponent is too large; {LARGEST_EXPONENT} is the largest")
+
+    def call(self, node: ast.Call) -> None:
+        if not isinstance(node.func, ast.Name):
+            raise self.error(node.func, "only functions by their name can be called, such as sin(x)")
+        name = node.func.id
+        if name not in FUNCTIONS:
+            raise self.error(node.func, f"{shown(name)} is no function here. {suggestion(name, FUNCTIONS)}")
+        wanted, given = FUNCTIONS[name][1], len(node.args)
+        if node.keywords or any(isinstance(part, ast.Starred) for part in node.args):
+            raise self.error(node, f"{name} takes plain arguments, one after another")
+        if given < wanted or (given > wanted and name not in ("min", "max")):
+            more = " or more" if name in ("min", "max") else ""
+            plural = "s" if wanted > 1 or more else ""
+            raise self.error(node, f"{name} takes {wanted}{more} argument{plural}, not {given}")
+
+    def error(self, node: ast.expr, message: str) -> FormulaError:
+        before = self.line[: node.col_offset].decode(errors="ignore")
+        return FormulaError(self.text, self.indent + len(before) + 1, message)
+
+
+def _refusal(node: ast.expr) -> str:
+    match node:
+        case ast.BinOp(op=ast.FloorDiv()):
+            return "// is not known here. Write floor(a / b)."
+        case ast.BinOp(op=ast.BitXor()):
+            return "^ is not known here. A power is written x ** 2."
+        case ast.Attribute():
+            return "a point cannot stand here. Names have no parts."
+        case ast.UnaryOp() | ast.BinOp() | ast.Compare():
+            return "this operator is not known here. There are: + - * / ** % < <= > >= == != and or not."
+    return "this cannot stand in a formula; it is made of numbers, names, operators and functions"
+
+
+def shown(text: str) -> str:
+    """As much of a text as a message has room for."""
+    return text if len(text) <= 80 else text[:77] + "…"
