@@ -25,8 +25,8 @@ from pipeline.resample._kernels_ring import RING, Ring, folds, walk, weigh_faces
 MOST_AROUND = (
     12  # spokes of a new vertex: two of its own edge, two medians, and its neighbours' in the same pass
 )
-LEAVING = 3  # which of them leaves the new vertex
-BIRTH = 4  # numbers noted of each new vertex: parents a and b, half-edges a→vertex and vertex→b
+LEAVING = 2  # which of them leaves the new vertex
+BIRTH = 3  # numbers noted of each new vertex: parents a and b, half-edge vertex→b
 _SWEEPS = 3
 _ASTRAY = -0.5  # cosine: around a place that is known to be right, faces may turn by 120 degrees
 _TABLE = numba.int32[:, ::1]

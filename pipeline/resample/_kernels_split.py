@@ -118,9 +118,9 @@ def split_pass(
 ) -> None:
     """Split the edges of `order` that are long, each once; what is long then stands in `later`.
 
-    New vertices lie at the middle of their parents. `births` notes four numbers of each, so that a
-    placement may move them all together before the next pass: its parents a and b, and the half-edges
-    a→vertex and vertex→b.
+    New vertices lie at the middle of their parents. `births` notes three numbers of each, so that a
+    placement may move them all together before the next pass: its parents a and b, and the half-edge
+    vertex→b.
     The arrays must have room for as many vertices, and twice as many faces, as `order` has entries.
     """
     vert, twin = surface.vert, surface.twin
@@ -136,7 +136,6 @@ def split_pass(
         sizes[1] = split_edge(surface, h, middle, first)
         push(births, a)
         push(births, b)
-        push(births, h)
         push(births, 3 * first)
         _sort_out(surface, h, limits, later, changes)
         for g in range(first, sizes[1]):

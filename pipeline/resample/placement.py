@@ -41,7 +41,7 @@ class Placement(Protocol):
         """Move the last vertices of the mesh, which lie halfway between their parents; answers how many
         had to stay there.
 
-        births  (N, 4) of each: its parents a and b, the half-edges a→vertex and vertex→b
+        births  (N, 3) of each: its parents a and b, the half-edge vertex→b
         cosine  of the hard angle
 
         Called once after each pass of splits, with all its new vertices together.

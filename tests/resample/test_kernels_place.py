@@ -101,7 +101,7 @@ def test_the_normal_of_a_side_is_that_of_a_flood_up_to_the_creases(mesh: Triangl
 def test_the_births_of_a_pass_name_the_half_edges_of_their_own_edge(mesh: TriangleMesh) -> None:
     live, births = cut(mesh, 0.3)
     vert, first = live.surface.vert, len(mesh.vertices)
-    for i, (a, b, _, leaving) in enumerate(births.tolist()):
+    for i, (a, b, leaving) in enumerate(births.tolist()):
         into = arriving(live.surface, leaving, a)
         after = into - 2 if into % 3 == 2 else into + 1
         onward = leaving - 2 if leaving % 3 == 2 else leaving + 1
@@ -125,7 +125,7 @@ def test_on_a_ball_curved_middles_are_the_cubic_of_the_two_normals() -> None:
     surface = live.snapshot()
     creases: set[frozenset[int]] = set()
     for i in range(0, len(births), 7):
-        a, b, _, leaving = births[i].tolist()
+        a, b, leaving = births[i].tolist()
         one = slow_side_normal(surface, a, arriving(live.surface, leaving, a) // 3, creases)
         two = slow_side_normal(surface, b, leaving // 3, creases)
         along = ball.vertices[b] - ball.vertices[a]
