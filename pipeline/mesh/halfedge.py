@@ -16,6 +16,7 @@ from pipeline.mesh._kernels_halfedge import (
     rename,
     rename_together,
 )
+from pipeline.mesh.identity import IDENTITY, Register
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
@@ -31,11 +32,15 @@ class HalfedgeMesh:
     vertices and faces are `sizes`; the arrays of `surface` are longer, so that a pass of splits can be
     given its room beforehand with `reserve`.
 
+    register  where births are entered, if the mesh's identities are to be kept; without it they are an
+              attribute like others
+
     Raises MeshError where the mesh is not a finite, oriented manifold, with or without boundary.
     """
 
-    def __init__(self, mesh: TriangleMesh) -> None:
+    def __init__(self, mesh: TriangleMesh, register: Register | None = None) -> None:
         self.euler = require(mesh).euler
+        self.register = register
         self._scratch: dict[str, AnyArray] = {}
         self._columns = _Columns.of(mesh.attributes)
         self.sizes: AnyArray = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
@@ -81,6 +86,12 @@ class HalfedgeMesh:
             room = 3 * max(int(self.sizes[1]) + faces, int(len(vert) * _HEADROOM) // 3)
             vert, twin, tagged = _grown(vert, room), _grown(twin, room), _grown(tagged, room)
         self.surface = Surface(points, carried, blends, vert, twin, tagged)
+
+    def enter_births(self, parents: Indices) -> None:
+        """Have the last vertices registered, where there is a register; `parents` are (N, 2) vertices."""
+        column = self.column(IDENTITY)
+        if self.register is not None and column is not None:
+            self.register.enter(self.surface.carried[: self.sizes[0], column], parents)
 
     def fill_holes(self, dead_vertices: Indices, dead_faces: Indices) -> None:
         """Make the arrays gapless again after elements were removed."""
