@@ -12,7 +12,7 @@ from pipeline.mesh.halfedge import WORTH_SHARING, HalfedgeMesh
 from pipeline.resample._kernels_collapse import REASONS, TOO_LONG
 from pipeline.resample._kernels_flip import MOST_AGAIN
 from pipeline.resample._kernels_lists import DUE, REFUSED, Changes
-from pipeline.resample._kernels_place import BIRTH, MOST_AROUND, long_around
+from pipeline.resample._kernels_place import BIRTH, LEAVING, MOST_AROUND, long_around
 from pipeline.resample._kernels_ring import MOST_SPOKES, new_ring
 from pipeline.resample._kernels_scan import (
     BLOCK,
@@ -80,7 +80,9 @@ class Frame:
             split_pass(self.mesh.surface, self.mesh.sizes, self.limits, order, later, births, self.changes)
             self.splits += int(self.mesh.sizes[0]) - first
             self.passes += 1
-            self.longs = self._placed(_items(births).reshape(-1, BIRTH), later)
+            born = _items(births).reshape(-1, BIRTH)
+            self.mesh.enter_births(born[:, :LEAVING])
+            self.longs = self._placed(born, later)
 
     def _placed(self, births: Indices, later: Indices) -> Indices:
         """Let the placement have the new vertices; answers which edges are then too long."""
