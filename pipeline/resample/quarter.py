@@ -17,6 +17,7 @@ from pipeline.errors import FrameError
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample.thresholds import Thresholds
 
+_NONE = np.empty((0, 2), np.int32)
 _AS_GRADED = 1e12  # a gradation that changes nothing: fields have been graded before
 
 
@@ -25,11 +26,13 @@ class Quartered(NamedTuple):
 
     mesh        old vertices first; faces in the order of those they are part of
     thresholds  what it was cut for: functions as they were found, mixed at new vertices
+    parents     (N, 2) of its new vertices, in order: the two that each lies between, earlier ones of them too
     passes      how many rounds it took
     """
 
     mesh: TriangleMesh
     thresholds: Thresholds
+    parents: Indices
     passes: int
 
 
@@ -49,20 +52,20 @@ def quarter(mesh: TriangleMesh, thresholds: Thresholds) -> Quartered:
     """
     fields = thresholds.fields(mesh) if thresholds.active else None
     longest = None if fields is None else fields[:, 0]
-    passes = 0
+    parents: list[Indices] = []
     while True:
         edges = _Edges.of(mesh.faces)
         cut = _to_cut(mesh, edges, thresholds.numbers[0] if longest is None else longest)
         if not cut.any():
             settled = thresholds if fields is None else _fixed(fields, thresholds)
-            return Quartered(mesh, settled, passes)
+            return Quartered(mesh, settled, np.concatenate([_NONE, *parents]), len(parents))
         _require_room(mesh, int(cut.sum()), thresholds.max_vertices)
         ends = edges.ends[cut]
         mesh = _cut(mesh, edges, cut)
         if fields is not None:
             fields = _mixed(fields, ends)
             longest = fields[:, 0]
-        passes += 1
+        parents.append(ends)
 
 
 class _Edges(NamedTuple):

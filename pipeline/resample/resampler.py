@@ -10,9 +10,12 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import Literal
 
+import numpy as np
+
 from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.mesh.halfedge import HalfedgeMesh
+from pipeline.mesh.identity import Register
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample.frame import Frame, changes_of, wipe
 from pipeline.resample.locality import in_memory_order
@@ -26,6 +29,7 @@ Splits = Literal["edges", "faces"]
 
 _CHORD = Chord()
 _ATTRIBUTE = "attribute."
+_GIVEN = "identities"
 
 
 class Resampler:
@@ -39,7 +43,8 @@ class Resampler:
                  is for new vertices on the chord (UsageError otherwise)
 
     Vertex attributes go along: a new vertex gets the mean of its parents', a merged one the survivor's
-    (integers and flags are never mixed).
+    (integers and flags are never mixed). Where the mesh has an attribute `identity`, a different int64 for
+    every vertex, a new vertex gets one that no other has ever had, and `births` tells of whom it was born.
     """
 
     def __init__(
@@ -51,7 +56,8 @@ class Resampler:
         splits: Splits = "edges",
     ) -> None:
         self._settle(thresholds, placement, shape, splits)
-        self._mesh = HalfedgeMesh(in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh))))
+        begun = in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh)))
+        self._mesh = HalfedgeMesh(begun, Register.of(begun))
         wipe(changes_of(self._mesh))  # memory is claimed now, so that no frame waits for it
 
     def _settle(self, thresholds: Thresholds, placement: Placement, shape: float, splits: Splits) -> None:
@@ -82,11 +88,23 @@ class Resampler:
         """The surface as a value, vertices in the order of `vertices`; that of faces is ours."""
         return self._mesh.snapshot()
 
+    @property
+    def births(self) -> AnyArray | None:
+        """int64 (N, 3) of the last `resample`, in order of birth: the identity of each new vertex, even if it
+        has collapsed again, and those of its parents. None where the mesh has no identities."""
+        return None if self._mesh.register is None else self._mesh.register.births
+
+    @property
+    def identities(self) -> int:
+        """How many identities have been given since the first frame: the next new vertex gets this one."""
+        return 0 if self._mesh.register is None else self._mesh.register.given
+
     def state(self) -> dict[str, AnyArray]:
         """Copies of all that the next frames depend on, by name: ``numpy.savez(file, **state)`` keeps it."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
-        return {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases, **named}
+        given = {} if self._mesh.register is None else {_GIVEN: np.array(self.identities)}
+        return {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases, **named, **given}
 
     @classmethod
     def from_state(
@@ -106,8 +124,8 @@ class Resampler:
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
         resumed = cls.__new__(cls)  # not by __init__, which may order faces anew
         resumed._settle(thresholds, placement, shape, splits)
-        creases = state.get("creases")
-        resumed._mesh = HalfedgeMesh(TriangleMesh(state["vertices"], state["faces"], attributes, creases))
+        mesh = TriangleMesh(state["vertices"], state["faces"], attributes, state.get("creases"))
+        resumed._mesh = HalfedgeMesh(mesh, Register.of(mesh, int(state.get(_GIVEN, 0))))
         return resumed
 
     def resample(self) -> Report:
@@ -116,6 +134,8 @@ class Resampler:
         Raises FrameError where a vertex is not finite or the budget of vertices does not suffice; the
         surface is then still a sound one.
         """
+        if self._mesh.register is not None:
+            self._mesh.register.begin()
         frame = Frame(self._mesh, self.thresholds, self.placement, self.shape)
         self.placement.heal(self._mesh)
         frame.scan()
@@ -125,13 +145,13 @@ class Resampler:
 
     def _in_four(self) -> Report:
         """Cut faces, and see to short edges and shapes as ever."""
-        before = self._mesh.snapshot()
-        mesh, thresholds, passes = quarter(before, self.thresholds)
-        self._mesh = HalfedgeMesh(mesh)
+        mesh, thresholds, parents, passes = quarter(self._mesh.snapshot(), self.thresholds)
+        self._mesh = HalfedgeMesh(mesh, self._mesh.register)
+        self._mesh.enter_births(parents)
         frame = Frame(self._mesh, thresholds, self.placement, self.shape)
         frame.scan()
-        done, cut = _brought_back(frame), len(mesh.vertices) - len(before.vertices)
-        return replace(done, splits=done.splits + cut, passes=done.passes + passes)
+        done = _brought_back(frame)
+        return replace(done, splits=done.splits + len(parents), passes=done.passes + passes)
 
 
 def _brought_back(frame: Frame) -> Report:
