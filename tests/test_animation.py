@@ -11,8 +11,8 @@ import numba
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import Points
+from pipeline.animation import MeshFrame, animate, descent
+from pipeline.arrays import AnyArray, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Sequence, Streamlines, Sum, keyed
 from pipeline.flow.catalogue import Lorenz, Twist, Vortex
@@ -45,7 +45,14 @@ def same(one: MeshFrame, other: MeshFrame) -> bool:
         and one.mesh.creases.tobytes() == other.mesh.creases.tobytes()
         and one.mesh.attributes.keys() == other.mesh.attributes.keys()
         and all(v.tobytes() == other.mesh.attributes[n].tobytes() for n, v in one.mesh.attributes.items())
+        and births(one).tobytes() == births(other).tobytes()
+        and one.identities == other.identities
     )
+
+
+def births(frame: MeshFrame) -> AnyArray:
+    assert frame.births is not None
+    return frame.births
 
 
 def resampled(motion: Motion, **settings: object) -> Motion:
@@ -72,7 +79,15 @@ def test_every_frame_is_in_the_bracket_and_a_closed_surface(motion: Motion) -> N
 
 
 @pytest.mark.parametrize(
-    "settings", [{}, {"renew": 6}, {"placement": "curved"}, {"placement": "chord"}], ids=str
+    "settings",
+    [
+        {},
+        {"renew": 6},
+        {"placement": "curved"},
+        {"placement": "chord"},
+        {"placement": "chord", "splits": "faces"},
+    ],
+    ids=str,
 )
 def test_going_on_from_any_frame_gives_the_same_bits_as_never_stopping(
     motion: Motion, settings: dict[str, object]
@@ -151,7 +166,7 @@ def test_geometric_normals_are_not_kept(motion: Motion) -> None:
     *_, last = animate(resampled(motion, normals="geometric"))
     assert "normal" not in last.mesh.attributes
     *_, last = animate(resampled(motion, placement="curved"))
-    assert not last.mesh.attributes
+    assert set(last.mesh.attributes) == {"identity"}
 
 
 def test_the_creases_at_rest_stay_creases(motion: Motion) -> None:
@@ -217,6 +232,52 @@ def test_a_frame_survives_a_file(motion: Motion, tmp_path: Path) -> None:
     np.testing.assert_array_equal(back.mesh.attributes["heat"], tagged.mesh.attributes["heat"])
 
 
+def test_the_vertices_of_a_film_are_numbered_and_every_birth_is_in_its_frame(motion: Motion) -> None:
+    told = len(motion.mesh_at_rest().vertices)
+    alive = set(range(told))
+    for frame in animate(motion):
+        assert births(frame)[:, 0].tolist() == list(range(told, frame.identities))
+        told = frame.identities
+        alive |= set(births(frame)[:, 0].tolist())
+        now = frame.mesh.attributes["identity"].tolist()
+        assert len(set(now)) == len(now) and set(now) <= alive
+        assert frame.report.resampling is not None and frame.report.resampling.splits == len(births(frame))
+        alive = set(now)
+    assert told > len(alive)
+
+
+def test_a_survivor_is_told_by_its_number_and_the_young_by_their_ancestors(motion: Motion) -> None:
+    """A flow that only stretches: what the first frame's vertices were mixed to goes where they go."""
+    stretching = resampled(motion, thresholds=Thresholds(EDGE, 1e-6), placement="chord")
+    frames = list(animate(stretching, flow=lambda points, time, dt: points * (1 + dt)))
+    found, first, last = descent(frames[2:]), frames[2].mesh, frames[-1].mesh
+    stretch = (1 + 1 / 24) ** 17
+    np.testing.assert_allclose(stretch * found.mixed(first.vertices), last.vertices, rtol=0, atol=1e-13)
+    np.testing.assert_array_equal(found.survives, last.attributes["identity"] < frames[2].identities)
+    assert found.survives.sum() == len(first.vertices) < len(last.vertices) / 1.5
+
+
+def test_the_ancestors_of_a_wild_film_are_near_at_rest(motion: Motion) -> None:
+    """Exact placement: survivors keep their points at rest, new ones lie by those they descend from."""
+    frames = [MeshFrame.from_arrays(frame.to_arrays()) for frame in animate(resampled(motion, shape=0.0))]
+    found, then, now = descent(frames), frames[0].mesh.attributes["rest"], frames[-1].mesh.attributes["rest"]
+    off = np.linalg.norm(found.mixed(then) - now, axis=1)
+    assert off[found.survives].max() == 0
+    assert 0 < np.count_nonzero(~found.survives) < len(now) and off.max() < EDGE
+
+
+def test_frames_that_are_left_out_leave_no_lineage(motion: Motion) -> None:
+    frames = list(animate(motion))
+    with pytest.raises(UsageError, match=r"frames \[5, 7\] are not one after the other"):
+        descent([frames[0], frames[2]])
+    with pytest.raises(UsageError, match=r"frames \[\] are not"):
+        descent([])
+    polygons = list(animate(resampled(motion, method="polyhedra", thresholds=Thresholds(1.2))))[:2]
+    assert polygons[0].births is None and "births" not in polygons[0].to_arrays()
+    with pytest.raises(UsageError, match="frame 5 has no identities"):
+        descent(polygons)
+
+
 def test_arrays_that_are_no_frame_are_refused() -> None:
     with pytest.raises(UsageError, match="hold no number and no report"):
         MeshFrame.from_arrays({"vertices": np.zeros((3, 3)), "faces": np.array([[0, 1, 2]])})
@@ -227,6 +288,8 @@ def test_without_resampling_vertices_only_move(motion: Motion) -> None:
     frames = list(animate(still))
     assert all(np.array_equal(frame.mesh.faces, frames[0].mesh.faces) for frame in frames)
     assert frames[-1].report.resampling is None
+    assert len(births(frames[-1])) == 0 and frames[-1].identities == len(frames[0].mesh.vertices)
+    assert descent(frames).survives.all()
     points = frames[0].mesh.vertices
     for frame in range(6, 25):
         points = motion.flow.displace(points, *motion.clock.step(frame))

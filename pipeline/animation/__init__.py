@@ -1,6 +1,7 @@
 """From a shot to its surfaces, frame after frame."""
 
 from pipeline.animation.frame import FrameReport, MeshFrame
+from pipeline.animation.lineage import descent
 from pipeline.animation.loop import animate
 
-__all__ = ["FrameReport", "MeshFrame", "animate"]
+__all__ = ["FrameReport", "MeshFrame", "animate", "descent"]

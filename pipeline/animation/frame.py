@@ -50,20 +50,26 @@ class FrameReport:
 class MeshFrame:
     """One frame of a shot's surface. With the shot, it is all that later frames depend on.
 
-    polygons  where the surface is one of polygons: what `mesh` is, cut into triangles; its vertices are the
-              first of the mesh's
+    polygons    where the surface is one of polygons: what `mesh` is, cut into triangles; its vertices are the
+                first of the mesh's
+    births      int64 (N, 3): the `identity` of each vertex born on the way into this frame, and those of its
+                two parents, in order of birth; None where identities are not kept
+    identities  how many have been given since the first frame
     """
 
     number: int
     mesh: TriangleMesh
     report: FrameReport
     polygons: PolygonMesh | None = None
+    births: AnyArray | None = None
+    identities: int = 0
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """The frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
 
         vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
-        () and report (): a string of JSON; of polygons also offsets int32 (P + 1,) and corners int32 (C,).
+        () and report (): a string of JSON; where identities are kept births int64 (N, 3) and identities ();
+        of polygons offsets int32 (P + 1,) and corners int32 (C,).
         """
         attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
         return {
@@ -71,6 +77,7 @@ class MeshFrame:
             "faces": self.mesh.faces,
             "creases": self.mesh.creases,
             **_sides(self.polygons),
+            **self._lineage(),
             **attributes,
             "number": np.array(self.number),
             "report": np.array(json.dumps(self.report.as_data())),
@@ -90,7 +97,12 @@ class MeshFrame:
             mesh=mesh,
             report=FrameReport.from_data(json.loads(str(arrays["report"]))),
             polygons=_polygons(mesh, arrays),
+            births=arrays.get("births"),
+            identities=int(arrays.get("identities", 0)),
         )
+
+    def _lineage(self) -> dict[str, AnyArray]:
+        return {} if self.births is None else {"births": self.births, "identities": np.array(self.identities)}
 
 
 def _sides(polygons: PolygonMesh | None) -> dict[str, AnyArray]:

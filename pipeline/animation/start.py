@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TypeVar
 
+import numpy as np
+
 from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import MeshFrame
 from pipeline.animation.surface import Carried, Sliced, Surface, Triangular, thresholds_at
@@ -12,6 +14,7 @@ from pipeline.arrays import AnyArray, Floats, Vectors
 from pipeline.errors import UsageError
 from pipeline.flow import Flow
 from pipeline.mesh import PolygonMesh, TriangleMesh, vertex_normals
+from pipeline.mesh.identity import with_identities
 from pipeline.mesh.normals import NORMAL
 from pipeline.resample import (
     Chord,
@@ -35,14 +38,14 @@ def at_rest(motion: Motion, flow: Flow) -> Surface:
     """The subject before anything has moved it, not resampled yet."""
     resampling, first = motion.resampling, motion.frames.first
     if resampling is None:
-        return Surface(motion.mesh_at_rest())
+        return Surface(with_identities(motion.mesh_at_rest()))
     thresholds = thresholds_at(motion, resampling, first)
     if resampling.method == "polyhedra":
         polygons = motion.polygons_at_rest()
         polygons = _creased(polygons, resampling, _hard_angles(polygons, thresholds))
         slicer = PolyhedralResampler(polygons, thresholds, resampling.cutting, resampling.collapse)
         return Sliced(motion, resampling, slicer)
-    mesh = motion.mesh_at_rest()
+    mesh = with_identities(motion.mesh_at_rest())
     mesh = _creased(mesh, resampling, thresholds.hard_angles(mesh))
     if resampling.placement != "exact":
         placement, splits = _UNCARRIED[resampling.placement], resampling.splits
@@ -95,7 +98,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> Surface:
         state = _state(polygons, offsets=polygons.offsets, corners=polygons.corners)
         slicer = PolyhedralResampler.from_state(state, thresholds, resampling.cutting, resampling.collapse)
         return Sliced(motion, resampling, slicer)
-    state = _state(frame.mesh, faces=frame.mesh.faces)
+    state = _state(frame.mesh, faces=frame.mesh.faces, identities=np.array(frame.identities))
     if resampling.placement != "exact":
         placement, splits = _UNCARRIED[resampling.placement], resampling.splits
         resampler = Resampler.from_state(state, thresholds, placement, resampling.shape, splits)
@@ -106,10 +109,10 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> Surface:
     return Carried(motion, resampling, resampler, epoch)
 
 
-def _state(mesh: TriangleMesh | PolygonMesh, **connectivity: AnyArray) -> dict[str, AnyArray]:
+def _state(mesh: TriangleMesh | PolygonMesh, **others: AnyArray) -> dict[str, AnyArray]:
     """What a resampler keeps as its state, of a mesh."""
     attributes = {f"attribute.{name}": values for name, values in mesh.attributes.items()}
-    return {"vertices": mesh.vertices, **connectivity, **attributes, "creases": mesh.creases}
+    return {"vertices": mesh.vertices, **others, **attributes, "creases": mesh.creases}
 
 
 def _required_polygons(frame: MeshFrame) -> PolygonMesh:

@@ -12,6 +12,7 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.history import Step
 from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh
+from pipeline.mesh.identity import Register
 from pipeline.mesh.normals import NORMAL
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
 from pipeline.resample.exact import REST
@@ -29,13 +30,16 @@ class Surface:
     """A surface whose vertices only move."""
 
     def __init__(self, mesh: TriangleMesh) -> None:
-        self._mesh = mesh
+        self._mesh, self._register = mesh, Register.of(mesh)
 
     def move(self, step: Step) -> None:
         self._mesh = self._mesh.with_vertices(step.apply(self._mesh.vertices))
 
     def frame(self, number: int) -> MeshFrame:
-        return MeshFrame(number, self._mesh, FrameReport(None, mesh_statistics(self._mesh)))
+        frame = MeshFrame(number, self._mesh, FrameReport(None, mesh_statistics(self._mesh)))
+        if self._register is None:
+            return frame
+        return replace(frame, births=self._register.births, identities=self._register.given)
 
 
 class _Resampled(Surface, Generic[R]):
@@ -72,8 +76,9 @@ class Triangular(_Resampled[Resampler]):
     """A surface of triangles."""
 
     def frame(self, number: int) -> MeshFrame:
-        done, mesh = self._resample(number), self._resampler.mesh
-        return MeshFrame(number, mesh, FrameReport(done, mesh_statistics(mesh)))
+        done, mesh, now = self._resample(number), self._resampler.mesh, self._resampler
+        report = FrameReport(done, mesh_statistics(mesh))
+        return MeshFrame(number, mesh, report, births=now.births, identities=now.identities)
 
 
 class Carried(Triangular):
