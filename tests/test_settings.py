@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import numba
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -20,22 +22,31 @@ from pipeline.shot import Motion, read_shot
 
 SHOT = """\
 title: Box
-frames: 1-9
+frames: 1-5
 subject: {solid: box, size: [2, 1.6, 1.2]}
 resample: {%s}
 flows:
-  - vortex: {axis: z, centre: [0.7, 0, 0], radius: 0.8, strength: 14}
-  - rotation: {speed: 40, axis: x}
-  - twist: {amount: {ease: linear, keys: {1: 0, 9: 120}}}
+  - vortex: {axis: z, centre: [0.7, 0, 0], radius: 0.8, strength: 26}
+  - rotation: {speed: 80, axis: x}
+  - twist: {amount: {ease: linear, keys: {1: 0, 5: 120}}}
 """
 
 LENGTHS = "{curvature: {tolerance: 0.01, finest: 0.2, coarsest: 0.6}}"
 CAMERA = "{camera: {position: [%s, 0, 4], pixels: 150, finest: 0.2, coarsest: 0.8}}"
 
 
+@pytest.fixture(autouse=True, scope="module")
+def one_thread() -> Iterator[None]:
+    """A few hundred points are not worth sharing: on busy cores, waiting for a second thread is most of it."""
+    before = numba.get_num_threads()
+    numba.set_num_threads(1)
+    yield
+    numba.set_num_threads(before)
+
+
 @cache
-def motion(resample: str, frames: str = "1-9", subject: str | None = None) -> Motion:
-    text = (SHOT % resample).replace("1-9", frames)
+def motion(resample: str, frames: str = "1-5", subject: str | None = None) -> Motion:
+    text = (SHOT % resample).replace("1-5", frames)
     if subject is not None:
         text = text.replace("{solid: box, size: [2, 1.6, 1.2]}", subject)
     return read_shot(Path("/nowhere/a.yaml"), text).motion
@@ -55,21 +66,21 @@ def data(resample: str) -> str:
     return json.dumps([found.start_data(), *map(found.step_data, found.frames.numbers[1:])])
 
 
-POLYHEDRA = "max_edge_length: 0.45, method: polyhedra"
+POLYHEDRA = "max_edge_length: 0.6, method: polyhedra"
 CHORD = "max_edge_length: 0.4, placement: chord"
 
 ACTING = [
     ("max_edge_length: 0.4", "max_edge_length: 0.35"),
-    ("max_edge_length: 0.4", "max_edge_length: {keys: {1: 0.4, 9: 0.35}}"),
+    ("max_edge_length: 0.4", "max_edge_length: {keys: {1: 0.4, 5: 0.35}}"),
     ("max_edge_length: {formula: 0.4 + 0.01 * x}", "max_edge_length: {formula: 0.4 + 0.05 * x}"),
     (f"max_edge_length: {LENGTHS}", f"max_edge_length: {LENGTHS.replace('0.01', '0.002')}"),
     (f"max_edge_length: {CAMERA % 0}", f"max_edge_length: {CAMERA % 3}"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, min_edge_length: 0.05"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, min_edge_length: {formula: 0.05 + 0.05 * abs(x)}"),
-    ("max_edge_length: 0.4, min_edge_length: {keys: {1: 0.1, 9: 0.15}}", "max_edge_length: 0.4"),
+    ("max_edge_length: 0.4, min_edge_length: {keys: {1: 0.1, 5: 0.15}}", "max_edge_length: 0.4"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, hard_angle: 100"),
     ("max_edge_length: 0.4, creases: none", "max_edge_length: 0.4, creases: none, hard_angle: 15"),
-    (f"{CHORD}, creases: none", f"{CHORD}, creases: none, hard_angle: {{keys: {{1: 100, 9: 40}}}}"),
+    (f"{CHORD}, creases: none", f"{CHORD}, creases: none, hard_angle: {{keys: {{1: 100, 5: 40}}}}"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, hard_angle: {formula: 95 + 50 * x}"),
     (f"max_edge_length: {LENGTHS}", f"max_edge_length: {LENGTHS}, gradation: 0.05"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, method: polyhedra"),
@@ -86,14 +97,14 @@ ACTING = [
     ("max_edge_length: 0.4", "max_edge_length: 0.4, creases: none"),
     (CHORD, f"{CHORD}, creases: none"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, creases: {formula: abs(y) < 0.3}"),
-    (POLYHEDRA, POLYHEDRA.replace("0.45", "0.35")),
+    (POLYHEDRA, POLYHEDRA.replace("0.6", "0.5")),
     (POLYHEDRA, f"{POLYHEDRA}, min_edge_length: 0.05"),
     (POLYHEDRA, f"{POLYHEDRA}, creases: none"),
     (f"{POLYHEDRA}, creases: none", f"{POLYHEDRA}, creases: none, hard_angle: 100"),
     (POLYHEDRA, f"{POLYHEDRA}, creases: {{formula: x > 0}}"),
     (POLYHEDRA, f"{POLYHEDRA}, cutting: recurse"),
     (POLYHEDRA, f"{POLYHEDRA}, collapse: areas"),
-    (POLYHEDRA, POLYHEDRA.replace("0.45", "{formula: 0.45 + 0.1 * x}")),
+    (POLYHEDRA, POLYHEDRA.replace("0.6", "{formula: 0.6 + 0.1 * x}")),
 ]
 
 
@@ -110,7 +121,7 @@ def test_a_setting_changes_the_frames_and_their_keys(one: str, other: str) -> No
 IDLE = [
     ("max_edge_length: 0.4", "max_edge_length: 0.4, max_vertices: 5000"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, gradation: 0.05"),
-    ("max_edge_length: 0.4", "max_edge_length: 0.4, renew: 9"),
+    ("max_edge_length: 0.4", "max_edge_length: 0.4, renew: 5"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, cutting: recurse, collapse: areas"),
     (CHORD, f"{CHORD}, normals: geometric, renew: 2, cutting: recurse, collapse: areas"),
     (
@@ -202,8 +213,8 @@ def test_polygons_stay_a_surface_in_the_bracket_and_shown_by_triangles(settings_
         np.testing.assert_array_equal(mesh.vertices[: len(polygons.vertices)], polygons.vertices)
         np.testing.assert_array_equal(mesh.creases, polygons.creases)
         ends = polygons.vertices[polygons.edges]
-        assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max() <= 0.45 * (1 + 1e-12)
-        assert polygons.extents.max() <= 0.45 * (1 + 1e-12)
+        assert np.linalg.norm(ends[:, 0] - ends[:, 1], axis=1).max() <= 0.6 * (1 + 1e-12)
+        assert polygons.extents.max() <= 0.6 * (1 + 1e-12)
     assert bits(frames_of(POLYHEDRA))[-1]["corners"] != bits(frames_of(POLYHEDRA))[0]["corners"]
 
 
@@ -214,11 +225,11 @@ RESUMED = [
     "max_edge_length: {formula: 0.4 + 0.05 * x}, placement: chord, splits: faces",
     POLYHEDRA,
     f"{POLYHEDRA}, cutting: recurse, collapse: areas",
-    POLYHEDRA.replace("0.45", "{keys: {1: 0.6, 9: 0.4}}"),
+    POLYHEDRA.replace("0.6", "{keys: {1: 0.7, 5: 0.5}}"),
 ]
 
 
-@given(st.sampled_from(RESUMED), st.integers(0, 7))
+@given(st.sampled_from(RESUMED), st.integers(0, 3))
 @settings(deadline=None, max_examples=30)
 def test_a_run_goes_on_from_any_frame_with_the_same_bits(resample: str, stop: int) -> None:
     through = frames_of(resample)
