@@ -37,7 +37,7 @@ CAMERA = "{camera: {position: [%s, 0, 4], pixels: 150, finest: 0.2, coarsest: 0.
 
 @pytest.fixture(autouse=True, scope="module")
 def one_thread() -> Iterator[None]:
-    """A few hundred points are not worth sharing: on busy cores, waiting for a second thread is most of it."""
+    """A few hundred points are not worth sharing: on busy cores waiting for a second thread takes longest."""
     before = numba.get_num_threads()
     numba.set_num_threads(1)
     yield
