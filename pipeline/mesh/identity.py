@@ -46,8 +46,9 @@ class Register:
                 f"attribute {IDENTITY!r} holds {numbers.dtype} of shape {numbers.shape}; it must be one "
                 "int64 for each vertex. Rename it if it means something else"
             )
-        low, high = int(numbers.min(initial=0)), int(numbers.max(initial=-1))
-        if len(np.unique(numbers)) < len(numbers) or low < 0 or high >= _MOST:
+        ordered = np.sort(numbers)
+        low, high = int(ordered.min(initial=0)), int(ordered.max(initial=-1))
+        if (np.diff(ordered) == 0).any() or low < 0 or high >= _MOST:
             raise MeshError(
                 f"attribute {IDENTITY!r} holds a number twice, or one that is below 0 or over 2**53; it must "
                 "tell all vertices apart. Rename it if it means something else"
