@@ -40,7 +40,8 @@ def simulate(common: Common, shots: Shots, frames: Frames = None) -> None:
     """Simulate shots: move and resample their surfaces, frame by frame.
 
     Mesh frames appear in renders/SHOT/meshes. After an edit a simulation goes on from the last frame that
-    the edit left valid.
+    the edit left valid. Vertices are numbered for life in them, and new ones name their parents; those of
+    method polyhedra are not.
     """
     studio = Studio(common.root, common.cores)
     _make(common, lambda: studio.meshes(shots, frames))
