@@ -55,8 +55,6 @@ _STYLE: Any = {
     "svg.hashsalt": "flowsculpt",
 }
 
-_SMALL = {"optimize": True, "compress_level": 9}
-
 
 def page(
     titles: Sequence[str], height: float = 3.4, drawings: bool = False, bare: bool = False
@@ -146,9 +144,13 @@ def arrows(panels: Sequence[Axes]) -> None:
 
 
 def save(figure: Figure, name: str) -> Path:
-    """Write the figure to `docs/pictures`, the same bytes every time."""
+    """Write the figure to `docs/pictures`, the same bytes every time; pixels without their opacity."""
+    from PIL import Image
+
     path = PICTURES / name
-    how: dict[str, Any] = {"metadata": {"Date": None}} if path.suffix == ".svg" else {"pil_kwargs": _SMALL}
-    figure.savefig(path, dpi=100, **how)
+    figure.savefig(path, dpi=100, metadata={"Date": None} if path.suffix == ".svg" else {})
+    if path.suffix == ".png":
+        with Image.open(path) as drawn:
+            drawn.convert("RGB").save(path, optimize=True)
     print(path.relative_to(PICTURES.parent.parent))
     return path

@@ -12,7 +12,7 @@ from pipeline.mesh import TriangleMesh, box
 from pipeline.resample import Resampler, Thresholds
 
 FRAMES, EDGE, LONGEST = 34, 0.25, 0.2
-SIZE = (940, 730)
+SIZE = (940, 610)
 
 
 def stirring() -> Flow:
@@ -34,7 +34,7 @@ def draw() -> None:
     from examples.shading import framed, photograph, show, wires
 
     static, adaptive = both_ways()
-    figure, panels = page(("without resampling", "with resampling"), height=4.0, drawings=True)
+    figure, panels = page(("without resampling", "with resampling"), height=3.4, drawings=True)
     framing = framed(adaptive, azimuth=-24, elevation=22, aspect=SIZE[0] / SIZE[1])
     for panel, mesh in zip(panels, (static, adaptive), strict=True):
         picture = photograph(mesh, framing, SIZE)
