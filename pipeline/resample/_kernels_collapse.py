@@ -34,7 +34,20 @@ from pipeline.resample._kernels_lists import (
     squared,
     touch,
 )
-from pipeline.resample._kernels_ring import MOST_SPOKES, RING, UPRIGHT, Ring, folds, walk, weigh
+from pipeline.resample._kernels_ring import (
+    FOLDED,
+    MOST_SPOKES,
+    NX,
+    NY,
+    NZ,
+    RING,
+    STRETCHED,
+    UPRIGHT,
+    Ring,
+    strained,
+    walk,
+    weigh,
+)
 
 REASONS = ("link", "boundary", "feature", "too_long", "fold", "shape", "crowded")
 LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, SHAPE, CROWDED = range(7)
@@ -46,10 +59,26 @@ _REACH = 0.05  # how far, in longest edges, a vertex that goes may have been fro
 _STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that bends less is a straight line
 
 
+@kernel(numba.boolean(RING, RING), **LEAN)
+def _meet(near: Ring, far: Ring) -> bool:
+    """Whether closed rings of the two ends of an edge share more than the corners opposite that edge.
+
+    Each begins with the other end, which those two corners follow and precede. Rings of three faces both are
+    a tetrahedron's.
+    """
+    shared = bool(near.size[1] == 3 and far.size[1] == 3)
+    for i in range(2, near.size[1] - 1):
+        for j in range(2, far.size[1] - 1):
+            shared |= bool(near.vertex[i] == far.vertex[j])
+    return shared
+
+
 @kernel(numba.int64(SURFACE, numba.int64, RING, RING), **LEAN)
 def _link_fault(surface: Surface, h: int, near: Ring, far: Ring) -> int:
     """The link condition: the two ends may share only the corners opposite their edge."""
     vert, twin = surface.vert, surface.twin
+    if near.size[1] == near.size[0] and far.size[1] == far.size[0]:
+        return LINK if _meet(near, far) else FREE
     back = twin[h]
     if back >= 0 and near.size[1] > near.size[0] and far.size[1] > far.size[0]:
         return BOUNDARY
@@ -100,10 +129,13 @@ def _rank(surface: Surface, centre: int, ring: Ring, cosine: float) -> int:
 @kernel(numba.float64(MATRIX, numba.int64, numba.int64, RING), **LEAN)
 def _swept(points: Points, centre: int, to: int, ring: Ring) -> float:
     """Six times the volume that a ring sweeps if its centre moves to another vertex."""
-    total = 0.0
-    for i in range(ring.size[0]):
-        for k in range(3):
-            total += (points[to, k] - points[centre, k]) * ring.normals[i, k]
+    total, rows = 0.0, ring.rows
+    x = points[to, 0] - points[centre, 0]
+    y = points[to, 1] - points[centre, 1]
+    z = points[to, 2] - points[centre, 2]
+    for j in range(1, ring.size[0] + 1):
+        i = np.uint64(j)
+        total += x * rows[NX + i] + y * rows[NY + i] + z * rows[NZ + i]
     return abs(total)
 
 
@@ -120,11 +152,12 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
     midpoints = limits[3] > 0
     mine = _rank(surface, a, near, hard_cosine(surface, limits, a))
     theirs = _rank(surface, b, far, hard_cosine(surface, limits, b))
-    hard = False
-    for i in range(near.size[1]):
-        hard = hard or (near.vertex[i] == b and near.hard[i] > 0)
-    if mine >= 2 and theirs >= 2 and (not hard or (mine >= 3 and theirs >= 3)):
-        return FREE, FREE, FREE
+    if mine >= 2 and theirs >= 2:
+        hard = False
+        for i in range(near.size[1]):
+            hard = hard or (near.vertex[i] == b and near.hard[i] > 0)
+        if not hard or (mine >= 3 and theirs >= 3):
+            return FREE, FREE, FREE
     if mine > theirs:
         return AT_START, FREE, FREE
     if theirs > mine:
@@ -145,15 +178,18 @@ def _candidates(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats)
 @kernel(numba.int64(SURFACE, RING, numba.int64, numba.int64, VECTOR, VECTOR), **LEAN)
 def _move_fault(surface: Surface, ring: Ring, centre: int, other: int, place: Floats, limits: Floats) -> int:
     """Why the ring's centre may not move to `place`, where `other` joins it: an edge too long, a fold."""
-    points = surface.points
-    for i in range(ring.size[1]):
-        v = ring.vertex[i]
-        x, y, z = points[v, 0] - place[0], points[v, 1] - place[1], points[v, 2] - place[2]
-        if v != other and x * x + y * y + z * z > limits[6] * min(
-            bracket(surface, limits, centre, v)[0], bracket(surface, limits, other, v)[0]
-        ):
-            return TOO_LONG
-    return FOLD if folds(points, ring, other, place, UPRIGHT) else FREE
+    points, most = surface.points, limits[6] * limits[0]
+    if limits[4] >= 0:
+        most = np.inf
+        for i in range(ring.size[1]):
+            v = ring.vertex[i]
+            x, y, z = points[v, 0] - place[0], points[v, 1] - place[1], points[v, 2] - place[2]
+            if v != other and x * x + y * y + z * z > limits[6] * min(
+                bracket(surface, limits, centre, v)[0], bracket(surface, limits, other, v)[0]
+            ):
+                return TOO_LONG
+    strain = strained(ring, other, place, most, UPRIGHT)
+    return TOO_LONG if strain == STRETCHED else (FOLD if strain == FOLDED else FREE)
 
 
 @kernel(numba.float64(numba.float64, numba.float64, numba.float64, numba.float64, numba.float64), **LEAN)
@@ -288,17 +324,22 @@ def collapse_edge(
         _drop_face(surface, back, dead_faces)
 
 
-@kernel((SURFACE, RING, VECTOR, CHANGES), **LEAN)
-def _look_around(surface: Surface, ring: Ring, limits: Floats, changes: Changes) -> None:
-    """After a collapse: touch the faces of a ring, and enlist the spokes of those left that are short."""
+@kernel((SURFACE, numba.int64, RING, numba.boolean, VECTOR, CHANGES), **LEAN)
+def _look_around(
+    surface: Surface, centre: int, ring: Ring, opened: bool, limits: Floats, changes: Changes
+) -> None:
+    """After a collapse: touch the faces of a ring, and enlist the spokes of those left that are short.
+
+    `centre` is the vertex that is left, `opened` whether it lies on a boundary.
+    """
     for i in range(ring.size[0]):
-        h = ring.leaving[i]
+        h, v = ring.leaving[i], ring.vertex[i]
         touch(changes, h // 3)
         if surface.vert[h] < 0:
             continue
-        if is_short(surface, h, limits):
+        if squared(surface.points, centre, v) < bracket(surface, limits, centre, v)[1]:
             enlist(changes, h)
-        if surface.twin[preceding(h)] < 0 and is_short(surface, preceding(h), limits):
+        if opened and surface.twin[preceding(h)] < 0 and is_short(surface, preceding(h), limits):
             enlist(changes, preceding(h))
 
 
@@ -340,11 +381,13 @@ def collapse_due(
             kept += 1
             shorts[kept] = h
             continue
+        kept_end = surface.vert[h]
+        opened = near.size[1] > near.size[0] or far.size[1] > far.size[0]
         push(dead_vertices, surface.vert[following(h)])
         collapse_edge(surface, h, far, where, near.place, dead_faces)
         done += 1
-        _look_around(surface, near, limits, changes)
-        _look_around(surface, far, limits, changes)
+        _look_around(surface, kept_end, near, opened, limits, changes)
+        _look_around(surface, kept_end, far, opened, limits, changes)
         if shorts[0] + 4 * MOST_SPOKES > len(shorts):  # close the gap that the looked at have left
             for i in range(at + 1, shorts[0] + 1):
                 shorts[kept + i - at] = shorts[i]

@@ -23,7 +23,9 @@ from pipeline.resample._kernels_lists import (
     FRESH,
     UNLISTED,
     Changes,
+    after,
     area_vector,
+    before,
     bracket,
     enlist,
     hard_cosine,
@@ -47,28 +49,28 @@ def _openness(points: Points, apex: int, a: int, b: int) -> float:
     return float(x + y + z)
 
 
-@kernel(numba.boolean(SURFACE, numba.int64, numba.int64), **LEAN)
-def _adjacent(surface: Surface, h: int, other: int) -> bool:
-    """Whether an edge joins the start of h with `other`."""
+@kernel(numba.boolean(SURFACE, numba.uint64, numba.int64), **LEAN)
+def _adjacent(surface: Surface, h: np.uint64, other: int) -> bool:
+    """Whether an edge joins the start c of h, a side of a triangle, with a vertex not of that triangle.
+
+    The corners before and after c are known, so the walk around c begins beyond one and ends at the other.
+    """
     vert, twin = surface.vert, surface.twin
-    k = h
-    while True:
-        if vert[following(k)] == other:
+    a = vert[after(h)]
+    k = twin[before(h)]
+    while k >= 0:
+        back = before(np.uint64(k))
+        if vert[back] == other:
             return True
-        back = preceding(k)
-        k = twin[back]
-        if k == h:
+        if vert[back] == a:
             return False
-        if k < 0:
-            break
-    if vert[back] == other:
-        return True
+        k = twin[back]
     k = twin[h]  # the fan is open: on to its other side
     while k >= 0:
-        k = following(k)
-        if vert[following(k)] == other:
+        onward = after(np.uint64(k))
+        if vert[after(onward)] == other:
             return True
-        k = twin[k]
+        k = twin[onward]
     return False
 
 
@@ -82,10 +84,11 @@ def _leans(dot: float, cosine: float, m: float, n: float) -> bool:
 def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
     """Is the edge of h soft, not Delaunay, and its other diagonal a legal edge on the same surface?"""
     points, vert, twin = surface.points, surface.vert, surface.twin
-    back = twin[h]
-    a, b, c, d = vert[h], vert[following(h)], vert[preceding(h)], vert[preceding(back)]
+    i = np.uint64(h)
+    k = np.uint64(twin[i])
+    a, b, c, d = vert[i], vert[after(i)], vert[before(i)], vert[before(k)]
     at_c, at_d = _openness(points, c, a, b), _openness(points, d, a, b)
-    if (at_c >= 0 and at_d >= 0) or surface.tagged[h]:
+    if (at_c >= 0 and at_d >= 0) or surface.tagged[i]:
         return False
     mx, my, mz = area_vector(points, a, b, c)
     nx, ny, nz = area_vector(points, b, a, d)
@@ -104,23 +107,24 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
     p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
     if _leans(px * sx + py * sy + pz * sz, _FLAT, p, s) or _leans(qx * sx + qy * sy + qz * sz, _FLAT, q, s):
         return False
-    return not _adjacent(surface, preceding(h), d)
+    return not _adjacent(surface, before(i), d)
 
 
 @kernel((SURFACE, numba.int64), **LEAN)
 def flip_edge(surface: Surface, h: int) -> None:
     """Turn the edge of h: a→b between c and d into d→c. Half-edges c→a and d→b keep their places."""
     vert, twin, tagged = surface.vert, surface.twin, surface.tagged
-    k = twin[h]
-    h1, k1 = following(h), following(k)
-    c, d = vert[preceding(h)], vert[preceding(k)]
-    beside, beyond = twin[k1], twin[h1]
-    vert[h1], vert[k1] = d, c
-    tagged[h], tagged[k] = tagged[k1], tagged[h1]
-    tagged[h1] = tagged[k1] = 0
+    back = twin[h]
+    i, j = np.uint64(h), np.uint64(back)
+    i1, j1 = after(i), after(j)
+    c, d = vert[after(i1)], vert[after(j1)]
+    beside, beyond = twin[j1], twin[i1]
+    vert[i1], vert[j1] = d, c
+    tagged[i], tagged[j] = tagged[j1], tagged[i1]
+    tagged[i1] = tagged[j1] = 0
     join(twin, h, beside)
-    join(twin, k, beyond)
-    join(twin, h1, k1)
+    join(twin, back, beyond)
+    twin[i1], twin[j1] = j1, i1
 
 
 @kernel(numba.int64(SURFACE, numba.int64), **LEAN)
@@ -128,7 +132,8 @@ def _facing_obtuse(surface: Surface, f: int) -> int:
     """The half-edge of a face that faces its obtuse corner; -1 where all corners are acute."""
     points, vert = surface.points, surface.vert
     h = 3 * f
-    a, b, c = vert[h], vert[h + 1], vert[h + 2]
+    i = np.uint64(h)
+    a, b, c = vert[i], vert[i + np.uint64(1)], vert[i + np.uint64(2)]
     if _openness(points, c, a, b) < 0:
         return h
     if _openness(points, a, b, c) < 0:
@@ -160,8 +165,8 @@ def _flip_from(surface: Surface, h: int, limits: Floats, changes: Changes, again
     again[0], again[1] = 1, h
     flips, at = 0, 1
     while at <= again[0]:
-        h = again[at]
-        k = twin[h]
+        h = again[np.uint64(at)]
+        k = twin[np.uint64(h)]
         at += 1
         if k >= 0 and worth_flipping(surface, h, limits):
             _flip_noted(surface, h, changes)
@@ -190,11 +195,13 @@ def flip_fresh(surface: Surface, limits: Floats, changes: Changes, obtuse: Indic
     obtuse[0] = 0
     for i in range(1, before + 1):
         f = fresh[i]
-        if vert[3 * f] < 0:
+        if vert[np.uint64(3 * f)] < 0:
             continue
         for h in range(3 * f, 3 * f + 3):
-            k = twin[h]
-            if k >= 0 and marks[k // 3] != FRESH and _facing_obtuse(surface, k // 3) == k:
+            k = twin[np.uint64(h)]
+            if k < 0 or marks[np.uint64(k) // np.uint64(3)] == FRESH:
+                continue
+            if _facing_obtuse(surface, k // 3) == k:
                 flips += _flip_from(surface, k, limits, changes, again)
         h = _facing_obtuse(surface, f)
         if h >= 0:

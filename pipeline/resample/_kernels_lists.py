@@ -23,7 +23,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, following
+from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface
 
 AS_IT_WAS, CHANGED, FRESH = 0, 1, 2
 """Marks of faces: never touched in this frame, touched, or touched since refused edges were last recalled."""
@@ -49,31 +49,47 @@ class Changes(NamedTuple):
 CHANGES = numba.types.NamedTuple([BYTES, INTS, INTS, BYTES, INTS], Changes)
 
 
+_NONE, _ONE, _TWO, _THREE = np.uint64(0), np.uint64(1), np.uint64(2), np.uint64(3)
+
+
+@kernel("uint64(uint64)", **LEAN)
+def after(h: np.uint64) -> np.uint64:
+    """The half-edge after h in its face, unsigned: an index that need not be asked for its sign."""
+    return h - _TWO if h % _THREE == _TWO else h + _ONE
+
+
+@kernel("uint64(uint64)", **LEAN)
+def before(h: np.uint64) -> np.uint64:
+    """The half-edge before h in its face, unsigned."""
+    return h + _TWO if h % _THREE == _NONE else h - _ONE
+
+
 @kernel((INTS, numba.int64), **LEAN)
 def push(items: Indices, item: int) -> None:
     n = items[0] + 1
     if n < len(items):
-        items[n] = item
+        items[np.uint64(n)] = item
         items[0] = n
 
 
 @kernel((CHANGES, numba.int64), **LEAN)
 def touch(changes: Changes, f: int) -> None:
     """Note that a face has changed."""
-    marks = changes.marks
-    if marks[f] == FRESH:
+    marks, i = changes.marks, np.uint64(f)
+    if marks[i] == FRESH:
         return
-    if marks[f] == AS_IT_WAS:
+    if marks[i] == AS_IT_WAS:
         push(changes.changed, f)
-    marks[f] = FRESH
+    marks[i] = FRESH
     push(changes.fresh, f)
 
 
 @kernel((CHANGES, numba.int64), **LEAN)
 def enlist(changes: Changes, h: int) -> None:
     """Have the edge of h looked at for a collapse."""
-    if changes.notes[h] == UNLISTED:
-        changes.notes[h] = DUE
+    i = np.uint64(h)
+    if changes.notes[i] == UNLISTED:
+        changes.notes[i] = DUE
         push(changes.shorts, h)
 
 
@@ -114,5 +130,6 @@ def hard_cosine(surface: Surface, limits: Floats, v: int) -> float:
 @kernel(numba.boolean(SURFACE, numba.int64, VECTOR), **LEAN)
 def is_short(surface: Surface, h: int, limits: Floats) -> bool:
     """Whether the edge of h is shorter than it may be."""
-    a, b = surface.vert[h], surface.vert[following(h)]
+    k = np.uint64(h)
+    a, b = surface.vert[k], surface.vert[after(k)]
     return bool(squared(surface.points, a, b) < bracket(surface, limits, a, b)[1])
