@@ -25,7 +25,7 @@ from pipeline.resample import (
     Thresholds,
     edges_by_angle,
 )
-from pipeline.resample.exact import REST
+from pipeline.resample.at_rest import REST
 from pipeline.resample.hardness import edges_in_region
 from pipeline.shot import Motion, Resampling
 

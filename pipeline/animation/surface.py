@@ -13,9 +13,9 @@ from pipeline.flow.history import Step
 from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.identity import Register
-from pipeline.mesh.normals import NORMAL
+from pipeline.mesh.normals import NORMAL, vertex_normals
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
-from pipeline.resample.exact import REST
+from pipeline.resample.at_rest import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling
 from pipeline.statistics import mesh_statistics
 
@@ -103,7 +103,8 @@ class Carried(Triangular):
     def _renewed(self, frame: MeshFrame) -> MeshFrame:
         """The same frame, from here on the surface at rest."""
         self._epoch = self._epoch.next()
-        state = {**self._resampler.state(), f"attribute.{REST}": frame.mesh.vertices}
+        rest = {REST: frame.mesh.vertices, REST_NORMAL: vertex_normals(frame.mesh)}
+        state = {**self._resampler.state(), **{f"attribute.{name}": values for name, values in rest.items()}}
         self._resampler = Resampler.from_state(
             state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.roundness
         )

@@ -34,6 +34,7 @@ from pipeline.resample._kernels_lists import (
     squared,
     touch,
 )
+from pipeline.resample._kernels_rest import overturns
 from pipeline.resample._kernels_ring import (
     FOLDED,
     MOST_SPOKES,
@@ -249,6 +250,18 @@ def _set_place(points: Points, a: int, b: int, where: int, place: Floats) -> Non
             place[k] = 0.5 * (points[a, k] + points[b, k])
 
 
+@kernel(numba.boolean(SURFACE, numba.int64, numba.int64, numba.int64, RING, RING, VECTOR), **LEAN)
+def _turns_at_rest(
+    surface: Surface, a: int, b: int, where: int, near: Ring, far: Ring, limits: Floats
+) -> bool:
+    """Whether merging a and b there would turn a face over at rest, where rest is known."""
+    if limits[7] < 0:
+        return False
+    if where == AT_START:
+        return overturns(surface.carried, far, b, a, limits)
+    return overturns(surface.carried, near, a, b, limits)
+
+
 @kernel(numba.types.UniTuple(numba.int64, 2)(SURFACE, numba.int64, RING, RING, VECTOR), **LEAN)
 def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tuple[int, int]:
     """May the edge of h collapse? Answers (where the vertex then lies, FREE) or (FREE, the reason why not).
@@ -265,7 +278,7 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tu
         return FREE, fault
     weigh(surface, a, near, hard_cosine(surface, limits, a))
     weigh(surface, b, far, hard_cosine(surface, limits, b))
-    reason = FEATURE
+    reason, second = FEATURE, FREE
     for where in _candidates(surface, h, near, far, limits):
         if where == FREE:
             break
@@ -279,10 +292,15 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tu
             lost = _left_behind(points, far, b, a) if where == AT_START else _left_behind(points, near, a, b)
             if lost > _REACH * _REACH * bracket(surface, limits, a, b)[0]:
                 fault = SHAPE
-        if fault == FREE:
+        if fault == FREE and not _turns_at_rest(surface, a, b, where, near, far, limits):
             return where, FREE
-        if reason == FEATURE:
+        if fault == FREE and second == FREE:
+            second = where  # better than an edge too short
+        elif reason == FEATURE:
             reason = fault
+    if second != FREE:
+        _set_place(points, a, b, second, near.place)
+        return second, FREE
     return FREE, reason
 
 

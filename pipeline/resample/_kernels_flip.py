@@ -33,6 +33,7 @@ from pipeline.resample._kernels_lists import (
     squared,
     touch,
 )
+from pipeline.resample._kernels_rest import upright
 
 _GAIN = 0.1  # cot α + cot β must be below minus this: a flip has to be worth the change of the surface
 MOST_AGAIN = 128  # edges to look at again around one flip and those that it leads to; a flip adds four
@@ -107,6 +108,10 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
     p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
     if _leans(px * sx + py * sy + pz * sz, _FLAT, p, s) or _leans(qx * sx + qy * sy + qz * sz, _FLAT, q, s):
         return False
+    if limits[7] >= 0:  # nor may a face turn over at rest
+        carried = surface.carried
+        if upright(carried, limits, a, d, c) <= 0 or upright(carried, limits, b, c, d) <= 0:
+            return False
     return not _adjacent(surface, before(i), d)
 
 

@@ -3,7 +3,7 @@
 A work list is an int32 array whose first entry counts those that follow. Pushing onto a full list does
 nothing; lists that must not lose anything have room for everything they could hold.
 
-Limits are seven numbers:
+Limits are nine numbers:
 0, 1  the largest and the smallest squared length allowed
 2     cosine of the hard angle
 3     1 where two soft ends merge halfway, 0 where at one of them
@@ -12,6 +12,7 @@ Limits are seven numbers:
       of those of its ends, which needs no root: lengths are compared as squares
 5     the share of a triangle's longest side in the sum of its squared sides from which on it is obtuse
 6     how many times the largest squared length an edge may have that a collapse makes
+7, 8  the columns of `Surface.carried` where every vertex has its place at rest and the normal there, or -1
 """
 
 from __future__ import annotations

@@ -1,12 +1,10 @@
-"""Placing the new vertices of a pass: on curves through their surroundings (P37), and nowhere that folds."""
+"""Placing the new vertices of a pass nowhere that folds, and what becomes of the edges around them."""
 
 from __future__ import annotations
 
-import math
-
 import numba
 
-from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
     BYTES,
@@ -19,237 +17,49 @@ from pipeline.mesh._kernels_halfedge import (
     following,
     preceding,
 )
-from pipeline.resample._kernels_lists import CHANGES, Changes, area_vector, bracket, enlist, push, squared
+from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, enlist, push, squared
+from pipeline.resample._kernels_patch import arriving
+from pipeline.resample._kernels_rest import moved_at_rest
 from pipeline.resample._kernels_ring import RING, Ring, folds, walk, weigh_faces
+from pipeline.resample._kernels_split import LEAVING
 
 MOST_AROUND = (
     12  # spokes of a new vertex: two of its own edge, two medians, and its neighbours' in the same pass
 )
-LEAVING = 2  # which of them leaves the new vertex
-BIRTH = 3  # numbers noted of each new vertex: parents a and b, half-edge vertex→b
 _SWEEPS = 3
 _ASTRAY = -0.5  # cosine: around a place that is known to be right, faces may turn by 120 degrees
 _TABLE = numba.int32[:, ::1]
-_LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
 
 
-@kernel(numba.boolean(SURFACE, numba.int64, numba.float64), **LEAN)
-def _hard(surface: Surface, h: int, cosine: float) -> bool:
-    """Whether the edge of h is tagged, a boundary, or turns by more than the angle of that cosine."""
-    back = surface.twin[h]
-    if back < 0 or surface.tagged[h]:
-        return True
-    if cosine <= -1.0:
-        return False
-    vert, points = surface.vert, surface.points
-    a, b = vert[h], vert[following(h)]
-    mx, my, mz = area_vector(points, a, b, vert[preceding(h)])
-    nx, ny, nz = area_vector(points, b, a, vert[preceding(back)])
-    dot = mx * nx + my * ny + mz * nz
-    both = (mx * mx + my * my + mz * mz) * (nx * nx + ny * ny + nz * nz)
-    return bool(dot * abs(dot) < cosine * abs(cosine) * both)
-
-
-@kernel((SURFACE, numba.int64, VECTOR, numba.int64), **LEAN)
-def _add_face(surface: Surface, h: int, total: Floats, at: int) -> None:
-    """Add the unit normal of the face of h, times its angle at the start of h."""
-    vert, points = surface.vert, surface.points
-    a, b, c = vert[h], vert[following(h)], vert[preceding(h)]
-    x, y, z = area_vector(points, a, b, c)
-    area = math.sqrt(x * x + y * y + z * z)
-    if area == 0.0:
-        return
-    dot = 0.0
-    for k in range(3):
-        dot += (points[b, k] - points[a, k]) * (points[c, k] - points[a, k])
-    weight = math.atan2(area, dot) / area
-    total[at] += weight * x
-    total[at + 1] += weight * y
-    total[at + 2] += weight * z
-
-
-@kernel((SURFACE, numba.int64, numba.float64, VECTOR, numba.int64), **LEAN)
-def side_normal(surface: Surface, h: int, cosine: float, out: Floats, at: int) -> None:
-    """Unit normal at the start of h of the smooth surface around, up to the next creases, into `out[at:]`.
-
-    The edge of h is soft.
-    """
-    twin = surface.twin
-    out[at] = out[at + 1] = out[at + 2] = 0.0
-    k, whole = h, False
-    while True:
-        _add_face(surface, k, out, at)
-        if _hard(surface, preceding(k), cosine):
-            break
-        k = twin[preceding(k)]
-        if k == h:
-            whole = True
-            break
-    k = h
-    while not whole and not _hard(surface, k, cosine):
-        k = following(twin[k])
-        _add_face(surface, k, out, at)
-    length = math.sqrt(out[at] ** 2 + out[at + 1] ** 2 + out[at + 2] ** 2)
-    if length > 0.0:
-        for i in range(3):
-            out[at + i] /= length
-
-
-@kernel(numba.int64(SURFACE, numba.int64, numba.int64, numba.float64), **LEAN)
-def _onward(surface: Surface, h: int, before: int, cosine: float) -> int:
-    """Where the crease that comes from the vertex `before` goes on beyond the start of h; -1 at its end."""
-    vert, twin = surface.vert, surface.twin
-    found, many, k = -1, 0, h
-    while True:
-        if vert[following(k)] != before and _hard(surface, k, cosine):
-            found, many = vert[following(k)], many + 1
-        back = preceding(k)
-        k = twin[back]
-        if k < 0 and vert[back] != before:
-            found, many = vert[back], many + 1
-        if k < 0 or k == h:
-            break
-    while k < 0 and twin[h] >= 0:  # the fan is open: on to its other side
-        h = following(twin[h])
-        if vert[following(h)] != before and _hard(surface, h, cosine):
-            found, many = vert[following(h)], many + 1
-    return found if many == 1 else -1
-
-
-@kernel(numba.boolean(SURFACE, numba.int64, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)
-def _tangent(surface: Surface, v: int, to: int, beyond: int, at: int, out: Floats) -> bool:
-    """Unit tangent at v of the circle through `beyond`, v and `to`, into `out[at:]`; false at a corner.
-
-    It is the mean of the two chords, each weighted by the length of the other. `out[6]` is the first vertex
-    of this pass: where the edge to `beyond` has been cut, that is the middle of the chord.
-    """
-    if beyond < 0:
-        return False
-    points = surface.points
-    p, q = math.sqrt(squared(points, v, beyond)), math.sqrt(squared(points, to, v))
-    whole = 2.0 * p if beyond >= out[6] else p
-    if p == 0.0 or q == 0.0:
-        return False
-    turn, length = 0.0, 0.0
-    for k in range(3):
-        one, two = (points[v, k] - points[beyond, k]) / p, (points[to, k] - points[v, k]) / q
-        turn += one * two
-        out[at + k] = q * one + whole * two
-        length += out[at + k] * out[at + k]
-    if turn < _LEAST_COSINE:
-        return False
-    for k in range(3):
-        out[at + k] /= math.sqrt(length)
-    return True
-
-
-@kernel((SURFACE, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, numba.int64), **LEAN)
-def _bend_crease(
-    surface: Surface, h: int, new: int, cosine: float, scratch: Floats, places: Points, i: int
-) -> None:
-    """Move `places[i]`, the middle of a crease's edge, onto the curve of the crease (cubic Hermite).
-
-    Where the crease begins or ends at a corner, the curve is taken for a circle.
-    """
-    vert, points = surface.vert, surface.points
-    a, middle, b = vert[h], vert[new], vert[following(new)]
-    begins = _tangent(surface, a, b, _onward(surface, h, middle, cosine), 0, scratch)
-    ends = _tangent(surface, b, a, _onward(surface, following(new), middle, cosine), 3, scratch)
-    length = math.sqrt(squared(points, a, b))
-    if not (begins or ends) or length == 0.0:
-        return
-    along, known = 0.0, 0 if begins else 3
-    for k in range(3):
-        along += scratch[known + k] * (points[b, k] - points[a, k]) / length
-    for k in range(3):
-        mirrored = scratch[known + k] - 2.0 * along * (points[b, k] - points[a, k]) / length
-        start, end = scratch[k] if begins else mirrored, scratch[3 + k] if ends else mirrored
-        places[i, k] += 0.125 * length * (start + end)
-
-
-@kernel((SURFACE, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
-def _bend_patch(
+@kernel(numba.int64(SURFACE, INTS, RING, MATRIX, MATRIX, VECTOR, BYTES))
+def settle(
     surface: Surface,
-    h: int,
-    new: int,
-    cosine: float,
-    scratch: Floats,
+    spokes: Indices,
+    ring: Ring,
     places: Points,
-    normals: Vectors,
-    i: int,
-) -> None:
-    """Move `places[i]`, the middle of a soft edge, onto the cubic that leaves both ends across their normals.
+    goals: Points,
+    limits: Floats,
+    settled: AnyArray,
+) -> int:
+    """Move the vertices that `spokes` leave to their places, but none where a face would fold; answers how
+    many.
 
-    Source: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles* (2001), the border curve at one half.
-    """
-    points, vert = surface.points, surface.vert
-    a, b = vert[h], vert[following(new)]
-    side_normal(surface, h, cosine, scratch, 0)
-    side_normal(surface, surface.twin[new], cosine, scratch, 3)
-    rise, fall, length = 0.0, 0.0, 0.0
-    for k in range(3):
-        rise += (points[b, k] - points[a, k]) * scratch[k]
-        fall += (points[a, k] - points[b, k]) * scratch[3 + k]
-        normals[i, k] = scratch[k] + scratch[3 + k]
-        length += normals[i, k] ** 2
-    for k in range(3):
-        places[i, k] -= 0.125 * (rise * scratch[k] + fall * scratch[3 + k])
-        normals[i, k] /= math.sqrt(length) if length > 0.0 else 1.0
-
-
-@kernel(numba.int64(SURFACE, numba.int64, numba.int64), **LEAN)
-def arriving(surface: Surface, new: int, a: int) -> int:
-    """The half-edge a→vertex, from the one that leaves the vertex for its other parent.
-
-    It may have another place in the table than when it was cut, if its face was cut again in the same pass.
-    """
-    k = preceding(new)
-    while surface.vert[k] != a:
-        k = preceding(surface.twin[k])
-    return int(k)
-
-
-@kernel((SURFACE, _TABLE, numba.float64, VECTOR, MATRIX, MATRIX))
-def curved_middles(
-    surface: Surface, births: Indices, cosine: float, scratch: Floats, places: Points, normals: Vectors
-) -> None:
-    """Where the new vertices of `births` (N, BIRTH) lie on a smooth surface, and its normals there.
-
-    Soft edges bend with the normals at their ends, which stop at creases; edges of creases bend with the
-    crease and have no normal (zero). Flat sides and straight creases stay exactly what they are. With a
-    cosine of -1 only tagged edges and boundaries are creases. `scratch` has seven entries.
-    """
-    if len(births):
-        scratch[6] = surface.vert[births[0, LEAVING]]
-    for i in range(len(births)):
-        a, b, new = births[i, 0], births[i, 1], births[i, LEAVING]
-        h = arriving(surface, new, a)
-        for k in range(3):
-            places[i, k] = 0.5 * (surface.points[a, k] + surface.points[b, k])
-            normals[i, k] = 0.0
-        if _hard(surface, h, cosine):
-            _bend_crease(surface, h, new, cosine, scratch, places, i)
-        else:
-            _bend_patch(surface, h, new, cosine, scratch, places, normals, i)
-
-
-@kernel(numba.int64(SURFACE, _TABLE, RING, MATRIX, BYTES))
-def settle(surface: Surface, births: Indices, ring: Ring, places: Points, settled: AnyArray) -> int:
-    """Move the new vertices of `births` to their places, but none where a face would fold; answers how many.
-
-    Refused ones are tried again when all others have moved, since it may be those they ran into.
+    Where vertices have places at rest, these become `goals`, and no face may turn over there either. Refused
+    ones are tried again when all others have moved, since it may be those they ran into.
     """
     done = 0
     for _ in range(_SWEEPS):
         before = done
-        for i in range(len(births)):
-            middle, new = surface.vert[births[i, LEAVING]], births[i, LEAVING]
-            if settled[i] or not walk(surface, new, ring):
+        for i in range(len(spokes)):
+            middle = surface.vert[spokes[i]]
+            if settled[i] or not walk(surface, spokes[i], ring):
                 continue
             weigh_faces(surface, middle, ring)
             for k in range(3):
                 ring.place[k] = places[i, k]
             if folds(surface.points, ring, -1, ring.place, _ASTRAY):
+                continue
+            if not moved_at_rest(surface.carried, ring, middle, goals, i, limits):
                 continue
             for k in range(3):
                 surface.points[middle, k] = places[i, k]

@@ -10,6 +10,7 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface
 from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, hard_cosine, push, squared, touch
+from pipeline.resample._kernels_rest import moved_at_rest
 from pipeline.resample._kernels_ring import RING, UPRIGHT, Ring, folds, walk, weigh
 
 _FLAT = 1e-9  # how far a ring may leave its plane, in its own lengths, and still count as flat
@@ -42,17 +43,17 @@ def list_poor(surface: Surface, least: float, changes: Changes, seen: AnyArray, 
                 push(spokes, h)
 
 
-@kernel(numba.boolean(MATRIX, numba.int64, RING, VECTOR), **LEAN)
-def _plane(points: Points, centre: int, ring: Ring, normal: Floats) -> bool:
+@kernel(numba.boolean(MATRIX, numba.int64, numba.int64, RING, VECTOR), **LEAN)
+def _plane(carried: Points, column: int, centre: int, ring: Ring, normal: Floats) -> bool:
     """The unit normal of a closed ring at rest, and whether all of it lies in one plane."""
     faces = ring.size[0]
     normal[0] = normal[1] = normal[2] = 0.0
     for i in range(faces):
         b, c = ring.vertex[i], ring.vertex[i + 1 if i + 1 < faces else 0]
         for k in range(3):
-            u, v = (k + 1) % 3, (k + 2) % 3
-            one = (points[b, u] - points[centre, u]) * (points[c, v] - points[centre, v])
-            normal[k] += one - (points[b, v] - points[centre, v]) * (points[c, u] - points[centre, u])
+            u, v = column + (k + 1) % 3, column + (k + 2) % 3
+            one = (carried[b, u] - carried[centre, u]) * (carried[c, v] - carried[centre, v])
+            normal[k] += one - (carried[b, v] - carried[centre, v]) * (carried[c, u] - carried[centre, u])
     length = math.sqrt(normal[0] ** 2 + normal[1] ** 2 + normal[2] ** 2)
     if length == 0.0:
         return False
@@ -60,17 +61,18 @@ def _plane(points: Points, centre: int, ring: Ring, normal: Floats) -> bool:
     for k in range(3):
         normal[k] /= length
     for i in range(faces):
-        height = 0.0
+        height, reach = 0.0, 0.0
         for k in range(3):
-            height += normal[k] * (points[ring.vertex[i], k] - points[centre, k])
-        flat = flat and height * height <= _FLAT * _FLAT * squared(points, ring.vertex[i], centre)
+            away = carried[ring.vertex[i], column + k] - carried[centre, column + k]
+            height += normal[k] * away
+            reach += away * away
+        flat = flat and height * height <= _FLAT * _FLAT * reach
     return flat
 
 
-@kernel(numba.int64(SURFACE, MATRIX, INTS, VECTOR, RING, numba.boolean, MATRIX, MATRIX))
+@kernel(numba.int64(SURFACE, INTS, VECTOR, RING, numba.boolean, MATRIX, MATRIX))
 def relaxed(
     surface: Surface,
-    rest: Points,
     spokes: Indices,
     limits: Floats,
     ring: Ring,
@@ -83,21 +85,21 @@ def relaxed(
     Left out, and taken off the list, are vertices on hard edges and, unless `anywhere`, those whose
     surroundings at rest are not flat, since the middle is then not on the surface.
     """
-    kept = 0
+    carried, column, kept = surface.carried, int(limits[7]), 0
     for i in range(1, spokes[0] + 1):
         h = spokes[i]
         v = surface.vert[h]
         if not walk(surface, h, ring) or ring.size[0] < ring.size[1]:
             continue
         weigh(surface, v, ring, hard_cosine(surface, limits, v))
-        flat = _plane(rest, v, ring, ring.place)
+        flat = _plane(carried, column, v, ring, ring.place)
         if ring.size[2] > 0 or not (flat or anywhere):
             continue
         for k in range(3):
             normals[kept, k] = ring.place[k]
             places[kept, k] = 0.0
             for j in range(ring.size[1]):
-                places[kept, k] += rest[ring.vertex[j], k] / ring.size[1]
+                places[kept, k] += carried[ring.vertex[j], column + k] / ring.size[1]
         kept += 1
         spokes[kept] = h
     spokes[0] = kept
@@ -122,11 +124,12 @@ def _worst(surface: Surface, centre: int, ring: Ring, place: Floats, limits: Flo
     return worst
 
 
-@kernel(numba.int64(SURFACE, INTS, MATRIX, VECTOR, RING, CHANGES, BYTES))
+@kernel(numba.int64(SURFACE, INTS, MATRIX, MATRIX, VECTOR, RING, CHANGES, BYTES))
 def adopt(
     surface: Surface,
     spokes: Indices,
     places: Points,
+    goals: Points,
     limits: Floats,
     ring: Ring,
     changes: Changes,
@@ -134,7 +137,8 @@ def adopt(
 ) -> int:
     """Move the vertices of `spokes` to their places, one by one, where the worst triangle around gains.
 
-    None goes where a face would fold or an edge leave the bracket. `adopted` tells which went.
+    At rest they move to their goals. None goes where a face would fold, or turn over at rest, or an edge
+    leave the bracket. `adopted` tells which went.
     """
     done = 0
     for i in range(spokes[0]):
@@ -150,6 +154,8 @@ def adopt(
         adopted[i] = 0
         gains = _worst(surface, v, ring, ring.place, limits) > before
         if not gains or folds(surface.points, ring, -1, ring.place, UPRIGHT):
+            continue
+        if not moved_at_rest(surface.carried, ring, v, goals, i, limits):
             continue
         for k in range(3):
             surface.points[v, k] = places[i, k]

@@ -19,6 +19,8 @@ from pipeline.mesh._kernels_halfedge import (
 )
 from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, enlist, push, squared, touch
 
+LEAVING = 2  # which of the numbers of a birth is the half-edge that leaves the new vertex
+BIRTH = 3  # numbers noted of each new vertex: parents a and b, half-edge vertex→b
 _CLASSES = 4
 
 

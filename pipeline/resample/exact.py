@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,23 +9,29 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge import HalfedgeMesh
+from pipeline.mesh.normals import vertex_normals
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_lists import Changes
-from pipeline.resample._kernels_place import BIRTH, LEAVING
+from pipeline.resample._kernels_rest import spokes_of_marked
 from pipeline.resample._kernels_ring import new_ring
 from pipeline.resample._kernels_shape import adopt, relaxed
+from pipeline.resample._kernels_split import LEAVING
+from pipeline.resample.at_rest import (
+    ASTRAY,
+    NORMAL,
+    REST,
+    REST_NORMAL,
+    Surroundings,
+    column_of,
+    on_patches_at_rest,
+    rest_of,
+    unit,
+)
 from pipeline.resample.hardness import edges_by_angle
-from pipeline.resample.placement import on_patches, settled
+from pipeline.resample.placement import settled
+from pipeline.resample.search import PointMap, nearest
 
-REST, NORMAL, ASTRAY = "rest", "normal", "astray"
-"""Vertex attributes that `Exact` keeps: where a vertex lies on the undeformed surface, its normal now, and
-whether it had to be left off the surface."""
-
-PointMap = Callable[[Points], Points]
-
-_ONLY_TAGGED = -1.0  # the cosine that makes no edge hard by its angle
 _TANGENT = 1e-5  # how far tangent points lie from theirs, in edge lengths at rest
-_ELSEWHERE = np.array([1, 2, 4, 6, 10, 12, 14, 15]) / 16  # along an edge at rest whose middle folds
 
 
 @dataclass(frozen=True)
@@ -55,71 +60,92 @@ class Exact:
         rest = mesh.attributes.get(REST, mesh.vertices)
         if self.tags_creases:
             mesh = mesh.with_creases(np.concatenate([mesh.creases, edges_by_angle(mesh, hard_angle)]))
-        return mesh.with_attributes(**{REST: rest, ASTRAY: np.zeros(len(rest), np.uint8)})
+        normals = vertex_normals(mesh.with_vertices(rest))
+        astray = np.zeros(len(rest), np.uint8)
+        return mesh.with_attributes(**{REST: rest, REST_NORMAL: normals, ASTRAY: astray})
 
-    def place(self, mesh: HalfedgeMesh, births: Indices, cosine: float) -> int:
-        last = int(mesh.sizes[0])
-        born = np.arange(last - len(births), last, dtype=np.int32)
-        rest, chord = _rest(mesh), mesh.vertices[born].copy()
-        middles, normals = rest[born], None
+    def at_rest(self, mesh: HalfedgeMesh) -> tuple[int, int]:
+        return column_of(mesh, REST), column_of(mesh, REST_NORMAL)
+
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Floats) -> int:
+        last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, LEAVING])
+        rest, born = rest_of(mesh), np.arange(last - len(births), last, dtype=np.int32)
+        middles, normals = rest[born], np.zeros((len(births), 3))
         if self.project is None or mesh.column(NORMAL) is not None or mesh.surface.tagged.any():
-            at_rest = mesh.surface._replace(points=np.ascontiguousarray(rest))
-            middles, normals = on_patches(at_rest, births, _ONLY_TAGGED)
-        rest[born] = self._truly(middles)
+            middles, normals = on_patches_at_rest(mesh, births)
         along = rest[births[:, 1]] - rest[births[:, 0]]
-        places, turned = self._now(mesh, rest[born], normals, along)
-        _write(mesh, NORMAL, born, turned)
-        went = settled(mesh, births, places)
+        went = self._take(mesh, spokes, self._truly(middles), normals, along, limits)
         if not went.all():
-            went[~went] = self._elsewhere(mesh, births[~went], born[~went], chord[~went])
+            went[~went] = self._elsewhere(mesh, spokes[~went], limits)
         _write(mesh, ASTRAY, born, ~went[:, None])
         return len(births) - int(went.sum())
 
-    def heal(self, mesh: HalfedgeMesh) -> None:
-        """Carry vertices that had to stay off the surface back onto it, where that now folds nothing."""
-        column = mesh.column(ASTRAY)
-        astray = np.flatnonzero(mesh.surface.carried[: mesh.sizes[0], column]) if column is not None else ()
-        if not len(astray):
-            return
-        leaving = np.empty(mesh.sizes[0], np.int32)
-        leaving[mesh.faces.ravel()] = np.arange(3 * mesh.sizes[1])
-        births = np.zeros((len(astray), BIRTH), np.int32)
-        births[:, LEAVING] = leaving[astray]
-        went = settled(mesh, births, self._carried(_rest(mesh)[astray]))
-        _write(mesh, ASTRAY, astray[went], np.zeros((int(went.sum()), 1)))
+    def heal(self, mesh: HalfedgeMesh, limits: Floats) -> None:
+        """Carry vertices that had to stay off the surface back onto it, where that now folds nothing.
 
-    def _elsewhere(self, mesh: HalfedgeMesh, births: Indices, born: Indices, chord: Points) -> AnyArray:
-        """Try other places along the edge at rest; answers (N,) booleans: which could take one.
-
-        Where the flow stretches unevenly, the middle at rest is far from the middle now. Of some places the
-        one that comes nearest to the chord's middle is tried. Normals stay those of the middle at rest.
+        If their own places at rest fold, the middle of what lies around them there may not.
         """
-        rest = _rest(mesh)
-        start, end = rest[births[:, 0]], rest[births[:, 1]]
-        goals = self._truly(np.concatenate([start + t * (end - start) for t in _ELSEWHERE]))
-        ways = (len(_ELSEWHERE), len(born), 3)
-        goals, now = goals.reshape(ways), self._carried(goals).reshape(ways)
-        best, each = np.linalg.norm(now - chord, axis=2).argmin(axis=0), np.arange(len(born))
-        went = settled(mesh, births, now[best, each])
-        rest[born[went]] = goals[best, each][went]
+        column, halfedges = column_of(mesh, ASTRAY), 3 * int(mesh.sizes[1])
+        spokes = np.empty(np.count_nonzero(mesh.surface.carried[: mesh.sizes[0], column]), np.int32)
+        if not len(spokes):
+            return
+        spokes_of_marked(mesh.surface, halfedges, column, spokes)
+        goals = self._truly(rest_of(mesh)[mesh.surface.vert[spokes]])
+        went = settled(mesh, spokes, self._carried(goals), goals, limits)
+        if not went.all():
+            around = Surroundings.of(mesh, spokes[~went])
+            went[~went] = self._towards(mesh, around, around.middle(), limits)
+        astray = mesh.surface.vert[spokes[went]]
+        _write(mesh, ASTRAY, astray, np.zeros((len(astray), 1)))
+
+    def _elsewhere(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats) -> AnyArray:
+        """Take vertices to where the surface around them comes nearest to them, or to the middle of what lies
+        around them at rest; answers (N,) booleans: which could go.
+
+        Where the flow shears or stretches unevenly, the middle of an edge at rest is now far from the middle
+        of the edge, and beyond the faces beside it.
+        """
+        around = Surroundings.of(mesh, spokes)
+        goals = mesh.vertices[mesh.surface.vert[spokes]]
+        found, _ = nearest(self._carried, self._truly, around.centre, around.corners, goals)
+        went = self._towards(mesh, around, found, limits)
+        if not went.all():
+            left = around.only(~went)
+            went[~went] = self._towards(mesh, left, left.middle(), limits)
         return went
+
+    def _towards(self, mesh: HalfedgeMesh, around: Surroundings, goals: Points, limits: Floats) -> AnyArray:
+        normals, along = around.normals, around.corners[:, 0, 0] - around.centre
+        return self._take(mesh, around.spokes, self._truly(goals), normals, along, limits)
+
+    def _take(
+        self,
+        mesh: HalfedgeMesh,
+        spokes: Indices,
+        goals: Points,
+        normals: Vectors,
+        along: Vectors,
+        limits: Floats,
+    ) -> AnyArray:
+        """Take vertices to their goals at rest and to where these are now; answers which went."""
+        places, turned = self._now(mesh, goals, normals, along)
+        _write(mesh, NORMAL, mesh.surface.vert[spokes], turned)
+        return settled(mesh, spokes, places, goals, limits)
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
         """Only where it is known what the surface at rest is like beside a vertex: with a `project`, or
         where the surface at rest is flat."""
-        rest, ring = np.ascontiguousarray(_rest(mesh)), new_ring()
-        places, normals = np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
-        many = relaxed(mesh.surface, rest, spokes, limits, ring, self.project is not None, places, normals)
+        ring, places, normals = new_ring(), np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
+        many = relaxed(mesh.surface, spokes, limits, ring, self.project is not None, places, normals)
         if not many:
             return 0
-        leaving = spokes[1 : many + 1]
+        leaving, rest = spokes[1 : many + 1], rest_of(mesh)
         start, to = mesh.surface.vert[leaving], mesh.surface.vert[_following(leaving)]
         goals = self._truly(places[:many])
         moved, turned = self._now(mesh, goals, normals[:many], rest[to] - rest[start])
         adopted = np.zeros(many, np.uint8)
-        done = int(adopt(mesh.surface, spokes, moved, limits, ring, changes, adopted))
+        done = int(adopt(mesh.surface, spokes, moved, goals, limits, ring, changes, adopted))
         went = adopted > 0
-        _write(mesh, REST, start[went], goals[went])
         _write(mesh, NORMAL, start[went], None if turned is None else turned[went])
         return done
 
@@ -127,21 +153,21 @@ class Exact:
         return points if self.project is None else self.project(points)
 
     def _now(
-        self, mesh: HalfedgeMesh, rest: Points, normals: Vectors | None, along: Vectors
+        self, mesh: HalfedgeMesh, rest: Points, normals: Vectors, along: Vectors
     ) -> tuple[Points, Vectors | None]:
         """Where points at rest are now, and the normals there, if the mesh has any.
 
         normals  (N, 3) at rest, unit, or zero where there is none
         along    (N, 3) an edge at rest, which tells the scale
         """
-        if normals is None or mesh.column(NORMAL) is None:
+        if mesh.column(NORMAL) is None:
             return self._carried(rest), None
         soft = normals.any(axis=1)
         beside = [self._truly(rest[soft] + step) for step in _tangents(along[soft], normals[soft])]
         moved = self._carried(np.concatenate([rest, *beside]))
         places, (ahead, left) = moved[: len(rest)], np.split(moved[len(rest) :], 2)
         turned = np.zeros_like(places)
-        turned[soft] = _unit(np.cross(ahead - places[soft], left - places[soft]))
+        turned[soft] = unit(np.cross(ahead - places[soft], left - places[soft]))
         return places, turned
 
     def _carried(self, rest_points: Points) -> Points:
@@ -152,14 +178,6 @@ class Exact:
                 "numbers that are not finite; it must say where each of them is now"
             )
         return moved
-
-
-def _rest(mesh: HalfedgeMesh) -> Points:
-    """(V, 3) view of the vertices' places at rest."""
-    column = mesh.column(REST)
-    if column is None:
-        raise FrameError(f"the surface has no vertex attribute {REST!r}; exact placement needs it")
-    return mesh.surface.carried[: mesh.sizes[0], column : column + 3]
 
 
 def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray | None) -> None:
@@ -178,9 +196,3 @@ def _tangents(along: Vectors, normals: Vectors) -> tuple[Vectors, Vectors]:
     """Two short steps within the surface from each point: along the edge, and to its left."""
     across = np.cross(normals, along)
     return _TANGENT * np.cross(across, normals), _TANGENT * across
-
-
-def _unit(vectors: Vectors) -> Vectors:
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    unit: Vectors = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-    return unit

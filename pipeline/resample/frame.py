@@ -12,7 +12,7 @@ from pipeline.mesh.halfedge import WORTH_SHARING, HalfedgeMesh
 from pipeline.resample._kernels_collapse import REASONS, TOO_LONG
 from pipeline.resample._kernels_flip import MOST_AGAIN
 from pipeline.resample._kernels_lists import DUE, REFUSED, Changes
-from pipeline.resample._kernels_place import BIRTH, LEAVING, MOST_AROUND, long_around
+from pipeline.resample._kernels_place import MOST_AROUND, long_around
 from pipeline.resample._kernels_ring import MOST_SPOKES, new_ring
 from pipeline.resample._kernels_scan import (
     BLOCK,
@@ -24,7 +24,7 @@ from pipeline.resample._kernels_scan import (
     list_odd,
 )
 from pipeline.resample._kernels_shape import list_poor
-from pipeline.resample._kernels_split import longest_first, split_pass
+from pipeline.resample._kernels_split import BIRTH, LEAVING, longest_first, split_pass
 from pipeline.resample._kernels_tidy import collapse_once, tidy
 from pipeline.resample.placement import Placement
 from pipeline.resample.report import Report
@@ -88,7 +88,7 @@ class Frame:
         """Let the placement have the new vertices; answers which edges are then too long."""
         if not self.placement.leaves_chord or not len(births) or self.passes > _MOST_PLACED:
             return later
-        self.on_chord += self.placement.place(self.mesh, births, self.limits[2])
+        self.on_chord += self.placement.place(self.mesh, births, self.limits)
         around = _work_list(int(later[0]) + MOST_AROUND * len(births))
         long_around(self.mesh.surface, births, self.limits, later, around, self.changes)
         return around
@@ -218,7 +218,8 @@ def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, sh
     else:
         longest, shortest, hard_angle = thresholds.numbers
     cosine, obtuse = math.cos(hard_angle), shape.longest_share
-    return np.array([longest * longest, shortest * shortest, cosine, midpoint, column, obtuse, 1.0])
+    at_rest = placement.at_rest(mesh)
+    return np.array([longest * longest, shortest * shortest, cosine, midpoint, column, obtuse, 1.0, *at_rest])
 
 
 def _work_list(room: int) -> Indices:

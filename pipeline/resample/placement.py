@@ -12,8 +12,10 @@ from pipeline.mesh._kernels_halfedge import Surface
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_lists import Changes
-from pipeline.resample._kernels_place import curved_middles, settle
+from pipeline.resample._kernels_patch import curved_middles
+from pipeline.resample._kernels_place import settle
 from pipeline.resample._kernels_ring import new_ring
+from pipeline.resample._kernels_split import LEAVING
 
 
 class Placement(Protocol):
@@ -37,17 +39,20 @@ class Placement(Protocol):
         hard_angle  radians, one for all or one a vertex
         """
 
-    def place(self, mesh: HalfedgeMesh, births: Indices, cosine: float) -> int:
+    def at_rest(self, mesh: HalfedgeMesh) -> tuple[int, int]:
+        """The columns of the vertices' places at rest and of the normals there; -1 where it keeps none."""
+
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Floats) -> int:
         """Move the last vertices of the mesh, which lie halfway between their parents; answers how many
         had to stay there.
 
         births  (N, 3) of each: its parents a and b, the half-edge vertex→b
-        cosine  of the hard angle
+        limits  the numbers that kernels go by
 
         Called once after each pass of splits, with all its new vertices together.
         """
 
-    def heal(self, mesh: HalfedgeMesh) -> None:
+    def heal(self, mesh: HalfedgeMesh, limits: Floats) -> None:
         """Mend what earlier frames had to leave, before this one begins."""
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
@@ -69,10 +74,13 @@ class Chord:
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         return mesh
 
-    def place(self, mesh: HalfedgeMesh, births: Indices, cosine: float) -> int:
+    def at_rest(self, mesh: HalfedgeMesh) -> tuple[int, int]:
+        return -1, -1
+
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Floats) -> int:
         return 0
 
-    def heal(self, mesh: HalfedgeMesh) -> None:
+    def heal(self, mesh: HalfedgeMesh, limits: Floats) -> None:
         """They need none."""
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
@@ -90,11 +98,15 @@ class Curved:
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         return mesh
 
-    def place(self, mesh: HalfedgeMesh, births: Indices, cosine: float) -> int:
-        places, _ = on_patches(mesh.surface, births, cosine)
-        return len(births) - int(settled(mesh, births, places).sum())
+    def at_rest(self, mesh: HalfedgeMesh) -> tuple[int, int]:
+        return -1, -1
 
-    def heal(self, mesh: HalfedgeMesh) -> None:
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Floats) -> int:
+        places, _ = on_patches(mesh.surface, births, limits[2])
+        went = settled(mesh, births[:, LEAVING], places, places, limits)
+        return len(births) - int(went.sum())
+
+    def heal(self, mesh: HalfedgeMesh, limits: Floats) -> None:
         """They need none."""
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
@@ -108,8 +120,12 @@ def on_patches(surface: Surface, births: Indices, cosine: float) -> tuple[Points
     return places, normals
 
 
-def settled(mesh: HalfedgeMesh, births: Indices, places: Points) -> AnyArray:
-    """Move new vertices to their places where nothing folds; answers (N,) booleans: which went."""
-    went = np.zeros(len(births), np.uint8)
-    settle(mesh.surface, births, new_ring(), places, went)
+def settled(mesh: HalfedgeMesh, spokes: Indices, places: Points, goals: Points, limits: Floats) -> AnyArray:
+    """Move vertices to their places where nothing folds; answers (N,) booleans: which went.
+
+    spokes  (N,) a half-edge that leaves each
+    goals   (N, 3) their places at rest, where they have such
+    """
+    went = np.zeros(len(spokes), np.uint8)
+    settle(mesh.surface, np.ascontiguousarray(spokes), new_ring(), places, goals, limits, went)
     return went > 0

@@ -137,7 +137,7 @@ class Resampler:
         if self._mesh.register is not None:
             self._mesh.register.begin()
         frame = Frame(self._mesh, self.thresholds, self.placement, self.shape)
-        self.placement.heal(self._mesh)
+        self.placement.heal(self._mesh, frame.limits)
         frame.scan()
         if self.splits == "faces" and frame.longs[0]:
             return self._in_four()

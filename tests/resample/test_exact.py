@@ -12,7 +12,7 @@ from pipeline.arrays import Floats, Points
 from pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet, torus
 from pipeline.mesh.true_surfaces import Sphere, Torus, TrueSurface
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
-from pipeline.resample.exact import ASTRAY, NORMAL, REST
+from pipeline.resample.at_rest import ASTRAY, NORMAL, REST
 
 Motion = Callable[[Points], Points]
 

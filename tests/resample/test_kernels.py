@@ -46,7 +46,7 @@ def may_collapse(mesh: TriangleMesh, a: int, b: int) -> bool:
 
 @pytest.mark.parametrize("mesh", MENAGERIE)
 def test_the_link_condition_is_the_one_of_the_books(mesh: TriangleMesh) -> None:
-    live, limits = HalfedgeMesh(mesh), np.array([math.inf, math.inf, -2.0, 1.0, -1.0, 1.0, 1.0])
+    live, limits = HalfedgeMesh(mesh), np.array([math.inf, math.inf, -2.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
     near, far = new_ring(), new_ring()
     for h in range(3 * len(mesh.faces)):
         a, b = (int(mesh.faces[h // 3, (h + i) % 3]) for i in (0, 1))
@@ -153,7 +153,7 @@ def test_a_flip_turns_one_edge_and_a_second_flip_turns_it_back() -> None:
 
 def test_flips_leave_creases_and_good_edges_alone() -> None:
     """The long diagonal of a flat kite is turned; folded along it, it is a crease and stays."""
-    limits = np.array([9.0, 0.0, math.cos(math.radians(40)), 1.0, -1.0, 1.0, 1.0])
+    limits = np.array([9.0, 0.0, math.cos(math.radians(40)), 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
     kite = [(-1, 0, 0), (1, 0, 0), (0, 0.3, 0), (0, -0.3, 0)]
     faces = [(0, 1, 2), (1, 0, 3)]
     flat = HalfedgeMesh(TriangleMesh(kite, faces))
@@ -162,7 +162,7 @@ def test_flips_leave_creases_and_good_edges_alone() -> None:
     assert worth_flipping(flat.surface, 0, limits)
     assert not worth_flipping(folded.surface, 0, limits)
     assert not worth_flipping(good.surface, 0, limits)
-    assert not worth_flipping(flat.surface, 0, np.array([0.2, 0.0, 0.7, 1.0, -1.0, 1.0, 1.0])), (
+    assert not worth_flipping(flat.surface, 0, np.array([0.2, 0.0, 0.7, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])), (
         "the new edge would be too long"
     )
 
@@ -173,6 +173,6 @@ def test_an_end_with_too_many_neighbours_is_left_alone() -> None:
     n = len(rim)
     faces = [(i, (i + 1) % n, n) for i in range(n)] + [((i + 1) % n, i, n + 1) for i in range(n)]
     top = TriangleMesh([*rim, (0, 1, 0), (0, -1, 0)], faces)
-    limits = np.array([math.inf, math.inf, -2.0, 1.0, -1.0, 1.0, 1.0])
+    limits = np.array([math.inf, math.inf, -2.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
     assert judge(HalfedgeMesh(top).surface, 1, new_ring(), new_ring(), limits)[1] == CROWDED
     assert judge(HalfedgeMesh(top).surface, 0, new_ring(), new_ring(), limits)[1] != CROWDED

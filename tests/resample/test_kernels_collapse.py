@@ -29,7 +29,7 @@ BALL, CUBE, RING, CLOTH = icosphere(3), box(edge_length=0.5), torus(1.0, 0.4, 0.
 
 
 def limits(longest: float = math.inf, cosine: float = HARD, midpoints: bool = True) -> AnyArray:
-    return np.array([longest**2, math.inf, cosine, float(midpoints), -1.0, 1.0, 1.0])
+    return np.array([longest**2, math.inf, cosine, float(midpoints), -1.0, 1.0, 1.0, -1.0, -1.0])
 
 
 def ring_of(live: HalfedgeMesh, h: int, cosine: float = HARD) -> Ring:

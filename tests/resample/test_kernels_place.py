@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from pipeline.arrays import AnyArray, Indices, Points, Vectors
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.resample._kernels_lists import Changes
-from pipeline.resample._kernels_place import BIRTH, arriving, curved_middles, long_around, settle, side_normal
+from pipeline.resample._kernels_patch import arriving, curved_middles, side_normal
+from pipeline.resample._kernels_place import long_around, settle
 from pipeline.resample._kernels_ring import new_ring
-from pipeline.resample._kernels_split import split_pass
+from pipeline.resample._kernels_split import BIRTH, LEAVING, split_pass
 from pipeline.resample.frame import changes_of
 
 HARD = math.cos(math.radians(40))
@@ -20,7 +21,7 @@ CUBE, BALL, RING = box(edge_length=0.5), icosphere(4), torus(1.0, 0.4, 0.3)
 
 
 def limits(longest: float = math.inf, shortest: float = 0.0) -> AnyArray:
-    return np.array([longest**2, shortest**2, HARD, 1.0, -1.0, 1.0, 1.0])
+    return np.array([longest**2, shortest**2, HARD, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
 
 
 def work_list(room: int) -> Indices:
@@ -192,7 +193,8 @@ def test_settling_moves_all_that_does_not_fold_and_nothing_that_does(seed: int, 
     rng = np.random.default_rng(seed)
     places = live.vertices[first:last] + reach * rng.normal(size=(last - first, 3))
     before, went = live.vertices.copy(), np.zeros(last - first, np.uint8)
-    done = settle(live.surface, births, new_ring(), places, went)
+    spokes = np.ascontiguousarray(births[:, LEAVING])
+    done = settle(live.surface, spokes, new_ring(), places, places, limits(0.36), went)
     assert done == np.count_nonzero(went)
     assert np.array_equal(live.vertices[first:][went > 0], places[went > 0])
     assert np.array_equal(live.vertices[first:][went == 0], before[first:][went == 0])
