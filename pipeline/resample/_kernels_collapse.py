@@ -304,6 +304,29 @@ def judge(surface: Surface, h: int, near: Ring, far: Ring, limits: Floats) -> tu
     return FREE, reason
 
 
+@kernel(numba.int64(SURFACE, numba.int64), **LEAN)
+def _spike_over(surface: Surface, h: int) -> int:
+    """The shortest edge to a vertex of three edges of whose base h is a side, or FREE; it ends at the vertex.
+
+    While that vertex stands, the sides of its base break the link condition, since the third corner of the
+    base is shared by both ends. Its own edges need not be short: it would stand for ever.
+    """
+    points, vert, twin = surface.points, surface.vert, surface.twin
+    for side in range(2):
+        k = h if side == 0 else twin[h]
+        if k < 0:
+            continue
+        first = best = following(k)  # ends at the corner opposite the edge
+        tip, spoke = vert[following(first)], first
+        for _ in range(3):
+            spoke = preceding(twin[spoke]) if spoke >= 0 and twin[spoke] >= 0 else FREE
+            if spoke >= 0 and squared(points, vert[spoke], tip) < squared(points, vert[best], tip):
+                best = spoke
+        if spoke == first:
+            return best
+    return FREE
+
+
 @kernel((SURFACE, numba.int64, INTS), **LEAN)
 def _drop_face(surface: Surface, h: int, dead_faces: Indices) -> None:
     """Take out the face of h, whose edge h has shrunk to a point, and sew its other two sides together."""
@@ -381,7 +404,8 @@ def collapse_due(
 ) -> int:
     """Collapse the edges in `shorts` that are due and may; answers how many did.
 
-    Edges that become short join the list as it is worked through. What was refused stays in it.
+    Edges that become short join the list as it is worked through. What was refused stays in it. Where a
+    vertex of three edges is all that keeps a side of its base, one of those edges collapses first.
     """
     (near, far), shorts, notes = rings, changes.shorts, changes.notes
     done, kept, at = 0, 0, 0
@@ -395,6 +419,12 @@ def collapse_due(
                 continue
             where, reason = judge(surface, h, near, far, limits)
             notes[h] = REFUSED + reason if where == FREE else UNLISTED
+            spike = _spike_over(surface, h) if reason == LINK else FREE
+            if spike != FREE:
+                where, _ = judge(surface, spike, near, far, limits)
+            if spike != FREE and where != FREE:  # it goes first, and then the edge is looked at again
+                notes[h] = DUE
+                h, at = spike, at - 1
         if where == FREE:
             kept += 1
             shorts[kept] = h

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from examples import density, drift, hysteresis, low_pass, mesh_likeness, placements, splitting, tendril
-from examples.film import RATE
+from examples.film import RATE, edge_lengths
 from pipeline.resample import Thresholds
 
 BRACKET = (density.RATIOS[1:] > 0.4) & (density.RATIOS[:-1] < 1.0)
@@ -34,9 +34,10 @@ def test_wide_thresholds_do_less_and_let_lengths_spread() -> None:
 
 
 def test_without_hard_edges_a_cube_becomes_rounder_and_with_them_it_stays_a_cube() -> None:
-    _, soft = low_pass.wrung(math.pi, rounds=3)
+    ball, soft = low_pass.wrung(math.pi, rounds=3)
     _, hard = low_pass.wrung(math.radians(40), rounds=3)
     assert (np.diff(soft) > 0.01).all()
+    assert edge_lengths(ball).min() > 0.4 * low_pass.LONGEST, "no spike keeps the short edges of its base"
     assert abs(hard[-1] - hard[0]) < 0.01
 
 

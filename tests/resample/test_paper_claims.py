@@ -127,6 +127,35 @@ def test_p28_p29_without_hard_edges_a_cube_melts_and_with_them_it_does_not() -> 
     assert np.allclose(np.abs(kept.vertices).max(axis=1), 1), "every vertex is still on the cube"
 
 
+def with_spike() -> TriangleMesh:
+    """A ball with a spike: three short edges around its base, and three that are not short to its tip."""
+    ball = icosphere(6)
+    points, (a, b, c) = np.array(ball.vertices), ball.faces[0].tolist()
+    middle = points[[a, b, c]].mean(axis=0)
+    points[[a, b, c]] = middle + 0.1 * (points[[a, b, c]] - middle) / np.linalg.norm(points[b] - points[a])
+    tip = len(points)
+    return TriangleMesh(
+        np.vstack([points, middle * 1.2]), [*ball.faces[1:].tolist(), (a, b, tip), (b, c, tip), (c, a, tip)]
+    )
+
+
+def test_p28_a_spike_does_not_keep_the_short_edges_of_its_base() -> None:
+    spiked = with_spike()
+    lengths = np.sort(edge_lengths(spiked))
+    assert (lengths < 0.12).sum() == 6 and (lengths[6:] > 0.13).all(), "the base alone is short"
+    blunt, report = resample(spiked, Thresholds(0.4, 0.12, math.pi), shape=0.0)
+    agrees(blunt, report, Thresholds(0.4, 0.12))
+    assert report.too_short == 0
+    assert np.linalg.norm(blunt.vertices, axis=1).max() < 1.06
+
+
+def test_p30_a_spike_of_hard_edges_keeps_its_tip() -> None:
+    spiked = with_spike()
+    sharp, report = resample(spiked, Thresholds(0.4, 0.12, math.radians(40)), shape=0.0)
+    agrees(sharp, report, Thresholds(0.4, 0.12))
+    assert (sharp.vertices == spiked.vertices[-1]).all(axis=1).any()
+
+
 def test_p30_the_vertex_with_more_hard_edges_wins_and_keeps_its_position() -> None:
     """Beside the crease of a cube, a soft vertex joins it; along the crease, the corner stays."""
     cube = box(edge_length=0.5)
