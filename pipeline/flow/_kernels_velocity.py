@@ -111,7 +111,31 @@ def velocities(points: Points, kinds: Indices, table: Floats, out: Vectors) -> N
         out[i, 0], out[i, 1], out[i, 2] = summed_velocity(kinds, 0, len(kinds), table, 0, x, y, z)
 
 
-@kernel("void(f8[:, ::1], i4[::1], f8[::1], i8[:, ::1], f8[::1], f8[:, ::1])", parallel=True)
+@kernel("void(f8[:, ::1], i8, i4[::1], f8[::1], i8[:, ::1], f8[::1], f8[:, ::1])", forceinline=True)
+def _advect_one(
+    points: Points, i: int, kinds: Indices, tables: Floats, steps: AnyArray, lengths: Floats, out: Points
+) -> None:
+    """The way of one point."""
+    x, y, z = points[i, 0], points[i, 1], points[i, 2]
+    for step in range(len(lengths)):
+        first, last, start, h = steps[step, 0], steps[step, 1], steps[step, 2], lengths[step]
+        size = (last - first) * COLUMNS
+        middle, end = start + size, start + 2 * size
+        ax, ay, az = summed_velocity(kinds, first, last, tables, start, x, y, z)
+        bx, by, bz = summed_velocity(
+            kinds, first, last, tables, middle, x + 0.5 * h * ax, y + 0.5 * h * ay, z + 0.5 * h * az
+        )
+        cx, cy, cz = summed_velocity(
+            kinds, first, last, tables, middle, x + 0.5 * h * bx, y + 0.5 * h * by, z + 0.5 * h * bz
+        )
+        dx, dy, dz = summed_velocity(kinds, first, last, tables, end, x + h * cx, y + h * cy, z + h * cz)
+        x += h / 6.0 * (ax + 2.0 * (bx + cx) + dx)
+        y += h / 6.0 * (ay + 2.0 * (by + cy) + dy)
+        z += h / 6.0 * (az + 2.0 * (bz + cz) + dz)
+    out[i, 0], out[i, 1], out[i, 2] = x, y, z
+
+
+@kernel("void(f8[:, ::1], i4[::1], f8[::1], i8[:, ::1], f8[::1], f8[:, ::1])")
 def advect(
     points: Points, kinds: Indices, tables: Floats, steps: AnyArray, lengths: Floats, out: Points
 ) -> None:
@@ -121,21 +145,14 @@ def advect(
              tables[steps[s, 2]] on lie their tables at its start, middle and end
     lengths  (S,) seconds
     """
+    for i in range(len(points)):
+        _advect_one(points, i, kinds, tables, steps, lengths, out)
+
+
+@kernel("void(f8[:, ::1], i4[::1], f8[::1], i8[:, ::1], f8[::1], f8[:, ::1])", parallel=True)
+def advect_together(
+    points: Points, kinds: Indices, tables: Floats, steps: AnyArray, lengths: Floats, out: Points
+) -> None:
+    """The same by several threads."""
     for i in prange(len(points)):
-        x, y, z = points[i, 0], points[i, 1], points[i, 2]
-        for step in range(len(lengths)):
-            first, last, start, h = steps[step, 0], steps[step, 1], steps[step, 2], lengths[step]
-            size = (last - first) * COLUMNS
-            middle, end = start + size, start + 2 * size
-            ax, ay, az = summed_velocity(kinds, first, last, tables, start, x, y, z)
-            bx, by, bz = summed_velocity(
-                kinds, first, last, tables, middle, x + 0.5 * h * ax, y + 0.5 * h * ay, z + 0.5 * h * az
-            )
-            cx, cy, cz = summed_velocity(
-                kinds, first, last, tables, middle, x + 0.5 * h * bx, y + 0.5 * h * by, z + 0.5 * h * bz
-            )
-            dx, dy, dz = summed_velocity(kinds, first, last, tables, end, x + h * cx, y + h * cy, z + h * cz)
-            x += h / 6.0 * (ax + 2.0 * (bx + cx) + dx)
-            y += h / 6.0 * (ay + 2.0 * (by + cy) + dy)
-            z += h / 6.0 * (az + 2.0 * (bz + cz) + dz)
-        out[i, 0], out[i, 1], out[i, 2] = x, y, z
+        _advect_one(points, i, kinds, tables, steps, lengths, out)

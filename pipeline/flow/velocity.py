@@ -23,6 +23,7 @@ tenth one sub-step errs by about 1e-7 of the distance over which the field varie
 """
 
 MOST_SUBSTEPS = 10_000
+WORTH_SHARING = 8000  # steps of points: fewer are done before a second thread has begun
 
 
 class VelocityField(ABC):
@@ -116,7 +117,8 @@ class Course(NamedTuple):
         """Where points (N, 3) are at its end."""
         points = for_kernels(points)
         out = np.empty_like(points)
-        kernels.advect(points, *self, out)
+        together = len(points) * len(self.lengths) > WORTH_SHARING
+        (kernels.advect_together if together else kernels.advect)(points, *self, out)
         return out
 
 
