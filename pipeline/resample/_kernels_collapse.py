@@ -26,7 +26,6 @@ from pipeline.resample._kernels_lists import (
     REFUSED,
     UNLISTED,
     Changes,
-    after,
     bracket,
     enlist,
     hard_cosine,
@@ -49,12 +48,10 @@ from pipeline.resample._kernels_ring import (
     strained,
     walk,
     weigh,
-    within,
 )
 
 REASONS = ("link", "boundary", "feature", "too_long", "fold", "shape", "crowded")
 LINK, BOUNDARY, FEATURE, TOO_LONG, FOLD, SHAPE, CROWDED = range(7)
-ELSEWHERE = len(REASONS)  # not allowed in this slab of space; to be asked again
 FREE = -1
 
 AT_START, AT_END, AT_MIDDLE = 0, 1, 2
@@ -396,36 +393,7 @@ def _is_due(surface: Surface, h: int, limits: Floats, changes: Changes) -> bool:
     return bool(back < 0 or changes.notes[back] == UNLISTED)
 
 
-@kernel(numba.boolean(SURFACE, numba.int64, VECTOR), **LEAN)
-def _ends_in(surface: Surface, h: int, slab: Floats) -> bool:
-    """Whether both ends of an edge lie in a slab of space (see `within`)."""
-    axis, k = np.uint64(slab[0]), np.uint64(h)
-    x = surface.points[np.uint64(surface.vert[k]), axis]
-    y = surface.points[np.uint64(surface.vert[after(k)]), axis]
-    return bool(x >= slab[1] and x < slab[2] and y >= slab[1] and y < slab[2])
-
-
-@kernel(numba.types.UniTuple(numba.int64, 3)(SURFACE, numba.int64, RINGS, VECTOR, VECTOR), **LEAN)
-def _choose(
-    surface: Surface, h: int, rings: tuple[Ring, Ring], limits: Floats, slab: Floats
-) -> tuple[int, int, int]:
-    """Which edge is to collapse for the short one of h, itself or a spike's, and what `judge` says of it."""
-    near, far = rings
-    goes = h
-    where, reason = judge(surface, h, near, far, limits)
-    if reason == LINK:
-        spike = _spike_over(surface, h)
-        if spike != FREE and not _ends_in(surface, spike, slab):
-            return h, FREE, ELSEWHERE  # others may be at work around it
-        if spike != FREE:
-            where, _ = judge(surface, spike, near, far, limits)
-            goes = spike if where != FREE else h
-    if where != FREE and not (within(near, slab) and within(far, slab)):
-        return h, FREE, ELSEWHERE
-    return goes, where, reason
-
-
-@kernel(numba.int64(SURFACE, VECTOR, RINGS, CHANGES, INTS, INTS, VECTOR), **LEAN)
+@kernel(numba.int64(SURFACE, VECTOR, RINGS, CHANGES, INTS, INTS), **LEAN)
 def collapse_due(
     surface: Surface,
     limits: Floats,
@@ -433,13 +401,11 @@ def collapse_due(
     changes: Changes,
     dead_faces: Indices,
     dead_vertices: Indices,
-    slab: Floats,
 ) -> int:
     """Collapse the edges in `shorts` that are due and may; answers how many did.
 
     Edges that become short join the list as it is worked through. What was refused stays in it. Where a
-    vertex of three edges is all that keeps a side of its base, one of those edges collapses first. Nothing
-    that does not lie in the `slab` (see `within`) is touched.
+    vertex of three edges is all that keeps a side of its base, one of those edges collapses first.
     """
     (near, far), shorts, notes = rings, changes.shorts, changes.notes
     done, kept, at = 0, 0, 0
@@ -451,11 +417,14 @@ def collapse_due(
             notes[h] = UNLISTED
             if not _is_due(surface, h, limits, changes):
                 continue
-            goes, where, reason = _choose(surface, h, rings, limits, slab)
+            where, reason = judge(surface, h, near, far, limits)
             notes[h] = REFUSED + reason if where == FREE else UNLISTED
-            if goes != h:  # a spike goes first, and then the edge is looked at again
+            spike = _spike_over(surface, h) if reason == LINK else FREE
+            if spike != FREE:
+                where, _ = judge(surface, spike, near, far, limits)
+            if spike != FREE and where != FREE:  # it goes first, and then the edge is looked at again
                 notes[h] = DUE
-                h, at = goes, at - 1
+                h, at = spike, at - 1
         if where == FREE:
             kept += 1
             shorts[kept] = h

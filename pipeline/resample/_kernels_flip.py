@@ -82,8 +82,8 @@ def _leans(dot: float, cosine: float, m: float, n: float) -> bool:
 
 
 @kernel(numba.boolean(SURFACE, numba.int64, VECTOR), **LEAN)
-def _gains(surface: Surface, h: int, limits: Floats) -> bool:
-    """Is the edge of h soft, not Delaunay, and its other diagonal within the bracket on the same surface?"""
+def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
+    """Is the edge of h soft, not Delaunay, and its other diagonal a legal edge on the same surface?"""
     points, vert, twin = surface.points, surface.vert, surface.twin
     i = np.uint64(h)
     k = np.uint64(twin[i])
@@ -110,21 +110,9 @@ def _gains(surface: Surface, h: int, limits: Floats) -> bool:
         return False
     if limits[7] >= 0:  # nor may a face turn over at rest
         carried = surface.carried
-        return bool(upright(carried, limits, a, d, c) > 0 and upright(carried, limits, b, c, d) > 0)
-    return True
-
-
-@kernel(numba.boolean(SURFACE, numba.int64), **LEAN)
-def _is_taken(surface: Surface, h: int) -> bool:
-    """Whether there is an edge already where that of h would lie once it is turned."""
-    i = np.uint64(h)
-    return bool(_adjacent(surface, before(i), surface.vert[before(np.uint64(surface.twin[i]))]))
-
-
-@kernel(numba.boolean(SURFACE, numba.int64, VECTOR), **LEAN)
-def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
-    """Is the edge of h soft, not Delaunay, and its other diagonal a legal edge on the same surface?"""
-    return bool(_gains(surface, h, limits) and not _is_taken(surface, h))
+        if upright(carried, limits, a, d, c) <= 0 or upright(carried, limits, b, c, d) <= 0:
+            return False
+    return not _adjacent(surface, before(i), d)
 
 
 @kernel((SURFACE, numba.int64), **LEAN)
@@ -172,25 +160,11 @@ def _flip_noted(surface: Surface, h: int, changes: Changes) -> None:
         enlist(changes, k)
 
 
-@kernel(numba.boolean(SURFACE, numba.int64, VECTOR), **LEAN)
-def _lies_in(surface: Surface, h: int, slab: Floats) -> bool:
-    """Whether the four corners around an edge lie in a slab of space (see `_kernels_ring.within`)."""
-    vert, axis, k = surface.vert, np.uint64(slab[0]), np.uint64(surface.twin[h])
-    i, inside = np.uint64(h), True
-    for v in (vert[i], vert[after(i)], vert[before(i)], vert[before(k)]):
-        x = surface.points[np.uint64(v), axis]
-        inside &= (x >= slab[1]) & (x < slab[2])
-    return inside
-
-
-@kernel(numba.int64(SURFACE, numba.int64, VECTOR, CHANGES, INTS, VECTOR, INTS), **LEAN)
-def _flip_from(
-    surface: Surface, h: int, limits: Floats, changes: Changes, again: Indices, slab: Floats, later: Indices
-) -> int:
+@kernel(numba.int64(SURFACE, numba.int64, VECTOR, CHANGES, INTS), **LEAN)
+def _flip_from(surface: Surface, h: int, limits: Floats, changes: Changes, again: Indices) -> int:
     """Flip the edge of h if it is worth it, and go on with the four edges around; answers how often.
 
-    Flips on a curved surface might chase each other for ever, so there is an end when `again` is full. Faces
-    of edges worth it, but not in the `slab`, join the list `later`.
+    Flips on a curved surface might chase each other for ever, so there is an end when `again` is full.
     """
     twin = surface.twin
     again[0], again[1] = 1, h
@@ -199,73 +173,42 @@ def _flip_from(
         h = again[np.uint64(at)]
         k = twin[np.uint64(h)]
         at += 1
-        if k < 0 or not _gains(surface, h, limits):
-            continue
-        if not _lies_in(surface, h, slab):  # others may be at work around its corners
-            push(later, h // 3)
-            continue
-        if _is_taken(surface, h):
-            continue
-        _flip_noted(surface, h, changes)
-        flips += 1
-        push(again, h)
-        push(again, preceding(h))
-        push(again, k)
-        push(again, preceding(k))
+        if k >= 0 and worth_flipping(surface, h, limits):
+            _flip_noted(surface, h, changes)
+            flips += 1
+            push(again, h)
+            push(again, preceding(h))
+            push(again, k)
+            push(again, preceding(k))
     return flips
 
 
-@kernel(numba.int64(SURFACE, numba.int64, VECTOR, CHANGES, INTS, VECTOR, INTS), **LEAN)
-def flip_around(
-    surface: Surface, f: int, limits: Floats, changes: Changes, again: Indices, slab: Floats, later: Indices
-) -> int:
-    """Flip what is worth it of the edges of a face, and then around each flip; answers how often.
-
-    An edge can only be worth it if it faces an obtuse corner, and a face has at most one: so the face looks
-    at one edge, and those beside it that are not FRESH look across at theirs. A face that does not lie in the
-    `slab` joins the list `later` instead.
-    """
-    vert, twin, marks = surface.vert, surface.twin, changes.marks
-    first, axis, flips = np.uint64(3 * f), np.uint64(slab[0]), 0
-    if vert[first] < 0:
-        return 0
-    for i in range(3):
-        x = surface.points[np.uint64(vert[first + np.uint64(i)]), axis]
-        if x < slab[1] or x >= slab[2]:
-            push(later, f)
-            return 0
-    for h in range(3 * f, 3 * f + 3):
-        k = twin[np.uint64(h)]
-        if k < 0 or marks[np.uint64(k) // np.uint64(3)] == FRESH:
-            continue
-        if _facing_obtuse(surface, k // 3) == k:
-            flips += _flip_from(surface, k, limits, changes, again, slab, later)
-    h = _facing_obtuse(surface, f)
-    if h >= 0:
-        flips += _flip_from(surface, h, limits, changes, again, slab, later)
-    return flips
-
-
-@kernel(numba.int64(SURFACE, VECTOR, CHANGES, INTS, INTS, VECTOR, INTS), **LEAN)
-def flip_fresh(
-    surface: Surface,
-    limits: Floats,
-    changes: Changes,
-    obtuse: Indices,
-    again: Indices,
-    slab: Floats,
-    later: Indices,
-) -> int:
+@kernel(numba.int64(SURFACE, VECTOR, CHANGES, INTS, INTS), **LEAN)
+def flip_fresh(surface: Surface, limits: Floats, changes: Changes, obtuse: Indices, again: Indices) -> int:
     """Flip what is worth it among the edges of `obtuse` and of FRESH faces, and then around each flip.
 
-    `obtuse` is emptied; `again` is scratch.
+    An edge can only be worth it if it faces an obtuse corner, and a face has at most one: so each FRESH
+    face looks at one edge, and those beside it that are not look across at theirs. `obtuse` is emptied;
+    `again` is scratch.
     """
+    vert, twin, fresh, marks = surface.vert, surface.twin, changes.fresh, changes.marks
     flips = 0
-    before_flips = int(changes.fresh[0])
+    before = int(fresh[0])
     for i in range(1, obtuse[0] + 1):
-        if surface.vert[obtuse[i]] >= 0:
-            flips += _flip_from(surface, obtuse[i], limits, changes, again, slab, later)
+        if vert[obtuse[i]] >= 0:
+            flips += _flip_from(surface, obtuse[i], limits, changes, again)
     obtuse[0] = 0
-    for i in range(1, before_flips + 1):
-        flips += flip_around(surface, changes.fresh[i], limits, changes, again, slab, later)
+    for i in range(1, before + 1):
+        f = fresh[i]
+        if vert[np.uint64(3 * f)] < 0:
+            continue
+        for h in range(3 * f, 3 * f + 3):
+            k = twin[np.uint64(h)]
+            if k < 0 or marks[np.uint64(k) // np.uint64(3)] == FRESH:
+                continue
+            if _facing_obtuse(surface, k // 3) == k:
+                flips += _flip_from(surface, k, limits, changes, again)
+        h = _facing_obtuse(surface, f)
+        if h >= 0:
+            flips += _flip_from(surface, h, limits, changes, again)
     return flips

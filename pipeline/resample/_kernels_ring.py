@@ -62,19 +62,6 @@ def new_ring() -> Ring:
 RING = numba.types.NamedTuple([INTS, INTS, VECTOR, INTS, INTS, VECTOR], Ring)
 
 
-@kernel(RING())
-def blank_ring() -> Ring:
-    """Room for a ring, for kernels that need their own."""
-    return Ring(
-        np.empty(MOST_SPOKES, np.int32),
-        np.zeros(MOST_SPOKES + 2 * _LANES, np.int32),
-        np.zeros(7 * _ROW),
-        np.zeros(MOST_SPOKES + _LANES, np.int32),
-        np.zeros(3, np.int32),
-        np.zeros(3),
-    )
-
-
 @kernel((MATRIX, RING, numba.uint64, numba.uint64), **LEAN)
 def _set_spoke(points: Points, ring: Ring, i: np.uint64, v: np.uint64) -> None:
     ring.vertex[i] = v
@@ -112,17 +99,6 @@ def walk(surface: Surface, h: int, ring: Ring) -> bool:
 @kernel(numba.int64(numba.int64), **LEAN)
 def _padded(entries: int) -> int:
     return (entries + _LANES - 1) & -_LANES
-
-
-@kernel(numba.boolean(RING, VECTOR), **LEAN)
-def within(ring: Ring, slab: Floats) -> bool:
-    """Whether all ends of spokes lie in a slab of space: its axis, where it begins, where the next does."""
-    first, outside = np.uint64(_ROW) * np.uint64(slab[0]), False
-    low, high = slab[1], slab[2]
-    for lane in range(ring.size[1]):
-        x = ring.rows[first + np.uint64(lane)]
-        outside |= (x < low) | (x >= high)
-    return not outside
 
 
 @kernel((SURFACE, numba.int64, RING), **LEAN)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numba
-import numpy as np
 
 from pipeline.arrays import Floats, Indices
 from pipeline.kernels import kernel
@@ -33,12 +32,11 @@ def tidy(
     with the reason. It ends because every round but the last takes a vertex away. `dead` lists the faces and
     vertices that are gone.
     """
-    slab, later = np.array([0.0, -np.inf, np.inf]), np.zeros(1, np.int32)  # all of space: nothing waits
     collapses = flips = 0
     while True:
-        done = collapse_due(surface, limits, rings, changes, dead[0], dead[1], slab)
+        done = collapse_due(surface, limits, rings, changes, dead[0], dead[1])
         collapses += done
-        flips += flip_fresh(surface, limits, changes, obtuse, again, slab, later)
+        flips += flip_fresh(surface, limits, changes, obtuse, again)
         if recall(surface, changes) == 0:
             return collapses, flips
 
@@ -52,5 +50,4 @@ def collapse_once(
     dead: tuple[Indices, Indices],
 ) -> int:
     """Collapse what is due and may; answers how many did."""
-    everywhere = np.array([0.0, -np.inf, np.inf])
-    return int(collapse_due(surface, limits, rings, changes, dead[0], dead[1], everywhere))
+    return collapse_due(surface, limits, rings, changes, dead[0], dead[1])

@@ -26,7 +26,6 @@ from pipeline.resample._kernels_scan import (
 from pipeline.resample._kernels_shape import list_poor
 from pipeline.resample._kernels_split import BIRTH, LEAVING, longest_first, split_pass
 from pipeline.resample._kernels_tidy import collapse_once, tidy
-from pipeline.resample.parts import tidied_in_parts, worth_parts
 from pipeline.resample.placement import Placement
 from pipeline.resample.report import Report
 from pipeline.resample.shape import Shape
@@ -97,13 +96,9 @@ class Frame:
     def collapse_short_edges(self) -> None:
         """Collapse, flip and mend, until every edge that is still short has a reason to be (P9)."""
         self.dead = (
-            _emptied(self.mesh.scratch("dead faces", 1 + len(self.mesh.surface.vert) // 3)),
-            _emptied(self.mesh.scratch("dead vertices", 1 + len(self.mesh.surface.points))),
+            _emptied(self.mesh.scratch("dead faces", 1 + int(self.mesh.sizes[1]))),
+            _emptied(self.mesh.scratch("dead vertices", 1 + int(self.mesh.sizes[0]))),
         )
-        if worth_parts(self.faces, self.changes):
-            surface = self.mesh.surface
-            done = tidied_in_parts(surface, self.limits, self.changes, self.dead, self.obtuse)
-            self.collapses, self.flips = self.collapses + done[0], self.flips + done[1]
         self._tidy()
         self._mend()
         if self._refused(TOO_LONG).any():
@@ -145,9 +140,10 @@ class Frame:
         self.longs = _work_list(3 * int(self.changes.fresh[0]))
         list_long(self.mesh.surface, self.limits, self.changes, self.longs)
         self.split_long_edges()
+        more_faces, more_vertices = (int(size) for size in self.mesh.sizes[::-1])
         self.dead = (
-            self.mesh.scratch("dead faces", 1 + len(self.mesh.surface.vert) // 3),
-            self.mesh.scratch("dead vertices", 1 + len(self.mesh.surface.points)),
+            self.mesh.scratch("dead faces", 1 + more_faces),
+            self.mesh.scratch("dead vertices", 1 + more_vertices),
         )
         self._tidy()
 
@@ -200,16 +196,6 @@ def changes_of(mesh: HalfedgeMesh) -> Changes:
         mesh.scratch("notes", halfedges, np.uint8),
         mesh.scratch("shorts", halfedges + 8 * MOST_SPOKES),
     )
-
-
-def claim(mesh: HalfedgeMesh) -> None:
-    """Touch the memory that frames will work in, so that none waits for it."""
-    wipe(changes_of(mesh))
-    faces, vertices = len(mesh.surface.vert) // 3, len(mesh.surface.points)
-    mesh.scratch("odd", faces + -(-faces // CHUNK)).fill(0)
-    mesh.scratch("extents", 2 * -(-faces // BLOCK), np.float64).fill(0)
-    mesh.scratch("dead faces", 1 + faces).fill(0)
-    mesh.scratch("dead vertices", 1 + vertices).fill(0)
 
 
 def wipe(changes: Changes) -> None:

@@ -17,7 +17,7 @@ from pipeline.errors import UsageError
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.identity import Register
 from pipeline.mesh.triangles import TriangleMesh
-from pipeline.resample.frame import Frame, claim
+from pipeline.resample.frame import Frame, changes_of, wipe
 from pipeline.resample.locality import in_memory_order
 from pipeline.resample.placement import Chord, Placement
 from pipeline.resample.quarter import quarter
@@ -58,7 +58,7 @@ class Resampler:
         self._settle(thresholds, placement, shape, splits)
         begun = in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh)))
         self._mesh = HalfedgeMesh(begun, Register.of(begun))
-        claim(self._mesh)
+        wipe(changes_of(self._mesh))  # memory is claimed now, so that no frame waits for it
 
     def _settle(self, thresholds: Thresholds, placement: Placement, shape: float, splits: Splits) -> None:
         if splits not in ("edges", "faces"):
