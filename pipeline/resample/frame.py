@@ -9,8 +9,8 @@ import numpy as np
 from pipeline.arrays import Floats, Indices
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge import WORTH_SHARING, HalfedgeMesh
-from pipeline.resample._kernels_collapse import REASONS, TOO_LONG
 from pipeline.resample._kernels_flip import MOST_AGAIN
+from pipeline.resample._kernels_judge import REASONS, TOO_LONG
 from pipeline.resample._kernels_lists import DUE, REFUSED, Changes
 from pipeline.resample._kernels_place import MOST_AROUND, long_around
 from pipeline.resample._kernels_ring import MOST_SPOKES, new_ring

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, dihedral_angles, icosphere, rod, sheet, torus
 from pipeline.resample import Thresholds, resample
-from pipeline.resample._kernels_collapse import BOUNDARY, CROWDED, LINK, judge
 from pipeline.resample._kernels_flip import flip_edge, worth_flipping
+from pipeline.resample._kernels_judge import BOUNDARY, CROWDED, LINK, judge
 from pipeline.resample._kernels_ring import MOST_SPOKES, new_ring
 
 TUBE = rod(2.0, 0.1, 0.4)

@@ -9,18 +9,10 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, require, rod, sheet, torus
-from pipeline.resample._kernels_collapse import (
-    AT_END,
-    AT_START,
-    FEATURE,
-    FREE,
-    SHAPE,
-    _left_behind,
-    _swept,
-    collapse_edge,
-    judge,
-)
+from pipeline.resample._kernels_collapse import collapse_edge
 from pipeline.resample._kernels_flip import flip_edge
+from pipeline.resample._kernels_judge import AT_END, AT_START, FEATURE, FREE, SHAPE, judge
+from pipeline.resample._kernels_lost import left_behind, swept
 from pipeline.resample._kernels_ring import Ring, folds, new_ring, walk, weigh
 from pipeline.resample._kernels_split import split_edge
 
@@ -83,7 +75,7 @@ def test_how_far_a_vertex_is_left_behind_is_the_least_distance_from_the_new_face
     moved = mesh.with_vertices(mesh.vertices + 0.2 * rng.normal(size=mesh.vertices.shape))
     live, h = HalfedgeMesh(moved), int(rng.integers(3 * len(mesh.faces)))
     a, b = ends_of(mesh, h)
-    left = _left_behind(live.surface.points, ring_of(live, h), a, b)
+    left = left_behind(live.surface.points, ring_of(live, h), a, b)
     new = [[b if v == a else v for v in f] for f in mesh.faces.tolist() if a in f and b not in f]
     expected = min(slow_distance(moved.vertices[a], moved.vertices[f]) for f in new)
     assert math.sqrt(max(0.0, left)) == pytest.approx(expected, abs=1e-7)
@@ -95,11 +87,11 @@ def test_the_volume_swept_is_that_of_the_tetrahedra_below_the_faces(seed: int) -
     rng = np.random.default_rng(seed)
     live, h = HalfedgeMesh(BALL), int(rng.integers(3 * len(BALL.faces)))
     a, b = ends_of(BALL, h)
-    swept = _swept(live.surface.points, a, b, ring_of(live, h))
+    told = swept(live.surface.points, a, b, ring_of(live, h))
     points = np.array(BALL.vertices)
     points[a] = points[b]
     before, after = (six_volumes(p, BALL.faces) for p in (BALL.vertices, points))
-    assert swept == pytest.approx(abs(after - before), abs=1e-12)
+    assert told == pytest.approx(abs(after - before), abs=1e-12)
 
 
 def six_volumes(points: Points, faces: AnyArray) -> float:
