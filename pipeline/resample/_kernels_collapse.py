@@ -1,4 +1,4 @@
-"""Collapsing the short edges that may (Figure E; P9, P27), one by one, and recalling those that might."""
+"""Collapsing short edges that may (Figure E; P9, P27), one by one, and recalling those that might."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which short edges may collapse, and where: never at the cost of creases, tendrils or the shape (P28-P33)."""
+"""Which short edges may collapse, and where: not at the cost of creases, tendrils or shape (P28-P33)."""
 
 from __future__ import annotations
 
