@@ -23,8 +23,8 @@ from pipeline.mesh import TriangleMesh, require
 from pipeline.resample import Curvature, Thresholds
 
 DENSITY = Thresholds(Curvature(4e-4, 0.0115, 0.05, hard_angle=math.pi), gradation=1.0)
-"""Edges by curvature, nearly half as long at the rims as in the other runs and longer where it is flat, so that it
-takes at most 9,500 vertices."""
+"""Edges by curvature, nearly half as long at the rims as in the other runs and longer where it is flat: at
+most 9,500 vertices."""
 
 LOOKS = (25, 75, 125, 150)
 ALL = 1 << 30
