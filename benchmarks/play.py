@@ -91,13 +91,21 @@ class _Carrier:
 def warm() -> None:
     """Load all kernels, so that no clock sees it."""
     ball = icosphere(6)
-    rest = ball.vertices
-    for placement in (Chord(), Curved(), Exact(lambda points: points * (1.5, 0.6, 1.0), _onto)):
+    for placement in (Chord(), Curved(), Exact(_drawn_out, _onto), Exact(_turned, _onto)):
         for shape in (0.6, 0.85):
             resampler = Resampler(ball, Thresholds(0.25), placement, shape)
-            resampler.vertices[:] = rest * (1.5, 0.6, 1.0)
-            resampler.resample()
+            for move in (_drawn_out, _turned):  # what is carried elsewhere stays on the chord, and is healed
+                resampler.vertices[:] = move(resampler.vertices)
+                resampler.resample()
             resampler.mesh  # noqa: B018
+
+
+def _drawn_out(points: Points) -> Points:
+    return points * (1.5, 0.6, 1.0)
+
+
+def _turned(points: Points) -> Points:
+    return points[:, [2, 0, 1]]
 
 
 def _onto(points: Points) -> Points:

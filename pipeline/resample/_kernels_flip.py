@@ -110,7 +110,9 @@ def worth_flipping(surface: Surface, h: int, limits: Floats) -> bool:
         return False
     if limits[7] >= 0:  # nor may a face turn over at rest
         carried = surface.carried
-        if upright(carried, limits, a, d, c) <= 0 or upright(carried, limits, b, c, d) <= 0:
+        inwards = (upright(carried, limits, a, d, c) <= 0) + (upright(carried, limits, b, c, d) <= 0)
+        already = (upright(carried, limits, a, b, c) <= 0) + (upright(carried, limits, b, a, d) <= 0)
+        if inwards > already:
             return False
     return not _adjacent(surface, before(i), d)
 
