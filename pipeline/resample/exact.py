@@ -78,6 +78,10 @@ class Exact:
         if not went.all():
             went[~went] = self._elsewhere(mesh, spokes[~went], limits)
         _write(mesh, ASTRAY, born, ~went[:, None])
+        column = mesh.column(NORMAL)
+        if column is not None:  # on the chord: between the normals of its ends
+            astray = mesh.surface.carried[born[~went], column : column + 3]
+            _write(mesh, NORMAL, born[~went], unit(astray))
         return len(births) - int(went.sum())
 
     def heal(self, mesh: HalfedgeMesh, limits: Floats) -> None:
@@ -129,8 +133,10 @@ class Exact:
     ) -> AnyArray:
         """Take vertices to their goals at rest and to where these are now; answers which went."""
         places, turned = self._now(mesh, goals, normals, along)
-        _write(mesh, NORMAL, mesh.surface.vert[spokes], turned)
-        return settled(mesh, spokes, places, goals, limits)
+        went = settled(mesh, spokes, places, goals, limits)
+        if turned is not None:
+            _write(mesh, NORMAL, mesh.surface.vert[spokes[went]], turned[went])
+        return went
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
         """Only where it is known what the surface at rest is like beside a vertex: with a `project`, or
