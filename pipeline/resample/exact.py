@@ -39,7 +39,7 @@ class Exact:
     """On the exact surface: put on the surface at rest, and carried along to now.
 
     carry         `rest_points (N, 3) -> (N, 3)`, where they are now; called once a pass with all the new
-                  points together, and once more for the few that would fold
+                  points together, and again for the few that would fold and for normals
     project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the true surface at rest, where it
                   is known; without it new rest points lie on curved patches over the mesh at rest
     tags_creases  whether edges that are hard at rest, by their angle, stay creases whatever becomes of them
@@ -132,10 +132,9 @@ class Exact:
         limits: Floats,
     ) -> AnyArray:
         """Take vertices to their goals at rest and to where these are now; answers which went."""
-        places, turned = self._now(mesh, goals, normals, along)
+        places = self._carried(goals)
         went = settled(mesh, spokes, places, goals, limits)
-        if turned is not None:
-            _write(mesh, NORMAL, mesh.surface.vert[spokes[went]], turned[went])
+        self._turn(mesh, mesh.surface.vert[spokes], goals, places, normals, along, went)
         return went
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
@@ -147,34 +146,39 @@ class Exact:
             return 0
         leaving, rest = spokes[1 : many + 1], rest_of(mesh)
         start, to = mesh.surface.vert[leaving], mesh.surface.vert[_following(leaving)]
-        goals = self._truly(places[:many])
-        moved, turned = self._now(mesh, goals, normals[:many], rest[to] - rest[start])
-        adopted = np.zeros(many, np.uint8)
+        goals, along = self._truly(places[:many]), rest[to] - rest[start]
+        moved, adopted = self._carried(goals), np.zeros(many, np.uint8)
         done = int(adopt(mesh.surface, spokes, moved, goals, limits, ring, changes, adopted))
-        went = adopted > 0
-        _write(mesh, NORMAL, start[went], None if turned is None else turned[went])
+        self._turn(mesh, start, goals, moved, normals[:many], along, adopted > 0)
         return done
 
     def _truly(self, points: Points) -> Points:
         return points if self.project is None else self.project(points)
 
-    def _now(
-        self, mesh: HalfedgeMesh, rest: Points, normals: Vectors, along: Vectors
-    ) -> tuple[Points, Vectors | None]:
-        """Where points at rest are now, and the normals there, if the mesh has any.
+    def _turn(
+        self,
+        mesh: HalfedgeMesh,
+        vertices: Indices,
+        rest: Points,
+        places: Points,
+        normals: Vectors,
+        along: Vectors,
+        these: AnyArray,
+    ) -> None:
+        """Give some vertices, if they have normals, those that the surface has at their places.
 
         normals  (N, 3) at rest, unit, or zero where there is none
         along    (N, 3) an edge at rest, which tells the scale
+        these    (N,) booleans: which
         """
-        if mesh.column(NORMAL) is None:
-            return self._carried(rest), None
-        soft = normals.any(axis=1)
+        soft = these & normals.any(axis=1)
+        if mesh.column(NORMAL) is None or not these.any():
+            return
         beside = [self._truly(rest[soft] + step) for step in _tangents(along[soft], normals[soft])]
-        moved = self._carried(np.concatenate([rest, *beside]))
-        places, (ahead, left) = moved[: len(rest)], np.split(moved[len(rest) :], 2)
+        ahead, left = np.split(self._carried(np.concatenate(beside)), 2)
         turned = np.zeros_like(places)
         turned[soft] = unit(np.cross(ahead - places[soft], left - places[soft]))
-        return places, turned
+        _write(mesh, NORMAL, vertices[these], turned[these])
 
     def _carried(self, rest_points: Points) -> Points:
         moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64)
@@ -186,11 +190,10 @@ class Exact:
         return moved
 
 
-def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray | None) -> None:
-    """Set rows (N, k) of an attribute, if the mesh has it and there is anything to be set."""
-    column = mesh.column(name)
-    if values is not None and column is not None:
-        mesh.surface.carried[vertices, column : column + values.shape[1]] = values
+def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) -> None:
+    """Set rows (N, k) of an attribute that the mesh has."""
+    column = column_of(mesh, name)
+    mesh.surface.carried[vertices, column : column + values.shape[1]] = values
 
 
 def _following(h: Indices) -> Indices:

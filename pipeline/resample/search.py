@@ -10,7 +10,7 @@ from pipeline.arrays import AnyArray, Floats, Points, Vectors
 
 PointMap = Callable[[Points], Points]
 
-_CUTS = 4  # of the sides of the triangles that are looked through
+_CUTS = 3  # of the sides of the triangles that are looked through
 _WITHIN = np.array([(_CUTS - i - j, i, j) for i in range(_CUTS) for j in range(_CUTS - i)][1:]) / _CUTS
 _REFINED = 2  # times
 _STEP = 1e-4  # of a difference, in sides of the triangle
