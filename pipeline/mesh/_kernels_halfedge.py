@@ -33,7 +33,12 @@ class Surface(NamedTuple):
     tagged: AnyArray  # (3F,) uint8: 1 at both half-edges of an edge that is hard whatever its angle
 
 
-_NONE, _TWO, _THREE = np.uint64(0), np.uint64(2), np.uint64(3)  # unsigned: their remainder costs half
+_NONE, _ONE, _TWO, _THREE = (
+    np.uint64(0),
+    np.uint64(1),
+    np.uint64(2),
+    np.uint64(3),
+)  # unsigned: their remainder costs half
 INTS = numba.int32[::1]
 MATRIX = numba.float64[:, ::1]
 VECTOR = numba.float64[::1]
@@ -51,6 +56,18 @@ def following(h: int) -> int:
 def preceding(h: int) -> int:
     """The half-edge before h in its face."""
     return h + 2 if np.uint64(h) % _THREE == _NONE else h - 1
+
+
+@kernel("uint64(uint64)", **LEAN)
+def after(h: np.uint64) -> np.uint64:
+    """`following`, unsigned: an index that need not be asked for its sign."""
+    return h - _TWO if h % _THREE == _TWO else h + _ONE
+
+
+@kernel("uint64(uint64)", **LEAN)
+def before(h: np.uint64) -> np.uint64:
+    """`preceding`, unsigned."""
+    return h + _TWO if h % _THREE == _NONE else h - _ONE
 
 
 @kernel("void(int32[::1], int64, int64)", **LEAN)

@@ -24,7 +24,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface
+from pipeline.mesh._kernels_halfedge import BYTES, INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, after
 
 AS_IT_WAS, CHANGED, FRESH = 0, 1, 2
 """Marks of faces: never touched in this frame, touched, or touched since refused edges were last recalled."""
@@ -48,21 +48,6 @@ class Changes(NamedTuple):
 
 
 CHANGES = numba.types.NamedTuple([BYTES, INTS, INTS, BYTES, INTS], Changes)
-
-
-_NONE, _ONE, _TWO, _THREE = np.uint64(0), np.uint64(1), np.uint64(2), np.uint64(3)
-
-
-@kernel("uint64(uint64)", **LEAN)
-def after(h: np.uint64) -> np.uint64:
-    """The half-edge after h in its face, unsigned: an index that need not be asked for its sign."""
-    return h - _TWO if h % _THREE == _TWO else h + _ONE
-
-
-@kernel("uint64(uint64)", **LEAN)
-def before(h: np.uint64) -> np.uint64:
-    """The half-edge before h in its face, unsigned."""
-    return h + _TWO if h % _THREE == _NONE else h - _ONE
 
 
 @kernel((INTS, numba.int64), **LEAN)
@@ -134,3 +119,15 @@ def is_short(surface: Surface, h: int, limits: Floats) -> bool:
     k = np.uint64(h)
     a, b = surface.vert[k], surface.vert[after(k)]
     return bool(squared(surface.points, a, b) < bracket(surface, limits, a, b)[1])
+
+
+@kernel((SURFACE, numba.int64, VECTOR, INTS, CHANGES), **LEAN)
+def sort_out(surface: Surface, h: int, limits: Floats, longs: Indices, changes: Changes) -> None:
+    """List an edge that is new, or stands or lies elsewhere now, if it is out of the bracket."""
+    k = np.uint64(h)
+    a, b = surface.vert[k], surface.vert[after(k)]
+    length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
+    if length > most:
+        push(longs, h)
+    elif length < least:
+        enlist(changes, h)

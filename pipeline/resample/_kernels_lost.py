@@ -54,8 +54,7 @@ def left_behind(points: Points, ring: Ring, centre: int, to: int) -> float:
     """Squared distance of the ring's centre from its faces once it has merged into the vertex `to`."""
     away, best = squared(points, centre, to), 0.0
     for i in range(ring.size[0]):
-        b = ring.vertex[i]
-        c = ring.vertex[i + 1] if i + 1 < ring.size[1] else ring.vertex[0]
+        b, c = ring.vertex[i], ring.vertex[i + 1]
         if b == to or c == to:
             continue
         aa, bb, ab, ap, bp = 0.0, 0.0, 0.0, 0.0, 0.0

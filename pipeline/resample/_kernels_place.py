@@ -9,15 +9,13 @@ from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import (
     BYTES,
     INTS,
-    LEAN,
     MATRIX,
     SURFACE,
     VECTOR,
     Surface,
-    following,
     preceding,
 )
-from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, enlist, push, squared
+from pipeline.resample._kernels_lists import CHANGES, Changes, push, sort_out
 from pipeline.resample._kernels_patch import arriving
 from pipeline.resample._kernels_rest import moved_at_rest
 from pipeline.resample._kernels_ring import RING, Ring, folds, walk, weigh_faces
@@ -70,17 +68,6 @@ def settle(
     return done
 
 
-@kernel((SURFACE, numba.int64, VECTOR, INTS, CHANGES), **LEAN)
-def _sort_out(surface: Surface, h: int, limits: Floats, longs: Indices, changes: Changes) -> None:
-    """List an edge whose end has moved, if it is out of the bracket."""
-    a, b = surface.vert[h], surface.vert[following(h)]
-    length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
-    if length > most:
-        push(longs, h)
-    elif length < least:
-        enlist(changes, h)
-
-
 @kernel((SURFACE, _TABLE, VECTOR, INTS, INTS, CHANGES))
 def long_around(
     surface: Surface, births: Indices, limits: Floats, listed: Indices, longs: Indices, changes: Changes
@@ -95,9 +82,9 @@ def long_around(
     for i in range(len(births)):
         first = k = births[i, LEAVING]
         while True:
-            _sort_out(surface, k, limits, longs, changes)
+            sort_out(surface, k, limits, longs, changes)
             k = twin[preceding(k)]
             if k < 0 or k == first:
                 break
         if k < 0:  # of a boundary's two edges at the vertex, the one that no spoke has led along
-            _sort_out(surface, arriving(surface, births[i, LEAVING], births[i, 0]), limits, longs, changes)
+            sort_out(surface, arriving(surface, births[i, LEAVING], births[i, 0]), limits, longs, changes)

@@ -32,10 +32,8 @@ def upright(carried: Points, limits: Floats, a: int, b: int, c: int) -> float:
 @kernel(numba.boolean(MATRIX, RING, numba.int64, numba.int64, VECTOR), **LEAN)
 def overturns(carried: Points, ring: Ring, centre: int, other: int, limits: Floats) -> bool:
     """Whether a face of the ring that looks outwards at rest would not, if its centre merged into `other`."""
-    faces, spokes = ring.size[0], ring.size[1]
-    for i in range(faces):
-        b = ring.vertex[i]
-        c = ring.vertex[i + 1] if i + 1 < spokes else ring.vertex[0]
+    for i in range(ring.size[0]):
+        b, c = ring.vertex[i], ring.vertex[i + 1]
         if b == other or c == other:
             continue
         if upright(carried, limits, other, b, c) <= 0 and upright(carried, limits, centre, b, c) > 0:
@@ -46,10 +44,9 @@ def overturns(carried: Points, ring: Ring, centre: int, other: int, limits: Floa
 @kernel(numba.int64(MATRIX, RING, numba.int64, VECTOR), **LEAN)
 def _inwards(carried: Points, ring: Ring, centre: int, limits: Floats) -> int:
     """How many faces of the ring look inwards at rest."""
-    faces, spokes, count = ring.size[0], ring.size[1], 0
-    for i in range(faces):
-        b = ring.vertex[i]
-        c = ring.vertex[i + 1] if i + 1 < spokes else ring.vertex[0]
+    count = 0
+    for i in range(ring.size[0]):
+        b, c = ring.vertex[i], ring.vertex[i + 1]
         count += upright(carried, limits, centre, b, c) <= 0
     return count
 
@@ -106,4 +103,4 @@ def blades(surface: Surface, spokes: Indices, ring: Ring, found: Indices) -> Non
                 many += 1
         for k in range(min(MOST_BLADES, faces) if many == 0 else 0):
             found[i, k, 0] = ring.vertex[k]
-            found[i, k, 1] = ring.vertex[k + 1] if k + 1 < rim else ring.vertex[0]
+            found[i, k, 1] = ring.vertex[k + 1]

@@ -15,8 +15,17 @@ import numpy as np
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SURFACE, VECTOR, Surface, fan_start
-from pipeline.resample._kernels_lists import after, before
+from pipeline.mesh._kernels_halfedge import (
+    INTS,
+    LEAN,
+    MATRIX,
+    SURFACE,
+    VECTOR,
+    Surface,
+    after,
+    before,
+    fan_start,
+)
 
 MOST_SPOKES = 512
 UPRIGHT = 0.2  # cosine: a face may turn by 78 degrees in one step, not more

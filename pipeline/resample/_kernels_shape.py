@@ -49,7 +49,7 @@ def _plane(carried: Points, column: int, centre: int, ring: Ring, normal: Floats
     faces = ring.size[0]
     normal[0] = normal[1] = normal[2] = 0.0
     for i in range(faces):
-        b, c = ring.vertex[i], ring.vertex[i + 1 if i + 1 < faces else 0]
+        b, c = ring.vertex[i], ring.vertex[i + 1]
         for k in range(3):
             u, v = column + (k + 1) % 3, column + (k + 2) % 3
             one = (carried[b, u] - carried[centre, u]) * (carried[c, v] - carried[centre, v])
@@ -112,7 +112,7 @@ def _worst(surface: Surface, centre: int, ring: Ring, place: Floats, limits: Flo
     points, spokes = surface.points, ring.size[1]
     worst = 1.0
     for i in range(spokes):
-        b, c = ring.vertex[i], ring.vertex[i + 1 if i + 1 < spokes else 0]
+        b, c = ring.vertex[i], ring.vertex[i + 1]
         most, least = bracket(surface, limits, centre, b)
         near, far = 0.0, 0.0
         for k in range(3):

@@ -17,7 +17,7 @@ from pipeline.mesh._kernels_halfedge import (
     join,
     preceding,
 )
-from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, enlist, push, squared, touch
+from pipeline.resample._kernels_lists import CHANGES, Changes, bracket, push, sort_out, squared, touch
 
 LEAVING = 2  # which of the numbers of a birth is the half-edge that leaves the new vertex
 BIRTH = 3  # numbers noted of each new vertex: parents a and b, half-edge vertex→b
@@ -62,17 +62,6 @@ def _set_middle(surface: Surface, middle: int, a: int, b: int) -> None:
         points[middle, k] = 0.5 * (points[a, k] + points[b, k])
     for k in range(carried.shape[1]):
         carried[middle, k] = 0.5 * (carried[a, k] + carried[b, k]) if blends[k] > 0 else carried[a, k]
-
-
-@kernel((SURFACE, numba.int64, VECTOR, INTS, CHANGES), **LEAN)
-def _sort_out(surface: Surface, h: int, limits: Floats, later: Indices, changes: Changes) -> None:
-    """List an edge that is new, or has another place in the table, if it is out of the bracket."""
-    a, b = surface.vert[h], surface.vert[following(h)]
-    length, (most, least) = squared(surface.points, a, b), bracket(surface, limits, a, b)
-    if length > most:
-        push(later, h)
-    elif length < least:
-        enlist(changes, h)
 
 
 @kernel(INTS(SURFACE, INTS, VECTOR, INTS))
@@ -139,11 +128,11 @@ def split_pass(
         push(births, a)
         push(births, b)
         push(births, 3 * first)
-        _sort_out(surface, h, limits, later, changes)
+        sort_out(surface, h, limits, later, changes)
         for g in range(first, sizes[1]):
             touch(changes, g)
             for i in range(3):
-                _sort_out(surface, 3 * g + i, limits, later, changes)
+                sort_out(surface, 3 * g + i, limits, later, changes)
         touch(changes, h // 3)
         if back >= 0:
             touch(changes, back // 3)

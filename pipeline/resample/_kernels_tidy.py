@@ -39,15 +39,3 @@ def tidy(
         flips += flip_fresh(surface, limits, changes, obtuse, again)
         if recall(surface, changes) == 0:
             return collapses, flips
-
-
-@kernel(numba.int64(SURFACE, VECTOR, RINGS, CHANGES, _DEAD))
-def collapse_once(
-    surface: Surface,
-    limits: Floats,
-    rings: tuple[Ring, Ring],
-    changes: Changes,
-    dead: tuple[Indices, Indices],
-) -> int:
-    """Collapse what is due and may; answers how many did."""
-    return collapse_due(surface, limits, rings, changes, dead[0], dead[1])

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.arrays import Floats, Indices
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge import WORTH_SHARING, HalfedgeMesh
+from pipeline.resample._kernels_collapse import collapse_due
 from pipeline.resample._kernels_flip import MOST_AGAIN
 from pipeline.resample._kernels_judge import REASONS, TOO_LONG
 from pipeline.resample._kernels_lists import DUE, REFUSED, Changes
@@ -25,7 +26,7 @@ from pipeline.resample._kernels_scan import (
 )
 from pipeline.resample._kernels_shape import list_poor
 from pipeline.resample._kernels_split import BIRTH, LEAVING, longest_first, split_pass
-from pipeline.resample._kernels_tidy import collapse_once, tidy
+from pipeline.resample._kernels_tidy import tidy
 from pipeline.resample.placement import Placement
 from pipeline.resample.report import Report
 from pipeline.resample.shape import Shape
@@ -135,7 +136,7 @@ class Frame:
         """Let go short edges that only a too long one keeps, and split that one instead."""
         self.changes.notes[self._refused(TOO_LONG)] = DUE
         self.limits[6] = _ALLOWANCE**2
-        self.collapses += collapse_once(self.mesh.surface, self.limits, _RINGS, self.changes, self.dead)
+        self.collapses += collapse_due(self.mesh.surface, self.limits, _RINGS, self.changes, *self.dead)
         self.limits[6] = 1.0
         self.longs = _work_list(3 * int(self.changes.fresh[0]))
         list_long(self.mesh.surface, self.limits, self.changes, self.longs)
