@@ -1,10 +1,14 @@
-"""How parameters change in time: constants, or keyframes with easing."""
+"""How parameters change in time: constants, keyframes, formulas."""
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from bisect import bisect_right
 from dataclasses import dataclass
+from typing import Literal
 
+from pipeline.flow.bezier import BEZIER, Handle, Values, Way, automatic
 from pipeline.flow.easing import EASINGS
 
 Vector = tuple[float, float, float]
@@ -12,40 +16,100 @@ Vector = tuple[float, float, float]
 SAME_MOMENT = 1e-9
 """Seconds by which a sum of steps may miss the time of a key."""
 
+Beyond = Literal["hold", "loop", "ping_pong", "offset", "continue"]
+
+
+class Curve(ABC):
+    """Values that change in time. A value: the same time gives the same numbers, between frames too."""
+
+    @abstractmethod
+    def at(self, time: float) -> Values:
+        """The values at a time, seconds from the start of the shot."""
+
 
 @dataclass(frozen=True)
-class Keyframes:
+class Keyframes(Curve):
     """Values at times, and how to go from each to the next.
 
     times   seconds from the start of the shot, ascending
     values  one a time: numbers or vectors (all of one length)
-    eases   one a time, names of EASINGS: how the value leaves that key; the last is unused
-
-    Before the first key and after the last the value holds.
+    eases   one a time, names of EASINGS or bezier: how the value leaves that key; the last is unused
+    left    handles beside the keys, of those ways that are Bézier's; None draws itself (see `automatic`)
+    right   the same on the other side
+    before  what happens before the first key:
+            hold, it stays; continue, it goes on along the last chord (of a Bézier way along its handle);
+            loop, all keys again, the last key being the moment of the first; ping_pong, there and back;
+            offset, again, and each round begins where the one before ended
+    after   the same after the last key
     """
 
     times: tuple[float, ...]
-    values: tuple[tuple[float, ...], ...]
+    values: tuple[Values, ...]
     eases: tuple[str, ...]
+    left: tuple[Handle | None, ...] = ()
+    right: tuple[Handle | None, ...] = ()
+    before: Beyond = "hold"
+    after: Beyond = "hold"
 
-    def at(self, time: float) -> tuple[float, ...]:
-        """The value at any time, between frames too."""
+    def at(self, time: float) -> Values:
+        start, length = self.times[0], self.times[-1] - self.times[0]
+        mode = self.before if time < start else self.after
+        if length <= 0 or mode == "hold":
+            return self._inside(time)
+        rounds = math.floor((time - start + SAME_MOMENT) / length)
+        if mode == "continue":
+            return self._inside(time) if rounds == 0 else self._straight_on(time)
+        passed = time - start - rounds * length
+        if mode == "ping_pong":
+            return self._inside(start + (length - passed if rounds % 2 else passed))
+        values = self._inside(start + passed)
+        if mode == "loop":
+            return values
+        gained = zip(values, self.values[0], self.values[-1], strict=True)
+        return tuple(value + rounds * (last - first) for value, first, last in gained)
+
+    def _inside(self, time: float) -> Values:
+        """The value on the way between two keys; that of the nearest key outside of all."""
         i = bisect_right(self.times, time + SAME_MOMENT) - 1
         if i < 0:
             return self.values[0]
         if i == len(self.times) - 1:
             return self.values[i]
         here, there = self.values[i], self.values[i + 1]
-        passed = (time - self.times[i]) / (self.times[i + 1] - self.times[i])
-        share = EASINGS[self.eases[i]](min(max(passed, 0.0), 1.0))
+        length = self.times[i + 1] - self.times[i]
+        passed = min(max(time - self.times[i], 0.0), length)
+        if self.eases[i] == BEZIER:
+            return Way(length, here, there, self._handle(i, 1), self._handle(i + 1, -1)).at(passed)
+        share = EASINGS[self.eases[i]](passed / length)
         return tuple(a + (b - a) * share for a, b in zip(here, there, strict=True))
 
+    def _handle(self, i: int, side: int) -> Handle:
+        """The handle of key `i`, right of it (1) or left of it (-1)."""
+        drawn = self.right if side > 0 else self.left
+        if drawn and (handle := drawn[i]) is not None:
+            return handle
+        third = (self.times[i + side] - self.times[i]) / 3.0
+        return Handle(third, tuple(slope * third for slope in automatic(self.times, self.values, i)))
 
-Number = float | Keyframes
-"""A scalar parameter: constant or keyed."""
+    def _straight_on(self, time: float) -> Values:
+        """Beyond the keys at the pace of the last way before them, seen from there."""
+        end, side = (0, 1) if time < self.times[0] else (len(self.times) - 1, -1)
+        ease = self.eases[end if side > 0 else end + side]
+        along = Handle(
+            self.times[end + side] - self.times[end],
+            tuple(b - a for a, b in zip(self.values[end], self.values[end + side], strict=True)),
+        )
+        if ease == BEZIER and (handle := self._handle(end, side)).seconds != 0:
+            along = handle
+        factor = 0.0 if ease == "constant" else (time - self.times[end]) / along.seconds
+        return tuple(a + factor * v for a, v in zip(self.values[end], along.values, strict=True))
 
-Place = Vector | Keyframes
-"""A vector parameter: constant or keyed."""
+
+Number = float | Curve
+"""A scalar parameter: constant or changing."""
+
+Place = Vector | Curve
+"""A vector parameter: constant or changing."""
 
 
 def keyed(
@@ -57,11 +121,11 @@ def keyed(
 
 
 def number_at(parameter: Number, time: float) -> float:
-    return parameter.at(time)[0] if isinstance(parameter, Keyframes) else parameter
+    return parameter.at(time)[0] if isinstance(parameter, Curve) else parameter
 
 
 def place_at(parameter: Place, time: float) -> Vector:
-    if isinstance(parameter, Keyframes):
+    if isinstance(parameter, Curve):
         x, y, z = parameter.at(time)
         return x, y, z
     return parameter

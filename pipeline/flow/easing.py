@@ -2,7 +2,8 @@
 
 The names are Blender's interpolation and easing types joined: `sine_in_out`. `in` starts slowly, `out`
 ends slowly, `in_out` does both. Each maps 0 to 0 and 1 to 1. The formulas are Robert Penner's
-(*Programming Macromedia Flash MX*, 2002, chapter 7).
+(*Programming Macromedia Flash MX*, 2002, chapter 7). Blender's `bezier` is no share of time alone, since it
+has handles: see `bezier.py`.
 """
 
 from __future__ import annotations
@@ -36,6 +37,27 @@ def _back(s: float) -> float:
     return s * s * ((overshoot + 1.0) * s - overshoot)
 
 
+def _bounce(s: float) -> float:
+    """A ball let fall and seen backwards: four parabolas, the last hop the highest."""
+    left = (1.0 - s) * 2.75
+    for start, middle, height in _HOPS:
+        if left >= start:
+            return height - (left - middle) ** 2
+    raise AssertionError("the hops begin at 0")
+
+
+_HOPS = ((2.5, 2.625, 1 / 64), (2.0, 2.25, 1 / 16), (1.0, 1.5, 1 / 4), (0.0, 0.0, 1.0))
+"""Of a bounce that lasts 2.75: where each hop starts, its middle, and how high it goes."""
+
+
+def _elastic(s: float) -> float:
+    """Swings with a growing reach, three and a third times, as a spring let go and seen backwards.
+
+    The reach is that of `_expo`, which starts at 0; Penner's starts a two-thousandth off.
+    """
+    return _expo(s) * math.cos((s - 1.0) * 2 * math.pi / 0.3)
+
+
 def _reversed(ease: Ease) -> Ease:
     return lambda s: 1.0 - ease(1.0 - s)
 
@@ -53,6 +75,8 @@ _STARTS: dict[str, Ease] = {
     "expo": _expo,
     "circ": _circ,
     "back": _back,
+    "bounce": _bounce,
+    "elastic": _elastic,
 }
 
 EASINGS: dict[str, Ease] = {
@@ -62,3 +86,17 @@ EASINGS: dict[str, Ease] = {
     **{f"{name}_out": _reversed(ease) for name, ease in _STARTS.items()},
     **{f"{name}_in_out": _both(ease) for name, ease in _STARTS.items()},
 }
+
+OVERSHOOTING = frozenset(name for name in EASINGS if name.startswith(("back", "elastic")))
+"""Those that leave the values between the two keys on their way."""
+
+
+def kinks(name: str) -> tuple[float, ...]:
+    """The shares of time between 0 and 1 at which an easing is not smooth, ascending."""
+    family, _, direction = name.partition("_")
+    hops = [1.0 - start / 2.75 for start, _, _ in _HOPS[:3]] if family == "bounce" else []
+    if direction == "out":
+        hops = [1.0 - s for s in hops]
+    if direction == "in_out":
+        hops = [0.5, *(0.5 * s for s in hops), *(1.0 - 0.5 * s for s in hops)]
+    return tuple(sorted(hops))

@@ -8,7 +8,9 @@ from typing import Any
 from pipeline.formula import Expression, FormulaError
 from pipeline.resample.density import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
-from pipeline.shot.checks import Problem, is_number
+from pipeline.shot.checks import Problem
+from pipeline.shot.fields import is_number
+from pipeline.shot.messages import in_formula
 from pipeline.shot.resampling import REGION_NAMES
 from pipeline.shot.source import Source, Where
 
@@ -70,9 +72,7 @@ def formulas(source: Source) -> Iterator[Problem]:
         try:
             Expression(text, REGION_NAMES if name == "creases" else FORMULA_NAMES)
         except FormulaError as error:
-            spot = source.spot(where, error.column)
-            place = "" if spot else f"column {error.column} of the formula: "
-            yield spot or where, f"{place}{error.message}"
+            yield in_formula(source, where, error.column, error.message)
 
 
 def _extreme(source: Source, name: str, of: Any) -> tuple[float | None, Where]:

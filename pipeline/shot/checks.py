@@ -11,9 +11,9 @@ from typing import Any, TypeGuard
 import numpy as np
 
 from pipeline.errors import UsageError, suggestion
-from pipeline.frames import FrameRange, FrameRate, shortened
+from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.clock import Clock
-from pipeline.shot.fields import LARGEST
+from pipeline.shot.fields import LARGEST, is_number
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Solid
 
@@ -51,42 +51,6 @@ def read_rate(source: Source) -> tuple[FrameRate | None, list[Problem]]:
         return FrameRate.of(24 if rate is None else rate), []
     except UsageError as error:
         return None, [(("rate",), str(error))]
-
-
-def keys(source: Source, clock: Clock | None) -> Iterator[Problem]:
-    """Keys are frames or seconds, ascending, and within the shot."""
-    for where, mapping in source.mappings():
-        if isinstance(mapping.get("keys"), dict):
-            yield from _times(mapping["keys"], (*where, "keys"), clock)
-
-
-def _times(keys: dict[Any, Any], where: Where, clock: Clock | None) -> Iterator[Problem]:
-    clock_or_any = clock or Clock(FrameRange.of([1]), FrameRate.of(24))
-    before: tuple[Any, float] | None = None
-    for key in keys:
-        seconds = clock_or_any.seconds(key)
-        if seconds is None:
-            yield (
-                (*where, key),
-                f"key {shortened(key)} is no time; write a frame, such as 12, or seconds, such as 0.5s",
-            )
-            continue
-        if clock and not clock.holds(seconds):
-            yield (
-                (*where, key),
-                (
-                    f"key {_shown(key)} is outside of the shot, which has frames {clock.frames} "
-                    f"({clock.duration:.4g} s). Move it inside."
-                ),
-            )
-        elif before and seconds <= before[1]:
-            yield (*where, key), f"key {key} comes after key {before[0]}; keys go forward in time. Sort them."
-        before = key, seconds
-
-
-def _shown(key: int | str) -> str:
-    """A key in a message: a number as it stands, unless it fills the line."""
-    return shortened(key).strip("'")
 
 
 def directions(source: Source) -> Iterator[Problem]:
@@ -166,11 +130,6 @@ def model(source: Source) -> Iterator[Problem]:
 def model_path(source: Source, name: str) -> Path:
     """Files named in a shot stand relative to the shot file."""
     return source.path.parent / name
-
-
-def is_number(value: Any) -> bool:
-    """Whether a value of a file is a number; true and false are none."""
-    return isinstance(value, int | float) and not isinstance(value, bool)
 
 
 def _is_triple(value: Any) -> TypeGuard[list[float]]:

@@ -10,6 +10,9 @@ from pipeline.frames import FrameRange, FrameRate
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
 
+FAR = 10**12
+"""Frames from here on are at infinity, and so in no shot."""
+
 
 @dataclass(frozen=True)
 class Clock:
@@ -18,8 +21,8 @@ class Clock:
     frames: FrameRange
     rate: FrameRate
 
-    def time(self, frame: int) -> float:
-        """Seconds from the start of the shot."""
+    def time(self, frame: float) -> float:
+        """Seconds from the start of the shot; frames may have fractions."""
         return self.rate.seconds(frame - self.frames.first)
 
     def step(self, frame: int) -> tuple[float, float]:
@@ -33,14 +36,19 @@ class Clock:
         return self.time(self.frames.last)
 
     def seconds(self, key: object) -> float | None:
-        """A key of a shot file: whole numbers are frames, "0.5s" is seconds; None for anything else.
+        """A key of a shot file: numbers are frames, "0.5s" is seconds; None for anything else.
 
-        What is too far away for a number is at infinity, and so in no shot.
+        What is too far away for a number is at infinity.
         """
-        if isinstance(key, int) and not isinstance(key, bool):
-            far = math.inf if key > 0 else -math.inf
-            return self.time(key) if abs(key) < 10**12 else far
-        match = _SECONDS.fullmatch(key) if isinstance(key, str) else None
+        length = self.length(key)
+        numbered = isinstance(key, int | float) and length is not None and math.isfinite(length)
+        return self.time(key) if numbered else length  # type: ignore[arg-type]  # a number, as it says
+
+    def length(self, value: object) -> float | None:
+        """How long something of a shot file lasts, in seconds: numbers are frames, "0.5s" is seconds."""
+        if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
+            return self.rate.seconds(value) if abs(value) < FAR else math.copysign(math.inf, value)
+        match = _SECONDS.fullmatch(value) if isinstance(value, str) else None
         return float(match[1]) if match else None
 
     def holds(self, seconds: float) -> bool:

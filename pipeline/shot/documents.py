@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Discriminator, Field, Tag
 
 from pipeline.mesh.patches import MOST_PIECES
-from pipeline.shot.fields import Colour, Count, Document, NumberField, Positive, PositiveField, one_of
+from pipeline.shot.curves import NumberField, PositiveField
+from pipeline.shot.fields import Colour, Count, Document, Positive, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.subject import SOLIDS

@@ -12,20 +12,8 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.flow import Flow, Streamlines, Sum, VelocityField, catalogue
 from pipeline.shot.clock import Clock
-from pipeline.shot.fields import (
-    DEGREE,
-    Axis,
-    Document,
-    NumberField,
-    PlaceField,
-    Positive,
-    PositiveField,
-    Triple,
-    axis,
-    number,
-    place,
-    vector,
-)
+from pipeline.shot.curves import NumberField, PlaceField, PositiveField, number, place
+from pipeline.shot.fields import DEGREE, Axis, Document, Positive, Triple, axis, vector
 
 HERE = [0.0, 0.0, 0.0]
 

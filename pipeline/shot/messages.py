@@ -32,8 +32,17 @@ def findings(error: ValidationError, source: Source, document: type[BaseModel]) 
     for details in error.errors(include_url=False):
         where = _in_file(source, details["loc"])
         names = _fields(document, details["loc"])
-        found.append((where, _message(details, where, names)))
+        message = _message(details, where, names)
+        if details["type"] == "formula":
+            where, message = in_formula(source, where, details["ctx"]["column"], details["msg"])
+        found.append((where, message))
     return list(dict.fromkeys(found))
+
+
+def in_formula(source: Source, where: Where, column: int, message: str) -> tuple[Where, str]:
+    """Where a mistake in a formula stands, and what to tell: the column of the file, where it has it so."""
+    spot = source.spot(where, column)
+    return (spot, message) if spot else (where, f"column {column} of the formula: {message}")
 
 
 def _in_file(source: Source, loc: Where) -> Where:

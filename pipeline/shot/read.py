@@ -12,8 +12,9 @@ from pydantic import ValidationError
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
 from pipeline.flow import Sequence
 from pipeline.frames import FrameRate
-from pipeline.shot import brackets, checks
+from pipeline.shot import brackets, checks, keys
 from pipeline.shot.clock import Clock
+from pipeline.shot.curves import number
 from pipeline.shot.documents import (
     FilmDocument,
     LookDocument,
@@ -21,7 +22,7 @@ from pipeline.shot.documents import (
     ShotDocument,
     StageDocument,
 )
-from pipeline.shot.fields import DEGREE, Document, number
+from pipeline.shot.fields import DEGREE, Document
 from pipeline.shot.messages import findings
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
@@ -42,7 +43,7 @@ def read_shot(path: str | Path, text: str | None = None) -> Shot:
     """
     source = Source.read(Path(path), text)
     clock, problems = checks.read_clock(source)
-    problems += checks.keys(source, clock)
+    problems += keys.keys(source, clock)
     for check in (
         checks.directions,
         brackets.ratio,
@@ -53,7 +54,7 @@ def read_shot(path: str | Path, text: str | None = None) -> Shot:
     ):
         problems += check(source)
     missing = list(checks.model(source))
-    document = _parsed(source, ShotDocument, problems, missing)
+    document = _parsed(source, ShotDocument, problems, missing, clock=clock)
     assert clock is not None, "without problems there is a clock"
     return Shot(
         name=Path(path).stem,
@@ -126,11 +127,12 @@ def _parsed(
     problems: list[tuple[Where, str]],
     missing: list[tuple[Where, str]],
     failed: list[FlowsculptError] | None = None,
+    clock: Clock | None = None,
 ) -> D:
     """The file as a document, or all problems together; only missing files make a MissingInputError."""
     wrong, document = [*source.problems, *problems], None
     try:
-        document = kind.model_validate(source.data)
+        document = kind.model_validate(source.data, context={"clock": clock})
     except ValidationError as error:
         wrong += findings(error, source, kind)
     told = {where for where, _ in wrong}

@@ -12,23 +12,13 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
-from pipeline.flow.choreography import Keyframes, Number, Place, number_at, place_at
+from pipeline.flow.choreography import Curve, Number, Place, number_at, place_at
 from pipeline.formula import Expression
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
-from pipeline.shot.fields import (
-    DEGREE,
-    Document,
-    Keyed,
-    PlaceField,
-    Positive,
-    PositiveField,
-    Real,
-    number,
-    one_of,
-    place,
-)
+from pipeline.shot.curves import Keyed, PlaceField, PositiveField, number, place
+from pipeline.shot.fields import DEGREE, Document, Positive, Real, one_of
 from pipeline.shot.shot import Resampling
 
 REGION_NAMES = ("x", "y", "z")
@@ -41,7 +31,7 @@ NotNegative = Annotated[Real, Field(ge=0)]
 class KeyedThreshold:
     """A threshold that is the same everywhere and changes in time."""
 
-    value: Keyframes
+    value: Curve
 
     def at(self, frame: int, time: float) -> float:
         return number_at(self.value, time)
@@ -110,7 +100,7 @@ class CameraDistanceDocument(Document):
             number(self.field_of_view, clock, DEGREE),
             float(self.width),
         )
-        moves = any(isinstance(v, Keyframes) for v in (camera.position, camera.pixels, camera.field_of_view))
+        moves = any(isinstance(v, Curve) for v in (camera.position, camera.pixels, camera.field_of_view))
         return camera if moves else camera.at(clock.frames.first, 0.0)
 
 
@@ -232,4 +222,4 @@ def _angle(value: float | Keyed[Any] | ActiveAngleDocument, clock: Clock) -> Thr
 
 
 def _keyed(value: Number) -> Threshold:
-    return KeyedThreshold(value) if isinstance(value, Keyframes) else value
+    return KeyedThreshold(value) if isinstance(value, Curve) else value

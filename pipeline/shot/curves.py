@@ -1,0 +1,211 @@
+"""What changes in time in a shot file: a constant, keys, or a formula."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Annotated, Any, Generic, TypeVar
+
+from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo
+from pydantic_core import PydanticCustomError
+
+from pipeline.errors import UsageError
+from pipeline.flow.bezier import BEZIER, Handle, Values
+from pipeline.flow.choreography import Curve, Keyframes, Number, Place
+from pipeline.flow.easing import EASINGS
+from pipeline.flow.formulated import TIME_NAMES, Formulated
+from pipeline.formula import Expression, FormulaError
+from pipeline.shot.clock import Clock
+from pipeline.shot.fields import Document, Positive, Real, Triple, is_number, one_of, vector
+
+T = TypeVar("T")
+
+MOST_LOOKS = 4000
+"""At so many moments of a shot at most is a curve looked at before it is used."""
+
+Ease = Annotated[str, one_of((*EASINGS, BEZIER), "easing")]
+Beyond = Annotated[str, one_of(("hold", "loop", "ping_pong", "offset", "continue"), "way to go on")]
+
+
+class Key(Document, Generic[T]):
+    """One key with an easing of its own, for the way from it to the next, and handles where that is Bézier's.
+
+    left, right  [time, value] away from the key; their form is for `keys` to check
+    """
+
+    value: T
+    ease: Ease | None = None
+    left: Any = None
+    right: Any = None
+
+
+KeyValue = Annotated[
+    Annotated[T, Tag("plain")] | Annotated[T, Tag("list")] | Annotated[Key[T], Tag("keyed")],
+    Discriminator(lambda value: "keyed" if isinstance(value, dict) else "plain"),
+]
+
+
+class Keyed(Document, Generic[T]):
+    """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `keys` says whether times are good."""
+
+    keys: dict[Any, KeyValue[T]] = Field(min_length=1)
+    ease: Ease = "sine_in_out"
+    before: Beyond = "hold"
+    after: Beyond = "hold"
+
+
+def _readable(text: str) -> str:
+    try:
+        Expression(text, TIME_NAMES)
+    except FormulaError as error:
+        what = {"message": error.message, "column": error.column}
+        raise PydanticCustomError("formula", "{message}", what) from None
+    return text
+
+
+def _written(value: Any) -> Any:
+    """A number is a formula too."""
+    return str(value) if is_number(value) else value
+
+
+FormulaText = Annotated[str, BeforeValidator(_written), AfterValidator(_readable)]
+
+
+class OverTime(Document):
+    """`{formula: "4 * sin(2 * pi * seconds)"}`: over `frame` and `seconds`."""
+
+    formula: FormulaText
+
+
+class OverTimeTriple(Document):
+    """`{formula: ["cos(seconds)", "0", "sin(seconds)"]}`"""
+
+    formula: Annotated[list[FormulaText], Field(min_length=3, max_length=3)]
+
+
+def _looked_at(positive: bool) -> AfterValidator:
+    """A validator: in the course of the shot the values stay finite, and above 0 where they must.
+
+    The clock is in the context of the validation; without one nothing is looked at.
+    """
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        clock: Clock | None = (info.context or {}).get("clock")
+        if clock is None or not isinstance(value, Keyed | OverTime | OverTimeTriple):
+            return value
+        bad = _first_bad(value, clock, positive)
+        if bad:
+            raise PydanticCustomError("bad_curve", "{fact}", {"fact": bad})
+        return value
+
+    return AfterValidator(check)
+
+
+def _first_bad(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, positive: bool) -> str | None:
+    if isinstance(value, Keyed) and (not positive or None in map(clock.seconds, value.keys)):
+        return None
+    halves = 2 * (clock.frames.last - clock.frames.first) + 1
+    times = [clock.time(clock.frames.first + i / 2) for i in range(0, halves, -(-halves // MOST_LOOKS))]
+    curve = curve_of(value, clock, lambda item: (item,) if not isinstance(item, list) else tuple(item))
+    try:
+        rows = curve.over(times).tolist() if isinstance(curve, Formulated) else map(curve.at, times)
+        for time, row in zip(times, rows, strict=True):
+            if positive and not min(row) > 0:
+                frame, least = clock.frames.first + float(clock.rate.fps) * time, min(row)
+                return (
+                    f"falls to {least:.4g} at frame {frame:g}; it must stay above 0. Mend what leads there."
+                )
+    except UsageError as error:
+        return str(error)
+    return None
+
+
+# A constant, keys or a formula. Spelt out for each kind: a generic alias would lose the kind within Keyed.
+
+
+def _form(value: Any) -> str:
+    if isinstance(value, dict):
+        return "formula" if "formula" in value else "keyed"
+    return "list" if isinstance(value, list) else "plain"
+
+
+NumberField = Annotated[
+    Annotated[Real, Tag("plain")]
+    | Annotated[Real, Tag("list")]
+    | Annotated[Keyed[Real], Tag("keyed")]
+    | Annotated[OverTime, Tag("formula")],
+    Discriminator(_form),
+    _looked_at(positive=False),
+]
+PositiveField = Annotated[
+    Annotated[Positive, Tag("plain")]
+    | Annotated[Positive, Tag("list")]
+    | Annotated[Keyed[Positive], Tag("keyed")]
+    | Annotated[OverTime, Tag("formula")],
+    Discriminator(_form),
+    _looked_at(positive=True),
+]
+PlaceField = Annotated[
+    Annotated[Triple, Tag("plain")]
+    | Annotated[Triple, Tag("list")]
+    | Annotated[Keyed[Triple], Tag("keyed")]
+    | Annotated[OverTimeTriple, Tag("formula")],
+    Discriminator(_form),
+    _looked_at(positive=False),
+]
+
+
+def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:
+    """A parsed scalar as a flow takes it; `unit` turns the file's unit into the code's."""
+    if isinstance(parameter, Keyed | OverTime):
+        return curve_of(parameter, clock, lambda value: (float(value) * unit,), unit)
+    return float(parameter) * unit
+
+
+def place(parameter: list[float] | Keyed[Any] | OverTimeTriple, clock: Clock, unit: float = 1.0) -> Place:
+    """A parsed vector as a flow takes it."""
+    if isinstance(parameter, Keyed | OverTimeTriple):
+        return curve_of(parameter, clock, lambda value: tuple(unit * part for part in vector(value)), unit)
+    x, y, z = vector(parameter)
+    return unit * x, unit * y, unit * z
+
+
+def curve_of(
+    value: Keyed[Any] | OverTime | OverTimeTriple,
+    clock: Clock,
+    convert: Callable[[Any], Values],
+    unit: float = 1.0,
+) -> Curve:
+    """Keys or a formula as a curve; `convert` makes a key's value one of the code's, which is in `unit`."""
+    if isinstance(value, Keyed):
+        return _keyframes(value, clock, convert)
+    texts = [value.formula] if isinstance(value, OverTime) else value.formula
+    return Formulated(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
+
+
+def _keyframes(keyed: Keyed[Any], clock: Clock, convert: Callable[[Any], Values]) -> Keyframes:
+    def handle(drawn: list[Any] | None) -> Handle | None:
+        return None if drawn is None else Handle(_sure(clock.length(drawn[0])), convert(drawn[1]))
+
+    times, values, eases, left, right = [], [], [], [], []
+    for moment, item in keyed.keys.items():
+        key = item if isinstance(item, Key) else Key(value=item)
+        times.append(_sure(clock.seconds(moment)))
+        values.append(convert(key.value))
+        eases.append(key.ease or (BEZIER if key.right else keyed.ease))
+        left.append(handle(key.left))
+        right.append(handle(key.right))
+    drawn = any(left) or any(right)
+    return Keyframes(
+        tuple(times),
+        tuple(values),
+        tuple(eases),
+        tuple(left) if drawn else (),
+        tuple(right) if drawn else (),
+        keyed.before,  # type: ignore[arg-type]  # one of them, as its validator says
+        keyed.after,  # type: ignore[arg-type]
+    )
+
+
+def _sure(seconds: float | None) -> float:
+    assert seconds is not None, "checks refused what is no time"
+    return seconds
