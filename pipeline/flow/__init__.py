@@ -1,7 +1,17 @@
 """Flows: mappings of points into points, and how they are composed and choreographed."""
 
-from pipeline.flow.choreography import Keyframes, keyed
-from pipeline.flow.compose import Reversed, Sequence, Sum
+from pipeline.flow.choreography import Curve, Keyframes, keyed
+from pipeline.flow.compose import (
+    Blend,
+    Frame,
+    Mirrored,
+    Placed,
+    Repeated,
+    Reversed,
+    Sequence,
+    Sum,
+    Within,
+)
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.flow import Displacement, Flow, Function, as_flow
 from pipeline.flow.guard import displaced
@@ -9,15 +19,22 @@ from pipeline.flow.velocity import Streamlines, VelocityField
 
 __all__ = [
     "EASINGS",
+    "Blend",
+    "Curve",
     "Displacement",
     "Flow",
+    "Frame",
     "Function",
     "Keyframes",
+    "Mirrored",
+    "Placed",
+    "Repeated",
     "Reversed",
     "Sequence",
     "Streamlines",
     "Sum",
     "VelocityField",
+    "Within",
     "as_flow",
     "displaced",
     "keyed",

@@ -63,7 +63,8 @@ def automatic(times: Sequence[float], values: Sequence[Values], i: int) -> Value
     neighbours, but never so steep that the way would pass one of them (Blender's *auto clamped*).
 
     With handles a third of the way long, slopes up to three times those of the chords keep the way monotone.
-    Source: Fritsch, Carlson, *Monotone Piecewise Cubic Interpolation*, SIAM J. Numer. Anal. 17 (1980).
+    Source: Fritsch, Carlson, *Monotone Piecewise Cubic Interpolation*, SIAM Journal on Numerical
+    Analysis 17 (1980).
     """
     if i in (0, len(times) - 1):
         return (0.0,) * len(values[i])

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import Points
+from pipeline.arrays import Floats, Points
 
 Displacement = Callable[[Points, float, float], Points]
 """Any callable `points, time, dt -> points` (P1)."""
@@ -33,10 +33,22 @@ class Flow(ABC):
     def acting(self, time: float, dt: float) -> Any:
         """All that decides `displace` over this step, as JSON-able data: equal data, equal motion."""
 
+    def parts(self, time: float, dt: float) -> Iterator[Part]:
+        """What acts one after another within this step: `displace` is all of it in order."""
+        yield Part(self, time, dt)
+
     @property
     def name(self) -> str:
         """What error messages call it."""
         return type(self).__name__.lower()
+
+
+class Part(NamedTuple):
+    """A flow that acts from `time` on, for `dt` seconds."""
+
+    flow: Flow
+    time: float
+    dt: float
 
 
 @dataclass(frozen=True)
@@ -54,6 +66,13 @@ class Function(Flow):
     @property
     def name(self) -> str:
         return getattr(self.displacement, "__qualname__", type(self.displacement).__name__)
+
+
+def transformed(matrix: Floats, points: Points) -> Points:
+    """matrix (3, 3) · each of points (N, 3), with the same bits whatever the other points are."""
+    x, y, z = points.T[:, :, None]
+    out: Points = x * matrix[:, 0] + y * matrix[:, 1] + z * matrix[:, 2]
+    return out
 
 
 def for_kernels(points: Points) -> Points:

@@ -6,25 +6,30 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow.compose import Sequence
-from pipeline.flow.flow import Flow
+from pipeline.flow.flow import Flow, Part
 
 
 def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) -> Points:
     """`flow.displace`: a new float64 array (N, 3) of finite numbers, or a FrameError.
 
-    The error names the flow (in a sequence the guilty one), the first bad vertex and where that vertex
+    The error names the flow (of several in order the guilty one), the first bad vertex and where that vertex
     was; its `frame` is `frame`.
     """
-    if isinstance(flow, Sequence):
-        for part in flow.flows:
-            points = displaced(part, points, time, dt, frame)
-        return points
+    try:
+        for part in flow.parts(time, dt):
+            points = _moved(part, points, frame)
+    except FrameError as error:
+        raise error.of(frame) from None
+    return points
+
+
+def _moved(part: Part, points: Points, frame: int) -> Points:
+    flow, time, dt = part
     place = f"flow {flow.name}"
     try:
         moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
-    except FrameError as error:
-        raise error.of(frame) from None
+    except FrameError:
+        raise
     except Exception as error:
         raise FrameError(
             f"{place} raised {type(error).__name__}: {error}; a flow takes points (N, 3), time and dt "

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow.compose import Reversed, Sequence
 from pipeline.flow.flow import Flow
 from pipeline.flow.guard import displaced
 from pipeline.flow.velocity import Course, Streamlines
@@ -52,7 +50,11 @@ class History:
 
     def add(self, step: Step) -> None:
         """The next frame. Raises FrameError where a velocity field is too steep to follow."""
-        legs = [_leg(part) for part in _parts(step)]
+        try:
+            parts = [Step(*part, step.frame) for part in step.flow.parts(step.time, step.dt)]
+        except FrameError as error:
+            raise error.of(step.frame) from None
+        legs = [_leg(part) for part in parts]
         self._steps.append(step)
         for leg in legs:
             last = self._legs[-1] if self._legs else None
@@ -81,18 +83,6 @@ class History:
         """Frame by frame, to find where it went wrong."""
         for step in self._steps:
             points = step.apply(points)
-
-
-def _parts(step: Step) -> Iterator[Step]:
-    """The flows that act one after another within a step."""
-    flow = step.flow
-    if isinstance(flow, Reversed):
-        yield from _parts(Step(flow.flow, flow.duration - step.time, -step.dt, step.frame))
-    elif isinstance(flow, Sequence):
-        for part in flow.flows if step.dt >= 0 else reversed(flow.flows):
-            yield from _parts(Step(part, step.time, step.dt, step.frame))
-    else:
-        yield step
 
 
 def _leg(step: Step) -> Course | Step:

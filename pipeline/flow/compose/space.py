@@ -1,0 +1,99 @@
+"""Flows seen elsewhere: in a frame that is moved, turned and scaled, or in a mirror."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import Floats, Points
+from pipeline.errors import FrameError
+from pipeline.flow.catalogue.directions import ORIGIN, X, unit
+from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
+from pipeline.flow.flow import Flow, transformed
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Where something is placed: scaled, then turned, then moved; all of it may be keyed.
+
+    translate  where its origin lies
+    rotate     radians about x, then y, then z (Blender's *XYZ Euler*), about its origin
+    scale      a factor above 0
+    """
+
+    translate: Place = ORIGIN
+    rotate: Place = ORIGIN
+    scale: Number = 1.0
+
+    def at(self, time: float) -> tuple[Floats, Floats]:
+        """Its origin (3,) and its axes, the columns of a matrix (3, 3).
+
+        Raises FrameError where the scale is not above 0.
+        """
+        scale = float(number_at(self.scale, time))
+        if not scale > 0:
+            raise FrameError(
+                f"a frame has the scale {scale:g} at {time:g} s, and nothing has room in it; "
+                "it must be above 0. Mend its keys."
+            )
+        (cx, cy, cz), (sx, sy, sz) = (
+            [turn(angle) for angle in place_at(self.rotate, time)] for turn in (math.cos, math.sin)
+        )
+        about_x = np.array([[1.0, 0.0, 0.0], [0.0, cx, -sx], [0.0, sx, cx]])
+        about_y = np.array([[cy, 0.0, sy], [0.0, 1.0, 0.0], [-sy, 0.0, cy]])
+        about_z = np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]])
+        return np.array(place_at(self.translate, time)), scale * (about_z @ about_y @ about_x)
+
+
+@dataclass(frozen=True)
+class Placed(Flow):
+    """A flow in a frame: a copy of it, moved, turned and scaled, distances and speeds alike.
+
+    The frame brings the flow to the points; where it moves, it does not carry them along. It is taken at the
+    middle of each step.
+    """
+
+    flow: Flow
+    frame: Frame
+
+    def displace(self, points: Points, time: float, dt: float) -> Points:
+        origin, axes = self.frame.at(time + dt / 2)
+        back: Floats = np.linalg.inv(axes)
+        inside = transformed(back, points - origin)
+        return transformed(axes, self.flow.displace(inside, time, dt)) + origin
+
+    def acting(self, time: float, dt: float) -> Any:
+        origin, axes = self.frame.at(time + dt / 2)
+        return {"placed": [origin.tolist(), axes.tolist()], "flow": self.flow.acting(time, dt)}
+
+    @property
+    def name(self) -> str:
+        return f"placed {self.flow.name}"
+
+
+@dataclass(frozen=True)
+class Mirrored(Flow):
+    """A flow seen in the mirror through `centre` across `normal`: what turns left there turns right here."""
+
+    flow: Flow
+    normal: Vector = X
+    centre: Vector = ORIGIN
+
+    def displace(self, points: Points, time: float, dt: float) -> Points:
+        return self._seen(self.flow.displace(self._seen(points), time, dt))
+
+    def acting(self, time: float, dt: float) -> Any:
+        return {"mirrored": [*self.centre, *unit(self.normal)], "flow": self.flow.acting(time, dt)}
+
+    @property
+    def name(self) -> str:
+        return f"mirrored {self.flow.name}"
+
+    def _seen(self, points: Points) -> Points:
+        normal, centre = np.array(unit(self.normal)), np.array(self.centre)
+        reflection = np.eye(3) - 2.0 * np.outer(normal, normal)
+        seen: Points = transformed(reflection, points - centre) + centre
+        return seen
