@@ -7,7 +7,8 @@ from typing import Any
 
 from pipeline.arrays import Points
 from pipeline.flow.flow import Flow
-from pipeline.flow.velocity import Term, VelocityField
+from pipeline.flow.program import Program
+from pipeline.flow.velocity import VelocityField
 
 
 @dataclass(frozen=True)
@@ -17,8 +18,18 @@ class Sum(VelocityField):
     fields: tuple[VelocityField, ...]
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[VelocityField, ...]:
         return tuple(term for field in self.fields for term in field.terms)
+
+    def program(self, time: float) -> Program:
+        return tuple(row for field in self.fields for row in field.program(time))
+
+    def steepness(self, time: float) -> float:
+        return sum(field.steepness(time) for field in self.fields)
+
+    @property
+    def name(self) -> str:
+        return " + ".join(field.name for field in self.fields)
 
 
 @dataclass(frozen=True)
