@@ -88,6 +88,11 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
     return decorate
 
 
+def higher_kernel(function: F) -> F:
+    """A kernel that takes kernels: written out in each that calls it, and filed with that one."""
+    return numba.njit(inline="always")(function)  # type: ignore[no-any-return]
+
+
 DECLARED: list[tuple[Any, Any]] = []
 """Every kernel imported so far, and the types it is compiled for."""
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from abc import abstractmethod
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -11,14 +10,23 @@ import numpy as np
 
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
+from pipeline.flow import _kernels_opcodes as op
+from pipeline.flow import _kernels_region as kernels
 from pipeline.flow.catalogue.directions import ORIGIN, Y, unit
 from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
+from pipeline.flow.flow import for_kernels
+from pipeline.flow.program import Instruction
 
 Fall = Literal["smooth", "sine", "linear"]
 
+FALLS = {"smooth": kernels.SMOOTH, "sine": kernels.SINE, "linear": kernels.LINEAR}
+
+STEEPEST_FALL = {"smooth": 1.875, "sine": np.pi / 2, "linear": 1.0}
+"""The steepest slope of each, per falloff."""
+
 
 @dataclass(frozen=True, kw_only=True)
-class Region:
+class Region(ABC):
     """What all share. Inside a point's weight is 1, from `falloff` outside on it is 0.
 
     falloff  how wide the rim is, in scene units, outside of the region's surface; 0: none
@@ -33,25 +41,39 @@ class Region:
 
     def weight(self, points: Points, time: float) -> Floats:
         """Weights (N,) of points (N, 3), from 0 to 1. Raises FrameError where the region has no size."""
-        distance, width = self.distance(points, time), self.falloff_at(time)
-        t = np.clip(distance / width, 0.0, 1.0) if width > 0 else (distance > 0).astype(np.float64)
-        weight: Floats = _FALLS[self.fall](t)
-        return 1.0 - weight if self.invert else weight
+        points, closing = for_kernels(points), self.closing(time)
+        out = np.empty(len(points))
+        kernels.weights(points, closing.kind, np.array(closing.numbers), out)
+        return out
 
-    @abstractmethod
-    def distance(self, points: Points, time: float) -> Floats:
-        """How far (N,) points (N, 3) lie outside; 0 or less inside."""
-
-    @abstractmethod
-    def numbers(self, time: float) -> tuple[float, ...]:
-        """Its measures at a time."""
+    def closing(self, time: float) -> Instruction:
+        """The bracket that closes a group of a velocity program by this region."""
+        first, last = self._measures(time)
+        factors = (0.0, 1.0) if self.invert else (1.0, 0.0)
+        shape = (*first, *(0.0,) * (6 - len(first)))
+        numbers = (*shape, self.falloff_at(time), *factors, float(FALLS[self.fall]), *last)
+        return Instruction(self._opcode, (*numbers, *(0.0,) * (op.COLUMNS - len(numbers))))
 
     def acting(self, time: float) -> Any:
         """All that decides its weights at a time, JSON-able."""
-        return [self.name, *self.numbers(time), self.falloff_at(time), self.fall, self.invert]
+        closing = self.closing(time)
+        return [closing.kind, list(closing.numbers) if closing.identity is None else closing.identity]
+
+    @property
+    @abstractmethod
+    def _opcode(self) -> int:
+        """What closes a group by it."""
+
+    @abstractmethod
+    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        """What stands in its row before the falloff (at most 6 numbers), and after the fall (at most 2)."""
+
+    @abstractmethod
+    def bounds(self, time: float) -> tuple[Vector, Vector]:
+        """A box that holds it and its rim: its middle, and half its sides. Of a half-space, what is NEAR."""
 
     def falloff_at(self, time: float) -> float:
-        return float(number_at(self.falloff, time))
+        return max(0.0, float(number_at(self.falloff, time)))
 
     @property
     def name(self) -> str:
@@ -68,16 +90,6 @@ class Region:
         return size
 
 
-_FALLS = {
-    "smooth": lambda t: 1.0 - t * t * t * (10.0 + t * (6.0 * t - 15.0)),
-    "sine": lambda t: 0.5 + 0.5 * np.cos(math.pi * t),
-    "linear": lambda t: 1.0 - t,
-}
-
-STEEPEST_FALL = {"smooth": 1.875, "sine": math.pi / 2, "linear": 1.0}
-"""The steepest slope of each, per falloff."""
-
-
 @dataclass(frozen=True)
 class Sphere(Region):
     """All points within a radius of a centre."""
@@ -85,12 +97,16 @@ class Sphere(Region):
     centre: Place = ORIGIN
     radius: Number = 1.0
 
-    def distance(self, points: Points, time: float) -> Floats:
-        x, y, z, radius = self.numbers(time)
-        return _lengths(points - np.array([x, y, z])) - radius
+    @property
+    def _opcode(self) -> int:
+        return op.CLOSE_BALL
 
-    def numbers(self, time: float) -> tuple[float, ...]:
-        return (*place_at(self.centre, time), self._size(self.radius, "radius", time))
+    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        return (*place_at(self.centre, time), self._size(self.radius, "radius", time)), ()
+
+    def bounds(self, time: float) -> tuple[Vector, Vector]:
+        outer = self._size(self.radius, "radius", time) + self.falloff_at(time)
+        return place_at(self.centre, time), (outer, outer, outer)
 
 
 @dataclass(frozen=True)
@@ -104,13 +120,16 @@ class Box(Region):
         if not min(self.size) > 0:
             raise UsageError(f"a box of the size {list(self.size)} holds nothing; its sides must be above 0")
 
-    def distance(self, points: Points, time: float) -> Floats:
-        beyond = np.abs(points - np.array(place_at(self.centre, time))) - 0.5 * np.array(self.size)
-        inside: Floats = np.minimum(beyond.max(axis=1, initial=-np.inf), 0.0)
-        return _lengths(np.maximum(beyond, 0.0)) + inside
+    @property
+    def _opcode(self) -> int:
+        return op.CLOSE_BOX
 
-    def numbers(self, time: float) -> tuple[float, ...]:
-        return (*place_at(self.centre, time), *self.size)
+    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        return (*place_at(self.centre, time), *(0.5 * side for side in self.size)), ()
+
+    def bounds(self, time: float) -> tuple[Vector, Vector]:
+        x, y, z = (0.5 * side + self.falloff_at(time) for side in self.size)
+        return place_at(self.centre, time), (x, y, z)
 
 
 @dataclass(frozen=True)
@@ -120,14 +139,20 @@ class HalfSpace(Region):
     centre: Place = ORIGIN
     normal: Vector = Y
 
-    def distance(self, points: Points, time: float) -> Floats:
-        x, y, z = (points - np.array(place_at(self.centre, time))).T
-        nx, ny, nz = unit(self.normal)
-        height: Floats = nx * x + ny * y + nz * z
-        return height
+    @property
+    def _opcode(self) -> int:
+        return op.CLOSE_HALF_SPACE
 
-    def numbers(self, time: float) -> tuple[float, ...]:
-        return (*place_at(self.centre, time), *unit(self.normal))
+    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        return (*place_at(self.centre, time), *unit(self.normal)), ()
+
+    def bounds(self, time: float) -> tuple[Vector, Vector]:
+        near = NEAR + self.falloff_at(time)
+        return place_at(self.centre, time), (near, near, near)
+
+
+NEAR = 4.0
+"""Scene units about its centre: what of a half-space, which has no end, is looked at."""
 
 
 @dataclass(frozen=True)
@@ -139,43 +164,30 @@ class _Round(Region):
     length: Number = 1.0
     radius: Number = 0.5
 
-    def numbers(self, time: float) -> tuple[float, ...]:
-        sizes = self._size(self.length, "length", time), self._size(self.radius, "radius", time)
-        return (*place_at(self.centre, time), *unit(self.axis), *sizes)
+    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        sizes = 0.5 * self._size(self.length, "length", time), self._size(self.radius, "radius", time)
+        return (*place_at(self.centre, time), *unit(self.axis)), sizes
 
-    def _along_and_across(self, points: Points, time: float) -> tuple[Floats, Floats]:
-        """How far along the axis from the centre, and how far from the axis."""
-        offsets = points - np.array(place_at(self.centre, time))
-        axis = np.array(unit(self.axis))
-        along = offsets[:, 0] * axis[0] + offsets[:, 1] * axis[1] + offsets[:, 2] * axis[2]
-        return along, _lengths(offsets - along[:, None] * axis)
+    def bounds(self, time: float) -> tuple[Vector, Vector]:
+        _, (half, radius) = self._measures(time)
+        outer = radius + self.falloff_at(time)
+        x, y, z = (half * abs(part) + outer for part in unit(self.axis))
+        return place_at(self.centre, time), (x, y, z)
 
 
 @dataclass(frozen=True)
 class Capsule(_Round):
     """All points within a radius of a piece of a line."""
 
-    def distance(self, points: Points, time: float) -> Floats:
-        *_, length, radius = self.numbers(time)
-        along, across = self._along_and_across(points, time)
-        beyond = np.maximum(np.abs(along) - 0.5 * length, 0.0)
-        return np.sqrt(beyond * beyond + across * across) - radius
+    @property
+    def _opcode(self) -> int:
+        return op.CLOSE_CAPSULE
 
 
 @dataclass(frozen=True)
 class Cylinder(_Round):
     """A cylinder with flat ends."""
 
-    def distance(self, points: Points, time: float) -> Floats:
-        *_, length, radius = self.numbers(time)
-        along, across = self._along_and_across(points, time)
-        out, beyond = across - radius, np.abs(along) - 0.5 * length
-        outside = np.sqrt(np.maximum(out, 0.0) ** 2 + np.maximum(beyond, 0.0) ** 2)
-        inside: Floats = np.minimum(np.maximum(out, beyond), 0.0)
-        return outside + inside
-
-
-def _lengths(vectors: Points) -> Floats:
-    x, y, z = vectors.T
-    lengths: Floats = np.sqrt(x * x + y * y + z * z)
-    return lengths
+    @property
+    def _opcode(self) -> int:
+        return op.CLOSE_CYLINDER

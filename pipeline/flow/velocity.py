@@ -13,7 +13,9 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow._kernels_opcodes import COLUMNS
 from pipeline.flow.flow import Flow, for_kernels
+from pipeline.flow.program import Instruction, Program, identity_of, kinds_of, table_of
 
 STEP_LIMIT = 0.1
 """The longest sub-step times the steepest velocity gradient.
@@ -27,61 +29,48 @@ WORTH_SHARING = 8000  # steps of points: fewer are done before a second thread h
 
 
 class VelocityField(ABC):
-    """Velocities in scene units per second, at any point and time: one or more rows of the kernels' table."""
-
-    @property
-    @abstractmethod
-    def terms(self) -> tuple[Term, ...]:
-        """The basic fields that are added up."""
-
-    @property
-    def name(self) -> str:
-        return " + ".join(term.name for term in self.terms)
-
-    def velocity(self, points: Points, time: float) -> Vectors:
-        """Velocities (N, 3) at points (N, 3)."""
-        points = for_kernels(points)
-        out = np.empty_like(points)
-        kernels.velocities(points, kinds_of(self), table_of(self, time).ravel(), out)
-        return out
-
-
-class Term(VelocityField):
-    """A basic field: its kind and its numbers at a time. The catalogue holds the equations."""
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (self,)
-
-    @property
-    def name(self) -> str:
-        return type(self).__name__.lower()
-
-    @property
-    @abstractmethod
-    def kind(self) -> int:
-        """Which equation of the kernels it is."""
+    """Velocities in scene units per second, at any point and time, as a program for the kernels."""
 
     @abstractmethod
-    def row(self, time: float) -> tuple[float, ...]:
-        """Its parameters at a time, in the kernels' order."""
+    def program(self, time: float) -> Program:
+        """What the kernels do for it at a time: the same opcodes at all times."""
 
     @abstractmethod
     def steepness(self, time: float) -> float:
         """A bound of the velocity gradient, in 1/s: it decides the number of sub-steps."""
 
+    @property
+    def terms(self) -> tuple[VelocityField, ...]:
+        """The fields that it is the sum of."""
+        return (self,)
 
-def kinds_of(field: VelocityField) -> Indices:
-    return np.array([term.kind for term in field.terms], dtype=np.int32)
+    @property
+    def name(self) -> str:
+        """What error messages call it."""
+        return type(self).__name__.lower()
+
+    def velocity(self, points: Points, time: float) -> Vectors:
+        """Velocities (N, 3) at points (N, 3)."""
+        points, program = for_kernels(points), self.program(time)
+        out = np.empty_like(points)
+        kernels.velocities(points, kinds_of(program), table_of(program).ravel(), out)
+        return out
 
 
-def table_of(field: VelocityField, time: float) -> Floats:
-    """The kernels' table (K, COLUMNS) of a field at a time."""
-    table = np.zeros((len(field.terms), kernels.COLUMNS))
-    for k, term in enumerate(field.terms):
-        row = term.row(time)
-        table[k, : len(row)] = row
-    return table
+class Term(VelocityField):
+    """A basic field: one leaf of the kernels and its numbers at a time. The catalogue holds the equations."""
+
+    @property
+    @abstractmethod
+    def kind(self) -> int:
+        """Its opcode."""
+
+    @abstractmethod
+    def row(self, time: float) -> tuple[float, ...]:
+        """Its numbers at a time, in the kernels' order."""
+
+    def program(self, time: float) -> Program:
+        return (Instruction(self.kind, self.row(time)),)
 
 
 class Course(NamedTuple):
@@ -146,19 +135,21 @@ class Streamlines(Flow):
                 f"flow {self.name} at {time:g} s is so steep or finely cut that a frame takes {wanted:.3g} "
                 f"sub-steps; {MOST_SUBSTEPS} are the most. Lower its strength or widen its radius."
             )
-        count, kinds = int(wanted), kinds_of(self.field)
-        tables, length = self._tables(time, dt, count)
+        count = int(wanted)
+        programs, length = self._programs(time, dt, count)
+        kinds = kinds_of(programs[0])
+        tables = np.concatenate([table_of(program) for program in programs])
         steps = np.zeros((count, 3), np.int64)
-        steps[:, 1], steps[:, 2] = len(kinds), 2 * len(kinds) * kernels.COLUMNS * np.arange(count)
+        steps[:, 1], steps[:, 2] = len(kinds), 2 * len(kinds) * COLUMNS * np.arange(count)
         return Course(kinds, tables.ravel(), steps, np.full(count, length))
 
     def acting(self, time: float, dt: float) -> Any:
         """A field too steep to follow has data too, without a step: its frame fails, and not before."""
         wanted = self._substeps(time, dt)
         feasible = wanted <= MOST_SUBSTEPS
-        tables, length = self._tables(time, dt, int(wanted) if feasible else 1)
+        programs, length = self._programs(time, dt, int(wanted) if feasible else 1)
         step = length if feasible else None
-        return {"streamlines": kinds_of(self.field).tolist(), "tables": tables.tolist(), "step": step}
+        return {"streamlines": [identity_of(program) for program in programs], "step": step}
 
     @property
     def name(self) -> str:
@@ -168,12 +159,11 @@ class Streamlines(Flow):
         """How many are given, or asked for by STEP_LIMIT at the start, middle and end of the step."""
         if self.substeps:
             return self.substeps
-        steepest = max(
-            sum(term.steepness(t) for term in self.field.terms) for t in (time, time + dt / 2, time + dt)
-        )
+        steepest = max(self.field.steepness(t) for t in (time, time + dt / 2, time + dt))
         wanted = steepest * abs(dt) / STEP_LIMIT
         return max(1, math.ceil(wanted)) if math.isfinite(wanted) else math.inf
 
-    def _tables(self, time: float, dt: float, count: int) -> tuple[Floats, float]:
+    def _programs(self, time: float, dt: float, count: int) -> tuple[list[Program], float]:
+        """At the ends and middles of sub-steps, and how long one is."""
         times = time + dt * np.arange(2 * count + 1) / (2 * count)
-        return np.stack([table_of(self.field, float(t)) for t in times]), dt / count
+        return [self.field.program(float(t)) for t in times], dt / count

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN
 from pipeline.flow.choreography import Number, Place, number_at, place_at
 from pipeline.flow.velocity import Term
@@ -36,7 +36,7 @@ class Enright(Term):
 
     @property
     def kind(self) -> int:
-        return kernels.ENRIGHT
+        return op.ENRIGHT
 
     def row(self, time: float) -> tuple[float, ...]:
         return (*place_at(self.centre, time), number_at(self.scale, time), self._factor(time))

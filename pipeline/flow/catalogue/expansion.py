@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN, Z, unit
 from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
 from pipeline.flow.velocity import Term
@@ -31,7 +31,7 @@ class Expansion(Term):
 
     @property
     def kind(self) -> int:
-        return kernels.DISC if self.shape == "disc" else kernels.BALL
+        return op.DISC if self.shape == "disc" else op.BALL
 
     def row(self, time: float) -> tuple[float, ...]:
         narrowness = number_at(self.radius, time) ** -2.0

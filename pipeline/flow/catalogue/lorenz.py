@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN
 from pipeline.flow.choreography import Number, Place, number_at, place_at
 from pipeline.flow.velocity import Term
@@ -34,7 +34,7 @@ class Lorenz(Term):
 
     @property
     def kind(self) -> int:
-        return kernels.LORENZ
+        return op.LORENZ
 
     def row(self, time: float) -> tuple[float, ...]:
         numbers = (self.sigma, self.rho, self.beta, self.scale, self.time_scale)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN, Y, unit
 from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
 from pipeline.flow.velocity import Term
@@ -27,10 +27,11 @@ class Strain(Term):
 
     @property
     def kind(self) -> int:
-        return kernels.STRAIN
+        return op.STRAIN
 
     def row(self, time: float) -> tuple[float, ...]:
-        return (*place_at(self.centre, time), *unit(self.axis), number_at(self.rate, time))
+        rate = number_at(self.rate, time)
+        return (*place_at(self.centre, time), *unit(self.axis), rate, -0.5 * rate)
 
     def steepness(self, time: float) -> float:
         return abs(number_at(self.rate, time))

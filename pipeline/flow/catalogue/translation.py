@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN
 from pipeline.flow.choreography import Place, place_at
 from pipeline.flow.velocity import Term
@@ -21,7 +21,7 @@ class Translation(Term):
 
     @property
     def kind(self) -> int:
-        return kernels.TRANSLATION
+        return op.TRANSLATION
 
     def row(self, time: float) -> tuple[float, ...]:
         return place_at(self.rate, time)

@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import Literal
 
-from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN, Z, unit
 from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
 from pipeline.flow.velocity import Term
@@ -39,7 +39,7 @@ class Vortex(Term):
 
     @property
     def kind(self) -> int:
-        return kernels.GAUSSIAN if self.profile == "gaussian" else kernels.LAMB_OSEEN
+        return op.GAUSSIAN if self.profile == "gaussian" else op.LAMB_OSEEN
 
     def row(self, time: float) -> tuple[float, ...]:
         narrowness = number_at(self.radius, time) ** -2.0

@@ -5,8 +5,27 @@ weighs a field weighs its velocity, what weighs a map weighs the way a point goe
 """
 
 from pipeline.flow.compose.blend import Blend, Within
-from pipeline.flow.compose.fields import Sum
+from pipeline.flow.compose.build import blended, mirrored, placed, within
+from pipeline.flow.compose.fields import InFrame, InMirror, Limited, Scaled, Sum
 from pipeline.flow.compose.order import Repeated, Reversed, Sequence
 from pipeline.flow.compose.space import Frame, Mirrored, Placed
 
-__all__ = ["Blend", "Frame", "Mirrored", "Placed", "Repeated", "Reversed", "Sequence", "Sum", "Within"]
+__all__ = [
+    "Blend",
+    "Frame",
+    "InFrame",
+    "InMirror",
+    "Limited",
+    "Mirrored",
+    "Placed",
+    "Repeated",
+    "Reversed",
+    "Scaled",
+    "Sequence",
+    "Sum",
+    "Within",
+    "blended",
+    "mirrored",
+    "placed",
+    "within",
+]

@@ -7,19 +7,15 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.arrays import Points
-from pipeline.errors import FrameError
 from pipeline.flow.choreography import Number, number_at
 from pipeline.flow.compose.inverse import undone
-from pipeline.flow.compose.order import Sequence
+from pipeline.flow.compose.weight import weight_at
 from pipeline.flow.flow import Flow
 from pipeline.flow.regions import Region
 
-NOTHING = Sequence(())
-"""The flow that leaves everything where it is."""
-
 
 class Weighed(Flow):
-    """A map whose way is weighed. Backwards it is undone to the last digits, by the weights it had forwards."""
+    """A map whose way is weighed. Backwards it is undone to the last digits, by the weights there were."""
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         if dt >= 0:
@@ -80,14 +76,3 @@ class Within(Weighed):
     @property
     def name(self) -> str:
         return f"{self.flow.name} within a {self.region.name}"
-
-
-def weight_at(weight: Number, time: float, name: str) -> float:
-    """A weight at a time. Raises FrameError where it is not from 0 to 1."""
-    value = float(number_at(weight, time))
-    if not -1e-12 <= value <= 1.0 + 1e-12:
-        raise FrameError(
-            f"flow {name} has the weight {value:g} at {time:g} s; a weight is from 0 to 1. "
-            "Mend its keys, or choose an easing that does not overshoot."
-        )
-    return min(max(value, 0.0), 1.0)

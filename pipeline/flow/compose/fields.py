@@ -1,10 +1,18 @@
-"""Velocity fields made of velocity fields."""
+"""Velocity fields made of velocity fields: brackets of one program, followed by one integration."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from pipeline.flow.velocity import Term, VelocityField
+import numpy as np
+
+from pipeline.flow.catalogue.directions import ORIGIN, X
+from pipeline.flow.choreography import Number, Vector
+from pipeline.flow.compose.space import Frame, reflection
+from pipeline.flow.compose.weight import weight_at
+from pipeline.flow.program import Program, grouped, placed, scaled
+from pipeline.flow.regions import STEEPEST_FALL, Region
+from pipeline.flow.velocity import VelocityField
 
 
 @dataclass(frozen=True)
@@ -14,5 +22,117 @@ class Sum(VelocityField):
     fields: tuple[VelocityField, ...]
 
     @property
-    def terms(self) -> tuple[Term, ...]:
+    def terms(self) -> tuple[VelocityField, ...]:
         return tuple(term for field in self.fields for term in field.terms)
+
+    def program(self, time: float) -> Program:
+        return tuple(row for field in self.fields for row in field.program(time))
+
+    def steepness(self, time: float) -> float:
+        return sum(field.steepness(time) for field in self.fields)
+
+    @property
+    def name(self) -> str:
+        return " + ".join(field.name for field in self.fields)
+
+
+@dataclass(frozen=True)
+class Scaled(VelocityField):
+    """A field with its velocities multiplied by a weight from 0 to 1, or by what is left of it.
+
+    rest  the factor is 1 − weight
+    """
+
+    field: VelocityField
+    weight: Number
+    rest: bool = False
+
+    def program(self, time: float) -> Program:
+        return scaled(self.field.program(time), self._factor(time))
+
+    def steepness(self, time: float) -> float:
+        return self._factor(time) * self.field.steepness(time)
+
+    @property
+    def name(self) -> str:
+        return self.field.name
+
+    def _factor(self, time: float) -> float:
+        weight = weight_at(self.weight, time, self.name)
+        return 1.0 - weight if self.rest else weight
+
+
+@dataclass(frozen=True)
+class Limited(VelocityField):
+    """A field within a region: its velocities are multiplied by the weight of the region there and then."""
+
+    field: VelocityField
+    region: Region
+
+    def program(self, time: float) -> Program:
+        return grouped(self.field.program(time), self.region.closing(time))
+
+    def steepness(self, time: float) -> float:
+        """The field's own, and what the fall adds: its slope times the speed in it.
+
+        The speed is looked at on a grid over the region and its rim, and is at most that much more between.
+        Where there is no rim, or none that a step could resolve, the field's own counts alone.
+        """
+        inside, falloff = self.field.steepness(time), self.region.falloff_at(time)
+        if falloff <= 0:
+            return inside
+        middle, half = self.region.bounds(time)
+        lines = [np.linspace(m - h, m + h, GRID) for m, h in zip(middle, half, strict=True)]
+        grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
+        fastest = float(np.linalg.norm(self.field.velocity(grid, time), axis=1).max())
+        between = inside * float(np.linalg.norm(half)) / (GRID - 1)
+        return inside + STEEPEST_FALL[self.region.fall] / falloff * (fastest + between)
+
+    @property
+    def name(self) -> str:
+        return f"{self.field.name} within a {self.region.name}"
+
+
+GRID = 9
+"""Points along each side of the box in which the speed of a limited field is looked at."""
+
+
+@dataclass(frozen=True)
+class InFrame(VelocityField):
+    """A field in a frame, keyed or not: see `Placed`."""
+
+    field: VelocityField
+    frame: Frame
+
+    def program(self, time: float) -> Program:
+        origin, axes = self.frame.at(time)
+        return placed(self.field.program(time), tuple(origin.tolist()), axes)
+
+    def steepness(self, time: float) -> float:
+        """The same: speeds and distances are scaled alike."""
+        return self.field.steepness(time)
+
+    @property
+    def name(self) -> str:
+        return f"placed {self.field.name}"
+
+
+@dataclass(frozen=True)
+class InMirror(VelocityField):
+    """A field in a mirror: see `Mirrored`."""
+
+    field: VelocityField
+    normal: Vector = X
+    centre: Vector = ORIGIN
+
+    def program(self, time: float) -> Program:
+        matrix = reflection(self.normal)
+        centre = np.array(self.centre)
+        return placed(self.field.program(time), tuple((centre - matrix @ centre).tolist()), matrix)
+
+    def steepness(self, time: float) -> float:
+        return self.field.steepness(time)
+
+    @property
+    def name(self) -> str:
+        return f"mirrored {self.field.name}"

@@ -61,7 +61,7 @@ class Placed(Flow):
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         origin, axes = self.frame.at(time + dt / 2)
-        back: Floats = np.linalg.inv(axes)
+        back: Floats = np.linalg.inv(axes).astype(np.float64)
         inside = transformed(back, points - origin)
         return transformed(axes, self.flow.displace(inside, time, dt)) + origin
 
@@ -93,7 +93,13 @@ class Mirrored(Flow):
         return f"mirrored {self.flow.name}"
 
     def _seen(self, points: Points) -> Points:
-        normal, centre = np.array(unit(self.normal)), np.array(self.centre)
-        reflection = np.eye(3) - 2.0 * np.outer(normal, normal)
-        seen: Points = transformed(reflection, points - centre) + centre
+        centre = np.array(self.centre)
+        seen: Points = transformed(reflection(self.normal), points - centre) + centre
         return seen
+
+
+def reflection(normal: Vector) -> Floats:
+    """The matrix (3, 3) that mirrors across a normal; it is its own inverse."""
+    across = np.array(unit(normal))
+    matrix: Floats = np.eye(3) - 2.0 * np.outer(across, across)
+    return matrix

@@ -1,0 +1,37 @@
+"""Swelling within a ball, or about a line."""
+
+from __future__ import annotations
+
+from pipeline.arrays import Floats
+from pipeline.flow import _kernels_opcodes as op
+from pipeline.flow._kernels_block import EQUATION, LEAVES, Velocity, add_each
+from pipeline.kernels import kernel
+
+
+@kernel(EQUATION, forceinline=True)
+def ball(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
+    """centre 0:3, -, 1 / radius² 6, rate 7"""
+    rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
+    inside = max(0.0, 1.0 - (rx * rx + ry * ry + rz * rz) * p[o + 6])
+    rate = p[o + 7] * inside * inside
+    return rate * rx, rate * ry, rate * rz
+
+
+@kernel(EQUATION, forceinline=True)
+def disc(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
+    """centre 0:3, unit axis 3:6, 1 / radius² 6, rate 7"""
+    rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
+    along = p[o + 3] * rx + p[o + 4] * ry + p[o + 5] * rz
+    qx, qy, qz = rx - along * p[o + 3], ry - along * p[o + 4], rz - along * p[o + 5]
+    inside = max(0.0, 1.0 - (qx * qx + qy * qy + qz * qz) * p[o + 6])
+    rate = p[o + 7] * inside * inside
+    return rate * qx, rate * qy, rate * qz
+
+
+@kernel(LEAVES)
+def expansions(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
+    """Add the field of an opcode to n points of the level at s[b]."""
+    if kind == op.BALL:
+        add_each(ball, p, o, n, s, b)
+    elif kind == op.DISC:
+        add_each(disc, p, o, n, s, b)

@@ -1,0 +1,67 @@
+"""Compositions of anything: what is made of velocity fields becomes one field, everything else a map.
+
+A sequence is composed flow by flow, so that each of its fields keeps its integration.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from pipeline.flow.choreography import Number, Vector
+from pipeline.flow.compose.blend import Blend, Within
+from pipeline.flow.compose.fields import InFrame, InMirror, Limited, Scaled, Sum
+from pipeline.flow.compose.order import Sequence
+from pipeline.flow.compose.space import Frame, Mirrored, Placed
+from pipeline.flow.flow import Flow
+from pipeline.flow.regions import Region
+from pipeline.flow.velocity import Streamlines, VelocityField
+
+
+def within(flow: Flow, region: Region) -> Flow:
+    """A flow within a region: velocities are weighed where there are any, else the way of a step."""
+    return _composed(flow, lambda field: Limited(field, region), lambda other: Within(other, region))
+
+
+def placed(flow: Flow, frame: Frame) -> Flow:
+    """A flow in a frame."""
+    return _composed(flow, lambda field: InFrame(field, frame), lambda other: Placed(other, frame))
+
+
+def mirrored(flow: Flow, normal: Vector, centre: Vector) -> Flow:
+    """A flow in a mirror."""
+    return _composed(
+        flow, lambda field: InMirror(field, normal, centre), lambda other: Mirrored(other, normal, centre)
+    )
+
+
+def blended(first: Flow, second: Flow, weight: Number) -> Flow:
+    """Between two flows: of velocities where each is a velocity field or nothing, else of ways."""
+    one, other = _only(first), _only(second)
+    fields = [
+        Scaled(flow.field, weight, rest)
+        for flow, rest in ((one, True), (other, False))
+        if isinstance(flow, Streamlines)
+    ]
+    if not fields or not all(flow is None or isinstance(flow, Streamlines) for flow in (one, other)):
+        return Blend(first, second, weight)
+    counts = {flow.substeps for flow in (one, other) if isinstance(flow, Streamlines)}
+    if len(counts) > 1:
+        return Blend(first, second, weight)
+    return Streamlines(Sum(tuple(fields)), counts.pop())
+
+
+def _only(flow: Flow) -> Flow | None:
+    """The one flow that it is, None for nothing."""
+    if isinstance(flow, Sequence) and len(flow.flows) < 2:
+        return _only(flow.flows[0]) if flow.flows else None
+    return flow
+
+
+def _composed(
+    flow: Flow, field: Callable[[VelocityField], VelocityField], other: Callable[[Flow], Flow]
+) -> Flow:
+    if isinstance(flow, Sequence):
+        return Sequence(tuple(_composed(part, field, other) for part in flow.flows))
+    if isinstance(flow, Streamlines):
+        return Streamlines(field(flow.field), flow.substeps)
+    return other(flow)
