@@ -56,7 +56,7 @@ def read_rate(source: Source) -> tuple[FrameRate | None, list[Problem]]:
 def directions(source: Source) -> Iterator[Problem]:
     """Axes have a direction, and a shear slides across its axis."""
     for where, mapping in source.mappings():
-        for name in ("axis", "direction"):
+        for name in ("axis", "direction", "normal"):
             value = mapping.get(name)
             if _is_triple(value) and math.hypot(*value) < 1e-12:
                 yield (*where, name), f"{name} {value} has no direction. Write x, y, z or a vector."

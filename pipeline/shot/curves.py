@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-from typing import Annotated, Any, Generic, TypeVar
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo
 from pydantic_core import PydanticCustomError
@@ -14,6 +15,7 @@ from pipeline.flow.choreography import Curve, Keyframes, Number, Place
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.formulated import TIME_NAMES, Formulated
 from pipeline.formula import Expression, FormulaError
+from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import Clock
 from pipeline.shot.fields import Document, Positive, Real, Triple, is_number, one_of, vector
 
@@ -82,8 +84,22 @@ class OverTimeTriple(Document):
     formula: Annotated[list[FormulaText], Field(min_length=3, max_length=3)]
 
 
-def _looked_at(positive: bool) -> AfterValidator:
-    """A validator: in the course of the shot the values stay finite, and above 0 where they must.
+class Bounds(NamedTuple):
+    """Where values must stay."""
+
+    low: float
+    high: float
+    rule: str
+
+
+ANYWHERE = Bounds(-math.inf, math.inf, "")
+ABOVE_0 = Bounds(math.ulp(0.0), math.inf, "above 0")
+NOT_BELOW_0 = Bounds(0.0, math.inf, "at 0 or above")
+A_SHARE = Bounds(-1e-12, 1.0 + 1e-12, "from 0 to 1")
+
+
+def _stays(bounds: Bounds) -> AfterValidator:
+    """A validator: in the course of the shot the values stay finite, and within bounds.
 
     The clock is in the context of the validation; without one nothing is looked at.
     """
@@ -92,7 +108,7 @@ def _looked_at(positive: bool) -> AfterValidator:
         clock: Clock | None = (info.context or {}).get("clock")
         if clock is None or not isinstance(value, Keyed | OverTime | OverTimeTriple):
             return value
-        bad = _first_bad(value, clock, positive)
+        bad = _first_bad(value, clock, bounds)
         if bad:
             raise PydanticCustomError("bad_curve", "{fact}", {"fact": bad})
         return value
@@ -100,8 +116,9 @@ def _looked_at(positive: bool) -> AfterValidator:
     return AfterValidator(check)
 
 
-def _first_bad(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, positive: bool) -> str | None:
-    if isinstance(value, Keyed) and (not positive or None in map(clock.seconds, value.keys)):
+def _first_bad(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, bounds: Bounds) -> str | None:
+    """The first moment, every half frame, at which values are not as they must be."""
+    if isinstance(value, Keyed) and (bounds is ANYWHERE or None in map(clock.seconds, value.keys)):
         return None
     halves = 2 * (clock.frames.last - clock.frames.first) + 1
     times = [clock.time(clock.frames.first + i / 2) for i in range(0, halves, -(-halves // MOST_LOOKS))]
@@ -109,15 +126,19 @@ def _first_bad(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, posi
     try:
         rows = curve.over(times).tolist() if isinstance(curve, Formulated) else map(curve.at, times)
         for time, row in zip(times, rows, strict=True):
-            if positive and not min(row) > 0:
-                frame, least = clock.frames.first + float(clock.rate.fps) * time, min(row)
+            worst = min(row) if min(row) < bounds.low else max(row)
+            if not bounds.low <= worst <= bounds.high:
+                frame = clock.frames.first + float(clock.rate.fps) * time
                 return (
-                    f"falls to {least:.4g} at frame {frame:g}; it must stay above 0. Mend what leads there."
+                    f"is {worst:.4g} at frame {frame:g}; it must stay {bounds.rule}. Mend what leads there."
                 )
     except UsageError as error:
-        return str(error)
+        return f"has a value that is none: {error}"
     return None
 
+
+Share = Annotated[float, Field(ge=0, le=1)]
+NotNegative = Annotated[Real, Field(ge=0)]
 
 # A constant, keys or a formula. Spelt out for each kind: a generic alias would lose the kind within Keyed.
 
@@ -134,7 +155,7 @@ NumberField = Annotated[
     | Annotated[Keyed[Real], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
     Discriminator(_form),
-    _looked_at(positive=False),
+    _stays(ANYWHERE),
 ]
 PositiveField = Annotated[
     Annotated[Positive, Tag("plain")]
@@ -142,7 +163,23 @@ PositiveField = Annotated[
     | Annotated[Keyed[Positive], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
     Discriminator(_form),
-    _looked_at(positive=True),
+    _stays(ABOVE_0),
+]
+NotNegativeField = Annotated[
+    Annotated[NotNegative, Tag("plain")]
+    | Annotated[NotNegative, Tag("list")]
+    | Annotated[Keyed[NotNegative], Tag("keyed")]
+    | Annotated[OverTime, Tag("formula")],
+    Discriminator(_form),
+    _stays(NOT_BELOW_0),
+]
+WeightField = Annotated[
+    Annotated[Share, Tag("plain")]
+    | Annotated[Share, Tag("list")]
+    | Annotated[Keyed[Share], Tag("keyed")]
+    | Annotated[OverTime, Tag("formula")],
+    Discriminator(_form),
+    _stays(A_SHARE),
 ]
 PlaceField = Annotated[
     Annotated[Triple, Tag("plain")]
@@ -150,8 +187,29 @@ PlaceField = Annotated[
     | Annotated[Keyed[Triple], Tag("keyed")]
     | Annotated[OverTimeTriple, Tag("formula")],
     Discriminator(_form),
-    _looked_at(positive=False),
+    _stays(ANYWHERE),
 ]
+
+
+def _lasts(value: Any) -> Any:
+    length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
+    if length is None or not 0 < length < math.inf:
+        what = {"value": shortened(value)}
+        raise PydanticCustomError(
+            "length_of_time",
+            "{value} is no length of time. Write frames, such as 24, or seconds, such as 1s.",
+            what,
+        )
+    return value
+
+
+LengthOfTime = Annotated[Any, AfterValidator(_lasts)]
+"""Frames, or "1s"."""
+
+
+def seconds(length: Any, clock: Clock) -> float:
+    """A parsed length of time in seconds."""
+    return _sure(clock.length(length))
 
 
 def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:

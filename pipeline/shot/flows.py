@@ -10,8 +10,19 @@ from typing import Annotated, Any, Literal
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from pipeline.flow import Flow, Streamlines, Sum, VelocityField, catalogue
+from pipeline.flow import Flow, Sequence, Streamlines, Sum, VelocityField, catalogue
 from pipeline.shot.clock import Clock
+from pipeline.shot.compositions import (
+    BlendDocument,
+    Composition,
+    MirroredDocument,
+    OfFields,
+    PlacedDocument,
+    RepeatedDocument,
+    ReversedDocument,
+    SequenceDocument,
+    WithinDocument,
+)
 from pipeline.shot.curves import NumberField, PlaceField, PositiveField, number, place
 from pipeline.shot.fields import DEGREE, Axis, Document, Positive, Triple, axis, vector
 
@@ -146,6 +157,7 @@ class ShearDocument(DeformationDocument):
 
 
 _bare = BeforeValidator(lambda value: {} if value is None else value)
+_listed = BeforeValidator(lambda value: [] if value is None else value)
 
 
 class VelocityDocument(Document):
@@ -158,6 +170,10 @@ class VelocityDocument(Document):
     expansion: Annotated[ExpansionDocument | None, _bare] = None
     lorenz: Annotated[LorenzDocument | None, _bare] = None
     enright: Annotated[EnrightDocument | None, _bare] = None
+    within: Annotated[WithinDocument[VelocityDocument] | None, _bare] = None
+    placed: Annotated[PlacedDocument[VelocityDocument] | None, _bare] = None
+    mirrored: Annotated[MirroredDocument[VelocityDocument] | None, _bare] = None
+    blend: Annotated[BlendDocument[VelocityDocument] | None, _bare] = None
 
     @model_validator(mode="after")
     def _names_one(self) -> VelocityDocument:
@@ -177,23 +193,41 @@ class VelocityDocument(Document):
         """The one that is named."""
         return getattr(self, next(iter(self.model_fields_set)))
 
-    def build(self, clock: Clock, substeps: int | None) -> Flow:
-        return Streamlines(self.chosen.build(clock), substeps)
+    def field(self, clock: Clock) -> VelocityField:
+        """The velocity field it is."""
+        chosen = self.chosen
+        if isinstance(chosen, OfFields):
+            return chosen.of_field(Sum(tuple(entry.field(clock) for entry in chosen.flows)), clock)
+        if isinstance(chosen, BlendDocument):
+            return chosen.of_fields([entry.field(clock) for entry in chosen.flows], clock)
+        leaf: VelocityField = chosen.build(clock)
+        return leaf
 
 
 class FlowDocument(VelocityDocument):
     """One entry under `flows`: a velocity field, a sum of them, or a deformation."""
 
-    sum: Annotated[list[VelocityDocument], Field(min_length=1)] | None = None
+    sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), _listed] = None
     twist: Annotated[TwistDocument | None, _bare] = None
     taper: Annotated[TaperDocument | None, _bare] = None
     stretch: Annotated[StretchDocument | None, _bare] = None
     shear: Annotated[ShearDocument | None, _bare] = None
+    sequence: Annotated[SequenceDocument[FlowDocument] | None, _bare] = None
+    within: Annotated[WithinDocument[FlowDocument] | None, _bare] = None  # type: ignore[assignment]  # under `flows` of any flows
+    placed: Annotated[PlacedDocument[FlowDocument] | None, _bare] = None  # type: ignore[assignment]
+    mirrored: Annotated[MirroredDocument[FlowDocument] | None, _bare] = None  # type: ignore[assignment]
+    blend: Annotated[BlendDocument[FlowDocument] | None, _bare] = None  # type: ignore[assignment]
+    reversed: Annotated[ReversedDocument[FlowDocument] | None, _bare] = None
+    repeated: Annotated[RepeatedDocument[FlowDocument] | None, _bare] = None
 
     def build(self, clock: Clock, substeps: int | None) -> Flow:
         chosen = self.chosen
         if isinstance(chosen, list):
-            return Streamlines(Sum(tuple(entry.chosen.build(clock) for entry in chosen)), substeps)
-        if isinstance(chosen, DeformationDocument):
-            return chosen.build(clock)  # type: ignore[attr-defined, no-any-return]  # every one of them has it
-        return super().build(clock, substeps)
+            return Streamlines(Sum(tuple(entry.field(clock) for entry in chosen)), substeps)
+        if isinstance(chosen, Composition | BlendDocument):
+            flows = [entry.build(clock, substeps) for entry in chosen.flows]
+            if isinstance(chosen, BlendDocument):
+                return chosen.of_flows(flows, clock)
+            return chosen.of_flow(Sequence(tuple(flows)), clock)
+        flow: Flow | VelocityField = chosen.build(clock)
+        return Streamlines(flow, substeps) if isinstance(flow, VelocityField) else flow

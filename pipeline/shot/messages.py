@@ -97,6 +97,8 @@ def _message(details: ErrorDetails, where: Where, names: list[str]) -> str:
         return f"{name} has {context['actual_length']} items; it must have {least} {bound}"
     if kind in _WANTED:
         return f"{name} is {_shown(value)}; it must be {_WANTED[kind]}."
+    if kind == "bad_curve":
+        return f"{name} {details['msg']}"
     return f"{name}: {details['msg']}" if name else details["msg"]
 
 

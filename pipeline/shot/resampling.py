@@ -17,14 +17,13 @@ from pipeline.formula import Expression
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
-from pipeline.shot.curves import Keyed, PlaceField, PositiveField, number, place
-from pipeline.shot.fields import DEGREE, Document, Positive, Real, one_of
+from pipeline.shot.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
+from pipeline.shot.fields import DEGREE, Document, Positive, one_of
 from pipeline.shot.shot import Resampling
 
 REGION_NAMES = ("x", "y", "z")
 
 Angle = Annotated[float, Field(gt=0, lt=180)]
-NotNegative = Annotated[Real, Field(ge=0)]
 
 
 @dataclass(frozen=True)

@@ -1,0 +1,105 @@
+"""What a shot file says under `region`, and the region it becomes."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+from pydantic import Field, model_validator
+from pydantic_core import PydanticCustomError
+
+from pipeline.flow.regions import FALLS, Box, Capsule, Cylinder, Fall, HalfSpace, Region, Sphere
+from pipeline.shot.clock import Clock
+from pipeline.shot.curves import NotNegativeField, PlaceField, PositiveField, number, place
+from pipeline.shot.fields import Axis, Document, Positive, axis, one_of
+
+HERE = [0.0, 0.0, 0.0]
+
+SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder")
+
+
+class SphereDocument(Document):
+    centre: PlaceField = HERE
+    radius: PositiveField
+
+    def build(self, clock: Clock, **rim: Any) -> Region:
+        return Sphere(place(self.centre, clock), number(self.radius, clock), **rim)
+
+
+class BoxDocument(Document):
+    """size: its sides along x, y and z"""
+
+    centre: PlaceField = HERE
+    size: Annotated[list[Positive], Field(min_length=3, max_length=3)]
+
+    def build(self, clock: Clock, **rim: Any) -> Region:
+        x, y, z = map(float, self.size)
+        return Box(place(self.centre, clock), (x, y, z), **rim)
+
+
+class HalfSpaceDocument(Document):
+    """Everything below the plane through `centre`; `normal` points up from it."""
+
+    centre: PlaceField = HERE
+    normal: Axis = "y"
+
+    def build(self, clock: Clock, **rim: Any) -> Region:
+        return HalfSpace(place(self.centre, clock), axis(self.normal), **rim)
+
+
+class RoundDocument(Document):
+    """A piece of a line and what is within a radius of it."""
+
+    axis: Axis = "y"
+    centre: PlaceField = HERE
+    length: PositiveField
+    radius: PositiveField
+
+    def measures(self, clock: Clock) -> dict[str, Any]:
+        return {
+            "axis": axis(self.axis),
+            "centre": place(self.centre, clock),
+            "length": number(self.length, clock),
+            "radius": number(self.radius, clock),
+        }
+
+
+class CapsuleDocument(RoundDocument):
+    def build(self, clock: Clock, **rim: Any) -> Region:
+        return Capsule(**self.measures(clock), **rim)
+
+
+class CylinderDocument(RoundDocument):
+    def build(self, clock: Clock, **rim: Any) -> Region:
+        return Cylinder(**self.measures(clock), **rim)
+
+
+class RegionDocument(Document):
+    """Exactly one shape by its name, and how it ends."""
+
+    sphere: SphereDocument | None = None
+    box: BoxDocument | None = None
+    half_space: HalfSpaceDocument | None = None
+    capsule: CapsuleDocument | None = None
+    cylinder: CylinderDocument | None = None
+    falloff: NotNegativeField = 0.0
+    fall: Annotated[str, one_of(FALLS, "fall")] = "smooth"
+    invert: bool = False
+
+    @model_validator(mode="after")
+    def _names_one(self) -> RegionDocument:
+        named = [name for name in SHAPES if getattr(self, name) is not None]
+        if len(named) != 1:
+            raise PydanticCustomError(
+                "one_shape",
+                "a region is one of {shapes}, and this has {found}. Write one.",
+                {"shapes": ", ".join(SHAPES), "found": " and ".join(named) or "none"},
+            )
+        return self
+
+    def build(self, clock: Clock) -> Region:
+        shape = next(shape for name in SHAPES if (shape := getattr(self, name)) is not None)
+        fall: Fall = self.fall  # type: ignore[assignment]  # one of them, as its validator says
+        region: Region = shape.build(
+            clock, falloff=number(self.falloff, clock), fall=fall, invert=self.invert
+        )
+        return region

@@ -1,0 +1,204 @@
+"""Compositions in shot files: what they become, and what bad ones are told."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.errors import ShotError
+from pipeline.flow import Blend, Flow, Frame, Repeated, Reversed, Sequence, Streamlines, Sum, Within, keyed
+from pipeline.flow.catalogue import Rotation, Twist, Vortex
+from pipeline.flow.compose import InFrame, InMirror, Limited, Scaled
+from pipeline.flow.regions import Box, Capsule, Cylinder, HalfSpace, Region, Sphere
+from pipeline.shot import read_shot
+
+SHOT = """\
+title: Composed
+frames: 1-49
+subject: {{solid: box}}
+resample: {{max_edge_length: 0.25}}
+flows:
+{}
+"""
+
+TWIST = Twist(amount=keyed((0.0, 2.0), (0.0, math.radians(60))))
+
+
+def flows_of(entries: str) -> tuple[Flow, ...]:
+    flow: Any = read_shot("a.yaml", SHOT.format(entries)).motion.flow
+    assert isinstance(flow, Sequence)
+    return flow.flows
+
+
+def told(entry: str) -> list[str]:
+    with pytest.raises(ShotError) as error:
+        flows_of(f"  - {entry}")
+    return list(error.value.messages)
+
+
+def test_a_flow_within_a_region_is_weighed_by_its_kind() -> None:
+    (flow,) = flows_of(
+        """\
+  - within:
+      region: {sphere: {centre: [0, 1, 0], radius: 0.5}, falloff: 0.3}
+      flows:
+        - vortex: {strength: 2}
+        - twist: {amount: {keys: {1: 0, 49: 60}}}
+"""
+    )
+    ball = Sphere(centre=(0.0, 1.0, 0.0), radius=0.5, falloff=0.3)
+    assert flow == Sequence((Streamlines(Limited(Vortex(strength=2.0), ball)), Within(TWIST, ball)))
+
+
+REGIONS: list[tuple[str, Region]] = [
+    ("{box: {size: [1, 2, 3]}, invert: true}", Box(size=(1.0, 2.0, 3.0), invert=True)),
+    ("{half_space: {normal: [0, 1, 1], centre: [0, 1, 0]}, fall: sine, falloff: 0.5}",
+     HalfSpace((0.0, 1.0, 0.0), (0.0, 1.0, 1.0), falloff=0.5, fall="sine")),
+    ("{capsule: {axis: x, length: 2, radius: 0.5}}", Capsule((1.0, 0.0, 0.0), length=2.0, radius=0.5)),
+    ("{cylinder: {length: 2, radius: 0.5}, fall: linear}", Cylinder(length=2.0, radius=0.5, fall="linear")),
+    ("{sphere: {radius: {keys: {1: 1, 49: 2}}}, falloff: {keys: {1: 0, 49: 2}}}",
+     Sphere(radius=keyed((0.0, 2.0), (1.0, 2.0)), falloff=keyed((0.0, 2.0), (0.0, 2.0)))),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "region"), REGIONS, ids=[text[:20] for text, _ in REGIONS])
+def test_every_region_has_its_words(text: str, region: Region) -> None:
+    entry = f"  - within: {{region: {text}, flows: [{{rotation: {{speed: 90}}}}]}}"
+    (flow,) = flows_of(entry)
+    assert flow == Sequence((Streamlines(Limited(Rotation(speed=math.radians(90)), region)),))
+
+
+def test_frames_and_mirrors_nest() -> None:
+    (flow,) = flows_of(
+        """\
+  - mirrored:
+      normal: x
+      centre: [0.5, 0, 0]
+      flows:
+        - placed:
+            rotate: {keys: {1: [0, 0, 0], 49: [0, 90, 0]}}
+            scale: 2
+            flows: [{vortex: {strength: 2}}]
+"""
+    )
+    turning = Frame(rotate=keyed((0.0, 2.0), ((0.0, 0.0, 0.0), (0.0, math.radians(90), 0.0))), scale=2.0)
+    field = InMirror(InFrame(Vortex(strength=2.0), turning), (1.0, 0.0, 0.0), (0.5, 0.0, 0.0))
+    assert flow == Sequence((Sequence((Streamlines(field),)),))
+
+
+def test_fields_are_blended_to_a_field_and_maps_to_a_map() -> None:
+    weight = keyed((0.0, 2.0), (0.0, 1.0))
+    fields, maps, alone = flows_of(
+        """\
+  - blend: {weight: {keys: {1: 0, 49: 1}}, flows: [{vortex: }, {sum: [{rotation: {speed: 90}}]}]}
+  - blend: {weight: 0.5, flows: [{sequence: {flows: [{vortex: }, {vortex: }]}}, {vortex: }]}
+  - blend: {weight: 0.5, flows: [{vortex: }]}
+"""
+    )
+    turning = Sum((Rotation(speed=math.radians(90)),))
+    assert fields == Streamlines(Sum((Scaled(Vortex(), weight, rest=True), Scaled(turning, weight))))
+    assert maps == Blend(Sequence((Streamlines(Vortex()),) * 2), Streamlines(Vortex()), 0.5)
+    assert alone == Streamlines(Sum((Scaled(Vortex(), 0.5),)))
+
+
+def test_time_is_turned_and_repeated_in_frames_or_seconds() -> None:
+    text = "flows: [{twist: {amount: {keys: {1: 0, 49: 60}}}}]"
+    there, back, again, often = flows_of(
+        f"  - reversed: {{duration: 24, {text}}}\n  - reversed: {{{text}}}\n"
+        f"  - repeated: {{period: 1.5s, {text}}}\n  - repeated: {{period: 12, {text}}}\n"
+    )
+    inner = Sequence((TWIST,))
+    assert (there, back) == (Reversed(inner, 1.0), Reversed(inner, 2.0))
+    assert (again, often) == (Repeated(inner, 1.5), Repeated(inner, 0.5))
+
+
+def test_under_sum_everything_acts_at_once() -> None:
+    (flow,) = flows_of(
+        """\
+  - sum:
+      - vortex:
+      - within:
+          region: {sphere: {radius: 1}, falloff: 0.5}
+          flows: [{rotation: {speed: 90}}, {mirrored: {flows: [{vortex: }]}}]
+      - blend: {weight: 0.25, flows: [{vortex: }, {placed: {scale: 2, flows: [{vortex: }]}}]}
+"""
+    )
+    assert isinstance(flow, Streamlines)
+    points = np.random.default_rng(1).normal(size=(50, 3))
+    inner = Rotation(speed=math.radians(90)).velocity(points, 0.0) + InMirror(Vortex()).velocity(points, 0.0)
+    plain, large = Vortex().velocity(points, 0.0), InFrame(Vortex(), Frame(scale=2.0)).velocity(points, 0.0)
+    weights = Sphere(radius=1.0, falloff=0.5).weight(points, 0.0)[:, None]
+    expected = plain + weights * inner + 0.75 * plain + 0.25 * large
+    np.testing.assert_allclose(flow.field.velocity(points, 0.0), expected, atol=1e-14)
+
+
+BAD = [
+    ("within: {region: {sphere: {radius: 0}}, flows: [{vortex: }]}",
+     ["6:32: flows.0.within.region.sphere.radius is 0; it must be above 0"]),
+    ("within: {region: {box: {size: [1, 0, 1]}}, flows: [{vortex: }]}",
+     ["6:39: flows.0.within.region.box.size.1 is 0; it must be above 0"]),
+    ("within: {region: {sphere: {radius: {keys: {1: 1, 9: 0}}}}, flows: [{vortex: }]}",
+     ["6:54: flows.0.within.region.sphere.radius.keys.9 is 0; it must be above 0"]),
+    ("within: {region: {sphere: {radius: 1}, falloff: -1}, flows: []}",
+     ["6:44: flows.0.within.region.falloff is -1; it must be at least 0",
+      "6:58: flows.0.within.flows has 0 items; it must have at least 1"]),
+    ("within: {region: {falloff: 1}, flows: [{votex: }]}",
+     ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, and "
+      "this has none. Write one.",
+      "6:45: votex is not known under flows.0.within.flows.0. Did you mean 'vortex'?"]),
+    ("within: {region: {sphere: {radius: 1}, fall: smoth}, flows: [{vortex: }]}",
+     ["6:44: flows.0.within.region.fall: 'smoth' is no fall. Did you mean 'smooth'?"]),
+    ("within: {region: {half_space: {normal: [0, 0, 0]}}, flows: [{vortex: }]}",
+     ["6:36: normal [0, 0, 0] has no direction. Write x, y, z or a vector."]),
+    ("blend: {weight: 1.5, flows: [{vortex: }]}",
+     ["6:13: flows.0.blend.weight is 1.5; it must be at most 1"]),
+    ("blend: {weight: 1, flows: [{vortex: }, {vortex: }, {vortex: }]}",
+     ["6:24: flows.0.blend.flows has 3 items; it must have at most 2"]),
+    ("blend: {weight: {ease: back_out, keys: {1: 0, 40: 1}}, flows: [{vortex: }]}",
+     ["6:13: flows.0.blend.weight is 1.002 at frame 15.5; it must stay from 0 to 1. Mend what leads there."]),
+    ("repeated: {period: 0, flows: [{vortex: }]}",
+     ["6:16: flows.0.repeated.period: 0 is no length of time. "
+      "Write frames, such as 24, or seconds, such as 1s."]),
+    ("repeated: {period: 2 sec, flows: [{vortex: }]}",
+     ["6:16: flows.0.repeated.period: '2 sec' is no length of time. "
+      "Write frames, such as 24, or seconds, such as 1s."]),
+    ("placed: {scale: 0, flows: [{vortex: }]}", ["6:14: flows.0.placed.scale is 0; it must be above 0"]),
+    ("mirrored: {normal: w, flows: [{vortex: }]}",
+     ["6:16: flows.0.mirrored.normal: 'w' is no axis. There are: x, y, z."]),
+    ("within: {regio: {}, flows: {vortex: }}",
+     ["6:5: region is missing under flows.0.within; it has no default. Add `region: …`.",
+      "6:14: regio is not known under flows.0.within. Did you mean 'region'?",
+      "6:25: flows.0.within.flows is a mapping; it must be a list. Write it as [a, b, c]."]),
+    ("reversed:", ["6:5: flows is missing under flows.0.reversed; it has no default. Add `flows: …`."]),
+    ("sum:", ["6:5: flows.0.sum has 0 items; it must have at least 1"]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("entry", "messages"), BAD, ids=[entry[:60] for entry, _ in BAD])
+def test_a_mistake_in_a_composition_is_told_with_its_place(entry: str, messages: list[str]) -> None:
+    assert told(entry) == [f"a.yaml:{message}" for message in messages]
+
+
+@pytest.mark.parametrize("name", ["repeated", "reversed", "sequence", "twist"])
+def test_under_sum_stand_velocity_fields_alone(name: str) -> None:
+    (message,) = told(f"sum: [{{{name}: }}]")
+    assert message.startswith(f"a.yaml:6:12: {name} is not known under flows.0.sum.0. There are: ")
+
+
+def test_a_key_in_a_composition_leaves_the_frames_before_it_alone() -> None:
+    def motion(weight: float, radius: float) -> Any:
+        entries = f"""\
+  - blend: {{weight: {{keys: {{1: 0, 25: 1, 33: {weight}}}}}, flows: [{{vortex: }}]}}
+  - within:
+      region: {{sphere: {{radius: {{keys: {{1: 0.5, 37: 1, 45: {radius}}}}}}}, falloff: 0.5}}
+      flows: [{{placed: {{flows: [{{twist: {{amount: {{keys: {{1: 0, 49: 60}}}}}}}}]}}}}]
+"""
+        return read_shot("a.yaml", SHOT.format(entries)).motion
+
+    before, faded, grown = motion(1.0, 1.0), motion(0.5, 1.0), motion(1.0, 2.0)
+    for frame in range(2, 50):
+        assert (before.step_data(frame) == faded.step_data(frame)) == (frame <= 25)
+        assert (before.step_data(frame) == grown.step_data(frame)) == (frame <= 37)
