@@ -3,5 +3,6 @@
 from pipeline.animation.frame import FrameReport, MeshFrame
 from pipeline.animation.lineage import descent
 from pipeline.animation.loop import animate
+from pipeline.animation.subframe import at_moment
 
-__all__ = ["FrameReport", "MeshFrame", "animate", "descent"]
+__all__ = ["FrameReport", "MeshFrame", "animate", "at_moment", "descent"]

@@ -6,6 +6,8 @@ import math
 import re
 from dataclasses import dataclass
 
+from pipeline.flow.choreography import Number
+from pipeline.flow.retiming import elapsed
 from pipeline.frames import FrameRange, FrameRate
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
@@ -16,19 +18,31 @@ FAR = 10**12
 
 @dataclass(frozen=True)
 class Clock:
-    """Frames and their rate. The first frame of the shot is at 0 seconds."""
+    """Frames and their rate. The first frame of the shot is at 0 seconds.
+
+    speed  at which time runs for the flow; all keys but those of the flow go by the time of the frames
+    """
 
     frames: FrameRange
     rate: FrameRate
+    speed: Number = 1.0
 
     def time(self, frame: float) -> float:
         """Seconds from the start of the shot; frames may have fractions."""
         return self.rate.seconds(frame - self.frames.first)
 
+    def flow_time(self, frame: float) -> float:
+        """Seconds that have passed for the flow by a frame: the integral of the speed."""
+        return elapsed(self.speed, self.time(frame))
+
     def step(self, frame: int) -> tuple[float, float]:
-        """When the step that leads into `frame` starts, and how long it lasts, in seconds."""
-        start = self.time(frame - 1)
-        return start, self.time(frame) - start
+        """When the step that leads into `frame` starts for the flow, and how long it lasts, in seconds."""
+        return self.between(frame - 1, frame)
+
+    def between(self, frame: float, other: float) -> tuple[float, float]:
+        """The step of the flow from one moment to another, which may lie before it: its start and length."""
+        start = self.flow_time(frame)
+        return start, self.flow_time(other) - start
 
     @property
     def duration(self) -> float:
@@ -53,5 +67,14 @@ class Clock:
 
     def holds(self, seconds: float) -> bool:
         """Whether a time lies within the shot."""
-        slack = 1e-9
-        return -slack <= seconds <= self.duration + slack and math.isfinite(seconds)
+        return _within(seconds, self.duration)
+
+    def flow_holds(self, seconds: float) -> bool:
+        """Whether a time of the flow lies within the shot, or would at a speed of 1."""
+        fastest = max(self.flow_time(frame) for frame in range(self.frames.first, self.frames.last + 1))
+        return _within(seconds, max(self.duration, fastest))
+
+
+def _within(seconds: float, duration: float) -> bool:
+    slack = 1e-9
+    return -slack <= seconds <= duration + slack and math.isfinite(seconds)

@@ -97,6 +97,7 @@ class ShotDocument(Document):
     resample: Resample
     flows: list[FlowDocument] = Field(default_factory=list)
     substeps: Count | None = None
+    speed: NumberField = 1.0
     look: Annotated[
         Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),

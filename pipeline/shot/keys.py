@@ -19,7 +19,7 @@ def keys(source: Source, clock: Clock | None) -> Iterator[Problem]:
     for where, mapping in source.mappings():
         inner = mapping.get("keys")
         if isinstance(inner, dict):
-            yield from _times(inner, (*where, "keys"), clock)
+            yield from _times(inner, (*where, "keys"), clock, of_flow=where[:1] == ("flows",))
             yield from _handles(mapping, (*where, "keys"), clock or _ANY)
 
 
@@ -27,7 +27,7 @@ _ANY = Clock(FrameRange.of([1]), FrameRate.of(24))
 """The clock of a shot whose own cannot be read."""
 
 
-def _times(keys: dict[Any, Any], where: Where, clock: Clock | None) -> Iterator[Problem]:
+def _times(keys: dict[Any, Any], where: Where, clock: Clock | None, of_flow: bool) -> Iterator[Problem]:
     before: tuple[Any, float] | None = None
     for key in keys:
         seconds = (clock or _ANY).seconds(key)
@@ -37,7 +37,7 @@ def _times(keys: dict[Any, Any], where: Where, clock: Clock | None) -> Iterator[
                 f"key {shortened(key)} is no time; write a frame, such as 12, or seconds, such as 0.5s",
             )
             continue
-        if clock and not clock.holds(seconds):
+        if clock and not clock.holds(seconds) and not (of_flow and clock.flow_holds(seconds)):
             yield (
                 (*where, key),
                 (

@@ -7,14 +7,14 @@ import hashlib
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
 from pipeline.flow import Sequence
 from pipeline.frames import FrameRate
 from pipeline.shot import brackets, checks, keys
 from pipeline.shot.clock import Clock
-from pipeline.shot.curves import number
+from pipeline.shot.curves import NumberField, number
 from pipeline.shot.documents import (
     FilmDocument,
     LookDocument,
@@ -43,7 +43,8 @@ def read_shot(path: str | Path, text: str | None = None) -> Shot:
     """
     source = Source.read(Path(path), text)
     clock, problems = checks.read_clock(source)
-    problems += keys.keys(source, clock)
+    retimed = None if clock is None else with_speed(clock, source.get("speed"))
+    problems += keys.keys(source, retimed)
     for check in (
         checks.directions,
         brackets.ratio,
@@ -115,6 +116,18 @@ def read_film(path: str | Path) -> Film:
     )
 
 
+def with_speed(clock: Clock, written: Any) -> Clock:
+    """The clock with the speed as it is written; without it where that is no good, as is told elsewhere."""
+    try:
+        speed = SPEED.validate_python(written, context={"clock": clock})
+        return dataclasses.replace(clock, speed=number(speed, clock))
+    except (ValidationError, AssertionError):
+        return clock
+
+
+SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True))
+
+
 def _film_rate(source: Source, problems: list[tuple[Where, str]]) -> FrameRate | None:
     rate, found = checks.read_rate(source)
     problems += found
@@ -165,6 +178,7 @@ def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
         subject=_subject(document, source),
         flow=Sequence(flows),
         resampling=resample.build(clock) if isinstance(resample, ResampleDocument) else None,
+        speed=number(document.speed, clock),
     )
 
 

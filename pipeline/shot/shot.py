@@ -104,6 +104,7 @@ class Motion:
     """All that decides the mesh of every frame.
 
     resampling  None: it is off, and vertices only move
+    speed       at which time runs for the flow, over the time of the frames
     """
 
     frames: FrameRange
@@ -111,10 +112,11 @@ class Motion:
     subject: Subject
     flow: Flow
     resampling: Resampling | None
+    speed: Number = 1.0
 
     @property
     def clock(self) -> Clock:
-        return Clock(self.frames, self.rate)
+        return Clock(self.frames, self.rate, self.speed)
 
     def resampling_at(self, frame: int) -> Resampling | None:
         """How the surface is resampled in that frame: what depends on time is settled."""

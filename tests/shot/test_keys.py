@@ -140,7 +140,8 @@ BAD = [
     ("strength: {formula: 4*sinn(seconds)}", "6:36: sinn is no function here. Did you mean 'sin'?"),
     ("strength: {formula: __import__('os')}", "6:34: __import__ is no function here. There are: "),
     ("strength: {formula: 1 / (frame - 13)}",
-     "6:14: flows.0.vortex.strength has a value that is none: formula '1 / (frame - 13)' is inf at frame 13, seconds 0.5; "
+     "6:14: flows.0.vortex.strength has a value that is none: formula '1 / (frame - 13)' is inf "
+     "at frame 13, seconds 0.5; "
      "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."),
     ("radius: {formula: 1 - seconds}",
      "6:14: flows.0.vortex.radius is 0 at frame 25; it must stay above 0. Mend what leads there."),

@@ -1,0 +1,145 @@
+"""Re-timing: a shot whose flow runs at a speed of its own, and moments between frames."""
+
+from __future__ import annotations
+
+import math
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.animation import animate, at_moment
+from pipeline.errors import ShotError, UsageError
+from pipeline.flow import EASINGS, Keyframes, keyed
+from pipeline.flow.formulated import Formulated
+from pipeline.flow.retiming import elapsed
+from pipeline.shot import Shot, read_shot
+
+SHOT = """\
+title: Speed
+frames: 1-25
+subject: {{solid: box, size: [1, 1, 1]}}
+resample: {}
+speed: {}
+flows:
+  - vortex: {{strength: 2}}
+  - twist: {{amount: {{ease: linear, keys: {{1: 0, 25: 90}}}}}}
+"""
+
+
+def shot(speed: str, resample: str = "off", **changes: str) -> Shot:
+    text = SHOT.format(resample, speed)
+    for old, new in changes.items():
+        text = text.replace(old, new)
+    return read_shot("a.yaml", text)
+
+
+@pytest.mark.parametrize("ease", sorted(EASINGS))
+def test_the_time_that_passes_is_the_integral_of_the_speed(ease: str) -> None:
+    """Against the midpoint rule; whole ways are known: those that are symmetric take half the time."""
+    speed, n = keyed((0.0, 1.2), (1.0, 3.0), ease), 20000
+    for until in (0.37, 1.2, 2.0):
+        rough = sum(speed.at((i + 0.5) * until / n)[0] for i in range(n)) * until / n
+        assert elapsed(speed, until) == pytest.approx(rough, abs=1e-4 if ease == "constant" else 2e-6)
+    if ease.endswith("in_out") or ease == "linear":
+        assert elapsed(speed, 1.2) == pytest.approx(2.4, abs=1e-12)
+
+
+def test_known_integrals_are_met_to_the_last_digits() -> None:
+    assert elapsed(keyed((0, 2), (0, 1), "circ_in"), 2) == pytest.approx(2 - math.pi / 2, abs=1e-12)
+    assert elapsed(keyed((0, 2), (0, 1), "quint_in"), 2) == pytest.approx(1 / 3, abs=1e-13)
+    assert elapsed(keyed((0, 2), (0, 1), "sine_in"), 1) == pytest.approx(
+        1 - 4 / math.pi * math.sin(math.pi / 4), abs=1e-13
+    )
+    assert elapsed(keyed((0, 2), (1, 5), "constant"), 3) == pytest.approx(7, abs=1e-13)
+    assert elapsed(Formulated(("1 + sin(seconds)",), 24.0, 1), 2.0) == pytest.approx(
+        3 - math.cos(2.0), abs=1e-13
+    )
+    assert elapsed(0.25, 3.0) == 0.75
+    loop = Keyframes((0.0, 1.0), ((0.0,), (1.0,)), ("linear",) * 2, after="ping_pong")
+    assert elapsed(loop, 4.5) == pytest.approx(2.125, abs=1e-13)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(sorted(EASINGS)), st.floats(0, 3), st.floats(0, 3))
+def test_time_adds_up(ease: str, a: float, b: float) -> None:
+    speed = keyed((0.2, 0.9, 2.0), (1.0, -0.5, 2.0), ease)
+    pieces = [elapsed(speed, t) for t in (a, b)]
+    doubled = keyed((0.2, 0.9, 2.0), (2.0, -1.0, 4.0), ease)
+    assert [2 * piece for piece in pieces] == pytest.approx([elapsed(doubled, t) for t in (a, b)], abs=1e-12)
+
+
+def test_a_shot_at_half_the_speed_is_as_far_at_its_end_as_the_other_at_its_middle() -> None:
+    half, whole = shot("0.5"), shot("1")
+    assert half.motion.clock.step(25) == (23 / 48, 24 / 48 - 23 / 48)
+    last = list(animate(half))[-1]
+    middle = next(frame for frame in animate(whole) if frame.number == 13)
+    np.testing.assert_allclose(last.mesh.vertices, middle.mesh.vertices, atol=1e-8)
+
+
+def test_at_a_speed_of_one_nothing_changes_at_all() -> None:
+    assert shot("1").motion == shot("{keys: {1: 1}}", **{"{keys: {1: 1}}": "1"}).motion
+    plain = read_shot("a.yaml", SHOT.format("off", "1").replace("speed: 1\n", ""))
+    assert plain.motion == shot("1").motion
+    assert [plain.motion.step_data(n) for n in (2, 9)] == [shot("1.0").motion.step_data(n) for n in (2, 9)]
+
+
+def test_steps_follow_each_other_without_a_gap() -> None:
+    clock = shot("{keys: {1: 0, 13: 2, 25: 0.5}, ease: elastic_out}").motion.clock
+    steps = [clock.step(number) for number in range(2, 26)]
+    for (start, length), (after, _) in pairwise(steps):
+        assert start + length == pytest.approx(after, abs=1e-14)
+    assert sum(length for _, length in steps) == pytest.approx(elapsed(clock.speed, 1.0), abs=1e-13)
+
+
+def test_a_speed_of_nought_freezes_and_below_it_runs_backwards() -> None:
+    """There and back again."""
+    frames = list(
+        animate(shot("{keys: {1: {value: 1, ease: constant}, 13: {value: -1, ease: constant}, 25: -1}}"))
+    )
+    np.testing.assert_allclose(frames[-1].mesh.vertices, frames[0].mesh.vertices, atol=1e-6)
+    assert np.abs(frames[12].mesh.vertices - frames[0].mesh.vertices).max() > 0.1
+    still = list(animate(shot("0")))
+    np.testing.assert_array_equal(still[-1].mesh.vertices, still[0].mesh.vertices)
+
+
+def test_a_key_of_the_speed_leaves_the_frames_before_it_alone() -> None:
+    one, other = (shot(f"{{keys: {{1: 1, 9: 2, 17: {last}}}}}").motion for last in (2, 3))
+    same = [one.step_data(n) == other.step_data(n) for n in range(2, 26)]
+    assert same == [n <= 9 for n in range(2, 26)]
+
+
+def test_at_twice_the_speed_the_flow_has_keys_beyond_the_last_frame() -> None:
+    assert shot("2", **{"25: 90": "49: 90"}).motion.clock.flow_time(25) == 2.0
+    for speed, last in (("2", 50), ("1", 26)):
+        with pytest.raises(ShotError, match=f"key {last} is outside of the shot"):
+            shot(speed, **{"25: 90": f"{last}: 90"})
+
+
+def test_a_speed_that_cannot_be_is_told_once() -> None:
+    with pytest.raises(ShotError) as error:
+        shot("{keys: {1: 1, 9: fast}}")
+    assert error.value.messages == (
+        "a.yaml:5:22: speed.keys.9 is 'fast'; it must be a number. Write it plainly, without quotes or units.",
+    )
+
+
+def test_between_frames_the_surface_is_where_the_flow_has_it() -> None:
+    made = shot("{keys: {1: 0.5, 25: 2}}", "{max_edge_length: 0.4}")
+    plain = shot("{keys: {1: 0.5, 25: 2}}")
+    frames, raw = list(animate(made)), list(animate(plain))
+    for moment in (12.0, 12.5, 13.0, 11.25):
+        mesh: Any = at_moment(plain.motion, raw[11], moment)
+        assert mesh.faces.tobytes() == raw[11].mesh.faces.tobytes()
+        if moment == 13.0:
+            assert mesh.vertices.tobytes() == raw[12].mesh.vertices.tobytes()
+        if moment == 12.0:
+            np.testing.assert_array_equal(mesh.vertices, raw[11].mesh.vertices)
+    back = at_moment(plain.motion, raw[11], 11.0)
+    np.testing.assert_allclose(back.vertices, raw[10].mesh.vertices, atol=1e-8)
+    assert len(at_moment(made.motion, frames[4], 5.5).vertices) == len(frames[4].mesh.vertices)
+    with pytest.raises(UsageError, match="moment 14 is more than a frame from frame 12"):
+        at_moment(plain.motion, raw[11], 14)
