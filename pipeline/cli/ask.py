@@ -10,6 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from pipeline.cli.make import Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain, out
 from pipeline.errors import FlowsculptError
@@ -23,9 +24,10 @@ from render.quality import QUALITIES
 def status(
     common: Common,
     shots: Annotated[list[str] | None, typer.Argument(metavar="SHOT…", help="By default every shot.")] = None,
+    settings: Settings = None,
 ) -> None:
     """Say of every shot which frames are done, stale and missing, at each quality that was begun."""
-    studio = Studio(common.root, common.cores)
+    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
     rows: list[FrameStates] = []
     failed: list[FlowsculptError] = []
     for shot in shots or shot_names():

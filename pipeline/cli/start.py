@@ -10,6 +10,7 @@ from typing import Annotated, Any
 
 import typer
 
+from pipeline.cli.make import Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain
 from pipeline.errors import FlowsculptError, UsageError
@@ -64,6 +65,7 @@ def validate(
     shots: Annotated[
         list[str] | None, typer.Argument(metavar="SHOT…", help="By default every shot, and the film.")
     ] = None,
+    settings: Settings = None,
 ) -> None:
     """Read shot files and say everything that is wrong with them, by file, line and column."""
     failed: list[FlowsculptError] = []
@@ -78,7 +80,7 @@ def validate(
             facts.append({"file": name, "errors": str(error).splitlines()})
 
     for shot in shots or shot_names():
-        check(shot, read_shot, partial(find_shot, shot))
+        check(shot, partial(read_shot, settings=tuple(settings or ())), partial(find_shot, shot))
     if not shots and FILM.is_file():
         check("film", read_film, lambda: FILM)
     complaints = dict.fromkeys(line for failure in failed for line in str(failure).splitlines())

@@ -64,6 +64,8 @@ class Take:
 
     text, path  the shot file as it was when the work was planned, and where it lies
     requested   the frames asked for
+    settings    what takes the place of its values
+    beside      the files that it rests on as they were: names and texts
     """
 
     text: str
@@ -72,6 +74,8 @@ class Take:
     variant: str
     requested: tuple[int, ...]
     turntable: Turntable | None = None
+    settings: tuple[str, ...] = ()
+    beside: tuple[tuple[str, str], ...] = ()
 
     def as_data(self) -> dict[str, Any]:
         return {
@@ -81,6 +85,8 @@ class Take:
             "variant": self.variant,
             "requested": list(self.requested),
             "turntable": asdict(self.turntable) if self.turntable else None,
+            "settings": list(self.settings),
+            "beside": [list(file) for file in self.beside],
         }
 
     @classmethod
@@ -92,11 +98,13 @@ class Take:
             variant=data["variant"],
             requested=tuple(data["requested"]),
             turntable=Turntable(**data["turntable"]) if data["turntable"] else None,
+            settings=tuple(data["settings"]),
+            beside=tuple((name, text) for name, text in data["beside"]),
         )
 
     @cached_property
     def shot(self) -> Shot:
-        return read_shot(self.path, self.text)
+        return read_shot(self.path, self.text, self.settings, dict(self.beside))
 
     @property
     def quality(self) -> Quality:

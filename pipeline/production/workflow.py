@@ -24,6 +24,7 @@ from pipeline.production.store import Store
 from pipeline.production.take import Take, Turntable
 from pipeline.production.variants import variant_for
 from pipeline.shot import Film, read_film
+from pipeline.shot.layers import DEFAULTS, rests_on
 from render.look import LOOKS
 from render.quality import QUALITIES
 
@@ -39,13 +40,16 @@ class Studio:
 
     Every file is read once, so that all of a run goes by one text however it is edited meanwhile.
 
-    variant  the Mitsuba variant asked for; by default the first that works
+    variant   the Mitsuba variant asked for; by default the first that works
+    settings  what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
     """
 
     root: Path
     cores: int
     variant: str | None = None
+    settings: tuple[str, ...] = ()
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
+    _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
 
     @property
@@ -118,7 +122,8 @@ class Studio:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
-        whole = Take(text, path, quality, "none", ()).whole()
+        beside = self._beside.get(path) or self._beside.setdefault(path, rests_on(path, text))
+        whole = Take(text, path, quality, "none", (), None, self.settings, tuple(beside.items())).whole()
         requested = FrameRange.parse(frames) if frames is not None else whole.shot.frames
         outside = requested.outside(whole.shot.frames)
         if outside:
@@ -188,7 +193,7 @@ def find_shot(name: str) -> Path:
 
 def shot_names() -> list[str]:
     """The shots of the working folder."""
-    return sorted(path.stem for path in SHOTS.glob("*.yaml") if path.name != FILM.name)
+    return sorted(path.stem for path in SHOTS.glob("*.yaml") if path.name not in (FILM.name, DEFAULTS))
 
 
 def _shot_around(mesh: Path, look: str | None) -> str:

@@ -90,6 +90,7 @@ class StageDocument(Document):
 
 class ShotDocument(Document):
     title: str
+    extends: str | None = None
     intent: str = ""
     frames: str
     rate: Any = 24

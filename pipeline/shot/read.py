@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -23,6 +24,7 @@ from pipeline.shot.documents import (
     StageDocument,
 )
 from pipeline.shot.fields import DEGREE, Document
+from pipeline.shot.layers import DEFAULTS, layered
 from pipeline.shot.messages import findings
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
@@ -35,13 +37,22 @@ from render.stage import STAGES, Stage
 D = TypeVar("D", bound=Document)
 
 
-def read_shot(path: str | Path, text: str | None = None) -> Shot:
+def read_shot(
+    path: str | Path,
+    text: str | None = None,
+    settings: Iterable[str] = (),
+    beside: Mapping[str, str] | None = None,
+) -> Shot:
     """The shot of a YAML file (docs/shot-files.md), or of `text` as if it stood there.
+
+    settings  what takes the place of values in the file: `flows.0.vortex.strength=2`
+    beside    the text of the files that it rests on, by name (see `layers.rests_on`), as if no others were
+              there; by default they are read
 
     Raises ShotError with one message `file:line:column: …` for each thing that is wrong, and
     MissingInputError where the file, or a model that it names, is not there.
     """
-    source = Source.read(Path(path), text)
+    source = layered(Path(path), text, tuple(settings), beside)
     clock, problems = checks.read_clock(source)
     retimed = None if clock is None else with_speed(clock, source.get("speed"))
     problems += keys.keys(source, retimed)
@@ -84,7 +95,7 @@ def read_film(path: str | Path) -> Film:
             continue
         file = path.parent / f"{name}.yaml"
         if not file.is_file():
-            known = sorted(f.stem for f in path.parent.glob("*.yaml") if f != path)
+            known = sorted(f.stem for f in path.parent.glob("*.yaml") if f != path and f.name != DEFAULTS)
             hint = suggestion(name, known) if known else "There are none."
             failed.append(
                 MissingInputError(f"{source.place(('shots', index))}: there is no shot {file}. {hint}")
@@ -152,7 +163,10 @@ def _parsed(
     absent = [f"{source.place(where)}: {text}" for where, text in missing if where not in told]
     others = failed or []
     absent += [str(error) for error in others if isinstance(error, MissingInputError)]
-    lines = [f"{source.place(where)}: {text}" for where, text in sorted(wrong, key=_in_order(source))]
+    lines = [
+        f"{source.place(where)}: {text}"
+        for where, text in sorted(wrong, key=lambda problem: source.order(problem[0]))
+    ]
     lines += [line for error in others if isinstance(error, ShotError) for line in error.messages]
     if lines:
         raise ShotError(*lines, *absent)
@@ -160,13 +174,6 @@ def _parsed(
         raise MissingInputError("\n".join(absent))
     assert document is not None
     return document
-
-
-def _in_order(source: Source) -> Any:
-    def line_and_column(problem: tuple[Where, str]) -> tuple[int, ...]:
-        return tuple(int(part) for part in source.place(problem[0]).split(":")[-2:])
-
-    return line_and_column
 
 
 def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:

@@ -36,6 +36,7 @@ class Source:
     places    line and column, from 1, of each key (or list item) by its path
     problems  what is wrong with the text itself, ready to report
     texts     line and column of the first character of each text that stands in one line as it is
+    others    what does not stand in the file itself, by its path: where else it does
     """
 
     path: Path
@@ -43,6 +44,7 @@ class Source:
     places: dict[Where, tuple[int, int]]
     problems: list[tuple[Where, str]] = field(default_factory=list)
     texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
+    others: dict[Where, str] = field(default_factory=dict)
 
     @classmethod
     def read(cls, path: Path, text: str | None = None) -> Source:
@@ -80,11 +82,20 @@ class Source:
 
     def place(self, where: Where) -> str:
         """`file:line:column` of a path, or of the nearest thing around it that stands in the file."""
+        file, line, column = self.spot_of(where)
+        return f"{file}:{line}:{column}" if line else file
+
+    def order(self, where: Where) -> tuple[bool, str, int, int]:
+        """By this, paths sort as they stand: those of the file itself first."""
+        file, line, column = self.spot_of(where)
+        return file != str(self.path), file, line, column
+
+    def spot_of(self, where: Where) -> tuple[str, int, int]:
+        """File, line and column of a path, or of the nearest thing around it that stands somewhere."""
         for length in range(len(where), -1, -1):
             if where[:length] in self.places:
-                line, column = self.places[where[:length]]
-                return f"{self.path}:{line}:{column}"
-        return f"{self.path}:1:1"
+                return self.others.get(where[:length], str(self.path)), *self.places[where[:length]]
+        return str(self.path), 1, 1
 
     def spot(self, where: Where, column: int) -> Where | None:
         """A path whose place is that character (from 1) of a text; None where the file has it otherwise."""
@@ -92,6 +103,8 @@ class Source:
             return None
         line, first = self.texts[where]
         self.places[(*where, column)] = line, first + column - 1
+        if where in self.others:
+            self.others[(*where, column)] = self.others[where]
         return (*where, column)
 
     def get(self, *where: Any) -> Any:

@@ -70,12 +70,18 @@ STANDS_BESIDE = {
         for name in (
             "brackets",
             "checks",
+            "compositions",
+            "curves",
             "data",
             "documents",
             "fields",
             "flows",
+            "keys",
+            "layers",
             "messages",
             "read",
+            "regions",
+            "settings",
             "source",
         )
     ),

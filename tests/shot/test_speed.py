@@ -55,9 +55,8 @@ def test_known_integrals_are_met_to_the_last_digits() -> None:
         1 - 4 / math.pi * math.sin(math.pi / 4), abs=1e-13
     )
     assert elapsed(keyed((0, 2), (1, 5), "constant"), 3) == pytest.approx(7, abs=1e-13)
-    assert elapsed(Formulated(("1 + sin(seconds)",), 24.0, 1), 2.0) == pytest.approx(
-        3 - math.cos(2.0), abs=1e-13
-    )
+    wave = Formulated(("1 + sin(seconds)",), 24.0, 1)
+    assert elapsed(wave, 2.0) == pytest.approx(3 - math.cos(2.0), abs=1e-13)
     assert elapsed(0.25, 3.0) == 0.75
     loop = Keyframes((0.0, 1.0), ((0.0,), (1.0,)), ("linear",) * 2, after="ping_pong")
     assert elapsed(loop, 4.5) == pytest.approx(2.125, abs=1e-13)
@@ -73,7 +72,8 @@ def test_time_adds_up(ease: str, a: float, b: float) -> None:
 
 
 def test_a_shot_at_half_the_speed_is_as_far_at_its_end_as_the_other_at_its_middle() -> None:
-    half, whole = shot("0.5"), shot("1")
+    alone = {"  - twist": "  # twist"}
+    half, whole = shot("0.5", **alone), shot("1", **alone)
     assert half.motion.clock.step(25) == (23 / 48, 24 / 48 - 23 / 48)
     last = list(animate(half))[-1]
     middle = next(frame for frame in animate(whole) if frame.number == 13)
@@ -81,7 +81,6 @@ def test_a_shot_at_half_the_speed_is_as_far_at_its_end_as_the_other_at_its_middl
 
 
 def test_at_a_speed_of_one_nothing_changes_at_all() -> None:
-    assert shot("1").motion == shot("{keys: {1: 1}}", **{"{keys: {1: 1}}": "1"}).motion
     plain = read_shot("a.yaml", SHOT.format("off", "1").replace("speed: 1\n", ""))
     assert plain.motion == shot("1").motion
     assert [plain.motion.step_data(n) for n in (2, 9)] == [shot("1.0").motion.step_data(n) for n in (2, 9)]
@@ -97,9 +96,8 @@ def test_steps_follow_each_other_without_a_gap() -> None:
 
 def test_a_speed_of_nought_freezes_and_below_it_runs_backwards() -> None:
     """There and back again."""
-    frames = list(
-        animate(shot("{keys: {1: {value: 1, ease: constant}, 13: {value: -1, ease: constant}, 25: -1}}"))
-    )
+    turn = "{ease: constant, keys: {1: 1, 13: -1, 25: -1}}"
+    frames = list(animate(shot(turn)))
     np.testing.assert_allclose(frames[-1].mesh.vertices, frames[0].mesh.vertices, atol=1e-6)
     assert np.abs(frames[12].mesh.vertices - frames[0].mesh.vertices).max() > 0.1
     still = list(animate(shot("0")))
@@ -123,7 +121,8 @@ def test_a_speed_that_cannot_be_is_told_once() -> None:
     with pytest.raises(ShotError) as error:
         shot("{keys: {1: 1, 9: fast}}")
     assert error.value.messages == (
-        "a.yaml:5:22: speed.keys.9 is 'fast'; it must be a number. Write it plainly, without quotes or units.",
+        "a.yaml:5:22: speed.keys.9 is 'fast'; "
+        "it must be a number. Write it plainly, without quotes or units.",
     )
 
 
