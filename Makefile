@@ -29,6 +29,7 @@ bench: .venv/ready-bench
 # The figures of the docs, by the scripts in examples/.
 figures: .venv/ready-dev
 	$(BIN)/python -m examples
+	$(BIN)/python -m examples.flows
 
 # All pictures of the docs: the figures, and the README's moving one from the draft film.
 pictures: figures film

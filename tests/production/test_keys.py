@@ -69,6 +69,7 @@ STANDS_BESIDE = {
         f"pipeline.shot.{name}"
         for name in (
             "brackets",
+            "catalogue",
             "checks",
             "compositions",
             "curves",

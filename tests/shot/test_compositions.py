@@ -168,9 +168,9 @@ BAD = [
     ("placed: {scale: 0, flows: [{vortex: }]}", ["6:14: flows.0.placed.scale is 0; it must be above 0"]),
     ("mirrored: {normal: w, flows: [{vortex: }]}",
      ["6:16: flows.0.mirrored.normal: 'w' is no axis. There are: x, y, z."]),
-    ("within: {regio: {}, flows: {vortex: }}",
+    ("within: {reion: {}, flows: {vortex: }}",
      ["6:5: region is missing under flows.0.within; it has no default. Add `region: …`.",
-      "6:14: regio is not known under flows.0.within. Did you mean 'region'?",
+      "6:14: reion is not known under flows.0.within. Did you mean 'region'?",
       "6:25: flows.0.within.flows is a mapping; it must be a list. Write it as [a, b, c]."]),
     ("reversed:", ["6:5: flows is missing under flows.0.reversed; it has no default. Add `flows: …`."]),
     ("sum:", ["6:5: flows.0.sum has 0 items; it must have at least 1"]),
@@ -185,7 +185,7 @@ def test_a_mistake_in_a_composition_is_told_with_its_place(entry: str, messages:
 @pytest.mark.parametrize("name", ["repeated", "reversed", "sequence", "twist"])
 def test_under_sum_stand_velocity_fields_alone(name: str) -> None:
     (message,) = told(f"sum: [{{{name}: }}]")
-    assert message.startswith(f"a.yaml:6:12: {name} is not known under flows.0.sum.0. There are: ")
+    assert message.startswith(f"a.yaml:6:12: {name} is not known under flows.0.sum.0. ")
 
 
 def test_a_key_in_a_composition_leaves_the_frames_before_it_alone() -> None:

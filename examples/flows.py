@@ -1,0 +1,136 @@
+"""A small picture of every flow of the catalogue: the ways of points, or a block before and after."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from examples.drawing import COOL, FAINT, INK, PICTURES, WARM, save
+from pipeline.arrays import AnyArray, Points
+from pipeline.flow import Streamlines, VelocityField, keyed
+from pipeline.flow.catalogue import FLOWS, Bend, DoubleGyre, Rotation, Scaling, Squeeze, Strain, Translation
+from pipeline.flow.catalogue.attractor import Attractor
+from pipeline.flow.catalogue.barr import Deformation
+from pipeline.flow.parameters import shot_name
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+SIZE, REACH, SEEDS, STEPS = 1.6, 1.45, 260, 30
+"""Inches a picture is wide, scene units from its middle to its edge, ways drawn, and pieces of each."""
+
+WAY = 0.8
+"""Scene units that a way of ordinary speed is long."""
+
+SHOWN: dict[type, VelocityField] = {
+    Translation: Translation((1.0, 0.4, 0.0)),
+    Rotation: Rotation(),
+    Scaling: Scaling(rate=(0.6, 0.2, -0.5)),
+    Strain: Strain(),
+    Squeeze: Squeeze(),
+    DoubleGyre: DoubleGyre(scale=1.2),
+}
+"""How flows are shown that do nothing, or show little, by default."""
+
+AMOUNTS = {"twist": 0.9, "taper": -0.5, "stretch": 1.6, "shear": 0.6, "bend": 0.9}
+
+
+def view(turn: float = 28.0, tilt: float = 22.0) -> AnyArray:
+    """(3, 2) from the scene to the picture: seen from the right and above, by angles in degrees."""
+    a, e = math.radians(turn), math.radians(tilt)
+    right = (math.cos(a), 0.0, -math.sin(a))
+    up = (-math.sin(a) * math.sin(e), math.cos(e), -math.cos(a) * math.sin(e))
+    return np.array([right, up]).T
+
+
+def ways(field: VelocityField) -> AnyArray:
+    """(STEPS + 1, N, 3): where points from all over a ball go until the common ones have gone WAY; of an
+    attractor, ten times as far, once they have found it."""
+    seeds = np.random.default_rng(1).normal(size=(SEEDS, 3))
+    seeds *= (np.linspace(0.02, 1, SEEDS) ** (1 / 3) * 1.1 / np.linalg.norm(seeds, axis=1))[:, None]
+    flow, duration, start = Streamlines(field), 0.0, seeds
+    if isinstance(field, Attractor):
+        start, duration = _settled(flow, 0.3 * seeds[:24] + 0.1), 6 * WAY
+    speeds = np.linalg.norm(field.velocity(start, 0.3), axis=1)
+    dt = max(duration, WAY) / float(np.quantile(speeds, 0.6)) / (STEPS * (8 if duration else 1))
+    places = [start]
+    for step in range(STEPS * (8 if duration else 1)):
+        places.append(flow.displace(places[-1], 0.3 + step * dt, dt))
+    return np.stack(places)
+
+
+def _settled(flow: Streamlines, points: Points) -> Points:
+    return flow.displace(points, 0.0, 60.0 / flow.field.steepness(0.0))
+
+
+def _strands(panel: Axes, places: AnyArray, seen: AnyArray) -> None:
+    """Ways that begin faint and thin, and end dark and thick; the far ones first."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.colors import to_rgb
+
+    towards = np.cross(seen[:, 0], seen[:, 1])
+    order = np.argsort((places @ towards).mean(axis=0))
+    flat = (places @ seen)[:, order]
+    pieces = np.stack([flat[:-1], flat[1:]], axis=2).reshape(-1, 2, 2)
+    age = np.linspace(0.05, 1, len(places) - 1).repeat(places.shape[1])
+    colours = np.array([*to_rgb(COOL), 0.0]) + age[:, None] * np.array([0, 0, 0, 0.85])
+    panel.add_collection(LineCollection(list(pieces), colors=colours, linewidths=0.25 + 0.9 * age))
+
+
+def _block(panel: Axes, flow: Any, seen: AnyArray) -> None:
+    """The lines on the faces of a block, as they were and as they are."""
+    amount = AMOUNTS[flow.name]
+    moving = replace(flow, amount=keyed((0.0, 1.0), (1.0 if flow.name == "stretch" else 0.0, amount)))
+    for points in _lines():
+        panel.plot(*(points @ seen).T, color=FAINT, linewidth=0.7)
+    for points in _lines():
+        moved = moving.displace(points, 0.0, 1.0)
+        on_edge = np.isclose(np.abs(points), (0.4, 0.9, 0.4)).all(axis=0).sum() >= 2
+        panel.plot(*(moved @ seen).T, color=INK if on_edge else WARM, linewidth=1.0 if on_edge else 0.5)
+
+
+def _lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
+    t = np.linspace(-1, 1, 61)[:, None]
+    marks = np.linspace(-across, across, 5)
+    upright = [
+        np.hstack([x + 0 * t, high * t, z + 0 * t])
+        for x in marks
+        for z in marks
+        if max(abs(x), abs(z)) == across
+    ]
+    corners = across * np.array([(-1, -1), (1, -1), (1, 1), (-1, 1), (-1, -1)])
+    ring = np.concatenate([np.linspace(a, b, 21) for a, b in pairwise(corners)])
+    level = [
+        np.stack([ring[:, 0], np.full(len(ring), y), ring[:, 1]], axis=1)
+        for y in np.linspace(-high, high, 10)
+    ]
+    return upright + level
+
+
+def draw() -> None:
+    """Draw them all to `docs/pictures/flows`."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    (PICTURES / "flows").mkdir(exist_ok=True)
+    for kind in FLOWS:
+        figure = Figure(figsize=(SIZE, SIZE), facecolor="white")
+        FigureCanvasAgg(figure)
+        panel = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        panel.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
+        panel.set_axis_off()
+        if issubclass(kind, Deformation):
+            _block(panel, kind(axis=(0.0, 1.0, 0.0)) if kind is not Bend else Bend(length=1.8), view())
+        else:
+            field = SHOWN[kind] if kind in SHOWN else kind()
+            assert isinstance(field, VelocityField), "what is no deformation is a field"
+            _strands(panel, ways(field), view())
+        save(figure, f"flows/{shot_name(kind)}.png")
+
+
+if __name__ == "__main__":
+    draw()

@@ -1,0 +1,150 @@
+"""Documents, list and docs of the flows are made from the flows, and agree with them."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.errors import ShotError, UsageError
+from pipeline.flow import Flow, VelocityField
+from pipeline.flow.catalogue import FLOWS, Bend, Vortex, VortexRing
+from pipeline.flow.parameters import parameters_of, shot_name, summary
+from pipeline.frames import FrameRange, FrameRate
+from pipeline.shot import read_shot
+from pipeline.shot.catalogue import DOCUMENTS
+from pipeline.shot.clock import Clock
+from pipeline.shot.listing import BEGIN, END, facts, markdown
+
+CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
+DOCS = Path(__file__).parents[2] / "docs"
+each = pytest.mark.parametrize("name", DOCUMENTS)
+
+SHOT = """\
+title: Any
+frames: 1-24
+subject: {{solid: box}}
+resample: {{max_edge_length: 0.25}}
+flows:
+  - {flow}
+"""
+
+
+def built(flow: str) -> Any:
+    """The flow of a shot with one."""
+    return read_shot("a.yaml", SHOT.format(flow=flow)).motion.flow.flows[0]  # type: ignore[attr-defined]
+
+
+def told(flow: str) -> str:
+    with pytest.raises(ShotError) as error:
+        built(flow)
+    return str(error.value)
+
+
+@each
+def test_a_file_that_says_nothing_but_what_it_must_has_the_defaults_of_the_code(name: str) -> None:
+    document = DOCUMENTS[name]
+    needed: dict[str, Any] = {
+        p.name: [0.5, 0.0, 0.0] if p.form == "place" else 0.5 for p in document.parameters if p.needed
+    }
+    flow = document.model_validate(needed).build(CLOCK)
+    for parameter in document.parameters:
+        if not parameter.needed:
+            assert getattr(flow, parameter.name) == parameter.default
+    assert isinstance(flow, Flow | VelocityField)
+
+
+@each
+def test_every_parameter_says_what_it_means(name: str) -> None:
+    flow = DOCUMENTS[name].flow
+    assert summary(flow).endswith(".") and len(summary(flow)) < 100
+    for parameter in parameters_of(flow):
+        assert parameter.sense.text, parameter.name
+        assert parameter.form != "other" and (parameter.form != "choice" or parameter.choices)
+
+
+@each
+def test_defaults_written_out_in_a_file_build_the_same_flow(name: str) -> None:
+    parameters = {
+        p.name: ([0.5, 0.0, 0.0] if p.form == "place" else 0.5) if p.needed else p.default_in_file
+        for p in DOCUMENTS[name].parameters
+    }
+    spelt = DOCUMENTS[name].model_validate(parameters).build(CLOCK)
+    short = DOCUMENTS[name].model_validate({p: v for p, v in parameters.items() if _is_needed(name, p)})
+    for parameter in parameters_of(type(spelt)):
+        one, other = getattr(spelt, parameter.name), getattr(short.build(CLOCK), parameter.name)
+        assert one == pytest.approx(other, rel=1e-9) if isinstance(one, float) else one == other
+
+
+def _is_needed(name: str, parameter: str) -> bool:
+    return next(p.needed for p in DOCUMENTS[name].parameters if p.name == parameter)
+
+
+def test_angles_are_degrees_in_the_file_and_radians_in_the_code() -> None:
+    bend = built("bend: {amount: {ease: linear, keys: {1: 0, 24: 90}}, length: 3}")
+    assert isinstance(bend, Bend) and bend.length == 3.0
+    assert bend.amount.at(CLOCK.time(24))[0] == pytest.approx(math.pi / 2)  # type: ignore[union-attr]
+
+
+def test_names_of_two_words_are_joined() -> None:
+    assert shot_name(VortexRing) == "vortex_ring" and built("vortex_ring: {core: 0.2}").name == "vortex_ring"
+    assert "ABC" not in DOCUMENTS and "abc" in DOCUMENTS
+
+
+def test_a_flow_that_is_not_known_is_told_with_the_nearest() -> None:
+    assert told("vortex_rng: {}") == (
+        "a.yaml:6:5: vortex_rng is not known under flows.0. Did you mean 'vortex_ring'?"
+    )
+
+
+@pytest.mark.parametrize(
+    ("flow", "message"),
+    [
+        ("vortex_ring: {radius: 0}", "a.yaml:6:19: flows.0.vortex_ring.radius is 0; it must be above 0"),
+        (
+            "vortex_ring: {cor: 0.1}",
+            "a.yaml:6:19: cor is not known under flows.0.vortex_ring. Did you mean 'core'?",
+        ),
+        (
+            "scaling: {}",
+            "a.yaml:6:5: rate is missing under flows.0.scaling; it has no default. Add `rate: …`.",
+        ),
+        (
+            "vortex_pair: {turning: both}",
+            "a.yaml:6:19: flows.0.vortex_pair.turning is 'both'; it must be 'against' or 'together'",
+        ),
+        (
+            "bend: {amount: 3, direction: y}",
+            "a.yaml:6:5: bend is turned along its own axis; direction must lie across axis. "
+            "Turn one of them.",
+        ),
+    ],
+)
+def test_mistakes_are_told_with_line_and_column(flow: str, message: str) -> None:
+    assert told(flow) == message
+
+
+def test_a_flow_can_be_asked_for_by_name() -> None:
+    fact = facts("vortex")
+    assert json.loads(json.dumps(fact)) == fact
+    assert fact["kind"] == "velocity" and facts("twist")["kind"] == "map"
+    strength = next(p for p in fact["parameters"] if p["name"] == "strength")
+    assert (strength["unit"], strength["default"], strength["keyed"]) == ("units²/s", 1.0, True)
+    with pytest.raises(
+        UsageError, match=r"there is no flow 'vortx' in the catalogue\. Did you mean 'vortex'"
+    ):
+        facts("vortx")
+
+
+def test_the_table_of_the_docs_is_that_of_the_code() -> None:
+    page = (DOCS / "flows.md").read_text("utf-8")
+    assert page[page.index(BEGIN) : page.index(END) + len(END)] == markdown()
+    for flow in FLOWS:
+        assert (DOCS / "pictures" / "flows" / f"{shot_name(flow)}.png").is_file()
+
+
+def test_a_document_refuses_what_the_flow_does_not_take() -> None:
+    assert set(DOCUMENTS["vortex"].model_fields) == set(Vortex.__dataclass_fields__)

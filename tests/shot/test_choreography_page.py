@@ -1,0 +1,32 @@
+"""The examples of docs/choreography.md are good, and its words are those of the code."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from pipeline.flow import EASINGS
+from pipeline.flow.regions import FALLS
+from pipeline.shot import read_shot
+from pipeline.shot.flows import FlowDocument
+from pipeline.shot.regions import SHAPES
+
+PAGE = (Path(__file__).parents[2] / "docs" / "choreography.md").read_text(encoding="utf-8")
+EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)
+HEAD = "title: Page\nframes: 1-96\nsubject: {solid: box}\nresample: {max_edge_length: 0.25}\n"
+
+
+@pytest.mark.parametrize("example", EXAMPLES, ids=range(len(EXAMPLES)))
+def test_an_example_of_the_page_is_a_good_shot(example: str) -> None:
+    motion = read_shot("page.yaml", HEAD + example).motion
+    assert all(motion.step_data(number) for number in (2, 50, 96))
+
+
+def test_the_page_names_what_there_is() -> None:
+    words = set(re.findall(r"`(\w+)`", PAGE))
+    families = {name.rsplit("_in", 1)[0].removesuffix("_out") for name in EASINGS}
+    compositions = {"sequence", "sum", "within", "blend", "placed", "mirrored", "reversed", "repeated"}
+    assert families | compositions | set(SHAPES) | set(FALLS) | {"bezier"} <= words
+    assert compositions <= set(FlowDocument.model_fields)
