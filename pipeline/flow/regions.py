@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Any, Literal
@@ -191,3 +192,50 @@ class Cylinder(_Round):
     @property
     def _opcode(self) -> int:
         return op.CLOSE_CYLINDER
+
+
+@dataclass(frozen=True, eq=False)
+class Sampled(Region):
+    """A region of any form, by how far points lie outside of it at the nodes of a grid; negative inside.
+
+    distances  float64 (nx, ny, nz), at least 2 along each axis; trilinear between nodes
+    origin     where the first node lies
+    spacing    between nodes, scene units
+
+    Beyond the grid the distances of its rim hold, so it should reach `falloff` around the region. Raises
+    UsageError where the distances are no such grid, or not finite.
+    """
+
+    distances: Floats
+    origin: Vector = ORIGIN
+    spacing: float = 1.0
+
+    def __post_init__(self) -> None:
+        grid = np.array(self.distances, dtype=np.float64, order="C")
+        if grid.ndim != 3 or min(grid.shape) < 2 or not np.isfinite(grid).all() or not self.spacing > 0:
+            raise UsageError(
+                f"distances of shape {grid.shape} with a spacing of {self.spacing:g} are no grid to look up "
+                "in; they are finite numbers (nx, ny, nz), at least 2 along each axis. Sample them again."
+            )
+        numbers = np.concatenate([np.array(grid.shape, np.float64), grid.ravel()])
+        object.__setattr__(self, "_numbers", numbers)
+        object.__setattr__(self, "_digest", hashlib.sha256(numbers.tobytes()).hexdigest())
+
+    def closing(self, time: float) -> Instruction:
+        """What stands for it in keys holds a digest of the distances in place of their address."""
+        closing = super().closing(time)
+        known = [*closing.numbers[:4], self._digest, *closing.numbers[5:]]  # type: ignore[attr-defined]
+        return closing._replace(identity=known)
+
+    @property
+    def _opcode(self) -> int:
+        return op.CLOSE_SAMPLED
+
+    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        address = float(self._numbers.ctypes.data)  # type: ignore[attr-defined]
+        return (*self.origin, self.spacing, address), ()
+
+    def bounds(self, time: float) -> tuple[Vector, Vector]:
+        half = 0.5 * self.spacing * (np.array(self.distances.shape) - 1.0)
+        (x, y, z), (u, v, w) = (np.array(self.origin) + half).tolist(), half.tolist()
+        return (x, y, z), (u, v, w)

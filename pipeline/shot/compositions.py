@@ -6,20 +6,46 @@ Each holds a list of `flows`. Under `flows` these act one after another, and the
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
-from typing import Annotated, Generic, TypeVar
+from typing import Annotated, Any, Generic, TypeVar
 
-from pydantic import Field
+from pydantic import AfterValidator, Field
+from pydantic_core import PydanticCustomError
 
 from pipeline.flow import Flow, Frame, Repeated, Reversed, Sequence, Sum, VelocityField
 from pipeline.flow.choreography import Number
 from pipeline.flow.compose import InFrame, InMirror, Limited, Scaled, blended, mirrored, placed, within
+from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import Clock
-from pipeline.shot.curves import LengthOfTime, PlaceField, PositiveField, WeightField, number, place, seconds
+from pipeline.shot.curves import PlaceField, PositiveField, WeightField, number, place
 from pipeline.shot.fields import DEGREE, Axis, Document, Triple, axis, vector
 from pipeline.shot.regions import HERE, RegionDocument
 
 E = TypeVar("E", bound=Document)
+
+
+def _lasts(value: Any) -> Any:
+    length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
+    if length is None or not 0 < length < math.inf:
+        what = {"value": shortened(value)}
+        raise PydanticCustomError(
+            "length_of_time",
+            "{value} is no length of time. Write frames, such as 24, or seconds, such as 1s.",
+            what,
+        )
+    return value
+
+
+LengthOfTime = Annotated[Any, AfterValidator(_lasts)]
+"""Frames, or "1s"."""
+
+
+def seconds(length: Any, clock: Clock) -> float:
+    """A parsed length of time in seconds."""
+    found = clock.length(length)
+    assert found is not None, "its validator refused what is no time"
+    return found
 
 
 class Composition(Document, Generic[E]):

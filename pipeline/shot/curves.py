@@ -15,7 +15,6 @@ from pipeline.flow.choreography import Curve, Keyframes, Number, Place
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.formulated import TIME_NAMES, Formulated
 from pipeline.formula import Expression, FormulaError
-from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import Clock
 from pipeline.shot.fields import Document, Positive, Real, Triple, is_number, one_of, vector
 
@@ -189,27 +188,6 @@ PlaceField = Annotated[
     Discriminator(_form),
     _stays(ANYWHERE),
 ]
-
-
-def _lasts(value: Any) -> Any:
-    length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
-    if length is None or not 0 < length < math.inf:
-        what = {"value": shortened(value)}
-        raise PydanticCustomError(
-            "length_of_time",
-            "{value} is no length of time. Write frames, such as 24, or seconds, such as 1s.",
-            what,
-        )
-    return value
-
-
-LengthOfTime = Annotated[Any, AfterValidator(_lasts)]
-"""Frames, or "1s"."""
-
-
-def seconds(length: Any, clock: Clock) -> float:
-    """A parsed length of time in seconds."""
-    return _sure(clock.length(length))
 
 
 def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:

@@ -79,9 +79,9 @@ def test_defaults_hold_for_all_shots_of_a_folder_unless_they_say_otherwise(folde
 
 
 def test_an_error_stands_in_the_file_that_holds_the_value(folder: Path) -> None:
-    (folder / "F.yaml").write_text("extends: B\nframes: 1-24\ntittle: F\n")
+    (folder / "F.yaml").write_text("extends: B\nframes: 1-24\ntitlle: F\n")
     assert told(folder, "F") == [
-        "F.yaml:3:1: tittle is not known. Did you mean 'title'?",
+        "F.yaml:3:1: titlle is not known. Did you mean 'title'?",
         "A.yaml:6:38: key 25 is outside of the shot, which has frames 1-24 (0.9583 s). Move it inside.",
         "A.yaml:6:45: key 49 is outside of the shot, which has frames 1-24 (0.9583 s). Move it inside.",
     ]
@@ -132,7 +132,7 @@ def test_values_are_set_from_outside(folder: Path) -> None:
 
 SET = [
     ("flows.0.vortx.strength=3", "flows.0 has no vortx. Did you mean 'vortex'?"),
-    ("flows.0.vortex.stength=3", "stength is not known under flows.0.vortex. Did you mean 'strength'?"),
+    ("flows.0.vortex.strongth=3", "strongth is not known under flows.0.vortex. Did you mean 'strength'?"),
     ("flows.2.vortex=3", "flows has no item 2; it has 2 items, 0 to 1. Name one of them."),
     ("flows.x=3", "flows has no item x; it has 2 items, 0 to 1. Name one of them."),
     ("camera.azimuth={keys: {99: 3}}",
