@@ -51,6 +51,33 @@ def test_a_new_shot_is_good_and_can_be_simulated(studio):
     assert json.loads(done.out)["made"] == {"simulate": 2}
 
 
+def test_a_value_is_set_for_one_command(studio):
+    """Meshes made with it are others than the shot's own; what is wrong with it is told by its own words."""
+    done = studio.run("--json", "simulate", NAME, "-f", "1-2", "--set", "flows.0.twist.amount=0")
+    assert done.code == 0, done.err
+    again = studio.run("--json", "--dry-run", "simulate", NAME, "-f", "1-2")
+    assert json.loads(again.out)["jobs"]
+    same = studio.run("--json", "--dry-run", "simulate", NAME, "-f", "1-2", "--set", "flows.0.twist.amount=0")
+    assert json.loads(same.out)["jobs"] == []
+    for command in ("simulate", "render", "validate", "turntable"):
+        bad = studio.run("--dry-run", command, NAME, "--set", "flows.0.twst.amount=0")
+        assert bad.code == 2
+        (line,) = lines(bad.err)
+        assert line == "--set flows.0.twst.amount=0: flows.0 has no twst. Did you mean 'twist'?"
+
+
+def test_a_shot_may_extend_another_and_defaults_are_no_shot(studio):
+    (studio.shot.parent / "T020_more.yaml").write_text(f"extends: {NAME}\ntitle: More\n")
+    (studio.shot.parent / "defaults.yaml").write_text("look: glaze\n")
+    done = studio.run("--json", "simulate", "T020_more", "-f", "1-2")
+    assert done.code == 0 and json.loads(done.out)["made"] == {"simulate": 2}, done.err
+    assert {fact["file"] for fact in json.loads(studio.run("--json", "validate").out)} == {
+        NAME,
+        "T020_more",
+        "film",
+    }
+
+
 def test_new_never_overwrites(studio):
     before = studio.shot.read_text()
     done = studio.run("new", NAME)
