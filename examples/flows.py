@@ -126,7 +126,7 @@ def draw() -> None:
         if issubclass(kind, Deformation):
             _block(panel, kind(axis=(0.0, 1.0, 0.0)) if kind is not Bend else Bend(length=1.8), view())
         else:
-            field = SHOWN[kind] if kind in SHOWN else kind()
+            field: Any = SHOWN[kind] if kind in SHOWN else kind()
             _strands(panel, ways(field), view())
         save(figure, f"flows/{shot_name(kind)}.png")
 
