@@ -29,46 +29,51 @@ def levels(kinds: Indices) -> int:
 @kernel(BRACKET)
 def open_group(p: Floats, o: int, n: int, s: Floats, b: int) -> None:
     """The same points, at rest."""
+    level = s[b:]
     for i in range(3 * BLOCK):
-        s[b + LEVEL + i] = s[b + i]
-        s[b + LEVEL + U + i] = 0.0
+        level[LEVEL + i] = level[i]
+        level[LEVEL + U + i] = 0.0
 
 
 @kernel(BRACKET)
 def close_group(p: Floats, o: int, n: int, s: Floats, b: int) -> None:
     """Velocities times a factor."""
+    row, level = p[o:], s[b:]
     for i in range(3 * BLOCK):
-        s[b + U + i] += p[o] * s[b + LEVEL + U + i]
+        level[U + i] += row[0] * level[LEVEL + U + i]
 
 
 @higher_kernel
 def close_region(weight: Any, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
     """Velocities times a factor inside 7 and a factor outside 8."""
+    row, level = p[o:], s[b:]
     for i in range(n):
-        inside = weight(p, o, s[b + X + i], s[b + Y + i], s[b + Z + i])
-        factor = inside * p[o + 7] + (1.0 - inside) * p[o + 8]
-        s[b + U + i] += factor * s[b + LEVEL + U + i]
-        s[b + V + i] += factor * s[b + LEVEL + V + i]
-        s[b + W + i] += factor * s[b + LEVEL + W + i]
+        inside = weight(row, 0, level[X + i], level[Y + i], level[Z + i])
+        factor = inside * row[7] + (1.0 - inside) * row[8]
+        level[U + i] += factor * level[LEVEL + U + i]
+        level[V + i] += factor * level[LEVEL + V + i]
+        level[W + i] += factor * level[LEVEL + W + i]
 
 
 @kernel(BRACKET)
 def place(p: Floats, o: int, n: int, s: Floats, b: int) -> None:
     """Points in a frame: centre 0:3, matrix 3:12."""
+    row, level = p[o:], s[b:]
     for i in range(n):
-        x, y, z = s[b + X + i] - p[o], s[b + Y + i] - p[o + 1], s[b + Z + i] - p[o + 2]
-        s[b + LEVEL + X + i] = p[o + 3] * x + p[o + 4] * y + p[o + 5] * z
-        s[b + LEVEL + Y + i] = p[o + 6] * x + p[o + 7] * y + p[o + 8] * z
-        s[b + LEVEL + Z + i] = p[o + 9] * x + p[o + 10] * y + p[o + 11] * z
+        x, y, z = level[X + i] - row[0], level[Y + i] - row[1], level[Z + i] - row[2]
+        level[LEVEL + X + i] = row[3] * x + row[4] * y + row[5] * z
+        level[LEVEL + Y + i] = row[6] * x + row[7] * y + row[8] * z
+        level[LEVEL + Z + i] = row[9] * x + row[10] * y + row[11] * z
     for i in range(3 * BLOCK):
-        s[b + LEVEL + U + i] = 0.0
+        level[LEVEL + U + i] = 0.0
 
 
 @kernel(BRACKET)
 def unplace(p: Floats, o: int, n: int, s: Floats, b: int) -> None:
     """Velocities out of a frame: matrix 3:12."""
+    row, level = p[o:], s[b:]
     for i in range(n):
-        u, v, w = s[b + LEVEL + U + i], s[b + LEVEL + V + i], s[b + LEVEL + W + i]
-        s[b + U + i] += p[o + 3] * u + p[o + 4] * v + p[o + 5] * w
-        s[b + V + i] += p[o + 6] * u + p[o + 7] * v + p[o + 8] * w
-        s[b + W + i] += p[o + 9] * u + p[o + 10] * v + p[o + 11] * w
+        u, v, w = level[LEVEL + U + i], level[LEVEL + V + i], level[LEVEL + W + i]
+        level[U + i] += row[3] * u + row[4] * v + row[5] * w
+        level[V + i] += row[6] * u + row[7] * v + row[8] * w
+        level[W + i] += row[9] * u + row[10] * v + row[11] * w

@@ -15,12 +15,23 @@ def lines(text):
 def test_help_names_every_command_and_the_exit_codes(studio):
     done = studio.run("--help")
     assert done.code == 0
-    for word in ("new", "validate", "simulate", "render", "film", "turntable", "status", "doctor", "130"):
+    for word in (
+        "new",
+        "validate",
+        "simulate",
+        "render",
+        "film",
+        "turntable",
+        "flows",
+        "status",
+        "doctor",
+        "130",
+    ):
         assert word in done.out
 
 
 @pytest.mark.parametrize(
-    "command", ["new", "validate", "simulate", "render", "film", "turntable", "status", "doctor"]
+    "command", ["new", "validate", "simulate", "render", "film", "turntable", "flows", "status", "doctor"]
 )
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
     done = studio.run(command, "--help")
@@ -41,6 +52,15 @@ def test_a_dry_run_says_what_would_be_done_and_does_nothing(studio):
     assert "rendering 3 frames" in done.out
     assert not (studio.path / "renders").exists()
     assert not (studio.path / ".flowsculpt").exists()
+
+
+def test_flows_lists_what_there_is_and_tells_of_one(studio):
+    listed = studio.run("flows")
+    assert listed.code == 0 and "vortex_ring" in listed.out and "lorenz" in listed.out
+    one = json.loads(studio.run("flows", "vortex", "--json").out)
+    assert {"name": "strength", "unit": "units²/s", "default": 1.0}.items() <= one["parameters"][3].items()
+    unknown = studio.run("flows", "vortx")
+    assert unknown.code == 2 and "Did you mean 'vortex'" in unknown.err
 
 
 def test_a_new_shot_is_good_and_can_be_simulated(studio):

@@ -1,0 +1,153 @@
+"""`python -m benchmarks.flows`: following each velocity field, against kernels written for that field alone.
+
+640 000 points are carried through one frame of four sub-steps, by one thread and by all. What it is measured
+against has the equation, its numbers and the Runge-Kutta step in one loop over the points, in registers; the
+last row is a composition: a vortex and a strain with half their strength within a ball, and a rotation. A
+uniform velocity is shown but not judged: written for it alone, all stages are one addition.
+Ratios travel between machines, times do not. Writes `benchmarks/out/flows.json`.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numba
+import numpy as np
+from numba import prange
+
+from benchmarks.measures import told
+from benchmarks.report import Row, Target, keep, show
+from pipeline.arrays import Points
+from pipeline.flow import VelocityField, catalogue
+from pipeline.flow import _kernels_attractor as attractor
+from pipeline.flow import _kernels_cellular as cellular
+from pipeline.flow import _kernels_expansion as expansion
+from pipeline.flow import _kernels_linear as linear
+from pipeline.flow import _kernels_opcodes as op
+from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow import _kernels_vortex as vortex
+from pipeline.flow._kernels_region import ball_weight
+from pipeline.flow.parameters import shot_name
+from pipeline.flow.program import Instruction, Program, grouped, kinds_of, table_of
+
+POINTS, SUBSTEPS, STEP, REPEATS = 640_000, 4, 0.01, 5
+MOST = 1.3
+"""What is wanted: times the kernel written for the field."""
+
+EQUATIONS = {
+    code: getattr(family, name.lower())
+    for name, code in vars(op).items()
+    for family in (attractor, cellular, expansion, linear, vortex)
+    if isinstance(code, int) and hasattr(family, name.lower())
+}
+
+IN_A_BALL = (0.0, 0.0, 0.0, 0.8, 0.0, 0.0, 0.5, 0.5, 0.0)
+
+
+def fields() -> dict[str, Program]:
+    """One of every opcode of a field, by its name."""
+    flows = [flow() for flow in catalogue.FLOWS if issubclass(flow, VelocityField)]
+    flows += [catalogue.Vortex(profile="gaussian"), catalogue.Vortex(profile="rankine")]
+    flows += [catalogue.Expansion("disc")]
+    named = {f"{shot_name(type(flow))}": flow.program(0.2) for flow in flows[:-3]}
+    named |= {
+        name: flow.program(0.2)
+        for name, flow in zip(("gaussian", "rankine", "disc"), flows[-3:], strict=True)
+    }
+    return {name: program for name, program in named.items() if len(program) == 1}
+
+
+def composition() -> Program:
+    inner = catalogue.Vortex(radius=0.7, strength=3.0).program(0.0) + catalogue.Strain(rate=0.8).program(0.0)
+    return grouped(inner, Instruction(op.CLOSE_BALL, IN_A_BALL)) + catalogue.Rotation().program(0.0)
+
+
+def by_hand(program: Program) -> Any:
+    """The equation of one field, or of the composition, for a tuple of its numbers."""
+    if len(program) == 1:
+        return numba.njit(EQUATIONS[program[0].kind].py_func)
+    swirl, stretch, turn, weigh = (
+        numba.njit(one.py_func) for one in (vortex.lamb_oseen, linear.strain, linear.rotation, ball_weight)
+    )
+    o_swirl, o_stretch, o_close, o_turn = (op.COLUMNS * row for row in (1, 2, 3, 4))
+
+    def composed(p: Any, o: int, x: float, y: float, z: float) -> Any:
+        a, b, c = swirl(p, o_swirl, x, y, z)
+        d, e, f = stretch(p, o_stretch, x, y, z)
+        factor = 0.5 * weigh(p, o_close, x, y, z)
+        u, v, w = turn(p, o_turn, x, y, z)
+        return u + factor * (a + d), v + factor * (b + e), w + factor * (c + f)
+
+    return numba.njit(composed)
+
+
+def fused(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
+    """A kernel for this program alone; its numbers are arguments, so that it serves any of them."""
+    equation, numbers = by_hand(program), tuple(table_of(program).ravel().tolist())
+
+    @numba.njit(parallel=parallel)  # type: ignore[untyped-decorator]
+    def follow(points: Points, p: Any, h: float, out: Points) -> None:
+        for i in prange(len(points)):
+            x, y, z = points[i, 0], points[i, 1], points[i, 2]
+            for _ in range(SUBSTEPS):
+                ax, ay, az = equation(p, 0, x, y, z)
+                bx, by, bz = equation(p, 0, x + 0.5 * h * ax, y + 0.5 * h * ay, z + 0.5 * h * az)
+                cx, cy, cz = equation(p, 0, x + 0.5 * h * bx, y + 0.5 * h * by, z + 0.5 * h * bz)
+                dx, dy, dz = equation(p, 0, x + h * cx, y + h * cy, z + h * cz)
+                x += h / 6.0 * (ax + 2.0 * (bx + cx) + dx)
+                y += h / 6.0 * (ay + 2.0 * (by + cy) + dy)
+                z += h / 6.0 * (az + 2.0 * (bz + cz) + dz)
+            out[i, 0], out[i, 1], out[i, 2] = x, y, z
+
+    return lambda points, out: follow(points, numbers, STEP, out)
+
+
+def ours(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
+    """The kernel that runs any program."""
+    kinds, tables = kinds_of(program), np.tile(table_of(program).ravel(), 3)
+    steps = np.zeros((SUBSTEPS, 3), np.int64)
+    steps[:, 1] = len(kinds)
+    advect = kernels.advect_together if parallel else kernels.advect
+    return lambda points, out: advect(points, kinds, tables, steps, np.full(SUBSTEPS, STEP), out)
+
+
+def measure(name: str, program: Program, points: Points) -> Row:
+    """Milliseconds of both, in turn, the quickest of some; and that they come to the same."""
+    row: Row = {"flow": name}
+    for threads, parallel in (("1 thread", False), ("all", True)):
+        works = {"ours": ours(program, parallel), "by hand": fused(program, parallel)}
+        outs = {who: np.empty_like(points) for who in works}
+        seconds: dict[str, list[float]] = {who: [] for who in works}
+        for _ in range(REPEATS + 1):  # the first one compiles
+            for who, work in works.items():
+                seconds[who].append(_clocked(partial(work, points, outs[who])))
+        np.testing.assert_allclose(outs["ours"], outs["by hand"], rtol=1e-9, atol=1e-9)
+        best = {who: 1000 * min(times[1:]) for who, times in seconds.items()}
+        row |= {f"ours, {threads}": best["ours"], f"by hand, {threads}": best["by hand"]}
+        row[f"ratio, {threads}"] = best["ours"] / best["by hand"]
+    return row
+
+
+def _clocked(work: Callable[[], None]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def main() -> list[Target]:
+    """Measure every field and the composition, and say what is met."""
+    points = 0.4 * np.random.default_rng(1).normal(size=(POINTS, 3))
+    programs = {**fields(), "composition": composition()}
+    rows = [measure(name, program, points) for name, program in programs.items()]
+    show("Following a velocity field, milliseconds", rows)
+    keep("flows", rows)
+    rows = [row for row in rows if row["flow"] != "translation"]  # by hand it is one addition
+    worst = {ratio: max(told(row, ratio) for row in rows) for ratio in ("ratio, 1 thread", "ratio, all")}
+    return [Target("flows", f"{what}, at worst", found, most=MOST) for what, found in worst.items()]
+
+
+if __name__ == "__main__":
+    show("Targets", [target.row for target in main()])
