@@ -8,6 +8,7 @@ from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow.compose import Sequence
 from pipeline.flow.flow import Flow
+from pipeline.flow.trouble import trouble
 
 
 def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) -> Points:
@@ -41,6 +42,8 @@ def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) ->
     if not finite.all():
         vertex = int(np.argmin(finite))
         where = ", ".join(f"{x:.4g}" for x in points[vertex])
+        if told := trouble(flow, points[vertex], time, dt):
+            raise FrameError(f"{place}: {told}", frame)
         raise FrameError(
             f"{place} moved vertex {vertex} from ({where}) to {moved[vertex].tolist()}; points must stay "
             "finite. Lower the flow's strength, or raise substeps if it grows from frame to frame.",
