@@ -33,29 +33,38 @@ Variant = Annotated[
         help=f"Render with this Mitsuba variant: {', '.join(VARIANTS)}; by default the first that works."
     ),
 ]
+AllowCode = Annotated[
+    bool, typer.Option("--allow-code", help="Let shots run the Python files that they name as flows.")
+]
+
 Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
 
 
-def simulate(common: Common, shots: Shots, frames: Frames = None) -> None:
+def simulate(common: Common, shots: Shots, frames: Frames = None, allow_code: AllowCode = False) -> None:
     """Simulate shots: move and resample their surfaces, frame by frame.
 
     Mesh frames appear in renders/SHOT/meshes. After an edit a simulation goes on from the last frame that
     the edit left valid. Vertices are numbered for life in them, and new ones name their parents; those of
     method polyhedra are not.
     """
-    studio = Studio(common.root, common.cores)
+    studio = Studio(common.root, common.cores, allow_code=allow_code)
     _make(common, lambda: studio.meshes(shots, frames))
 
 
 def render(
-    common: Common, shots: Shots, frames: Frames = None, quality: Quality = "draft", variant: Variant = None
+    common: Common,
+    shots: Shots,
+    frames: Frames = None,
+    quality: Quality = "draft",
+    variant: Variant = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Render shots, or a range of their frames, and assemble the movie.
 
     Only what is missing or stale is made: `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six
     frames, and nothing when called again.
     """
-    studio = Studio(common.root, common.cores, variant)
+    studio = Studio(common.root, common.cores, variant, allow_code)
     _make(common, lambda: studio.pictures(shots, quality, frames))
 
 
@@ -64,9 +73,10 @@ def film(
     edit: Annotated[Path, typer.Argument(help="The edit: title, and the shots in their order.")] = FILM,
     quality: Quality = "draft",
     variant: Variant = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4."""
-    studio = Studio(common.root, common.cores, variant)
+    studio = Studio(common.root, common.cores, variant, allow_code)
     _make(common, lambda: studio.film(quality, edit))
 
 
@@ -82,11 +92,14 @@ def turntable(
     look: Annotated[str | None, typer.Option(help="The look of a mesh file; shots have their own.")] = None,
     quality: Quality = "preview",
     variant: Variant = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Turn one frame of a shot, or a mesh file, through 360° before the camera."""
     _make(
         common,
-        lambda: Studio(common.root, common.cores, variant).turntable(subject, quality, at, frames, look),
+        lambda: Studio(common.root, common.cores, variant, allow_code).turntable(
+            subject, quality, at, frames, look
+        ),
     )
 
 

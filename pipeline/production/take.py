@@ -64,6 +64,7 @@ class Take:
 
     text, path  the shot file as it was when the work was planned, and where it lies
     requested   the frames asked for
+    allow_code  whether the shot may run the Python files that it names
     """
 
     text: str
@@ -72,6 +73,7 @@ class Take:
     variant: str
     requested: tuple[int, ...]
     turntable: Turntable | None = None
+    allow_code: bool = False
 
     def as_data(self) -> dict[str, Any]:
         return {
@@ -81,6 +83,7 @@ class Take:
             "variant": self.variant,
             "requested": list(self.requested),
             "turntable": asdict(self.turntable) if self.turntable else None,
+            "allow_code": self.allow_code,
         }
 
     @classmethod
@@ -92,11 +95,12 @@ class Take:
             variant=data["variant"],
             requested=tuple(data["requested"]),
             turntable=Turntable(**data["turntable"]) if data["turntable"] else None,
+            allow_code=data["allow_code"],
         )
 
     @cached_property
     def shot(self) -> Shot:
-        return read_shot(self.path, self.text)
+        return read_shot(self.path, self.text, self.allow_code)
 
     @property
     def quality(self) -> Quality:

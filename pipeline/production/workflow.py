@@ -39,12 +39,14 @@ class Studio:
 
     Every file is read once, so that all of a run goes by one text however it is edited meanwhile.
 
-    variant  the Mitsuba variant asked for; by default the first that works
+    variant     the Mitsuba variant asked for; by default the first that works
+    allow_code  whether shots may run the Python files that they name
     """
 
     root: Path
     cores: int
     variant: str | None = None
+    allow_code: bool = False
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
 
@@ -118,7 +120,7 @@ class Studio:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
-        whole = Take(text, path, quality, "none", ()).whole()
+        whole = Take(text, path, quality, "none", (), allow_code=self.allow_code).whole()
         requested = FrameRange.parse(frames) if frames is not None else whole.shot.frames
         outside = requested.outside(whole.shot.frames)
         if outside:
@@ -147,7 +149,8 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
     elif not main:
         path = Path((root / latest).read_text())
     else:
-        studio, quality = Studio(root, cores), str(config.get("quality", "draft"))
+        quality = str(config.get("quality", "draft"))
+        studio = Studio(root, cores, allow_code=str(config.get("allow_code", "")).lower() == "true")
         frames = str(config["frames"]) if "frames" in config else None
         plan = (
             studio.pictures([str(config["shot"])], quality, frames)

@@ -12,6 +12,14 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.flow import Flow, Streamlines, Sum, VelocityField, catalogue
 from pipeline.shot.clock import Clock
+from pipeline.shot.field_documents import (
+    AttractionDocument,
+    CurlNoiseDocument,
+    Formulas,
+    PythonDocument,
+    SampledDocument,
+    WindDocument,
+)
 from pipeline.shot.fields import (
     DEGREE,
     Axis,
@@ -170,6 +178,11 @@ class VelocityDocument(Document):
     expansion: Annotated[ExpansionDocument | None, _bare] = None
     lorenz: Annotated[LorenzDocument | None, _bare] = None
     enright: Annotated[EnrightDocument | None, _bare] = None
+    formula: Formulas = None
+    curl_noise: Annotated[CurlNoiseDocument | None, _bare] = None
+    attraction: AttractionDocument | None = None
+    wind: WindDocument | None = None
+    sampled: SampledDocument | None = None
 
     @model_validator(mode="after")
     def _names_one(self) -> VelocityDocument:
@@ -201,11 +214,14 @@ class FlowDocument(VelocityDocument):
     taper: Annotated[TaperDocument | None, _bare] = None
     stretch: Annotated[StretchDocument | None, _bare] = None
     shear: Annotated[ShearDocument | None, _bare] = None
+    python: PythonDocument | None = None
 
     def build(self, clock: Clock, substeps: int | None) -> Flow:
         chosen = self.chosen
         if isinstance(chosen, list):
             return Streamlines(Sum(tuple(entry.chosen.build(clock) for entry in chosen)), substeps)
+        if isinstance(chosen, PythonDocument):
+            return chosen.build(clock)
         if isinstance(chosen, DeformationDocument):
             return chosen.build(clock)  # type: ignore[attr-defined, no-any-return]  # every one of them has it
         return super().build(clock, substeps)

@@ -30,7 +30,7 @@ def findings(error: ValidationError, source: Source, document: type[BaseModel]) 
     """Every problem of a ValidationError: where it is in the file, and what to tell."""
     found = []
     for details in error.errors(include_url=False):
-        where = _in_file(source, details["loc"])
+        where = _spot(source, _in_file(source, details["loc"]), details.get("ctx", {}))
         names = _fields(document, details["loc"])
         found.append((where, _message(details, where, names)))
     return list(dict.fromkeys(found))
@@ -45,13 +45,22 @@ def _in_file(source: Source, loc: Where) -> Where:
     return where
 
 
+def _spot(source: Source, where: Where, context: dict[str, Any]) -> Where:
+    """The character of a formula that a finding is about, where the file has it as it is."""
+    if "formula" not in context:
+        return where
+    text = (*where, "velocity") if (*where, "velocity") in source.places else where
+    text = (*text, context["formula"])
+    return source.spot(text, context["column"]) or text
+
+
 def _fields(document: type[BaseModel], loc: Where) -> list[str]:
     """The names that could stand at a location."""
     models = [document]
     for step in loc[:-1]:
         inner = [m for model in models if step in model.model_fields for m in _models(model, step)]
         models = inner or models
-    return sorted({name for model in models for name in model.model_fields})
+    return sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
 
 
 def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
@@ -69,6 +78,8 @@ def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
 
 def _message(details: ErrorDetails, where: Where, names: list[str]) -> str:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
+    if kind == "finding":
+        return str(context["text"])
     name = _dotted(where)
     if kind == "extra_forbidden":
         return (

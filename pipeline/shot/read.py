@@ -27,6 +27,7 @@ from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
+from pipeline.shot.surroundings import Surroundings
 from render.lights import LIGHTS, LightRig
 from render.look import LOOKS, Look
 from render.stage import STAGES, Stage
@@ -34,8 +35,10 @@ from render.stage import STAGES, Stage
 D = TypeVar("D", bound=Document)
 
 
-def read_shot(path: str | Path, text: str | None = None) -> Shot:
+def read_shot(path: str | Path, text: str | None = None, allow_code: bool = False) -> Shot:
     """The shot of a YAML file (docs/shot-files.md), or of `text` as if it stood there.
+
+    allow_code  whether its motion may run the Python files that it names; reading runs none
 
     Raises ShotError with one message `file:line:column: …` for each thing that is wrong, and
     MissingInputError where the file, or a model that it names, is not there.
@@ -53,7 +56,7 @@ def read_shot(path: str | Path, text: str | None = None) -> Shot:
     ):
         problems += check(source)
     missing = list(checks.model(source))
-    document = _parsed(source, ShotDocument, problems, missing)
+    document = _parsed(source, ShotDocument, problems, missing, allow_code=allow_code)
     assert clock is not None, "without problems there is a clock"
     return Shot(
         name=Path(path).stem,
@@ -126,11 +129,12 @@ def _parsed(
     problems: list[tuple[Where, str]],
     missing: list[tuple[Where, str]],
     failed: list[FlowsculptError] | None = None,
+    allow_code: bool = False,
 ) -> D:
     """The file as a document, or all problems together; only missing files make a MissingInputError."""
     wrong, document = [*source.problems, *problems], None
     try:
-        document = kind.model_validate(source.data)
+        document = kind.model_validate(source.data, context=Surroundings(source.path.parent, allow_code))
     except ValidationError as error:
         wrong += findings(error, source, kind)
     told = {where for where, _ in wrong}
