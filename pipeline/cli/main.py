@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli import ask, files, make, start
+from pipeline.cli import ask, files, flows, make, start
 from pipeline.cli.options import Cores, DryRun, Json, NoProgress, Root, remember, with_common
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
@@ -61,6 +61,7 @@ for command in (
     make.film,
     make.turntable,
     files.resample,
+    flows.flows,
     ask.status,
     ask.doctor,
 ):

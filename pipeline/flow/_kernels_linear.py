@@ -31,6 +31,12 @@ def strain(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     return across * rx + more * ax, across * ry + more * ay, across * rz + more * az
 
 
+@kernel(EQUATION, forceinline=True)
+def scaling(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
+    """centre 0:3, rates 3:6"""
+    return p[o + 3] * (x - p[o]), p[o + 4] * (y - p[o + 1]), p[o + 5] * (z - p[o + 2])
+
+
 @kernel(LEAVES)
 def linear(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
     """Add the field of an opcode to n points of the level at s[b]."""
@@ -38,5 +44,7 @@ def linear(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
         add_each(translation, p, o, n, s, b)
     elif kind == op.ROTATION:
         add_each(rotation, p, o, n, s, b)
+    elif kind == op.SCALING:
+        add_each(scaling, p, o, n, s, b)
     elif kind == op.STRAIN:
         add_each(strain, p, o, n, s, b)

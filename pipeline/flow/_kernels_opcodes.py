@@ -28,8 +28,8 @@ EXTERNAL = 8  # address of a compiled function 0, time 1, its own numbers 2:12 (
 FAMILY = 16
 """Opcodes of a family of leaves follow its number times this."""
 
-TRANSLATION, ROTATION, STRAIN = range(16, 19)  # _kernels_linear
-LAMB_OSEEN, GAUSSIAN = range(32, 34)  # _kernels_vortex
-BALL, DISC = range(48, 50)  # _kernels_expansion
-LORENZ = 64  # _kernels_attractor
-ENRIGHT = 80  # _kernels_cellular
+TRANSLATION, ROTATION, SCALING, STRAIN = range(16, 20)  # _kernels_linear
+LAMB_OSEEN, GAUSSIAN, RANKINE, RING = range(32, 36)  # _kernels_vortex, _kernels_ring
+BALL, DISC, SOURCE, SQUEEZE = range(48, 52)  # _kernels_expansion
+LORENZ, ROSSLER, AIZAWA, THOMAS, CHUA, HALVORSEN, CHEN = range(64, 71)  # _kernels_attractor
+ENRIGHT, ABC, TAYLOR_GREEN, DOUBLE_GYRE, KNEADING = range(80, 85)  # _kernels_cellular

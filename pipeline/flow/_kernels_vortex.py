@@ -7,6 +7,7 @@ import math
 from pipeline.arrays import Floats
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow._kernels_block import EQUATION, LEAVES, Velocity, add_each
+from pipeline.flow._kernels_ring import ring
 from pipeline.kernels import kernel
 
 
@@ -39,6 +40,14 @@ def gaussian(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     return spin * cx, spin * cy, spin * cz
 
 
+@kernel(EQUATION, forceinline=True)
+def rankine(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
+    """the same"""
+    cx, cy, cz, distance2 = about_axis(p, o, x, y, z)
+    spin = p[o + 7] / max(1.0, distance2 * p[o + 6])
+    return spin * cx, spin * cy, spin * cz
+
+
 @kernel(LEAVES)
 def vortices(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
     """Add the field of an opcode to n points of the level at s[b]."""
@@ -46,3 +55,7 @@ def vortices(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
         add_each(lamb_oseen, p, o, n, s, b)
     elif kind == op.GAUSSIAN:
         add_each(gaussian, p, o, n, s, b)
+    elif kind == op.RANKINE:
+        add_each(rankine, p, o, n, s, b)
+    elif kind == op.RING:
+        add_each(ring, p, o, n, s, b)

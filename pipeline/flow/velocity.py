@@ -15,6 +15,7 @@ from pipeline.errors import FrameError
 from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow._kernels_opcodes import COLUMNS
 from pipeline.flow.flow import Flow, for_kernels
+from pipeline.flow.parameters import shot_name
 from pipeline.flow.program import Instruction, Program, identity_of, kinds_of, table_of
 
 STEP_LIMIT = 0.1
@@ -47,7 +48,7 @@ class VelocityField(ABC):
     @property
     def name(self) -> str:
         """What error messages call it."""
-        return type(self).__name__.lower()
+        return shot_name(type(self))
 
     def velocity(self, points: Points, time: float) -> Vectors:
         """Velocities (N, 3) at points (N, 3)."""

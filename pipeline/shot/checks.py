@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate, shortened
+from pipeline.shot.catalogue import DOCUMENTS
 from pipeline.shot.clock import Clock
 from pipeline.shot.fields import LARGEST
 from pipeline.shot.source import Source, Where
@@ -20,6 +21,13 @@ from pipeline.shot.subject import SOLIDS, Solid
 Problem = tuple[Where, str]
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
+
+ACROSS = {
+    name: {p.name: p.default_in_file for p in document.parameters}
+    for name, document in DOCUMENTS.items()
+    if {"axis", "direction"} <= document.model_fields.keys()
+}
+"""The flows with a direction across their axis, and the defaults of both."""
 
 DIRECTIONS = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
 
@@ -96,12 +104,14 @@ def directions(source: Source) -> Iterator[Problem]:
             value = mapping.get(name)
             if _is_triple(value) and math.hypot(*value) < 1e-12:
                 yield (*where, name), f"{name} {value} has no direction. Write x, y, z or a vector."
-        if where[-1:] == ("shear",):
-            axis, slide = _direction(mapping.get("axis", "y")), _direction(mapping.get("direction", "x"))
+        flow = where[-1] if where else None
+        if flow in ACROSS:
+            axis, slide = (_direction(mapping.get(p, ACROSS[flow][p])) for p in ("axis", "direction"))
             if axis and slide and _along(axis, slide):
+                does = "slides" if flow == "shear" else "is turned"
                 yield (
                     where,
-                    "shear slides along its own axis; direction must lie across axis. Turn one of them.",
+                    f"{flow} {does} along its own axis; direction must lie across axis. Turn one of them.",
                 )
 
 

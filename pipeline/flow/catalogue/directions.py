@@ -20,3 +20,10 @@ def unit(axis: Vector) -> Vector:
         raise UsageError(f"axis {axis} has no direction; write x, y, z or a vector such as [0, 1, 1]")
     x, y, z = axis
     return x / length, y / length, z / length
+
+
+def across(axis: Vector, direction: Vector) -> Vector:
+    """The part of a direction across an axis, with length 1. Raises UsageError where there is none."""
+    (a, b, c), (x, y, z) = unit(axis), unit(direction)
+    along = a * x + b * y + c * z
+    return unit((x - along * a, y - along * b, z - along * c))

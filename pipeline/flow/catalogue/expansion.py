@@ -3,31 +3,31 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Annotated, Literal
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN, Z, unit
-from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
+from pipeline.flow.choreography import Number, Place, number_at, place_at
+from pipeline.flow.parameters import Direction, Positive, Sense
 from pipeline.flow.velocity import Term
 
 
 @dataclass(frozen=True)
 class Expansion(Term):
-    """Expansion from a centre, or contraction towards it where the rate is negative.
+    """A ball or disc that swells, or shrinks; nothing moves outside of it.
 
-    Within the radius R, velocity = rate · (1 − r²/R²)² · r; outside, and on the rim, nothing moves.
-    A `disc` moves points away from its axis, at any height; a `ball` away from its centre.
-
-    rate  per second: near the centre distances grow as exp(rate × seconds)
+    Within the radius R, velocity = rate · (1 − r²/R²)² · r; outside, and on the rim, nothing moves. A disc
+    moves points away from its axis, at any height; a ball away from its centre. Overlapping discs of both
+    signs, added up, are figure B. Near the centre distances grow as exp(rate × seconds).
 
     Source: the discs of expansion and contraction of Reynolds 1991, figure B (P15); the falloff is ours.
     """
 
-    shape: Literal["disc", "ball"] = "ball"
-    axis: Vector = Z
-    centre: Place = ORIGIN
-    radius: Number = 1.0
-    rate: Number = 1.0
+    shape: Annotated[Literal["disc", "ball"], Sense("away from an axis, or from a centre")] = "ball"
+    axis: Annotated[Direction, Sense("of a disc")] = Z
+    centre: Annotated[Place, Sense("what stays where it is", "units")] = ORIGIN
+    radius: Annotated[Positive, Sense("of the region", "units")] = 1.0
+    rate: Annotated[Number, Sense("at the centre; negative shrinks", "1/s", required=True)] = 1.0
 
     @property
     def kind(self) -> int:

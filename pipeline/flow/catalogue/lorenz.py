@@ -3,44 +3,44 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow.catalogue.directions import ORIGIN
-from pipeline.flow.choreography import Number, Place, number_at, place_at
-from pipeline.flow.velocity import Term
+from pipeline.flow.catalogue.attractor import Attractor
+from pipeline.flow.choreography import Number, Vector, number_at
+from pipeline.flow.parameters import Positive, Sense
 
 
 @dataclass(frozen=True)
-class Lorenz(Term):
-    """Every point follows the Lorenz equations:
+class Lorenz(Attractor):
+    """The butterfly of 1963: two eyes that points change between at no one's guess.
 
         x' = σ (y − x)    y' = x (ρ − z) − y    z' = x y − β z
 
-    The attractor stands upright (its z is our y, its y our −z) with (0, 0, ρ − 1), the height of its two
-    eyes, at `centre`. A scene unit is `scale` of its units: it is about 40 wide and 50 high, so 20 makes it
-    fit a subject of half-size 1. A second is `time_scale` of its time: one turn about an eye takes
-    about 0.7. The divergence is −(σ + 1 + β) × time_scale: everything is drawn to a thin sheet
-    within a fraction of its time unit, so a sculpture wants a small time scale.
+    (0, 0, ρ − 1), the height of its two eyes, is at `centre`. It is about 40 of its units wide and 50 high,
+    so a scale of 20 makes it fit a subject of half-size 1. One turn about an eye takes about 0.7 of its time.
+    The divergence is −(σ + 1 + β) × time_scale: everything is drawn to a thin sheet within a fraction of its
+    time unit, so a sculpture wants a small time scale.
 
     Source: Lorenz, *Deterministic Nonperiodic Flow*, J. Atmos. Sci. 20 (1963). P3, P33.
     """
 
-    centre: Place = ORIGIN
-    sigma: Number = 10.0
-    rho: Number = 28.0
-    beta: Number = 8.0 / 3.0
-    scale: Number = 20.0
-    time_scale: Number = 0.1
+    sigma: Annotated[Number, Sense("σ")] = 10.0
+    rho: Annotated[Number, Sense("ρ")] = 28.0
+    beta: Annotated[Number, Sense("β")] = 8.0 / 3.0
+    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 20.0
+    time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.1
 
     @property
     def kind(self) -> int:
         return op.LORENZ
 
-    def row(self, time: float) -> tuple[float, ...]:
-        numbers = (self.sigma, self.rho, self.beta, self.scale, self.time_scale)
-        return (*place_at(self.centre, time), *(number_at(number, time) for number in numbers))
+    def _numbers(self, time: float) -> tuple[float, ...]:
+        return (number_at(self.sigma, time), number_at(self.rho, time), number_at(self.beta, time))
 
-    def steepness(self, time: float) -> float:
-        """The Jacobian's norm on and about the attractor, where |x| stays below 20; far away it is more."""
-        sigma, rho = abs(number_at(self.sigma, time)), abs(number_at(self.rho, time))
-        return abs(number_at(self.time_scale, time)) * (sigma + rho + 20.0)
+    def _middle(self, time: float) -> Vector:
+        return 0.0, 0.0, number_at(self.rho, time) - 1.0
+
+    def _gradient(self, time: float) -> float:
+        """|x| stays below 20."""
+        return abs(number_at(self.sigma, time)) + abs(number_at(self.rho, time)) + 20.0

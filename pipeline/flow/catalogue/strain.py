@@ -3,27 +3,28 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Annotated
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.directions import ORIGIN, Y, unit
-from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
+from pipeline.flow.choreography import Number, Place, number_at, place_at
+from pipeline.flow.parameters import Direction, Sense
 from pipeline.flow.velocity import Term
 
 
 @dataclass(frozen=True)
 class Strain(Term):
-    """Velocity = rate · height along the axis and −rate/2 · r across it; free of divergence.
+    """Draws out along an axis and narrows across it; keeps volume.
 
-    Length grows as exp(rate × seconds) and the volume stays. A negative rate flattens.
-
-    rate  per second
+    Velocity = rate · height along the axis and −rate/2 · r across it. Length grows as exp(rate × seconds);
+    a negative rate flattens.
 
     Source: Batchelor, *An Introduction to Fluid Dynamics* (1967), §2.3.
     """
 
-    axis: Vector = Y
-    centre: Place = ORIGIN
-    rate: Number = 1.0
+    axis: Annotated[Direction, Sense("along which it lengthens")] = Y
+    centre: Annotated[Place, Sense("what stays where it is", "units")] = ORIGIN
+    rate: Annotated[Number, Sense("of lengthening; negative flattens", "1/s", required=True)] = 1.0
 
     @property
     def kind(self) -> int:

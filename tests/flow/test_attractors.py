@@ -1,0 +1,110 @@
+"""Attractors: their own equations, upright in a scene, and where points end up."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pipeline.arrays import Floats, Points
+from pipeline.flow import Streamlines
+from pipeline.flow.catalogue import Aizawa, Chen, Chua, Halvorsen, Lorenz, Rossler, Thomas
+from pipeline.flow.catalogue.attractor import Attractor
+
+Equations = Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
+
+ATTRACTORS: dict[str, tuple[type[Attractor], Equations, tuple[float, float, float]]] = {
+    "lorenz": (Lorenz, lambda x, y, z: (10 * (y - x), x * (28 - z) - y, x * y - 8 / 3 * z), (0, 0, 27)),
+    "rossler": (Rossler, lambda x, y, z: (-y - z, x + 0.2 * y, 0.2 + z * (x - 5.7)), (0, 0, 0)),
+    "aizawa": (
+        Aizawa,
+        lambda x, y, z: (
+            (z - 0.7) * x - 3.5 * y,
+            3.5 * x + (z - 0.7) * y,
+            0.6 + 0.95 * z - z**3 / 3 - (x**2 + y**2) * (1 + 0.25 * z) + 0.1 * z * x**3,
+        ),
+        (0, 0, 0.7),
+    ),
+    "thomas": (
+        Thomas,
+        lambda x, y, z: (np.sin(y) - 0.208186 * x, np.sin(z) - 0.208186 * y, np.sin(x) - 0.208186 * z),
+        (0, 0, 0),
+    ),
+    "chua": (Chua, lambda x, y, z: (10 * (y - x**3 + 0.143 * x), x - y + z, -16 * y), (0, 0, 0)),
+    "halvorsen": (
+        Halvorsen,
+        lambda x, y, z: (
+            -1.4 * x - 4 * y - 4 * z - y**2,
+            -1.4 * y - 4 * z - 4 * x - z**2,
+            -1.4 * z - 4 * x - 4 * y - x**2,
+        ),
+        (-3.5, -3.5, -3.5),
+    ),
+    "chen": (Chen, lambda x, y, z: (35 * (y - x), -7 * x - x * z + 28 * y, x * y - 3 * z), (0, 0, 21)),
+}
+each = pytest.mark.parametrize("name", ATTRACTORS)
+
+
+def upright(points: Points) -> Points:
+    """Own coordinates as the scene has them: its z is our y, its y our −z."""
+    return points[:, [0, 2, 1]] * [1, 1, -1]
+
+
+@each
+def test_an_attractor_is_the_equations_of_its_paper_stood_upright(name: str) -> None:
+    kind, equations, middle = ATTRACTORS[name]
+    own = np.random.default_rng(4).normal(size=(40, 3)) * 2
+    field = kind(centre=(0.5, -1.0, 2.0), scale=3.0, time_scale=0.7)
+    here = upright(own - middle) / 3.0 + [0.5, -1.0, 2.0]
+    expected = upright(np.stack(equations(*own.T), axis=1)) * 0.7 / 3.0
+    np.testing.assert_allclose(field.velocity(here, 0.0), expected, rtol=1e-10, atol=1e-10)
+
+
+@each
+def test_points_near_it_stay_about_as_large_as_a_subject(name: str) -> None:
+    """With the scale it has by itself, within 2 of the centre, and some of them 0.5 away or more."""
+    kind = ATTRACTORS[name][0]
+    start = 0.1 * np.random.default_rng(6).normal(size=(30, 3)) + [0.1, 0.0, 0.1]
+    unit_time = kind()
+    seconds = 40.0 / unit_time.steepness(0.0)
+    moved, furthest = start, 0.0
+    for _ in range(15):
+        moved = Streamlines(unit_time).displace(moved, 0.0, seconds)
+        furthest = max(furthest, float(np.abs(moved).max()))
+    assert 0.5 < furthest < 2.4
+
+
+@pytest.mark.parametrize(
+    ("field", "rate"),
+    [
+        (Lorenz(time_scale=0.5), -0.5 * (10 + 1 + 8 / 3)),
+        (Thomas(time_scale=0.5), -0.5 * 3 * 0.208186),
+        (Halvorsen(time_scale=0.5), -0.5 * 3 * 1.4),
+        (Chen(time_scale=0.5), 0.5 * (28 - 35 - 3)),
+    ],
+    ids=lambda value: value.name if isinstance(value, Attractor) else "",
+)
+def test_volume_shrinks_at_a_constant_rate(field: Attractor, rate: float) -> None:
+    points, h = np.random.default_rng(8).normal(size=(50, 3)), 1e-5
+    divergence = sum(
+        (field.velocity(points + a, 0.0) - field.velocity(points - a, 0.0))[:, i] / (2 * h)
+        for i, a in enumerate(h * np.eye(3))
+    )
+    np.testing.assert_allclose(divergence, rate, rtol=1e-5)
+
+
+def test_known_fixed_points_stay() -> None:
+    a, b, c = 0.2, 0.2, 5.7
+    x = (c - math.sqrt(c * c - 4 * a * b)) / 2
+    eye = math.sqrt(3 * 21)
+    for field, own, middle in (
+        (Rossler(), (x, -x / a, x / a), (0, 0, 0)),
+        (Chen(), (eye, eye, 21.0), (0, 0, 21)),
+        (Thomas(), (0, 0, 0), (0, 0, 0)),
+        (Chua(), (math.sqrt(0.143), 0.0, -math.sqrt(0.143)), (0, 0, 0)),
+        (Halvorsen(), (-9.4, -9.4, -9.4), (-3.5, -3.5, -3.5)),
+    ):
+        point = upright(np.array([own], dtype=float) - middle) / field.scale
+        np.testing.assert_allclose(field.velocity(point, 0.0), 0.0, atol=1e-12)
