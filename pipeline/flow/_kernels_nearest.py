@@ -9,6 +9,7 @@ segment, one of three a point.
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 
@@ -23,7 +24,7 @@ _FLOATS = "CPointer(f8)"
 
 
 @kernel(f"f8({_FLOATS}, i8, f8, f8, f8)", forceinline=True)
-def distance2_to_box(m: Floats, at: int, x: float, y: float, z: float) -> float:
+def distance2_to_box(m: Floats, at: int, x: float, y: float, z: float) -> Any:
     dx = max(m[at] - x, 0.0, x - m[at + 3])
     dy = max(m[at + 1] - y, 0.0, y - m[at + 4])
     dz = max(m[at + 2] - z, 0.0, z - m[at + 5])

@@ -74,8 +74,8 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float, digest: s
                 f"{files[0]}: it holds moments of its own; a sequence has one a file. Name one file."
             )
         times = np.asarray(interval * np.arange(len(files)), np.float64)
-    velocity: Floats = np.concatenate([part[2] for part in parts]) if len(parts) > 1 else first
-    return Samples(axes, times, velocity, digest)
+    together = np.concatenate([part[2] for part in parts]) if len(parts) > 1 else first
+    return Samples(axes, times, together, digest)
 
 
 def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats]:
