@@ -77,8 +77,8 @@ WRONG = [
     ("formula: [x, y]", "formula has 2 items; it must have at least 3"),
     ("formula: {velocity: [x, y, z], with: {sin: 1}}", "'sin' cannot name a number"),
     (
-        "formula: {velocity: [x, y, z], wiht: {k: 1}}",
-        "wiht is not known under flows.0.formula. Did you mean 'with'?",
+        "formula: {velocity: [x, y, z], extend: 3}",
+        "extend is not known under flows.0.formula. Did you mean 'extent'?",
     ),
     ("curl_noise: {octaves: 0}", "6:18: flows.0.curl_noise.octaves is 0; it must be at least 1"),
     ("curl_noise: {sede: 1}", "Did you mean 'seed'?"),

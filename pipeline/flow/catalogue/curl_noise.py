@@ -11,11 +11,11 @@ from pipeline.flow.choreography import Number, number_at
 from pipeline.flow.external import External
 from pipeline.kernels import BlockKernel
 
-RMS = 78.08260520562447
+RMS = 85.16306274927067
 """Root mean square of the kernel's curl: the integral over a cell of the squares of what multiplies each of
 the 72 independent parts of gradients, times their variance (128² − 1) / 12."""
 
-STEEPEST = 10.5
+STEEPEST = 11.5
 """Of the gradient's norm, in root mean square speeds per cell: 1 of 10⁴ places is steeper."""
 
 
@@ -27,7 +27,7 @@ class CurlNoise(External):
 
         velocity = Σ over octaves  ∇ × ψ(lacunarityᵏ x / size) · roughnessᵏ
 
-    scaled to a root mean square speed of `strength`. The noise is gradient noise with Perlin's quintic, whose
+    scaled to a root mean square speed of `strength`. It is gradient noise with a fade of degree seven, whose
     derivatives are worked out exactly, so that the divergence is zero to rounding. In time the gradients turn
     from one draw of the dice to the next, `evolution` times a second; its strength is the same at all times.
 
