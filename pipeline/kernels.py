@@ -7,6 +7,7 @@ compilation (`flowsculpt doctor --prepare`, done at set-up); nothing else ever c
 
 from __future__ import annotations
 
+import ctypes
 import getpass
 import hashlib
 import importlib
@@ -14,7 +15,7 @@ import os
 import stat
 import tempfile
 from collections.abc import Callable
-from functools import cache
+from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -96,6 +97,45 @@ def higher_kernel(function: F) -> F:
 DECLARED: list[tuple[Any, Any]] = []
 """Every kernel imported so far, and the types it is compiled for."""
 
+_FLOATS = "CPointer(f8)"
+
+BLOCK_SIGNATURE = f"void({_FLOATS}, i8, {', '.join([_FLOATS] * 3)}, f8, {', '.join([_FLOATS] * 3)})"
+"""numbers, how many points, x, y, z, time in seconds, and u, v, w, to which the velocities are added."""
+
+
+class BlockKernel:
+    """A function of BLOCK_SIGNATURE, called by its address; compiled or loaded when first used."""
+
+    def __init__(self, function: Callable[..., None]) -> None:
+        self._function = function
+
+    @cached_property
+    def _compiled(self) -> Any:
+        numba.config.CACHE_DIR = str(cache_folder())
+        return numba.cfunc(BLOCK_SIGNATURE, cache=True, error_model="numpy")(self._function)
+
+    @property
+    def address(self) -> int:
+        """Where it lies in this process, as long as this object lives."""
+        return int(self._compiled.address)
+
+    def __call__(self, numbers: Any, points: Any, time: float, out: Any) -> None:
+        """Adds velocities at points (3, N) to `out` (3, N), both float64 with contiguous rows."""
+        f8p = ctypes.POINTER(ctypes.c_double)
+        p, *rows = (row.ctypes.data_as(f8p) for row in (numbers, *points, *out))
+        self._compiled.ctypes(p, points.shape[1], *rows[:3], time, *rows[3:])
+
+
+BLOCK_KERNELS: list[BlockKernel] = []
+"""Those imported so far. Formulas of shots are not among them."""
+
+
+def block_kernel(function: Callable[..., None]) -> BlockKernel:
+    """A block of points at once: `f(numbers, count, x, y, z, t, u, v, w)` adds its velocity at each."""
+    found = BlockKernel(function)
+    BLOCK_KERNELS.append(found)
+    return found
+
 
 def compile_all() -> int:
     """Compile every kernel for its declared types; returns how many there are."""
@@ -104,4 +144,6 @@ def compile_all() -> int:
     for dispatcher, signature in DECLARED:
         arguments, _ = sigutils.normalize_signature(signature)
         dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
-    return len(DECLARED)
+    for block in BLOCK_KERNELS:
+        assert block.address, "asking for it compiles it"
+    return len(DECLARED) + len(BLOCK_KERNELS)

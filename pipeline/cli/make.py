@@ -41,17 +41,26 @@ Settings = Annotated[
         help="Put a value in place of the shot's, such as flows.0.vortex.strength=2; may be given again.",
     ),
 ]
+AllowCode = Annotated[
+    bool, typer.Option("--allow-code", help="Let shots run the Python files that they name as flows.")
+]
 Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
 
 
-def simulate(common: Common, shots: Shots, frames: Frames = None, settings: Settings = None) -> None:
+def simulate(
+    common: Common,
+    shots: Shots,
+    frames: Frames = None,
+    settings: Settings = None,
+    allow_code: AllowCode = False,
+) -> None:
     """Simulate shots: move and resample their surfaces, frame by frame.
 
     Mesh frames appear in renders/SHOT/meshes. After an edit a simulation goes on from the last frame that
     the edit left valid. Vertices are numbered for life in them, and new ones name their parents; those of
     method polyhedra are not.
     """
-    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
+    studio = Studio(common.root, common.cores, settings=tuple(settings or ()), allow_code=allow_code)
     _make(common, lambda: studio.meshes(shots, frames))
 
 
@@ -62,13 +71,14 @@ def render(
     quality: Quality = "draft",
     variant: Variant = None,
     settings: Settings = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Render shots, or a range of their frames, and assemble the movie.
 
     Only what is missing or stale is made: `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six
     frames, and nothing when called again.
     """
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()))
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
     _make(common, lambda: studio.pictures(shots, quality, frames))
 
 
@@ -77,9 +87,10 @@ def film(
     edit: Annotated[Path, typer.Argument(help="The edit: title, and the shots in their order.")] = FILM,
     quality: Quality = "draft",
     variant: Variant = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4."""
-    studio = Studio(common.root, common.cores, variant)
+    studio = Studio(common.root, common.cores, variant, allow_code=allow_code)
     _make(common, lambda: studio.film(quality, edit))
 
 
@@ -96,11 +107,12 @@ def turntable(
     quality: Quality = "preview",
     variant: Variant = None,
     settings: Settings = None,
+    allow_code: AllowCode = False,
 ) -> None:
     """Turn one frame of a shot, or a mesh file, through 360° before the camera."""
     _make(
         common,
-        lambda: Studio(common.root, common.cores, variant, tuple(settings or ())).turntable(
+        lambda: Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code).turntable(
             subject, quality, at, frames, look
         ),
     )

@@ -14,9 +14,10 @@ from pipeline.cli.make import Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain
 from pipeline.errors import FlowsculptError, UsageError
+from pipeline.flow.python_file import python_flows
 from pipeline.production.disk import disk_faults
 from pipeline.production.workflow import FILM, NAME, SHOTS, find_shot, shot_names
-from pipeline.shot import read_film, read_shot
+from pipeline.shot import Film, Shot, read_film, read_shot
 
 TEMPLATE = """\
 title: {title}
@@ -71,10 +72,13 @@ def validate(
     failed: list[FlowsculptError] = []
     facts: list[dict[str, Any]] = []
 
-    def check(name: str, read: Callable[[Path], object], path: Callable[[], Path]) -> None:
+    def check(name: str, read: Callable[[Path], Shot | Film], path: Callable[[], Path]) -> None:
         try:
-            read(path())
-            facts.append({"file": name, "errors": []})
+            found = read(path())
+            notes = (
+                [flow.advice for flow in python_flows(found.motion.flow)] if isinstance(found, Shot) else []
+            )
+            facts.append({"file": name, "errors": [], "notes": notes})
         except FlowsculptError as error:
             failed.append(error)
             facts.append({"file": name, "errors": str(error).splitlines()})
@@ -87,6 +91,8 @@ def validate(
     if complaints:
         complain("\n".join(complaints))
     good = [fact["file"] for fact in facts if not fact["errors"]]
-    answer(f"Good: {', '.join(good)}" if good else "No shot is good.", facts, common.json)
+    notes = [f"Note: {note}" for fact in facts for note in fact.get("notes", [])]
+    summary = f"Good: {', '.join(good)}" if good else "No shot is good."
+    answer("\n".join([summary, *notes]), facts, common.json)
     if failed:
         raise typer.Exit(max(failure.exit_code for failure in failed))

@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow.flow import Flow, Part
+from pipeline.flow.trouble import trouble
 
 
 def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) -> Points:
@@ -46,6 +47,8 @@ def _moved(part: Part, points: Points, frame: int) -> Points:
     if not finite.all():
         vertex = int(np.argmin(finite))
         where = ", ".join(f"{x:.4g}" for x in points[vertex])
+        if told := trouble(flow, points[vertex], time, dt):
+            raise FrameError(f"{place}: {told}", frame)
         raise FrameError(
             f"{place} moved vertex {vertex} from ({where}) to {moved[vertex].tolist()}; points must stay "
             "finite. Lower the flow's strength, or raise substeps if it grows from frame to frame.",

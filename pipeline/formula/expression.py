@@ -35,7 +35,7 @@ class Expression:
     @property
     def uses(self) -> frozenset[str]:
         """The names that it speaks of."""
-        inner = ast.walk(self._syntax)
+        inner = ast.walk(self.tree)
         return frozenset(n.id for n in inner if isinstance(n, ast.Name)) & frozenset(self.names)
 
     def __call__(self, **values: ArrayLike) -> Floats:
@@ -45,7 +45,7 @@ class Expression:
         """
         known = {name: np.asarray(values[name], np.float64) for name in self.uses}
         with np.errstate(all="ignore"):  # what is not finite is told below, where it comes out
-            found = np.asarray(_value(self._syntax, {**CONSTANTS, **known}), np.float64)
+            found = np.asarray(value_of(self.tree, {**CONSTANTS, **known}), np.float64)
         everything = np.broadcast_shapes(found.shape, *(np.shape(value) for value in values.values()))
         result = np.array(np.broadcast_to(found, everything))
         bad = np.flatnonzero(~np.isfinite(result))
@@ -54,7 +54,8 @@ class Expression:
         return result
 
     @property
-    def _syntax(self) -> ast.expr:
+    def tree(self) -> ast.expr:
+        """Its syntax, in which everything is allowed."""
         tree: ast.expr = self._tree  # type: ignore[attr-defined]
         return tree
 
@@ -67,7 +68,7 @@ class Expression:
         )
 
 
-def _value(node: ast.expr, known: Mapping[str, Any]) -> Any:
+def value_of(node: ast.expr, known: Mapping[str, Any]) -> Any:
     """The value of a checked tree. Both sides of a condition are evaluated, and one is taken at each row."""
     match node:
         case ast.Constant():
@@ -75,19 +76,19 @@ def _value(node: ast.expr, known: Mapping[str, Any]) -> Any:
         case ast.Name():
             return known[node.id]
         case ast.UnaryOp():
-            return _number(OPERATORS[type(node.op)](_value(node.operand, known)))
+            return _number(OPERATORS[type(node.op)](value_of(node.operand, known)))
         case ast.BinOp():
-            return OPERATORS[type(node.op)](_value(node.left, known), _value(node.right, known))
+            return OPERATORS[type(node.op)](value_of(node.left, known), value_of(node.right, known))
         case ast.BoolOp():
-            return _number(_folded(OPERATORS[type(node.op)], [_value(part, known) for part in node.values]))
+            return _number(_folded(OPERATORS[type(node.op)], [value_of(part, known) for part in node.values]))
         case ast.Compare():
-            sides = [_value(side, known) for side in (node.left, *node.comparators)]
+            sides = [value_of(side, known) for side in (node.left, *node.comparators)]
             pairs = zip(node.ops, sides, sides[1:], strict=False)
             return _number(_folded(np.logical_and, [OPERATORS[type(op)](a, b) for op, a, b in pairs]))
         case ast.IfExp():
-            return np.where(*(_value(part, known) for part in (node.test, node.body, node.orelse)))
+            return np.where(*(value_of(part, known) for part in (node.test, node.body, node.orelse)))
         case ast.Call(func=ast.Name(id=name)):
-            function, arguments = FUNCTIONS[name][0], [_value(part, known) for part in node.args]
+            function, arguments = FUNCTIONS[name][0], [value_of(part, known) for part in node.args]
             return _folded(function, arguments) if name in ("min", "max") else function(*arguments)
     raise AssertionError(f"{ast.dump(node)} was checked and is known")
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.errors import UsageError
+from pipeline.flow.python_file import require_permission
 from pipeline.production.edit import Cut
 from pipeline.production.keys import Key
 from pipeline.production.plan import Job, Link, Plan, batches, paths
@@ -109,6 +110,8 @@ class Planner:
 
     def _meshes(self, take: Take, wanted: Sequence[int]) -> None:
         missing = self._absent("mesh", take, wanted, take.mesh_key)
+        if missing:
+            require_permission(take.shot.motion.flow)
         self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing])
 
     def _render(self, take: Take, batch: Sequence[int]) -> None:

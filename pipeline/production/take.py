@@ -66,6 +66,7 @@ class Take:
     requested   the frames asked for
     settings    what takes the place of its values
     beside      the files that it rests on as they were: names and texts
+    allow_code  whether the shot may run the Python files that it names
     """
 
     text: str
@@ -76,6 +77,7 @@ class Take:
     turntable: Turntable | None = None
     settings: tuple[str, ...] = ()
     beside: tuple[tuple[str, str], ...] = ()
+    allow_code: bool = False
 
     def as_data(self) -> dict[str, Any]:
         return {
@@ -87,6 +89,7 @@ class Take:
             "turntable": asdict(self.turntable) if self.turntable else None,
             "settings": list(self.settings),
             "beside": [list(file) for file in self.beside],
+            "allow_code": self.allow_code,
         }
 
     @classmethod
@@ -100,11 +103,12 @@ class Take:
             turntable=Turntable(**data["turntable"]) if data["turntable"] else None,
             settings=tuple(data["settings"]),
             beside=tuple((name, text) for name, text in data["beside"]),
+            allow_code=data["allow_code"],
         )
 
     @cached_property
     def shot(self) -> Shot:
-        return read_shot(self.path, self.text, self.settings, dict(self.beside))
+        return read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
 
     @property
     def quality(self) -> Quality:

@@ -40,14 +40,16 @@ class Studio:
 
     Every file is read once, so that all of a run goes by one text however it is edited meanwhile.
 
-    variant   the Mitsuba variant asked for; by default the first that works
-    settings  what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
+    variant     the Mitsuba variant asked for; by default the first that works
+    settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
+    allow_code  whether shots may run the Python files that they name
     """
 
     root: Path
     cores: int
     variant: str | None = None
     settings: tuple[str, ...] = ()
+    allow_code: bool = False
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
@@ -123,7 +125,16 @@ class Studio:
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
         beside = self._beside.get(path) or self._beside.setdefault(path, rests_on(path, text))
-        whole = Take(text, path, quality, "none", (), None, self.settings, tuple(beside.items())).whole()
+        whole = Take(
+            text,
+            path,
+            quality,
+            "none",
+            (),
+            settings=self.settings,
+            beside=tuple(beside.items()),
+            allow_code=self.allow_code,
+        ).whole()
         requested = FrameRange.parse(frames) if frames is not None else whole.shot.frames
         outside = requested.outside(whole.shot.frames)
         if outside:
@@ -152,7 +163,8 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
     elif not main:
         path = Path((root / latest).read_text())
     else:
-        studio, quality = Studio(root, cores), str(config.get("quality", "draft"))
+        quality = str(config.get("quality", "draft"))
+        studio = Studio(root, cores, allow_code=str(config.get("allow_code", "")).lower() == "true")
         frames = str(config["frames"]) if "frames" in config else None
         plan = (
             studio.pictures([str(config["shot"])], quality, frames)

@@ -60,7 +60,7 @@ def _fields(document: type[BaseModel], loc: Where) -> list[str]:
     for step in loc[:-1]:
         inner = [m for model in models if step in model.model_fields for m in _models(model, step)]
         models = inner or models
-    return sorted({name for model in models for name in model.model_fields})
+    return sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
 
 
 def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
@@ -78,6 +78,8 @@ def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
 
 def _message(details: ErrorDetails, where: Where, names: list[str]) -> str:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
+    if kind == "finding":
+        return str(context["text"])
     name = _dotted(where)
     if kind == "extra_forbidden":
         return (

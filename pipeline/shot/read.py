@@ -30,6 +30,7 @@ from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
+from pipeline.shot.surroundings import Surroundings
 from render.lights import LIGHTS, LightRig
 from render.look import LOOKS, Look
 from render.stage import STAGES, Stage
@@ -42,12 +43,14 @@ def read_shot(
     text: str | None = None,
     settings: Iterable[str] = (),
     beside: Mapping[str, str] | None = None,
+    allow_code: bool = False,
 ) -> Shot:
     """The shot of a YAML file (docs/shot-files.md), or of `text` as if it stood there.
 
-    settings  what takes the place of values in the file: `flows.0.vortex.strength=2`
-    beside    the text of the files that it rests on, by name (see `layers.rests_on`), as if no others were
-              there; by default they are read
+    settings    what takes the place of values in the file: `flows.0.vortex.strength=2`
+    beside      the text of the files that it rests on, by name (see `layers.rests_on`), as if no others were
+                there; by default they are read
+    allow_code  whether its motion may run the Python files that it names; reading runs none
 
     Raises ShotError with one message `file:line:column: …` for each thing that is wrong, and
     MissingInputError where the file, or a model that it names, is not there.
@@ -66,7 +69,8 @@ def read_shot(
     ):
         problems += check(source)
     missing = list(checks.model(source))
-    document = _parsed(source, ShotDocument, problems, missing, clock=clock)
+    context = {"clock": clock, "surroundings": Surroundings(source.path.parent, allow_code)}
+    document = _parsed(source, ShotDocument, problems, missing, context=context)
     assert clock is not None, "without problems there is a clock"
     return Shot(
         name=Path(path).stem,
@@ -151,12 +155,12 @@ def _parsed(
     problems: list[tuple[Where, str]],
     missing: list[tuple[Where, str]],
     failed: list[FlowsculptError] | None = None,
-    clock: Clock | None = None,
+    context: Mapping[str, Any] | None = None,
 ) -> D:
     """The file as a document, or all problems together; only missing files make a MissingInputError."""
     wrong, document = [*source.problems, *problems], None
     try:
-        document = kind.model_validate(source.data, context={"clock": clock})
+        document = kind.model_validate(source.data, context=dict(context or {}))
     except ValidationError as error:
         wrong += findings(error, source, kind)
     told = {where for where, _ in wrong}

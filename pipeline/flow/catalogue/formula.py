@@ -1,0 +1,104 @@
+"""Velocities as the artist writes them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import Points
+from pipeline.errors import UsageError
+from pipeline.flow.choreography import Number, number_at
+from pipeline.flow.external import External
+from pipeline.formula import Expression
+from pipeline.formula.blocks import KNOWN, compiled
+from pipeline.formula.trouble import trouble
+from pipeline.kernels import BlockKernel
+
+MOST_NUMBERS = 10
+
+SAMPLES = 8
+"""Along each side of the cube in which the steepness is looked for; even, so that none lies on an axis."""
+
+
+@dataclass(frozen=True)
+class Formula(External):
+    """Three formulas over x, y, z and t: `("-y", "x", "0.3 * sin(t)")`.
+
+    texts    along x, y and z, units per second; see `pipeline.formula`
+    words  further words and their values, constant or keyed: changing these compiles nothing
+    extent   half the side of the cube about the origin in which the steepness is looked for, scene units
+
+    No bound of an arbitrary formula's gradient is known. It is differenced at 8³ places of the cube, and the
+    steepest of them decides the sub-steps: what is steeper in between, or outside, is followed less closely.
+
+    Raises FormulaError, with the column, for what is no formula, and UsageError for too many numbers.
+    """
+
+    texts: tuple[str, str, str]
+    words: tuple[tuple[str, Number], ...] = ()
+    extent: float = 2.0
+
+    def __post_init__(self) -> None:
+        if len(self.words) > MOST_NUMBERS:
+            raise UsageError(
+                f"a formula has {len(self.words)} numbers of its own; {MOST_NUMBERS} are the most. "
+                "Write some of them into the formula."
+            )
+        assert self.expressions, "they are checked now, not when the first frame is made"
+
+    @cached_property
+    def expressions(self) -> tuple[Expression, Expression, Expression]:
+        u, v, w = (Expression(text, (*KNOWN, *self._names)) for text in self.texts)
+        return u, v, w
+
+    @property
+    def _names(self) -> tuple[str, ...]:
+        return tuple(name for name, _ in self.words)
+
+    @cached_property
+    def block(self) -> BlockKernel:
+        return compiled(self.expressions, self._names)
+
+    @property
+    def timed(self) -> bool:
+        """Whether it speaks of t."""
+        return any("t" in expression.uses for expression in self.expressions)
+
+    def numbers(self, time: float) -> tuple[float, ...]:
+        return tuple(number_at(value, time) for _, value in self.words)
+
+    def identity(self, time: float) -> Any:
+        numbers = dict(zip(self._names, self.numbers(time), strict=True))
+        return {"formula": list(self.texts), "numbers": numbers, **({"t": time} if self.timed else {})}
+
+    def steepness(self, time: float) -> float:
+        return _steepest(self, self.numbers(time), time if self.timed else 0.0)
+
+    def trouble(self, place: Points, time: float) -> str | None:
+        """What is not finite at a place (3,), and where in the formula that begins; None if nothing."""
+        x, y, z = place.tolist()
+        values = {
+            "x": x,
+            "y": y,
+            "z": z,
+            "t": time,
+            **dict(zip(self._names, self.numbers(time), strict=True)),
+        }
+        return next(filter(None, (trouble(expression, values) for expression in self.expressions)), None)
+
+
+@lru_cache(maxsize=4096)
+def _steepest(field: Formula, numbers: tuple[float, ...], time: float) -> float:
+    """The largest norm of the gradient at the samples, as far as it is finite there."""
+    side = field.extent * (2.0 * np.arange(SAMPLES) - SAMPLES + 1) / SAMPLES
+    places = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
+    step = 1e-5 * field.extent
+    beside = np.concatenate([places + sign * step * axis for axis in np.eye(3) for sign in (1.0, -1.0)])
+    velocity = field.alone(beside, time).reshape(3, 2, len(places), 3)
+    with np.errstate(all="ignore"):
+        gradient = ((velocity[:, 0] - velocity[:, 1]) / (2.0 * step)).transpose(1, 2, 0)
+    finite = gradient[np.isfinite(gradient).all(axis=(1, 2))]
+    return float(np.linalg.norm(finite, ord=2, axis=(1, 2)).max(initial=0.0))

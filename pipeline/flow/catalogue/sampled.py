@@ -1,0 +1,126 @@
+"""Velocities from a user's files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.flow import _kernels_sampled as kernels
+from pipeline.flow.catalogue.directions import ORIGIN
+from pipeline.flow.choreography import Number, Place, number_at, place_at
+from pipeline.flow.external import External
+from pipeline.flow.samples import Samples, read_samples
+from pipeline.kernels import BlockKernel
+
+Outside = Literal["clamp", "zero", "repeat"]
+
+_OUTSIDE = {"clamp": kernels.CLAMP, "zero": kernels.ZERO, "repeat": kernels.REPEAT}
+
+CUBIC_OVERSHOOT = 1.5 * 1.25**2
+"""The slope of Catmull and Rom's spline is at most 1.5 of the steepest secant around, and across, in each of
+two directions, its weights add up to at most 1.25 without their signs: exactly so on even axes."""
+
+
+@dataclass(frozen=True)
+class SampledFiles:
+    """Which files, and what their contents were: equal contents, equal field, wherever they lie.
+
+    digest    SHA-256 of their contents
+    array     the name of the velocities in VTK files; None: the file's only vectors
+    interval  seconds from file to file
+    """
+
+    digest: str
+    array: str | None = None
+    interval: float = 1.0
+    paths: tuple[Path, ...] = field(default=(), compare=False)
+
+    @cached_property
+    def samples(self) -> Samples:
+        return read_samples(self.paths, self.array, self.interval)
+
+
+@dataclass(frozen=True)
+class Sampled(External):
+    """Samples of a grid, in files of VTK or numpy, and what is between them.
+
+    A place p of the scene reads the samples at (p − centre) / scale, and moves `scale` times as fast, as if
+    the field were a thing that was placed and scaled.
+
+    between     linear, along each axis; or cubic: Catmull and Rom's splines, whose velocity has no kinks
+    outside     clamp, to the nearest place inside; zero; or repeat, where the last sample is the first again
+    strength    factor on the velocities
+    time_scale  seconds of the samples per second of the shot; between moments velocities are blended
+    start       seconds of the samples at the start of the shot
+    loop        after the last moment the first follows, which is taken to be the same; or the last stays
+    """
+
+    files: SampledFiles
+    between: Literal["linear", "cubic"] = "linear"
+    outside: Outside = "clamp"
+    centre: Place = ORIGIN
+    scale: Number = 1.0
+    strength: Number = 1.0
+    time_scale: float = 1.0
+    start: float = 0.0
+    loop: bool = False
+
+    @property
+    def block(self) -> BlockKernel:
+        return kernels.sampled
+
+    @cached_property
+    def _memory(self) -> Floats:
+        axes = self.files.samples.axes
+        form = [*map(len, axes), self.between == "cubic", _OUTSIDE[self.outside]]
+        return np.concatenate([np.array(form, np.float64), *axes])
+
+    def moment(self, time: float) -> tuple[int, int, float]:
+        """The samples' moments before and after a time of the shot, and the share of the latter."""
+        times = self.files.samples.times
+        now, first, last = self.start + self.time_scale * time, float(times[0]), float(times[-1])
+        if self.loop and last > first:
+            now = first + (now - first) % (last - first)
+        if now <= first or len(times) == 1:
+            return 0, 0, 0.0
+        if now >= last:
+            return len(times) - 1, len(times) - 1, 0.0
+        i = int(np.searchsorted(times, now, side="right")) - 1
+        return i, i + 1, float((now - times[i]) / (times[i + 1] - times[i]))
+
+    def numbers(self, time: float) -> tuple[float, ...]:
+        before, after, share = self.moment(time)
+        velocity, scale = self.files.samples.velocity, number_at(self.scale, time)
+        addresses = [array.ctypes.data for array in (self._memory, velocity[before], velocity[after])]
+        factor = scale * number_at(self.strength, time)
+        return (*map(float, addresses), share, *place_at(self.centre, time), scale, factor)
+
+    def identity(self, time: float) -> Any:
+        how = [self.between, self.outside, self.files.array]
+        numbers = [*self.moment(time), *self.numbers(time)[4:]]
+        return {"sampled": self.files.digest, "how": how, "numbers": numbers}
+
+    def steepness(self, time: float) -> float:
+        """The steepest difference of neighbours along each axis; within a cell none is exceeded."""
+        before, after, share = self.moment(time)
+        slopes = (1.0 - share) * self._slopes[before] + share * self._slopes[after]
+        overshoot = CUBIC_OVERSHOOT if self.between == "cubic" else 1.0
+        return float(overshoot * np.linalg.norm(slopes)) * abs(number_at(self.strength, time))
+
+    @cached_property
+    def _slopes(self) -> Floats:
+        """(T, 3) the steepest secants along the axes, at every moment."""
+        samples = self.files.samples
+        return np.array(
+            [[_steepest(v, axis, k) for k, axis in enumerate(samples.axes)] for v in samples.velocity]
+        )
+
+
+def _steepest(velocity: Floats, axis: Floats, k: int) -> float:
+    rises = np.linalg.norm(np.diff(velocity, axis=k), axis=-1)
+    return float((rises / np.diff(axis).reshape([-1 if n == k else 1 for n in range(3)])).max())

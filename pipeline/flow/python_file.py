@@ -1,0 +1,116 @@
+"""Flows that are Python functions in a file of the user's: run with permission only."""
+
+from __future__ import annotations
+
+import dataclasses
+import hashlib
+import traceback
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+from pipeline.arrays import Points
+from pipeline.errors import FrameError, UsageError
+from pipeline.flow.flow import Displacement, Flow
+
+
+@dataclass(frozen=True)
+class PythonFlow(Flow):
+    """A function `points (N, 3), time, dt -> points (N, 3)` of a Python file, which is run when first needed.
+
+    digest   SHA-256 of the file: what keys hold. What the file imports is not looked at.
+    allowed  whether the file may be run; without that every step fails
+    """
+
+    function: str
+    digest: str
+    path: Path = field(default=Path(), compare=False)
+    allowed: bool = field(default=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        return f"{self.function} of {self.path}"
+
+    def displace(self, points: Points, time: float, dt: float) -> Points:
+        require_permission(self)
+        function = _loaded(self.path, self.digest, self.function)
+        try:
+            return function(points, time, dt)
+        except (Exception, SystemExit) as error:
+            raise FrameError(
+                f"flow {self.function} at {time:g} s raised {_told(error, self.path)}; a flow takes points "
+                "(N, 3), time and dt and returns points (N, 3). Call it alone with these."
+            ) from error
+
+    def acting(self, time: float, dt: float) -> Any:
+        return {"python": self.digest, "function": self.function, "time": time, "dt": dt}
+
+    @property
+    def advice(self) -> str:
+        """How it would go faster."""
+        return (
+            f"flow {self.name} runs in Python; a formula is compiled and runs on all cores. Where that is "
+            "too slow write it as one, or decorate the function with numba.njit(cache=True)."
+        )
+
+
+def python_flows(flow: Flow) -> Iterator[PythonFlow]:
+    """Those within a flow, however it is composed."""
+    waiting: list[Any] = [flow]
+    while waiting:
+        part = waiting.pop(0)
+        if isinstance(part, PythonFlow):
+            yield part
+        elif isinstance(part, tuple | list):
+            waiting += part
+        elif dataclasses.is_dataclass(part):
+            waiting += [getattr(part, f.name) for f in dataclasses.fields(part)]
+
+
+def require_permission(flow: Flow) -> None:
+    """Raises UsageError for the first Python flow that may not be run."""
+    for part in python_flows(flow):
+        if not part.allowed:
+            raise UsageError(
+                f"{part.path}: the shot would run this Python file, which can do anything you can; "
+                "that needs permission. Look at the file, then add --allow-code."
+            )
+
+
+def digest_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+@lru_cache(maxsize=64)
+def _loaded(path: Path, digest: str, name: str) -> Displacement:
+    """A function of a file, as it was when it got that digest. Raises FrameError."""
+    source = path.read_bytes()
+    if hashlib.sha256(source).hexdigest() != digest:
+        raise FrameError(f"{path}: it was changed since the work was planned; start again")
+    module = ModuleType(path.stem)
+    module.__file__ = str(path)
+    try:
+        exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
+    except (Exception, SystemExit) as error:
+        raise FrameError(
+            f"{path}: running it raised {_told(error, path)}; a flow's file defines functions"
+        ) from error
+    function = getattr(module, name, None)
+    if not callable(function):
+        raise FrameError(f"{path}: it defines no function {name}; correct the name in the shot")
+    return function  # type: ignore[no-any-return]
+
+
+def _told(error: BaseException, path: Path) -> str:
+    """An exception with the last line of the file that it passed."""
+    lines = [
+        frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)
+    ]
+    if isinstance(error, SyntaxError):
+        lines = [error.lineno]
+    text = " ".join(str(error).split())
+    at = f" (line {lines[-1]})" if lines else ""
+    return f"{type(error).__name__}: {text}{at}"

@@ -1,0 +1,33 @@
+"""Why a point was lost: the formula that was not finite on its way."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.arrays import Points
+from pipeline.flow.catalogue.formula import Formula
+from pipeline.flow.flow import Flow
+from pipeline.flow.velocity import Streamlines
+
+
+def trouble(flow: Flow, place: Points, time: float, dt: float) -> str | None:
+    """What to tell of a flow that takes the point at `place` (3,) out of the numbers; None where unknown.
+
+    The point is followed once more, slowly, by the same sub-steps. Formulas are found in sums; within
+    other compositions they see places that only the kernels know.
+    """
+    if not isinstance(flow, Streamlines):
+        return None
+    formulas = [term for term in flow.field.terms if isinstance(term, Formula)]
+    here = np.array(place)
+    for h in flow.course(time, dt).lengths if formulas else ():
+        slopes: list[Points] = [np.zeros(3)]
+        for share in (0.0, 0.5, 0.5, 1.0):
+            at, moment = here + share * h * slopes[-1], time + share * h
+            told = next(filter(None, (formula.trouble(at, moment) for formula in formulas)), None)
+            if told:
+                return told
+            slopes.append(flow.field.velocity(at[None], moment)[0])
+        here = here + h / 6.0 * (slopes[1] + 2.0 * (slopes[2] + slopes[3]) + slopes[4])
+        time += h
+    return None

@@ -1,0 +1,126 @@
+"""Formulas as plain arithmetic on single numbers, one line an operation, for a compiler to read.
+
+What is not finite, and which side of a comparison NaN is on, comes out as numpy has it in `words`: the two
+are tested against each other.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterable, Mapping
+from itertools import pairwise
+
+_MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
+_NUMPY = ("floor", "ceil")
+_BINARY: dict[type[ast.AST], str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Mod: "%",
+    ast.Pow: "**",
+}
+_COMPARED: dict[type[ast.AST], str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+}
+
+
+class ScalarCode:
+    """Lines of code that compute checked formulas; what several of them share is computed once.
+
+    words    what the code calls each name that formulas know
+    varying  those of the code's names whose values differ from point to point
+
+    once, each  the lines that need no varying name, and those that do
+    """
+
+    def __init__(self, words: Mapping[str, str], varying: Iterable[str]) -> None:
+        self.once: list[str] = []
+        self.each: list[str] = []
+        self._words = {"pi": "math.pi", "e": "math.e", **words}
+        self._varying = set(varying)
+        self._known: dict[str, str] = {}
+
+    def value(self, node: ast.expr) -> str:
+        """Has the value of a checked tree computed; returns the name or number that then stands for it."""
+        match node:
+            case ast.Constant():
+                return repr(float(node.value))  # type: ignore[arg-type]
+            case ast.Name():
+                return self._words[node.id]
+            case ast.UnaryOp(op=ast.Not()):
+                return self._line("1.0 if {} == 0.0 else 0.0", self.value(node.operand))
+            case ast.UnaryOp():
+                sign = "-" if isinstance(node.op, ast.USub) else "+"
+                return self._line(sign + "{}", self.value(node.operand))
+            case ast.BinOp():
+                return self._binary(node)
+            case ast.BoolOp():
+                sides = [self.value(part) for part in node.values]
+                word = " and " if isinstance(node.op, ast.And) else " or "
+                return self._line(f"1.0 if {word.join(['{} != 0.0'] * len(sides))} else 0.0", *sides)
+            case ast.Compare():
+                return self._comparison(node)
+            case ast.IfExp():
+                test, body, otherwise = (self.value(part) for part in (node.test, node.body, node.orelse))
+                return self._line("{} if {} != 0.0 else {}", body, test, otherwise)
+            case ast.Call(func=ast.Name(id=name)):
+                return self._call(name, [self.value(part) for part in node.args])
+        raise AssertionError(f"{ast.dump(node)} was checked and is known")
+
+    def _line(self, form: str, *parts: str) -> str:
+        """A line for an operation on names and numbers, unless there is one already; returns its name."""
+        text = form.format(*parts)
+        if text not in self._known:
+            name = f"r{len(self._known)}"
+            varies = not self._varying.isdisjoint(parts)
+            self._known[text] = name
+            (self.each if varies else self.once).append(f"{name} = {text}")
+            if varies:
+                self._varying.add(name)
+        return self._known[text]
+
+    def _binary(self, node: ast.BinOp) -> str:
+        left, right = self.value(node.left), node.right
+        power = right.value if isinstance(node.op, ast.Pow) and isinstance(right, ast.Constant) else None
+        if isinstance(power, int | float) and power == int(power):
+            return self._line(f"{{}} ** {int(power)}", left)  # which becomes a product
+        return self._line(f"{{}} {_BINARY[type(node.op)]} {{}}", left, self.value(right))
+
+    def _comparison(self, node: ast.Compare) -> str:
+        sides = [self.value(side) for side in (node.left, *node.comparators)]
+        tests = " and ".join(f"{{}} {_COMPARED[type(op)]} {{}}" for op in node.ops)
+        pairs = [side for pair in pairwise(sides) for side in pair]
+        return self._line(f"1.0 if {tests} else 0.0", *pairs)
+
+    def _call(self, name: str, given: list[str]) -> str:
+        if name in _MATH:
+            return self._line(f"math.{name}({', '.join(['{}'] * len(given))})", *given)
+        if name in _NUMPY:
+            return self._line(f"np.{name}({{}})", *given)
+        if name == "abs":
+            return self._line("abs({})", *given)
+        if name in ("min", "max"):
+            first, *others = given
+            for other in others:
+                first = self._lesser(first, other) if name == "min" else self._greater(first, other)
+            return first
+        if name == "clamp":
+            return self._lesser(self._greater(given[0], given[1]), given[2])
+        if name == "smoothstep":
+            low, high, x = given
+            above, width = self._line("{} - {}", x, low), self._line("{} - {}", high, low)
+            share = self._lesser(self._greater(self._line("{} / {}", above, width), "0.0"), "1.0")
+            return self._line("{0} * {0} * (3.0 - 2.0 * {0})", share)
+        raise AssertionError(f"{name} was checked and is known")
+
+    def _lesser(self, a: str, b: str) -> str:
+        return self._line("{0} if {0} <= {1} or {0} != {0} else {1}", a, b)
+
+    def _greater(self, a: str, b: str) -> str:
+        return self._line("{0} if {0} >= {1} or {0} != {0} else {1}", a, b)

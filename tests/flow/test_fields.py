@@ -1,0 +1,252 @@
+"""Fields that functions of their own compute: formulas, turbulence, attraction, wind."""
+
+from __future__ import annotations
+
+import json
+import math
+
+import numba
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.arrays import Floats, Points
+from pipeline.errors import FrameError, UsageError
+from pipeline.flow import Streamlines, Sum, VelocityField, displaced, keyed
+from pipeline.flow import _kernels_velocity as kernels
+from pipeline.flow.catalogue import Rotation
+from pipeline.flow.catalogue.attraction import Attraction, Target
+from pipeline.flow.catalogue.curl_noise import RMS, CurlNoise
+from pipeline.flow.catalogue.formula import Formula
+from pipeline.flow.catalogue.wind import Wind
+from pipeline.flow.external import External
+from pipeline.flow.spline import catmull_rom
+from pipeline.mesh import icosphere, torus
+
+PATH = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0), (2.0, 0.5, 1.0))
+FIELDS: dict[str, External] = {
+    "formula": Formula(("-k * y", "k * x", "0.3 * sin(t) * z"), (("k", 2.0),)),
+    "curl noise": CurlNoise(0.8, 0.5, octaves=2),
+    "attraction": Attraction(Target.points(np.array([[0.2, 0.1, 0.0]])), 1.5, 3.0),
+    "repulsion": Attraction(Target.surface(icosphere(4, 0.5)), -0.5, 2.0),
+    "wind": Wind(PATH, 0.5, 2.0),
+}
+each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
+
+
+@pytest.fixture
+def points() -> Points:
+    return 0.4 * np.random.default_rng(7).normal(size=(300, 3))
+
+
+def gradients(field: External, points: Points, h: float = 1e-5, time: float = 0.3) -> Floats:
+    """(N, 3, 3): the derivative of velocity i in direction j, by central differences."""
+    pairs = [field.alone(points + h * e, time) - field.alone(points - h * e, time) for e in np.eye(3)]
+    return np.stack(pairs, axis=2) / (2 * h)
+
+
+@each_field
+def test_the_kernels_call_the_function_and_nothing_else(field: External, points: Points) -> None:
+    np.testing.assert_array_equal(field.velocity(points, 0.3), field.alone(points, 0.3))
+    both = Sum((Rotation(), field))
+    expected = Rotation().velocity(points, 0.3) + field.alone(points, 0.3)
+    np.testing.assert_allclose(both.velocity(points, 0.3), expected, rtol=1e-13, atol=1e-15)
+
+
+@each_field
+def test_points_and_threads_change_no_bit(field: External) -> None:
+    many = np.random.default_rng(1).normal(size=(9001, 3))
+    before, results = numba.get_num_threads(), []
+    try:
+        for threads in (1, min(2, numba.config.NUMBA_NUM_THREADS)):
+            numba.set_num_threads(threads)
+            results.append(Streamlines(field, 2).displace(many, 0.1, 0.05))
+    finally:
+        numba.set_num_threads(before)
+    np.testing.assert_array_equal(results[0], results[1])
+    alone = np.concatenate([Streamlines(field, 2).displace(many[i : i + 1], 0.1, 0.05) for i in range(10)])
+    np.testing.assert_array_equal(results[0][:10], alone)
+
+
+@each_field
+def test_what_acts_is_plain_data_without_addresses(field: External) -> None:
+    data = Streamlines(field).acting(0.25, 1 / 24)
+    assert json.loads(json.dumps(data)) == data
+    assert str(field.block.address) not in json.dumps(data)
+
+
+@pytest.mark.parametrize("name", ["formula", "curl noise"])
+def test_halving_the_step_divides_the_error_by_sixteen(name: str, points: Points) -> None:
+    exact = Streamlines(FIELDS[name], 256).displace(points, 0.1, 0.8)
+    errors = [
+        np.abs(Streamlines(FIELDS[name], n).displace(points, 0.1, 0.8) - exact).mean() for n in (16, 32)
+    ]
+    assert math.log2(errors[0] / errors[1]) == pytest.approx(4.0, abs=0.1)
+
+
+@pytest.mark.parametrize("name", ["formula", "attraction", "repulsion", "wind"])
+def test_the_steepness_bounds_the_gradient_off_the_jumps(name: str, points: Points) -> None:
+    field = FIELDS[name]
+    norms = np.linalg.norm(gradients(field, points), ord=2, axis=(1, 2))
+    assert np.quantile(norms, 0.99) <= field.steepness(0.3) * (1 + 1e-6)
+
+
+def test_parameters_of_formulas_and_new_formulas_compile_no_kernel(points: Points) -> None:
+    for k in range(4):
+        field = Formula(("-k * y", f"{k} * x", "0"), (("k", float(k)),))
+        Streamlines(Sum((field, Rotation())), 2).displace(points, 0.0, 0.1)
+    assert len(kernels.advect.signatures) <= 1 and len(kernels.velocities.signatures) <= 1
+    assert Formula(("k", "0", "0"), (("k", 1.0),)).block is Formula(("k", "0", "0"), (("k", 2.0),)).block
+
+
+def test_a_formula_turns_as_the_rotation_does(points: Points) -> None:
+    speed = keyed((0.0, 1.0), (0.0, 2.0), "linear")
+    written = Formula(("-k * y", "k * x", "0"), (("k", speed),))
+    built = Rotation((0.0, 0.0, 1.0), speed=speed)
+    moved = [Streamlines(field, 8).displace(points, 0.2, 0.5) for field in (written, built)]
+    np.testing.assert_allclose(*moved, atol=1e-13)
+
+
+def test_only_a_formula_that_speaks_of_time_acts_otherwise_later() -> None:
+    still, moving = (Streamlines(Formula((text, "0", "0")), 1) for text in ("x", "x * t"))
+    assert still.acting(0.0, 0.1) == still.acting(5.0, 0.1)
+    assert moving.acting(0.0, 0.1) != moving.acting(5.0, 0.1)
+
+
+def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Points) -> None:
+    points[7] = (1.0, 0.0, 0.5)
+    flow = Streamlines(Sum((Rotation(speed=0.0), Formula(("0", "0", "0.1 / y")))), 1)
+    with pytest.raises(
+        FrameError, match=r"^frame 9: flow .*column 1: 0.1 / y is inf at x 1, y 0, z 0.5, t 2"
+    ):
+        displaced(flow, points, 2.0, 0.04, 9)
+
+
+def test_a_formula_has_ten_numbers_at_most() -> None:
+    words = tuple((f"k{i}", 1.0) for i in range(11))
+    with pytest.raises(UsageError, match="11 numbers of its own; 10 are the most"):
+        Formula(("k0", "0", "0"), words)
+    ten = Formula(("k9", "0", "0"), tuple((name, float(i)) for i, (name, _) in enumerate(words[:10])))
+    np.testing.assert_array_equal(ten.velocity(np.zeros((1, 3)), 0.0), [[9.0, 0.0, 0.0]])
+
+
+@settings(max_examples=15, deadline=None)
+@given(st.integers(0, 2**50), st.integers(1, 5), st.floats(-50, 50), st.floats(0, 1))
+def test_turbulence_keeps_volume_to_rounding(seed: int, octaves: int, time: float, roughness: float) -> None:
+    points = np.random.default_rng(5).uniform(-30, 30, size=(200, 3))
+    field = CurlNoise(2.0, 1.0, octaves, roughness, seed=seed)
+    turned = gradients(field, points, 1e-4, time)
+    size = np.abs(turned).max()
+    assert np.abs(np.trace(turned, axis1=1, axis2=2)).max() < 1e-4 * size
+    halved = np.trace(gradients(field, points, 5e-5, time), axis1=1, axis2=2)
+    assert np.abs(halved).max() < 0.5e-4 * size, "what is left shrinks with the step: it is the difference's"
+
+
+def test_turbulence_has_the_speed_that_it_says_at_all_times_and_any_octaves() -> None:
+    points = np.random.default_rng(2).uniform(-40, 40, size=(60_000, 3))
+    for octaves, time in ((1, 0.0), (1, 1.0), (3, 0.6)):
+        speed = CurlNoise(1.0, 2.0, octaves, seed=3).alone(points, time)
+        assert np.sqrt((speed**2).sum(axis=1).mean()) == pytest.approx(2.0, rel=0.02)
+        assert np.abs(speed.mean(axis=0)).max() < 0.05
+    assert CurlNoise(1.0, 1.0, 1).numbers(0.0)[1] * RMS == pytest.approx(1.0)
+
+
+def test_few_places_of_turbulence_are_steeper_than_its_steepness() -> None:
+    points = np.random.default_rng(3).uniform(-40, 40, size=(40_000, 3))
+    for octaves in (1, 3):
+        field = CurlNoise(1.0, 1.0, octaves, 0.6)
+        norms = np.linalg.norm(gradients(field, points), ord=2, axis=(1, 2))
+        assert (norms > field.steepness(0.0)).mean() < 3e-4
+        assert norms.max() > 0.5 * field.steepness(0.0)
+
+
+def test_turbulence_is_smooth_in_time_and_another_with_every_seed(points: Points) -> None:
+    field = CurlNoise(evolution=0.5)
+    for time in (0.7, 2.0):  # between two draws of the dice, and at one
+        near = field.alone(points, time + 1e-6) - field.alone(points, time - 1e-6)
+        assert np.abs(near).max() < 1e-4
+    assert np.abs(field.alone(points, 0.0) - field.alone(points, 2.0)).mean() > 0.1
+    other = CurlNoise(evolution=0.5, seed=1).alone(points, 0.0)
+    assert abs(np.corrcoef(other.ravel(), field.alone(points, 0.0).ravel())[0, 1]) < 0.3
+    np.testing.assert_array_equal(field.alone(points, 0.5), CurlNoise(evolution=0.5).alone(points, 0.5))
+
+
+def nearest(triangles: Floats, place: Floats) -> float:
+    """The distance to triangles, the slow way: over inside, edges and corners, by projection."""
+    best = math.inf
+    for a, b, c in triangles:
+        normal = np.cross(b - a, c - a)
+        if normal @ normal > 0:
+            share = np.linalg.lstsq(np.stack([b - a, c - a], axis=1), place - a, rcond=None)[0]
+            if (share >= 0).all() and share.sum() <= 1:
+                best = min(best, abs((place - a) @ normal) / math.sqrt(normal @ normal))
+        for p, q in ((a, b), (b, c), (c, a)):
+            length2 = (q - p) @ (q - p)
+            s = 0.0 if length2 == 0 else min(max((place - p) @ (q - p) / length2, 0.0), 1.0)
+            best = min(best, float(np.linalg.norm(p + s * (q - p) - place)))
+    return best
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 60))
+def test_the_nearest_point_of_any_triangles_is_found(seed: int, count: int) -> None:
+    rng = np.random.default_rng(seed)
+    triangles = rng.normal(size=(count, 1, 3)) + 0.3 * rng.normal(size=(count, 3, 3))
+    triangles[: count // 3, 2] = triangles[: count // 3, 1]  # segments
+    triangles[: count // 6, 1] = triangles[: count // 6, 2] = triangles[: count // 6, 0]  # points
+    places, far = rng.normal(size=(4, 3)), 1e6
+    pulled = Attraction(Target.of(triangles), 1.0, far).alone(places, 0.0)
+    found = np.linalg.norm(pulled, axis=1)
+    np.testing.assert_allclose(found, [nearest(triangles, place) for place in places], rtol=1e-9, atol=1e-12)
+
+
+def test_attraction_follows_its_formula_and_ends_at_the_radius() -> None:
+    field = Attraction(Target.points(np.zeros((1, 3))), 2.0, 1.5)
+    r = np.array([0.0, 0.3, 1.0, 1.4999, 1.5, 4.0])
+    pulled = field.alone(np.stack([r, 0 * r, 0 * r], axis=1), 0.0)
+    np.testing.assert_allclose(pulled[:, 0], -2.0 * r * np.maximum(1 - (r / 1.5) ** 2, 0) ** 2, atol=1e-15)
+    assert not pulled[-2:].any()
+
+
+def test_attraction_brings_points_onto_a_surface_and_repulsion_away_from_it() -> None:
+    mesh = torus(1.0, 0.4, 0.2)
+    start = np.random.default_rng(4).normal(size=(100, 3))
+    target = Target.surface(mesh)
+    gap = lambda places: np.linalg.norm(Attraction(target, 1.0, 1e6).alone(places, 0.0), axis=1)  # noqa: E731
+    drawn = Streamlines(Attraction(target, 4.0, 10.0)).displace(start, 0.0, 3.0)
+    pushed = Streamlines(Attraction(target, -0.5, 10.0)).displace(start, 0.0, 0.2)
+    assert gap(drawn).max() < 1e-3 * gap(start).max()
+    assert (gap(pushed) > gap(start)).mean() > 0.95  # the others are drawn across the hole
+
+
+@pytest.mark.parametrize("closed", [False, True])
+def test_a_curve_goes_through_its_points_along_its_tangents(closed: bool) -> None:
+    off = []
+    for pieces in (32, 128):
+        curve, tangents = catmull_rom(np.array(PATH), closed, pieces)
+        np.testing.assert_allclose(curve[: 3 * pieces + 1 : pieces], PATH, atol=1e-15)
+        np.testing.assert_allclose(np.linalg.norm(tangents, axis=1), 1.0)
+        steps = np.diff(curve, axis=0) / np.linalg.norm(np.diff(curve, axis=0), axis=1, keepdims=True)
+        off.append(np.linalg.norm(steps - 0.5 * (tangents[:-1] + tangents[1:]), axis=1).max())
+    assert off[0] < 0.05 and off[1] < off[0] / 12, "chords come to lie along the tangents, by the square"
+    if closed:
+        np.testing.assert_array_equal([curve[0], tangents[0]], [curve[-1], tangents[-1]])
+
+
+def test_wind_blows_at_its_speed_along_the_curve_and_not_beyond_its_radius() -> None:
+    field = Wind(PATH, 2.0, 0.5)
+    curve, tangents = catmull_rom(np.array(PATH), False, 16)
+    np.testing.assert_allclose(field.alone(curve, 0.0), 2.0 * tangents, atol=1e-9)
+    assert not field.alone(curve + np.array([0.0, 0.0, 9.0]), 0.0).any()
+    carried = Streamlines(Wind(PATH, 1.0, 0.5), 64).displace(curve[:1], 0.0, 2.0)
+    fine, _ = catmull_rom(np.array(PATH), False, 2000)
+    assert np.linalg.norm(fine - carried, axis=1).min() < 0.01
+
+
+def test_a_point_that_is_no_number_harms_nobody(points: Points) -> None:
+    points[3] = np.nan
+    for field in FIELDS.values():
+        others = np.delete(np.arange(len(points)), 3)
+        velocity: VelocityField = field
+        assert np.isfinite(velocity.velocity(points, 0.0)[others]).all()

@@ -1,0 +1,78 @@
+"""Flows in Python files: only with permission, and what goes wrong is told."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import FrameError, UsageError
+from pipeline.flow import Sequence, displaced
+from pipeline.flow.python_file import PythonFlow, digest_of, python_flows, require_permission
+
+POINTS = np.random.default_rng(0).normal(size=(5, 3))
+
+
+def flow_of(file: Path, code: str, function: str = "f", allowed: bool = True) -> PythonFlow:
+    file.write_text(code)
+    return PythonFlow(function, digest_of(file), file, allowed)
+
+
+def test_a_function_of_a_file_moves_points(tmp_path: Path) -> None:
+    code = "import numpy as np\n\ndef f(points, time, dt):\n    return points + dt * np.array([0, time, 1])\n"
+    moved = displaced(flow_of(tmp_path / "a.py", code), POINTS, 2.0, 0.5, 3)
+    np.testing.assert_array_equal(moved, POINTS + np.array([0.0, 1.0, 0.5]))
+
+
+def test_nothing_of_the_file_runs_without_permission(tmp_path: Path) -> None:
+    trap = tmp_path / "ran"
+    code = f"open({str(trap)!r}, 'w')\ndef f(points, time, dt):\n    return points\n"
+    flow = flow_of(tmp_path / "a.py", code, allowed=False)
+    with pytest.raises(UsageError, match=r"a\.py: the shot would run this Python file.*add --allow-code"):
+        require_permission(Sequence((flow,)))
+    with pytest.raises(UsageError, match="needs permission"):
+        flow.displace(POINTS, 0.0, 0.1)
+    flow.acting(0.0, 0.1)
+    assert not trap.exists()
+    assert list(python_flows(Sequence((flow, Sequence((flow,)))))) == [flow, flow]
+
+
+WRONG = {
+    "raises": (
+        "def f(p, t, dt):\n    x = 1\n    return x / 0\n",
+        r"ZeroDivisionError: division by zero \(line 3\)",
+    ),
+    "exits": ("def f(p, t, dt):\n    raise SystemExit(3)\n", r"SystemExit: 3 \(line 2\)"),
+    "shape": (
+        "def f(p, t, dt):\n    return p[:2]\n",
+        r"returned an array of shape \(2, 3\) for points of shape \(5, 3\)",
+    ),
+    "nothing": ("def f(p, t, dt):\n    pass\n", "vertex 0|shape"),
+    "infinite": ("def f(p, t, dt):\n    return p / 0.0\n", "points must stay finite|RuntimeWarning"),
+    "other name": ("def g(p, t, dt):\n    return p\n", "it defines no function f"),
+    "no Python": ("def f(p, t, dt)\n", r"SyntaxError: expected ':' .*\(line 1\)"),
+    "import": ("import nowhere_to_be_found\n", r"ModuleNotFoundError: .*\(line 1\)"),
+    "arguments": ("def f(p):\n    return p\n", "TypeError: .*takes points"),
+}
+
+
+@pytest.mark.parametrize(("code", "says"), WRONG.values(), ids=WRONG)
+def test_what_goes_wrong_is_told_in_one_line(code: str, says: str, tmp_path: Path) -> None:
+    with pytest.raises(FrameError, match=says) as told:
+        displaced(flow_of(tmp_path / "a.py", code), POINTS, 0.0, 0.1, 7)
+    assert str(told.value).startswith("frame 7: ") and "\n" not in str(told.value)
+
+
+def test_a_file_that_was_changed_since_is_not_run(tmp_path: Path) -> None:
+    flow = flow_of(tmp_path / "a.py", "def f(p, t, dt):\n    return p\n")
+    (tmp_path / "a.py").write_text("def f(p, t, dt):\n    return 2 * p\n")
+    with pytest.raises(FrameError, match="was changed since the work was planned"):
+        displaced(flow, POINTS, 0.0, 0.1, 1)
+
+
+def test_its_source_decides_what_acts(tmp_path: Path) -> None:
+    one = flow_of(tmp_path / "a.py", "def f(p, t, dt):\n    return p\n")
+    same = flow_of(tmp_path / "b.py", "def f(p, t, dt):\n    return p\n")
+    other = flow_of(tmp_path / "c.py", "def f(p, t, dt):\n    return 2 * p\n")
+    assert one.acting(0.0, 0.1) == same.acting(0.0, 0.1) != other.acting(0.0, 0.1)

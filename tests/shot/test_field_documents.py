@@ -1,0 +1,138 @@
+"""Fields in shot files: what can be said, and how what is wrong is told, with line and column."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import ShotError
+from pipeline.flow import Sequence, Streamlines
+from pipeline.flow.catalogue.attraction import Attraction
+from pipeline.flow.catalogue.curl_noise import CurlNoise
+from pipeline.flow.catalogue.formula import Formula
+from pipeline.flow.catalogue.sampled import Sampled
+from pipeline.flow.catalogue.wind import Wind
+from pipeline.flow.python_file import PythonFlow
+from pipeline.shot import Shot, read_shot
+
+HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"
+TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+GRID = np.linspace(-1, 1, 3)
+
+
+def shot_of(folder: Path, *flows: str) -> Shot:
+    return read_shot(folder / "a.yaml", HEAD + "".join(f"  - {flow}\n" for flow in flows))
+
+
+def fields_of(shot: Shot) -> list[object]:
+    assert isinstance(shot.motion.flow, Sequence)
+    return [flow.field if isinstance(flow, Streamlines) else flow for flow in shot.motion.flow.flows]
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    (tmp_path / "t.obj").write_text(TRIANGLE)
+    (tmp_path / "swirl.py").write_text("def swirl(points, time, dt):\n    return points\n")
+    np.savez(tmp_path / "w_01.npz", x=GRID, y=GRID, z=GRID, velocity=np.ones((3, 3, 3, 3)))
+    np.savez(tmp_path / "w_02.npz", x=GRID, y=GRID, z=GRID, velocity=np.zeros((3, 3, 3, 3)))
+    return tmp_path
+
+
+def test_every_field_can_be_written(folder: Path) -> None:
+    found = fields_of(
+        shot_of(
+            folder,
+            "formula: [-y, x, 0.3 * sin(t)]",
+            "formula: {velocity: [k * y, 0, 0.5], with: {k: {keys: {1: 0, 24: 2}}}, extent: 3}",
+            "curl_noise:",
+            "curl_noise: {size: 0.5, octaves: 2, seed: 7}",
+            "attraction: {points: [[0, 0, 0]], rate: 2}",
+            "attraction: {curve: [[0, 0, 0], [1, 0, 0]], closed: true}",
+            "attraction: {mesh: t.obj, rate: -1, radius: 2}",
+            "wind: {through: [[0, 0, 0], [1, 0, 0], [1, 1, 0]], speed: 2}",
+            "sampled: {file: w_01.npz, between: cubic, outside: zero}",
+            "sampled: {file: w_*.npz, interval: 0.5, loop: true}",
+            "python: {file: swirl.py, function: swirl}",
+        )
+    )
+    kinds = [Formula, Formula, CurlNoise, CurlNoise, *[Attraction] * 3, Wind, Sampled, Sampled, PythonFlow]
+    assert [type(field) for field in found] == kinds
+    keyed, sequence = found[1], found[9]
+    assert isinstance(keyed, Formula) and keyed.numbers(23 / 24) == (2.0,)
+    assert isinstance(sequence, Sampled) and len(sequence.files.samples.times) == 2
+
+
+def test_fields_are_added_up_like_others(folder: Path) -> None:
+    shot = shot_of(folder, "sum: [vortex: {}, formula: [x, y, z], wind: {through: [[0, 0, 0], [1, 0, 0]]}]")
+    (total,) = fields_of(shot)
+    assert len(total.terms) == 3  # type: ignore[attr-defined]
+
+
+WRONG = [
+    ("formula: [-y, x, sinn(t)]", "6:22: sinn is no function here. Did you mean 'sin'?"),
+    ('formula: ["-y", "x + os", "0"]', "6:26: os is not known here. Did you mean 'cos'?"),
+    ("formula: {velocity: [y, 'k * open(1)', 0], with: {k: 1}}", "6:34: open is no function here"),
+    ("formula: [x, y]", "formula has 2 items; it must have at least 3"),
+    ("formula: {velocity: [x, y, z], with: {sin: 1}}", "'sin' cannot name a number"),
+    (
+        "formula: {velocity: [x, y, z], extend: 3}",
+        "extend is not known under flows.0.formula. Did you mean 'extent'?",
+    ),
+    ("curl_noise: {octaves: 0}", "6:18: flows.0.curl_noise.octaves is 0; it must be at least 1"),
+    ("curl_noise: {sede: 1}", "Did you mean 'seed'?"),
+    ("attraction: {rate: 2}", "it goes to one of points, curve and mesh"),
+    ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "not to points and mesh; write one"),
+    ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
+    ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
+    ("wind: {through: [[0, 0, 0]]}", "has 1 items; it must have at least 2"),
+    ("wind: {through: [[0, 0, 0], [0, 0, 0]]}", "twice in a row"),
+    ("sampled: {file: gone.vti}", "file gone.vti is not there"),
+    ("sampled: {file: gone_*.vti}", "no file fits gone_*.vti"),
+    ("sampled: {file: t.obj}", ".obj is no format of fields"),
+    ("sampled: {file: bad.npz}", "array y is missing"),
+    ("sampled: {file: w_01.npz, outside: mirror}", "it must be 'clamp', 'zero' or 'repeat'"),
+    ("python: {file: gone.py, function: f}", "file gone.py is not there"),
+    ("python: {file: swirl.py}", "function is missing"),
+    ("python: {file: swirl.py, function: swirl()}", "'swirl()' names no function"),
+]
+
+
+@pytest.mark.parametrize(("flow", "says"), WRONG, ids=[flow for flow, _ in WRONG])
+def test_what_is_wrong_is_told_in_one_line_with_its_place(flow: str, says: str, folder: Path) -> None:
+    np.savez(folder / "bad.npz", x=GRID, z=GRID, velocity=np.ones((3, 3, 3, 3)))
+    with pytest.raises(ShotError) as told:
+        shot_of(folder, flow)
+    (message,) = told.value.messages
+    assert says in message, message
+    assert message.startswith(f"{folder / 'a.yaml'}:6:")
+
+
+def test_contents_of_files_decide_and_not_their_names(folder: Path) -> None:
+    shot = shot_of(
+        folder,
+        "sampled: {file: w_01.npz}",
+        "attraction: {mesh: t.obj}",
+        "python: {file: swirl.py, function: swirl}",
+    )
+    before = shot.motion.step_data(5)
+    for old, new in (("w_01.npz", "w_03.npz"), ("t.obj", "u.obj"), ("swirl.py", "whirl.py")):
+        (folder / new).write_bytes((folder / old).read_bytes())
+    moved = shot_of(
+        folder,
+        "sampled: {file: w_03.npz}",
+        "attraction: {mesh: u.obj}",
+        "python: {file: whirl.py, function: swirl}",
+    )
+    assert moved.motion.step_data(5) == before
+    (folder / "whirl.py").write_text("def swirl(points, time, dt):\n    return 2 * points\n")
+    (folder / "u.obj").write_text(TRIANGLE.replace("1 0 0", "2 0 0"))
+    again = shot_of(
+        folder,
+        "sampled: {file: w_03.npz}",
+        "attraction: {mesh: u.obj}",
+        "python: {file: whirl.py, function: swirl}",
+    )
+    same = [a == b for a, b in zip(again.motion.step_data(5), before, strict=True)]
+    assert same == [True, False, False]

@@ -1,0 +1,33 @@
+"""docs/fields.md says what is so: its examples can be read."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.shot import read_shot
+
+PAGE = Path(__file__).parents[2] / "docs" / "fields.md"
+EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE.read_text(encoding="utf-8"), flags=re.S)
+HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"
+IMAGE = (
+    '<VTKFile type="ImageData"><ImageData><Piece Extent="0 1 0 1 0 1"><PointData><DataArray type="Float32" '
+    f'Name="u" NumberOfComponents="3" format="ascii">{"1 2 3 " * 8}</DataArray></PointData></Piece>'
+    "</ImageData></VTKFile>"
+)
+
+
+@pytest.mark.parametrize("example", EXAMPLES)
+def test_every_example_of_the_page_is_read(example: str, tmp_path: Path) -> None:
+    axis = np.linspace(0, 1, 3)
+    for name in ("smoke_1", "smoke_2"):
+        np.savez(tmp_path / f"{name}.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
+    (tmp_path / "wind.vti").write_text(IMAGE)
+    (tmp_path / "stone.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n")
+    (tmp_path / "flows").mkdir()
+    (tmp_path / "flows" / "mine.py").write_text("def swirl(points, time, dt):\n    return points\n")
+    shot = read_shot(tmp_path / "a.yaml", HEAD + "".join(f"  {line}\n" for line in example.splitlines()))
+    assert len(shot.motion.flow.flows) == len(re.findall(r"^- ", example, flags=re.M))  # type: ignore[attr-defined]
