@@ -41,7 +41,7 @@ class Quality:
 
 QUALITIES = {
     "preview": Quality(480, 270, samples=4, depth=3, guides=4, denoise="balanced"),
-    "draft": Quality(480, 270, samples=4, depth=4, guides=4, denoise="balanced"),
+    "draft": Quality(480, 270, samples=6, depth=4, guides=4, denoise="balanced"),
     "daily": Quality(960, 540, samples=16, depth=6, guides=16),
     "final": Quality(1920, 1080, samples=64, depth=10, guides=64),
 }
