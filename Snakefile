@@ -32,6 +32,7 @@ for job in plan.jobs:
             job.outputs,
         log:
             f"{logs}/{job.name}.log",
+        priority: job.priority
         threads: job.threads
         params:
             job=job.name,

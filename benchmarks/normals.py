@@ -21,10 +21,10 @@ from pipeline.arrays import Floats, Points, Vectors
 from pipeline.flow import Flow, Streamlines
 from pipeline.flow.catalogue import Enright, Lorenz
 from pipeline.flow.history import Step
-from pipeline.flow.tangents import carried_normals, tangents, unit
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases
 from pipeline.mesh.normals import trusted_normals
+from pipeline.mesh.tangents import carried_normals, tangents, unit
 from pipeline.mesh.true_surfaces import Sphere, TrueSurface
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling
@@ -110,7 +110,8 @@ def step_error(motion: Motion, step: float) -> float:
         return (move(points + h * t) - move(points - h * t)) / (2 * h)
 
     one, two = ((4 * along(t, 1e-4 * size) - along(t, 2e-4 * size)) / 3 for t in tangents(normals))
-    carried = carried_normals(move, points, move(points), normals, step)
+    apart = np.full(len(points), step * size)
+    carried = carried_normals(move, points, move(points), normals, apart)
     return math.degrees(angles(carried, unit(np.cross(one, two))).max())
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from benchmarks.works import Film
 from pipeline.arrays import Points
-from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.normals import NORMAL
+from pipeline.mesh.tangents import carried_normals
 from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
 from pipeline.resample.shape import DEFAULT_ROUNDNESS
 

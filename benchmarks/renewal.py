@@ -16,8 +16,8 @@ import numpy as np
 from benchmarks.normals import Ball, Row, angles, back, exact_normals, films
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import Floats
-from pipeline.flow.tangents import unit
 from pipeline.mesh import split_at_creases
+from pipeline.mesh.tangents import unit
 from pipeline.shot import Motion
 
 OUT = Path(__file__).parent / "out"

@@ -17,21 +17,16 @@ from numpy.typing import NDArray
 
 from render.camera import Camera
 from render.engine import Engine
-from render.errors import BadInputError
 from render.lights import LightRig
 from render.look import Look
-from render.quality import Quality
+from render.quality import PASS_SAMPLES, Quality
 from render.scene import Rendering, Surface, build_scene
 from render.stage import Placement, Stage
 
 Layer = NDArray[np.float32]
 
-PASS_SAMPLES = 16
-"""Samples a pixel in one pass; a square, as the multijitter sampler wants."""
-
 SPARKLE_FACTOR = 3.0
 """A pixel of one pass may be this much brighter than the third brightest of its eight neighbours."""
-
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
@@ -152,10 +147,6 @@ def _render(rendering: Rendering, samples: int, seed: int) -> NDArray[np.float64
 def _passes(layer: str, rendering: Rendering, samples: int) -> list[tuple[str, Rendering, int]]:
     """Whole passes of equal weight; a last one that is smaller would count too much."""
     each = min(samples, PASS_SAMPLES)
-    if samples % each:
-        raise BadInputError(
-            f"{samples} samples for the {layer} do not divide into passes of {each}; take 16, 64, …"
-        )
     return [(layer, rendering, each)] * (samples // each)
 
 

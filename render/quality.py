@@ -6,6 +6,9 @@ from dataclasses import dataclass
 
 from render.errors import BadInputError
 
+PASS_SAMPLES = 16
+"""Samples a pixel in one pass; a square, as the multijitter sampler wants."""
+
 
 @dataclass(frozen=True)
 class Quality:
@@ -29,6 +32,12 @@ class Quality:
         for name in ("width", "height", "samples", "guides"):
             if getattr(self, name) < 1:
                 raise BadInputError(f"quality has {name} {getattr(self, name)}; it must be at least 1")
+        for name in ("samples", "guides"):
+            if (count := getattr(self, name)) > PASS_SAMPLES and count % PASS_SAMPLES:
+                raise BadInputError(
+                    f"{count} {name} do not divide into passes of {PASS_SAMPLES}; take {PASS_SAMPLES}, "
+                    f"{2 * PASS_SAMPLES}, {4 * PASS_SAMPLES}, …"
+                )
         if self.depth < 2:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("off", "fast", "balanced", "high"):

@@ -11,9 +11,9 @@ from pipeline.animation import animate
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue import Enright
 from pipeline.flow.history import Step
-from pipeline.flow.tangents import carried_normals, tangents
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, icosphere, split_at_creases
+from pipeline.mesh.tangents import carried_normals, tangents
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from pipeline.statistics import sizzle, surviving

@@ -10,10 +10,10 @@ from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import FrameReport, MeshFrame
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.history import Step
-from pipeline.flow.tangents import carried_normals
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.identity import Register
 from pipeline.mesh.normals import NORMAL, vertex_normals
+from pipeline.mesh.tangents import carried_normals
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
 from pipeline.resample.at_rest import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling

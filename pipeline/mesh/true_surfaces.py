@@ -11,7 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points, Vectors
+from pipeline.arrays import Points, Vectors
+from pipeline.mesh.tangents import unit
 
 CLOSE = 1e-9
 """How near, in sizes of the solid, counts as on a crease."""
@@ -19,6 +20,10 @@ CLOSE = 1e-9
 RIM = 2e-4
 """Points this near to a round rim, in radii, are put on it: a rim that was bent by interpolation between
 vertices 20° apart comes as close."""
+
+
+AHEAD, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
+"""Where a point in the middle goes, to which all directions are equal."""
 
 
 class TrueSurface(ABC):
@@ -41,7 +46,7 @@ class Sphere(TrueSurface):
         return self.radius * self.normals(points)
 
     def normals(self, points: Points) -> Vectors:
-        return _unit(points)
+        return unit(points, UP)
 
 
 @dataclass(frozen=True)
@@ -55,10 +60,10 @@ class Torus(TrueSurface):
         return self._middle(points) + self.tube_radius * self.normals(points)
 
     def normals(self, points: Points) -> Vectors:
-        return _unit(points - self._middle(points))
+        return unit(points - self._middle(points), UP)
 
     def _middle(self, points: Points) -> Points:
-        return self.radius * _unit(points * (1.0, 0.0, 1.0), (1.0, 0.0, 0.0))
+        return self.radius * unit(points * (1.0, 0.0, 1.0), AHEAD)
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ class Capsule(TrueSurface):
         return self._core(points) + self.radius * self.normals(points)
 
     def normals(self, points: Points) -> Vectors:
-        return _unit(points - self._core(points), (1.0, 0.0, 0.0))
+        return unit(points - self._core(points), AHEAD)
 
     def _core(self, points: Points) -> Points:
         half = 0.5 * self.length - self.radius
@@ -95,7 +100,7 @@ class Cylinder(TrueSurface):
         rim = (np.abs(above) < RIM * self.radius) & (np.abs(beyond) < RIM * self.radius)
         to_side = rim | (beyond > 0) | (beyond > above)
         to_cap = rim | (above > 0) | ~to_side
-        side = _unit(points * (1.0, 0.0, 1.0), (1.0, 0.0, 0.0)) * self.radius
+        side = unit(points * (1.0, 0.0, 1.0), AHEAD) * self.radius
         points[to_side, 0], points[to_side, 2] = side[to_side, 0], side[to_side, 2]
         points[to_cap, 1] = np.copysign(half, points[to_cap, 1])
         return points
@@ -106,7 +111,7 @@ class Cylinder(TrueSurface):
         across = on * (1.0, 0.0, 1.0)
         cap = 0.5 * self.length - np.abs(on[:, 1]) < near
         side = self.radius - np.linalg.norm(across, axis=1) < near
-        normals = _unit(across)
+        normals = unit(across, UP)
         normals[cap] = np.sign(on[cap]) * (0.0, 1.0, 0.0)
         normals[cap & side] = 0.0
         return normals
@@ -144,10 +149,3 @@ class Sheet(TrueSurface):
 
     def normals(self, points: Points) -> Vectors:
         return np.tile((0.0, 1.0, 0.0), (len(points), 1))
-
-
-def _unit(vectors: Vectors, otherwise: tuple[float, float, float] = (0.0, 1.0, 0.0)) -> Vectors:
-    """Vectors (N, 3) of length 1; where there is no direction, that one."""
-    lengths: Floats = np.linalg.norm(vectors, axis=1, keepdims=True)
-    safe = np.where(lengths > 0, lengths, 1.0)
-    return np.where(lengths > 0, vectors / safe, otherwise)

@@ -41,6 +41,11 @@ class Job:
     outputs: tuple[str, ...]
     threads: int = 1
 
+    @property
+    def priority(self) -> int:
+        """Simulations first: each is the work of one thread, and all the pictures of its shot wait for it."""
+        return 1 if self.task == "simulate" else 0
+
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
         lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}

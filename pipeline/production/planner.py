@@ -80,10 +80,8 @@ class Planner:
         self._jobs.append(job)
 
     def plan(self) -> Plan:
-        """What has been collected, every core given to as many renders as there are."""
-        renders = sum(job.task == "render" for job in self._jobs)
-        threads = max(1, self.cores // renders) if renders else 1
-        jobs = [replace(j, threads=threads) if j.task == "render" else j for j in self._jobs]
+        """What has been collected, the cores dealt out among the simulations and then among the renders."""
+        jobs = self._sharing("render", self._sharing("simulate", self._jobs))
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
             film=self._cut.as_data() if self._cut else None,
@@ -91,6 +89,11 @@ class Planner:
             links=tuple(self._links.values()),
             targets=tuple(dict.fromkeys(paths(self._targets))),
         )
+
+    def _sharing(self, task: str, jobs: Sequence[Job]) -> list[Job]:
+        """Jobs, those of a task as broad as lets all of them go side by side."""
+        threads = max(1, self.cores // max(1, sum(job.task == task for job in jobs)))
+        return [replace(job, threads=threads) if job.task == task else job for job in jobs]
 
     def _surfaces(self, take: Take, unrendered: Sequence[int], cameras_known: bool) -> None:
         """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""

@@ -35,7 +35,7 @@ from pipeline.shot.data import as_data
 from render.errors import BadInputError
 from render.frame import seed_of
 from render.plain import to_plain
-from render.quality import QUALITIES, Quality
+from render.quality import Quality
 
 
 @dataclass(frozen=True)
@@ -112,7 +112,7 @@ class Take:
 
     @property
     def quality(self) -> Quality:
-        return QUALITIES[self.quality_name]
+        return self.shot.picture.qualities[self.quality_name]
 
     @property
     def motion_folders(self) -> Folders:

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Indices, Points, Vectors
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge import HalfedgeMesh
+from pipeline.mesh.tangents import unit
 from pipeline.resample._kernels_patch import lay_out
 from pipeline.resample._kernels_rest import MOST_BLADES, blades
 from pipeline.resample._kernels_ring import new_ring
@@ -73,14 +74,11 @@ class Surroundings:
         """Of the vertices that (N,) booleans tell."""
         return Surroundings(self.spokes[these], self.centre[these], self.corners[these], self.normals[these])
 
+    def sizes(self) -> Floats:
+        """(N,) lengths of an edge at each."""
+        return np.asarray(np.linalg.norm(self.corners[:, 0, 0] - self.centre, axis=1))
+
     def middle(self) -> Points:
         """(N, 3) means of the corners."""
         middle: Points = np.nanmean(self.corners.reshape(len(self.spokes), -1, 3), axis=1)
         return middle
-
-
-def unit(vectors: Vectors) -> Vectors:
-    """Vectors (N, 3) of length 1, or zero."""
-    lengths = np.linalg.norm(vectors, axis=1, keepdims=True)
-    scaled: Vectors = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0)
-    return scaled

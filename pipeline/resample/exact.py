@@ -10,6 +10,7 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge import HalfedgeMesh
 from pipeline.mesh.normals import vertex_normals
+from pipeline.mesh.tangents import carried_normals, unit
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_lists import Changes
 from pipeline.resample._kernels_rest import spokes_of_marked
@@ -25,7 +26,6 @@ from pipeline.resample.at_rest import (
     column_of,
     on_patches_at_rest,
     rest_of,
-    unit,
 )
 from pipeline.resample.hardness import edges_by_angle
 from pipeline.resample.placement import settled
@@ -73,8 +73,8 @@ class Exact:
         middles, normals = rest[born], np.zeros((len(births), 3))
         if self.project is None or mesh.column(NORMAL) is not None or mesh.surface.tagged.any():
             middles, normals = on_patches_at_rest(mesh, births)
-        along = rest[births[:, 1]] - rest[births[:, 0]]
-        went = self._take(mesh, spokes, self._truly(middles), normals, along, limits)
+        goals, sizes = self._truly(middles), _lengths(rest, births[:, 0], births[:, 1])
+        went = self._take(mesh, spokes, goals, self._carried(goals), normals, sizes, limits)
         if not went.all():
             went[~went] = self._elsewhere(mesh, spokes[~went], limits)
         _write(mesh, ASTRAY, born, ~went[:, None])
@@ -98,7 +98,7 @@ class Exact:
         went = settled(mesh, spokes, self._carried(goals), goals, limits)
         if not went.all():
             around = Surroundings.of(mesh, spokes[~went])
-            went[~went] = self._towards(mesh, around, around.middle(), limits)
+            went[~went] = self._to_middle(mesh, around, limits)
         astray = mesh.surface.vert[spokes[went]]
         _write(mesh, ASTRAY, astray, np.zeros((len(astray), 1)))
 
@@ -111,30 +111,31 @@ class Exact:
         """
         around = Surroundings.of(mesh, spokes)
         goals = mesh.vertices[mesh.surface.vert[spokes]]
-        found, _ = nearest(self._carried, self._truly, around.centre, around.corners, goals)
-        went = self._towards(mesh, around, found, limits)
+        found, places = nearest(self._carried, self._truly, around.centre, around.corners, goals)
+        went = self._take(mesh, spokes, found, places, around.normals, around.sizes(), limits)
         if not went.all():
-            left = around.only(~went)
-            went[~went] = self._towards(mesh, left, left.middle(), limits)
+            went[~went] = self._to_middle(mesh, around.only(~went), limits)
         return went
 
-    def _towards(self, mesh: HalfedgeMesh, around: Surroundings, goals: Points, limits: Floats) -> AnyArray:
-        normals, along = around.normals, around.corners[:, 0, 0] - around.centre
-        return self._take(mesh, around.spokes, self._truly(goals), normals, along, limits)
+    def _to_middle(self, mesh: HalfedgeMesh, around: Surroundings, limits: Floats) -> AnyArray:
+        """Take vertices to the middle of what lies around them at rest; answers which went."""
+        goals = self._truly(around.middle())
+        places = self._carried(goals)
+        return self._take(mesh, around.spokes, goals, places, around.normals, around.sizes(), limits)
 
     def _take(
         self,
         mesh: HalfedgeMesh,
         spokes: Indices,
         goals: Points,
+        places: Points,
         normals: Vectors,
-        along: Vectors,
+        sizes: Floats,
         limits: Floats,
     ) -> AnyArray:
         """Take vertices to their goals at rest and to where these are now; answers which went."""
-        places = self._carried(goals)
         went = settled(mesh, spokes, places, goals, limits)
-        self._turn(mesh, mesh.surface.vert[spokes], goals, places, normals, along, went)
+        self._turn(mesh, mesh.surface.vert[spokes], goals, places, normals, sizes, went)
         return went
 
     def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
@@ -146,10 +147,10 @@ class Exact:
             return 0
         leaving, rest = spokes[1 : many + 1], rest_of(mesh)
         start, to = mesh.surface.vert[leaving], mesh.surface.vert[_following(leaving)]
-        goals, along = self._truly(places[:many]), rest[to] - rest[start]
+        goals, sizes = self._truly(places[:many]), _lengths(rest, start, to)
         moved, adopted = self._carried(goals), np.zeros(many, np.uint8)
         done = int(adopt(mesh.surface, spokes, moved, goals, limits, ring, changes, adopted))
-        self._turn(mesh, start, goals, moved, normals[:many], along, adopted > 0)
+        self._turn(mesh, start, goals, moved, normals[:many], sizes, adopted > 0)
         return done
 
     def _truly(self, points: Points) -> Points:
@@ -162,23 +163,25 @@ class Exact:
         rest: Points,
         places: Points,
         normals: Vectors,
-        along: Vectors,
+        sizes: Floats,
         these: AnyArray,
     ) -> None:
         """Give some vertices, if they have normals, those that the surface has at their places.
 
         normals  (N, 3) at rest, unit, or zero where there is none
-        along    (N, 3) an edge at rest, which tells the scale
+        sizes    (N,) lengths of an edge of each at rest
         these    (N,) booleans: which
         """
-        soft = these & normals.any(axis=1)
         if mesh.column(NORMAL) is None or not these.any():
             return
-        beside = [self._truly(rest[soft] + step) for step in _tangents(along[soft], normals[soft])]
-        ahead, left = np.split(self._carried(np.concatenate(beside)), 2)
-        turned = np.zeros_like(places)
-        turned[soft] = unit(np.cross(ahead - places[soft], left - places[soft]))
-        _write(mesh, NORMAL, vertices[these], turned[these])
+        turned = carried_normals(
+            lambda beside: self._carried(self._truly(beside)),
+            rest[these],
+            places[these],
+            normals[these],
+            _TANGENT * sizes[these],
+        )
+        _write(mesh, NORMAL, vertices[these], turned)
 
     def _carried(self, rest_points: Points) -> Points:
         moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64)
@@ -201,7 +204,5 @@ def _following(h: Indices) -> Indices:
     return after
 
 
-def _tangents(along: Vectors, normals: Vectors) -> tuple[Vectors, Vectors]:
-    """Two short steps within the surface from each point: along the edge, and to its left."""
-    across = np.cross(normals, along)
-    return _TANGENT * np.cross(across, normals), _TANGENT * across
+def _lengths(points: Points, one: Indices, other: Indices) -> Floats:
+    return np.asarray(np.linalg.norm(points[other] - points[one], axis=1))

@@ -7,6 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
+from pipeline.mesh.tangents import unit
 
 PointMap = Callable[[Points], Points]
 
@@ -51,9 +52,7 @@ def nearest(
 def _blade(centre: Points, corners: Points) -> tuple[Vectors, Vectors]:
     """A side (N, 3) of the first triangle of each, and the unit normal of all, zero where they are lines."""
     spokes = corners - centre[:, None, None]
-    normals = np.nansum(np.cross(spokes[:, :, 0], spokes[:, :, 1]), axis=1)
-    size = np.linalg.norm(normals, axis=1, keepdims=True)
-    return spokes[:, 0, 0], np.divide(normals, size, out=np.zeros_like(normals), where=size > 0)
+    return spokes[:, 0, 0], unit(np.nansum(np.cross(spokes[:, :, 0], spokes[:, :, 1]), axis=1))
 
 
 def _refine(

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic_core import PydanticCustomError
 
 from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.curves import NumberField, PositiveField
@@ -14,6 +15,7 @@ from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.subject import SOLIDS
 from render.lights import LIGHTS
 from render.look import LOOKS
+from render.quality import PASS_SAMPLES
 from render.stage import STAGES
 
 
@@ -88,6 +90,35 @@ class StageDocument(Document):
     colour: Colour | None = None
 
 
+def _in_passes(samples: int) -> int:
+    if samples > PASS_SAMPLES and samples % PASS_SAMPLES:
+        raise PydanticCustomError(
+            "passes",
+            "{samples} samples do not divide into passes of {each}. Write up to {each}, or a multiple of it.",
+            {"samples": samples, "each": PASS_SAMPLES},
+        )
+    return samples
+
+
+Samples = Annotated[int, Field(ge=1, le=65536), AfterValidator(_in_passes)]
+
+
+class QualityDocument(Document):
+    """What a shot needs otherwise than others at some quality."""
+
+    samples: Samples | None = None
+    guides: Samples | None = None
+    depth: Annotated[int, Field(ge=2, le=100)] | None = None
+    denoise: Literal["off", "fast", "balanced", "high"] | None = None
+
+
+class QualitiesDocument(Document):
+    preview: QualityDocument = QualityDocument()
+    draft: QualityDocument = QualityDocument()
+    daily: QualityDocument = QualityDocument()
+    final: QualityDocument = QualityDocument()
+
+
 class ShotDocument(Document):
     title: str
     extends: str | None = None
@@ -114,6 +145,7 @@ class ShotDocument(Document):
         Annotated[str, one_of(STAGES, "stage"), Tag("by name")] | Annotated[StageDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
     ] = "cyclorama"
+    quality: QualitiesDocument = QualitiesDocument()
 
 
 CardSeconds = Annotated[float, Field(ge=0, le=60)]

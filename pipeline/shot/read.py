@@ -33,6 +33,7 @@ from pipeline.shot.subject import Model, Solid, Subject
 from pipeline.shot.surroundings import Surroundings
 from render.lights import LIGHTS, LightRig
 from render.look import LOOKS, Look
+from render.quality import QUALITIES
 from render.stage import STAGES, Stage
 
 D = TypeVar("D", bound=Document)
@@ -216,6 +217,10 @@ def _picture(document: ShotDocument, clock: Clock) -> Picture:
         lights=_lights(document.lights),
         stage=_stage(document.stage),
         tessellate=document.smooth.tessellate,
+        qualities={
+            name: dataclasses.replace(quality, **_given(getattr(document.quality, name)))
+            for name, quality in QUALITIES.items()
+        },
     )
 
 
@@ -237,7 +242,7 @@ def _stage(value: str | StageDocument) -> Stage:
     return dataclasses.replace(STAGES[value.kind], **_given(value, "kind"))
 
 
-def _given(document: Document, registry: str) -> dict[str, Any]:
-    """What a document sets beyond the registry's name, lists as tuples."""
-    values = document.model_dump(exclude_none=True, exclude={registry})
+def _given(document: Document, *registry: str) -> dict[str, Any]:
+    """What a document sets, beyond the registry's name where it has one, lists as tuples."""
+    values = document.model_dump(exclude_none=True, exclude=set(registry))
     return {name: tuple(value) if isinstance(value, list) else value for name, value in values.items()}

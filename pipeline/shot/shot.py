@@ -5,6 +5,7 @@ Meshes depend on the motion alone, pictures on both: relighting never moves a ve
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Literal
@@ -24,6 +25,7 @@ from pipeline.shot.data import NOT_DATA, as_data
 from pipeline.shot.subject import Solid, Subject
 from render.lights import LightRig
 from render.look import Look
+from render.quality import QUALITIES, Quality
 from render.stage import Stage
 
 
@@ -208,6 +210,7 @@ class Picture:
     """All that decides how the meshes of a shot look.
 
     tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
+    qualities   those of `render.quality.QUALITIES`, as this shot needs them
     """
 
     look: Look
@@ -215,6 +218,7 @@ class Picture:
     lights: LightRig
     stage: Stage
     tessellate: int = 1
+    qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
 
 
 @dataclass(frozen=True)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import math
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +20,7 @@ from pipeline.mesh import validate, write_mesh
 from pipeline.mesh.solids import box
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, read_film, read_shot
+from render.quality import QUALITIES
 
 GOOD = """\
 title: Cube
@@ -146,6 +148,12 @@ def test_relighting_changes_the_picture_alone(tmp_path: Path) -> None:
     assert after.picture != before.picture
 
 
+def test_a_shot_may_ask_more_of_one_quality(tmp_path: Path) -> None:
+    picture = read_shot(written(tmp_path, GOOD + "quality: {draft: {samples: 6, denoise: high}}\n")).picture
+    assert picture.qualities["draft"] == replace(QUALITIES["draft"], samples=6, denoise="high")
+    assert {**picture.qualities, "draft": QUALITIES["draft"]} == QUALITIES
+
+
 def test_a_key_changed_late_leaves_the_earlier_steps_alone(tmp_path: Path) -> None:
     keys = "keys: {1: 0, 25: 4, 30: 4, 49: %s}"
     one, other = (
@@ -248,6 +256,11 @@ BROKEN = [
      "a.yaml:11:1: substeps is 100000000; it must be at most 10000"),
     ("camera:", "look: velvet\ncamera:",
      "a.yaml:11:1: look: 'velvet' is no look. There are: clay, glaze, chrome, taffy, pearl."),
+    ("camera:", "quality: {draught: {samples: 6}}\ncamera:",
+     "a.yaml:11:11: draught is not known under quality. Did you mean 'draft'?"),
+    ("camera:", "quality: {final: {samples: 100}}\ncamera:",
+     "a.yaml:11:19: quality.final.samples: 100 samples do not divide into passes of 16. "
+     "Write up to 16, or a multiple of it."),
 ]  # fmt: skip
 
 

@@ -9,6 +9,8 @@ import traceback
 from importlib import import_module
 from pathlib import Path
 
+import numba
+
 from pipeline.errors import FrameError
 from pipeline.production.events import EventLog
 from pipeline.production.layout import EVENTS
@@ -39,6 +41,8 @@ def main(plan_path: str, job_name: str, *, child: bool = False) -> int:
     if job.task == "render" and not child:
         return _supervise(context, plan_path)
     context.log.write("begin", stage=job.task)
+    # A kernel on more threads than the job was given waits for them, busily, while other jobs have the cores.
+    numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
     try:
         task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
         well = task(context)

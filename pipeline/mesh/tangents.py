@@ -22,7 +22,11 @@ much (docs/normals.md); two-sided differences would cost twice as many points.
 
 
 def carried_normals(
-    move: Callable[[Points], Points], points: Points, moved: Points, normals: Vectors, step: float = STEP
+    move: Callable[[Points], Points],
+    points: Points,
+    moved: Points,
+    normals: Vectors,
+    apart: Floats | None = None,
 ) -> Vectors:
     """Unit normals (V, 3) of a surface after a flow has moved it.
 
@@ -31,7 +35,7 @@ def carried_normals(
     points   (V, 3) vertices before the step
     moved    (V, 3) the same vertices after it
     normals  (V, 3) unit normals before it; zero where there is none, which stays so
-    step     how far the points lie beside theirs, in sizes of the surface
+    apart    (V,) how far tangent points lie beside theirs; by default STEP sizes of the surface
 
     A vertex whose surroundings the flow has collapsed to a line gets zero: it has no normal any more.
     """
@@ -40,8 +44,9 @@ def carried_normals(
     if not known.any():
         return carried
     one, two = tangents(normals[known])
-    length = step * float(np.ptp(points, axis=0).max())
-    base, start = moved[known], points[known]
+    if apart is None:
+        apart = np.full(len(points), STEP * float(np.ptp(points, axis=0).max()))
+    base, start, length = moved[known], points[known], apart[known, None]
     ahead, beside = np.split(move(np.concatenate([start + length * one, start + length * two])), 2)
     carried[known] = unit(np.cross(ahead - base, beside - base))
     return carried
@@ -61,9 +66,10 @@ def tangents(normals: Vectors) -> tuple[Vectors, Vectors]:
     return one, two
 
 
-def unit(vectors: Vectors) -> Vectors:
-    """Vectors (N, 3) of length 1; those without a length, or not finite, become zero."""
+def unit(vectors: Vectors, otherwise: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Vectors:
+    """Vectors (N, 3) of length 1; `otherwise` for those without a length, or not finite."""
     with np.errstate(over="ignore", invalid="ignore"):
         lengths: Floats = np.linalg.norm(vectors, axis=1, keepdims=True)
         good = (lengths > 0) & np.isfinite(lengths)
-        return np.divide(vectors, lengths, out=np.zeros_like(vectors), where=good)
+        scaled: Vectors = np.divide(vectors, lengths, out=np.tile(otherwise, (len(vectors), 1)), where=good)
+    return scaled
