@@ -5,8 +5,9 @@ An external is what C would declare as
     void f(const double *numbers, int64_t n, const double *x, const double *y, const double *z, double t,
            double *u, double *v, double *w)
 
-It *adds* its velocity at n points to u, v and w: `numba.cfunc(EXTERNAL_TYPE)` makes one of a Python function.
-Just before a closing bracket it may as well multiply what the group has summed so far: a region of any form.
+It *adds* its velocity at n points to u, v and w: `pipeline.kernels.block_kernel` makes one of a Python
+function. Just before a closing bracket it may as well multiply what the group has summed so far: a region of
+any form.
 """
 
 from __future__ import annotations
@@ -23,10 +24,6 @@ from pipeline.flow._kernels_block import U, V, W, X, Y, Z
 from pipeline.kernels import kernel
 
 _DOUBLES = types.CPointer(types.float64)
-
-EXTERNAL_TYPE = types.void(
-    _DOUBLES, types.int64, _DOUBLES, _DOUBLES, _DOUBLES, types.float64, _DOUBLES, _DOUBLES, _DOUBLES
-)
 
 
 @intrinsic  # type: ignore[untyped-decorator]

@@ -18,10 +18,10 @@ from pipeline.flow import Streamlines, Sum, VelocityField
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow._kernels_bracket import levels
-from pipeline.flow._kernels_external import EXTERNAL_TYPE
 from pipeline.flow._kernels_region import weights
 from pipeline.flow.catalogue import Rotation, Strain, Vortex
 from pipeline.flow.program import Instruction, Program, grouped, kinds_of, placed, scaled
+from pipeline.kernels import BLOCK_SIGNATURE
 
 POINTS = np.random.default_rng(5).normal(size=(700, 3))
 VORTEX, STRAIN = Vortex(radius=0.7, strength=3.0), Strain(axis=(1.0, 2.0, 0.3), rate=0.8)
@@ -142,7 +142,7 @@ def test_a_points_bits_do_not_depend_on_its_neighbours() -> None:
 def saddle() -> Any:
     """A function of the form that programs call: numbers[0] · (x + t, −y, 0)."""
 
-    @numba.cfunc(EXTERNAL_TYPE)
+    @numba.cfunc(BLOCK_SIGNATURE)
     def function(numbers: Any, n: int, x: Any, y: Any, z: Any, t: float, u: Any, v: Any, w: Any) -> None:
         for i in range(n):
             u[i] += numbers[0] * (x[i] + t)
