@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from dataclasses import replace
 from itertools import pairwise
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -12,7 +14,23 @@ import numpy as np
 from examples.drawing import COOL, FAINT, INK, PICTURES, WARM, save
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow import Streamlines, VelocityField, keyed
-from pipeline.flow.catalogue import FLOWS, Bend, DoubleGyre, Rotation, Scaling, Squeeze, Strain, Translation
+from pipeline.flow.catalogue import (
+    FLOWS,
+    Attraction,
+    Bend,
+    CurlNoise,
+    DoubleGyre,
+    Formula,
+    Rotation,
+    Sampled,
+    SampledFiles,
+    Scaling,
+    Squeeze,
+    Strain,
+    Target,
+    Translation,
+    Wind,
+)
 from pipeline.flow.catalogue.attractor import Attractor
 from pipeline.flow.catalogue.barr import Deformation
 from pipeline.flow.parameters import shot_name
@@ -35,6 +53,16 @@ SHOWN: dict[type, VelocityField] = {
     DoubleGyre: DoubleGyre(scale=1.2),
 }
 """How flows are shown that do nothing, or show little, by default."""
+
+CURVE = ((-1.3, -0.6, 0.0), (-0.5, 0.7, 0.4), (0.5, -0.4, -0.4), (1.3, 0.6, 0.0))
+
+WRITTEN: tuple[VelocityField, ...] = (
+    Formula(("-y - 0.5 * z", "x * cos(2 * z)", "0.4 * sin(3 * x)")),
+    CurlNoise(octaves=2),
+    Attraction(Target.curve(np.array(CURVE)), rate=4.0, radius=1.2),
+    Wind(CURVE, radius=0.7),
+)
+"""What is more than numbers; samples come from a file."""
 
 AMOUNTS = {"twist": 0.9, "taper": -0.5, "stretch": 1.6, "shear": 0.6, "bend": 0.9}
 
@@ -111,25 +139,41 @@ def _lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
     return upright + level
 
 
+def _sampled() -> Sampled:
+    """Velocities thrown by dice on a coarse grid."""
+    axis = np.linspace(-1.5, 1.5, 4)
+    velocity = np.random.default_rng(7).normal(size=(4, 4, 4, 3))
+    with TemporaryDirectory() as folder:
+        file = Path(folder) / "dice.npz"
+        np.savez(file, x=axis, y=axis, z=axis, velocity=velocity)
+        files = SampledFiles("dice", paths=(file,))
+        assert files.samples, "they are read while the file is there"
+    return Sampled(files, between="cubic")
+
+
 def draw() -> None:
     """Draw them all to `docs/pictures/flows`."""
+    (PICTURES / "flows").mkdir(exist_ok=True)
+    for kind in FLOWS:
+        _draw(SHOWN[kind] if kind in SHOWN else Bend(length=1.8) if kind is Bend else kind())
+    for field in (*WRITTEN, _sampled()):
+        _draw(field)
+
+
+def _draw(flow: VelocityField | Deformation) -> None:
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    (PICTURES / "flows").mkdir(exist_ok=True)
-    for kind in FLOWS:
-        figure = Figure(figsize=(SIZE, SIZE), facecolor="white")
-        FigureCanvasAgg(figure)
-        panel = figure.add_axes((0.0, 0.0, 1.0, 1.0))
-        panel.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
-        panel.set_axis_off()
-        if issubclass(kind, Deformation):
-            _block(panel, kind(axis=(0.0, 1.0, 0.0)) if kind is not Bend else Bend(length=1.8), view())
-        else:
-            field = SHOWN[kind] if kind in SHOWN else kind()
-            assert isinstance(field, VelocityField), "what is no deformation is a field"
-            _strands(panel, ways(field), view())
-        save(figure, f"flows/{shot_name(kind)}.png")
+    figure = Figure(figsize=(SIZE, SIZE), facecolor="white")
+    FigureCanvasAgg(figure)
+    panel = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    panel.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
+    panel.set_axis_off()
+    if isinstance(flow, Deformation):
+        _block(panel, flow, view())
+    else:
+        _strands(panel, ways(flow), view())
+    save(figure, f"flows/{shot_name(type(flow))}.png")
 
 
 if __name__ == "__main__":

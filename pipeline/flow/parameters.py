@@ -17,7 +17,9 @@ from typing import Annotated, Any, Literal
 
 from pipeline.flow.choreography import Number, Place, Vector
 
-Form = Literal["number", "place", "point", "direction", "constant", "choice", "switch", "other"]
+Form = Literal[
+    "number", "place", "point", "direction", "constant", "whole", "choice", "switch", "text", "other"
+]
 
 POSITIVE, DIRECTION = "positive", "direction"
 
@@ -50,12 +52,21 @@ class Sense:
 
 
 @dataclass(frozen=True)
+class Between:
+    """Where a constant has to be, its ends too."""
+
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
 class Parameter:
     """One parameter of a flow.
 
     form      number and place may be keyed; point and constant are the same without keys
     positive  whether it has to be above 0
-    default   as in code; None where it has none
+    bounds    where else it has to be
+    default   as in code; dataclasses.MISSING where it has none
     choices   the words that a choice is between
     kind      its type as annotated, for what has a form of its own
     """
@@ -64,6 +75,7 @@ class Parameter:
     form: Form
     sense: Sense
     positive: bool
+    bounds: Between | None
     default: Any
     choices: tuple[str, ...]
     kind: Any
@@ -71,7 +83,7 @@ class Parameter:
     @property
     def needed(self) -> bool:
         """Whether a shot has to say it."""
-        return self.sense.required or self.default is None
+        return self.sense.required or self.default is dataclasses.MISSING
 
     @property
     def default_in_file(self) -> Any:
@@ -89,9 +101,13 @@ _AXES = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
 
 
 def parameters_of(flow: type) -> tuple[Parameter, ...]:
-    """The parameters of a flow's dataclass, in their order."""
+    """The parameters of a flow's dataclass, in their order: its fields that have a Sense."""
     kinds = typing.get_type_hints(flow, include_extras=True)
-    return tuple(_parameter(field, kinds[field.name]) for field in dataclasses.fields(flow))
+    return tuple(
+        parameter(field.name, kinds[field.name], field.default)
+        for field in dataclasses.fields(flow)
+        if any(isinstance(mark, Sense) for mark in _marks(kinds[field.name]))
+    )
 
 
 def shot_name(flow: type) -> str:
@@ -104,26 +120,35 @@ def summary(flow: type) -> str:
     return inspect.cleandoc(flow.__doc__ or "").partition("\n")[0]
 
 
-def _parameter(field: dataclasses.Field[Any], annotation: Any) -> Parameter:
-    kind, *marks = typing.get_args(annotation) if _is_annotated(annotation) else (annotation,)
-    senses = [mark for mark in marks if isinstance(mark, Sense)]
+def parameter(name: str, annotation: Any, default: Any) -> Parameter:
+    """What a field says of itself by its type's marks."""
+    marks = _marks(annotation)
+    kind = typing.get_args(annotation)[0] if marks else annotation
     return Parameter(
-        name=field.name,
+        name=name,
         form=_form(kind, DIRECTION in marks),
-        sense=senses[-1] if senses else Sense(""),
+        sense=next((mark for mark in reversed(marks) if isinstance(mark, Sense)), Sense("")),
         positive=POSITIVE in marks,
-        default=None if field.default is dataclasses.MISSING else field.default,
+        bounds=next((mark for mark in marks if isinstance(mark, Between)), None),
+        default=default,
         choices=typing.get_args(kind) if typing.get_origin(kind) is Literal else (),
         kind=kind,
     )
 
 
-def _is_annotated(annotation: Any) -> bool:
-    return typing.get_origin(annotation) is Annotated
+def _marks(annotation: Any) -> tuple[Any, ...]:
+    return typing.get_args(annotation)[1:] if typing.get_origin(annotation) is Annotated else ()
 
 
 def _form(kind: Any, direction: bool) -> Form:
-    forms: dict[Any, Form] = {Number: "number", Place: "place", float: "constant", bool: "switch"}
+    forms: dict[Any, Form] = {
+        Number: "number",
+        Place: "place",
+        float: "constant",
+        int: "whole",
+        bool: "switch",
+        str: "text",
+    }
     if kind == Vector:
         return "direction" if direction else "point"
     if typing.get_origin(kind) is Literal:

@@ -19,7 +19,7 @@ from pipeline.flow.flow import Displacement, Flow
 
 @dataclass(frozen=True)
 class PythonFlow(Flow):
-    """A function `points (N, 3), time, dt -> points (N, 3)` of a Python file, which is run when first needed.
+    """A function `points, time, dt -> points` of a Python file, which is run with permission only.
 
     digest   SHA-256 of the file: what keys hold. What the file imports is not looked at.
     allowed  whether the file may be run; without that every step fails

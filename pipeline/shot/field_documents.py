@@ -1,19 +1,26 @@
-"""The flows that a shot writes out or takes from files: formulas, targets, curves, samples, Python."""
+"""What flows take beyond their own parameters: formulas, targets, curves, samples and Python."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, PrivateAttr, ValidationInfo, model_validator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PrivateAttr,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
-from pipeline.flow.catalogue.attraction import Attraction, Target
-from pipeline.flow.catalogue.curl_noise import CurlNoise
-from pipeline.flow.catalogue.formula import MOST_NUMBERS, Formula
-from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
-from pipeline.flow.catalogue.wind import Wind
+from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, SampledFiles, Target, Wind
+from pipeline.flow.catalogue.formula import MOST_NUMBERS
+from pipeline.flow.parameters import Sense
 from pipeline.flow.python_file import PythonFlow
 from pipeline.flow.python_file import digest_of as digest_of_code
 from pipeline.flow.samples import digest_of
@@ -22,9 +29,9 @@ from pipeline.formula.blocks import KNOWN
 from pipeline.formula.words import CONSTANTS
 from pipeline.mesh.io import read_mesh
 from pipeline.shot.clock import Clock
-from pipeline.shot.curves import NumberField, PlaceField, PositiveField, number, place
-from pipeline.shot.fields import Document, Positive, Real, Triple, vector
-from pipeline.shot.regions import HERE
+from pipeline.shot.curves import NumberField, number
+from pipeline.shot.fields import Positive, Triple, vector
+from pipeline.shot.generated import FlowParameters
 from pipeline.shot.surroundings import Surroundings, finding, told
 
 
@@ -53,14 +60,19 @@ def _readable(text: str, info: ValidationInfo) -> str:
 Text = Annotated[str, BeforeValidator(_as_text), AfterValidator(_readable)]
 
 
-class FormulaDocument(Document):
+class FormulaDocument(FlowParameters):
     """`[-y, x, 0.3 * sin(t)]`, or with words of its own under `with`; these are read first."""
 
-    numbers: dict[Annotated[str, AfterValidator(_names_a_number)], NumberField] = Field(
-        default_factory=dict, alias="with", max_length=MOST_NUMBERS
-    )
-    velocity: Annotated[list[Text], Field(min_length=3, max_length=3)]
-    extent: Positive = 2.0
+    flow = Formula
+
+    numbers: Annotated[
+        dict[Annotated[str, AfterValidator(_names_a_number)], NumberField],
+        Field(default_factory=dict, alias="with", max_length=MOST_NUMBERS),
+        Sense("numbers for the formulas by their names, each constant or keyed"),
+    ]
+    velocity: Annotated[
+        list[Text], Field(min_length=3, max_length=3), Sense("along x, y and z, over these", "units/s")
+    ]
 
     @model_validator(mode="before")
     @classmethod
@@ -68,36 +80,31 @@ class FormulaDocument(Document):
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
         return {"velocity": value} if isinstance(value, list) else value
 
-    def build(self, clock: Clock) -> Formula:
-        u, v, w = self.velocity
-        numbers = tuple((name, number(value, clock)) for name, value in self.numbers.items())
-        return Formula((u, v, w), numbers, float(self.extent))
+    def more(self, clock: Clock) -> dict[str, Any]:
+        words = tuple((name, number(value, clock)) for name, value in self.numbers.items())
+        return {"texts": tuple(self.velocity), "words": words}
 
 
-class CurlNoiseDocument(Document):
-    size: PositiveField = 1.0
-    strength: NumberField = 1.0
-    octaves: Annotated[int, Field(ge=1, le=12)] = 3
-    roughness: Annotated[float, Field(ge=0, le=1)] = 0.5
-    lacunarity: Annotated[float, Field(ge=1, le=8)] = 2.0
-    evolution: Real = 0.5
-    seed: Annotated[int, Field(ge=0, le=2**53)] = 0
+class CurlNoiseDocument(FlowParameters):
+    """Nothing beyond."""
 
-    def build(self, clock: Clock) -> CurlNoise:
-        shape = self.octaves, float(self.roughness), float(self.lacunarity), float(self.evolution), self.seed
-        return CurlNoise(number(self.size, clock), number(self.strength, clock), *shape)
+    flow = CurlNoise
 
 
-class AttractionDocument(Document):
+class AttractionDocument(FlowParameters):
     """To points, a curve or a mesh: exactly one of them."""
 
-    points: Annotated[list[Triple], Field(min_length=1)] | None = None
-    curve: Annotated[list[Triple], Field(min_length=2)] | None = None
-    mesh: str | None = None
-    closed: bool = False
-    scale: Positive = 1.0
-    rate: NumberField = 1.0
-    radius: PositiveField = 1.0
+    flow = Attraction
+
+    points: Annotated[
+        list[Triple] | None, Field(min_length=1), Sense("the nearest of these attracts", "units")
+    ] = None
+    curve: Annotated[
+        list[Triple] | None, Field(min_length=2), Sense("a smooth curve through these attracts", "units")
+    ] = None
+    mesh: Annotated[str | None, Sense("the surface in this file attracts")] = None
+    closed: Annotated[bool, Sense("from its last point the curve goes on to the first")] = False
+    scale: Annotated[Positive, Sense("factor on the mesh")] = 1.0
 
     _target: Target = PrivateAttr()
 
@@ -117,44 +124,37 @@ class AttractionDocument(Document):
             self._target = told(lambda: Target.surface(read_mesh(file), float(self.scale)))
         return self
 
-    def build(self, clock: Clock) -> Attraction:
-        return Attraction(self._target, number(self.rate, clock), number(self.radius, clock))
+    def more(self, clock: Clock) -> dict[str, Any]:
+        return {"target": self._target}
 
 
-class WindDocument(Document):
-    through: Annotated[list[Triple], Field(min_length=2)]
-    speed: NumberField = 1.0
-    radius: PositiveField = 1.0
-    closed: bool = False
+class WindDocument(FlowParameters):
+    flow = Wind
 
-    @model_validator(mode="after")
-    def _goes_somewhere(self) -> WindDocument:
-        for here, there in zip(self.through, self.through[1:], strict=False):
+    through: Annotated[list[Triple], Field(min_length=2), Sense("points of the curve", "units")]
+
+    @field_validator("through")
+    @classmethod
+    def _goes_somewhere(cls, through: list[list[float]]) -> list[list[float]]:
+        for here, there in pairwise(through):
             if here == there:
                 raise finding(
                     f"the curve goes through {here} twice in a row; it stands still there. Remove one."
                 )
-        return self
+        return through
 
-    def build(self, clock: Clock) -> Wind:
-        through = tuple(vector(point) for point in self.through)
-        return Wind(through, number(self.speed, clock), number(self.radius, clock), self.closed)
+    def more(self, clock: Clock) -> dict[str, Any]:
+        return {"through": tuple(vector(point) for point in self.through)}
 
 
-class SampledDocument(Document):
+class SampledDocument(FlowParameters):
     """Files are read when the shot is: what is wrong with them is told with the shot."""
 
-    file: str
-    array: str | None = None
-    interval: Positive = 1.0
-    between: Literal["linear", "cubic"] = "linear"
-    outside: Literal["clamp", "zero", "repeat"] = "clamp"
-    centre: PlaceField = HERE
-    scale: PositiveField = 1.0
-    strength: NumberField = 1.0
-    time_scale: Real = 1.0
-    start: Real = 0.0
-    loop: bool = False
+    flow = Sampled
+
+    file: Annotated[str, Sense("where the samples are; with a * a sequence of files")]
+    array: Annotated[str | None, Sense("the name of the velocities in a VTK file that holds several")] = None
+    interval: Annotated[Positive, Sense("from file to file", "s")] = 1.0
 
     _files: SampledFiles = PrivateAttr()
 
@@ -165,36 +165,45 @@ class SampledDocument(Document):
         told(lambda: self._files.samples)
         return self
 
-    def build(self, clock: Clock) -> Sampled:
-        return Sampled(
-            self._files,
-            self.between,
-            self.outside,
-            place(self.centre, clock),
-            number(self.scale, clock),
-            number(self.strength, clock),
-            float(self.time_scale),
-            float(self.start),
-            self.loop,
-        )
+    def more(self, clock: Clock) -> dict[str, Any]:
+        return {"files": self._files}
 
 
-class PythonDocument(Document):
+class PythonDocument(FlowParameters):
     """Only looked at here; to run it needs permission."""
 
-    file: str
-    function: str
+    flow = PythonFlow
+
+    file: Annotated[str, Sense("a Python file")]
+    function: Annotated[str, Sense("the name of a function in it")]
 
     _path: Path = PrivateAttr()
     _allowed: bool = PrivateAttr()
+
+    @field_validator("function")
+    @classmethod
+    def _is_a_name(cls, function: str) -> str:
+        if not function.isidentifier():
+            raise finding(f"{function!r} names no function; write it as in the file, without brackets.")
+        return function
 
     @model_validator(mode="after")
     def _there(self, info: ValidationInfo) -> PythonDocument:
         surroundings = Surroundings.of(info)
         self._path, self._allowed = surroundings.file(self.file), surroundings.allow_code
-        if not self.function.isidentifier():
-            raise finding(f"{self.function!r} names no function; write it as in the file, without brackets.")
         return self
 
-    def build(self, clock: Clock) -> PythonFlow:
-        return PythonFlow(self.function, digest_of_code(self._path), self._path, self._allowed)
+    def more(self, clock: Clock) -> dict[str, Any]:
+        digest = digest_of_code(self._path)
+        return {"function": self.function, "digest": digest, "path": self._path, "allowed": self._allowed}
+
+
+OWN: dict[str, type[FlowParameters]] = {
+    "formula": FormulaDocument,
+    "curl_noise": CurlNoiseDocument,
+    "attraction": AttractionDocument,
+    "wind": WindDocument,
+    "sampled": SampledDocument,
+    "python": PythonDocument,
+}
+"""Flows of a shot's own making, in the order of the docs."""

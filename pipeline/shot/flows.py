@@ -21,14 +21,6 @@ from pipeline.shot.compositions import (
     SequenceDocument,
     WithinDocument,
 )
-from pipeline.shot.field_documents import (
-    AttractionDocument,
-    CurlNoiseDocument,
-    FormulaDocument,
-    PythonDocument,
-    SampledDocument,
-    WindDocument,
-)
 from pipeline.shot.fields import Document
 
 
@@ -68,17 +60,7 @@ LISTED = BeforeValidator(lambda value: [] if value is None else value)
 """`- sum:` is the same as `- sum: []`."""
 
 
-class OwnFields(Entry):
-    """Velocity fields of the shot's own making."""
-
-    formula: Annotated[FormulaDocument | None, BARE] = None
-    curl_noise: Annotated[CurlNoiseDocument | None, BARE] = None
-    attraction: Annotated[AttractionDocument | None, BARE] = None
-    wind: Annotated[WindDocument | None, BARE] = None
-    sampled: Annotated[SampledDocument | None, BARE] = None
-
-
-class VelocityDocument(Velocities, OwnFields):
+class VelocityDocument(Velocities):
     """One entry under `sum`: a velocity field."""
 
     within: Annotated[WithinDocument[VelocityDocument] | None, BARE] = None
@@ -96,10 +78,9 @@ class VelocityDocument(Velocities, OwnFields):
         return field
 
 
-class FlowDocument(Flows, OwnFields):
+class FlowDocument(Flows):
     """One entry under `flows`: a velocity field, a sum of them, a map, or what is made of such entries."""
 
-    python: Annotated[PythonDocument | None, BARE] = None
     sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED] = None
     sequence: Annotated[SequenceDocument[FlowDocument] | None, BARE] = None
     within: Annotated[WithinDocument[FlowDocument] | None, BARE] = None

@@ -1,4 +1,4 @@
-"""What the catalogue holds, told to people and programs: made from the flows themselves."""
+"""The flows that a shot can name, told to people and programs: made from the flows themselves."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Any
 from pipeline.errors import UsageError, suggestion
 from pipeline.flow import VelocityField
 from pipeline.flow.parameters import Parameter, summary
+from pipeline.flow.python_file import PythonFlow
 from pipeline.shot.catalogue import DOCUMENTS
 
 BEGIN, END = "<!-- from the code: flowsculpt flows --markdown -->", "<!-- to here -->"
@@ -23,10 +24,16 @@ def facts(name: str) -> dict[str, Any]:
     document = DOCUMENTS[name]
     return {
         "name": name,
-        "kind": "velocity" if issubclass(document.flow, VelocityField) else "map",
+        "kind": _kind(document.flow),
         "sense": summary(document.flow),
-        "parameters": [_fact(parameter) for parameter in document.parameters],
+        "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
     }
+
+
+def _kind(flow: type) -> str:
+    if issubclass(flow, VelocityField):
+        return "velocity"
+    return "function" if issubclass(flow, PythonFlow) else "map"
 
 
 def _fact(parameter: Parameter) -> dict[str, Any]:
@@ -48,6 +55,8 @@ def shown(fact: dict[str, Any]) -> str:
     value = fact["default"]
     if fact["needed"]:
         return "needed"
+    if value is None or value == {}:
+        return "none"
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, list):
@@ -61,7 +70,7 @@ def markdown() -> str:
     for name in DOCUMENTS:
         fact = facts(name)
         parameters = ", ".join(_in_a_word(parameter) for parameter in fact["parameters"])
-        picture = f"![{name}](pictures/flows/{name}.png)"
+        picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""
         lines.append(f"| {picture} | `{name}` | {fact['sense']} | {parameters} |")
     return "\n".join([*lines, END])
 

@@ -2,22 +2,26 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
+import re
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.flow import Flow, VelocityField
-from pipeline.flow.catalogue import FLOWS, Bend, Vortex, VortexRing
+from pipeline.flow.catalogue import Bend, Vortex, VortexRing
 from pipeline.flow.parameters import parameters_of, shot_name, summary
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import read_shot
 from pipeline.shot.catalogue import DOCUMENTS
 from pipeline.shot.clock import Clock
-from pipeline.shot.listing import BEGIN, END, facts, markdown
+from pipeline.shot.listing import BEGIN, END, facts, markdown, shown
+from pipeline.shot.surroundings import Surroundings
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
 DOCS = Path(__file__).parents[2] / "docs"
@@ -44,14 +48,33 @@ def told(flow: str) -> str:
     return str(error.value)
 
 
-@each
-def test_a_file_that_says_nothing_but_what_it_must_has_the_defaults_of_the_code(name: str) -> None:
-    document = DOCUMENTS[name]
-    needed: dict[str, Any] = {
-        p.name: [0.5, 0.0, 0.0] if p.form == "place" else 0.5 for p in document.parameters if p.needed
+def needed(name: str, folder: Path) -> dict[str, Any]:
+    """The least that a shot has to say of a flow."""
+    (folder / "mine.py").touch()
+    axis = np.linspace(-1, 1, 3)
+    np.savez(folder / "w.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
+    own: dict[str, dict[str, Any]] = {
+        "formula": {"velocity": ["-y", "x", 0]},
+        "attraction": {"points": [[0.0, 0.0, 0.0]]},
+        "wind": {"through": [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0]]},
+        "sampled": {"file": "w.npz"},
+        "python": {"file": "mine.py", "function": "swirl"},
     }
-    flow = document.model_validate(needed).build(CLOCK)
-    for parameter in document.parameters:
+    parameters = DOCUMENTS[name].parameters
+    return own.get(name, {}) | {
+        p.name: [0.5, 0.0, 0.0] if p.form == "place" else 0.5 for p in parameters if p.needed
+    }
+
+
+def parsed(name: str, said: dict[str, Any], folder: Path) -> Any:
+    document = DOCUMENTS[name].model_validate(said, context={"surroundings": Surroundings(folder)})
+    return document.build(CLOCK)
+
+
+@each
+def test_a_file_that_says_the_least_has_the_defaults_of_the_code(name: str, tmp_path: Path) -> None:
+    flow = parsed(name, needed(name, tmp_path), tmp_path)
+    for parameter in DOCUMENTS[name].parameters:
         if not parameter.needed:
             assert getattr(flow, parameter.name) == parameter.default
     assert isinstance(flow, Flow | VelocityField)
@@ -61,26 +84,22 @@ def test_a_file_that_says_nothing_but_what_it_must_has_the_defaults_of_the_code(
 def test_every_parameter_says_what_it_means(name: str) -> None:
     flow = DOCUMENTS[name].flow
     assert summary(flow).endswith(".") and len(summary(flow)) < 100
-    for parameter in parameters_of(flow):
+    for parameter in (*parameters_of(flow), *DOCUMENTS[name].own):
         assert parameter.sense.text, parameter.name
-        assert parameter.form != "other" and (parameter.form != "choice" or parameter.choices)
+        assert parameter.form != "choice" or parameter.choices
+    assert "other" not in {parameter.form for parameter in parameters_of(flow)}
+    if not DOCUMENTS[name].own:
+        assert {p.name for p in parameters_of(flow)} == {field.name for field in dataclasses.fields(flow)}
 
 
 @each
-def test_defaults_written_out_in_a_file_build_the_same_flow(name: str) -> None:
-    parameters = {
-        p.name: ([0.5, 0.0, 0.0] if p.form == "place" else 0.5) if p.needed else p.default_in_file
-        for p in DOCUMENTS[name].parameters
-    }
-    spelt = DOCUMENTS[name].model_validate(parameters).build(CLOCK)
-    short = DOCUMENTS[name].model_validate({p: v for p, v in parameters.items() if _is_needed(name, p)})
-    for parameter in parameters_of(type(spelt)):
-        one, other = getattr(spelt, parameter.name), getattr(short.build(CLOCK), parameter.name)
+def test_defaults_written_out_in_a_file_build_the_same_flow(name: str, tmp_path: Path) -> None:
+    least = needed(name, tmp_path)
+    everything = {p.name: p.default_in_file for p in (*DOCUMENTS[name].parameters, *DOCUMENTS[name].own)}
+    spelt, short = parsed(name, everything | least, tmp_path), parsed(name, least, tmp_path)
+    for field in dataclasses.fields(spelt):
+        one, other = getattr(spelt, field.name), getattr(short, field.name)
         assert one == pytest.approx(other, rel=1e-9) if isinstance(one, float) else one == other
-
-
-def _is_needed(name: str, parameter: str) -> bool:
-    return next(p.needed for p in DOCUMENTS[name].parameters if p.name == parameter)
 
 
 def test_angles_are_degrees_in_the_file_and_radians_in_the_code() -> None:
@@ -142,8 +161,18 @@ def test_a_flow_can_be_asked_for_by_name() -> None:
 def test_the_table_of_the_docs_is_that_of_the_code() -> None:
     page = (DOCS / "flows.md").read_text("utf-8")
     assert page[page.index(BEGIN) : page.index(END) + len(END)] == markdown()
-    for flow in FLOWS:
-        assert (DOCS / "pictures" / "flows" / f"{shot_name(flow)}.png").is_file()
+    for picture in re.findall(r"\((pictures/\S+)\)", markdown()):
+        assert (DOCS / picture).is_file()
+
+
+def test_flows_of_a_shots_own_making_are_listed_too() -> None:
+    through, speed, *_ = facts("wind")["parameters"]
+    assert (through["name"], through["unit"], through["needed"]) == ("through", "units", True)
+    assert (speed["name"], speed["keyed"], speed["default"]) == ("speed", True, 1.0)
+    kinds = [facts(name)["kind"] for name in ("formula", "curl_noise", "python")]
+    assert kinds == ["velocity", "velocity", "function"]
+    array = next(p for p in facts("sampled")["parameters"] if p["name"] == "array")
+    assert not array["needed"] and array["default"] is None and shown(array) == "none"
 
 
 def test_a_document_refuses_what_the_flow_does_not_take() -> None:

@@ -9,11 +9,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Sequence, Streamlines
-from pipeline.flow.catalogue.attraction import Attraction
-from pipeline.flow.catalogue.curl_noise import CurlNoise
-from pipeline.flow.catalogue.formula import Formula
-from pipeline.flow.catalogue.sampled import Sampled
-from pipeline.flow.catalogue.wind import Wind
+from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, Wind
 from pipeline.flow.python_file import PythonFlow
 from pipeline.shot import Shot, read_shot
 

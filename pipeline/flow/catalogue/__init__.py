@@ -2,17 +2,21 @@
 
 from pipeline.flow.catalogue.abc import ABC
 from pipeline.flow.catalogue.aizawa import Aizawa
+from pipeline.flow.catalogue.attraction import Attraction, Target
 from pipeline.flow.catalogue.barr import Bend, Deformation, Shear, Stretch, Taper, Twist
 from pipeline.flow.catalogue.chen import Chen
 from pipeline.flow.catalogue.chua import Chua
+from pipeline.flow.catalogue.curl_noise import CurlNoise
 from pipeline.flow.catalogue.double_gyre import DoubleGyre
 from pipeline.flow.catalogue.enright import Enright
 from pipeline.flow.catalogue.expansion import Expansion
+from pipeline.flow.catalogue.formula import Formula
 from pipeline.flow.catalogue.halvorsen import Halvorsen
 from pipeline.flow.catalogue.kneading import Kneading
 from pipeline.flow.catalogue.lorenz import Lorenz
 from pipeline.flow.catalogue.rossler import Rossler
 from pipeline.flow.catalogue.rotation import Rotation
+from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
 from pipeline.flow.catalogue.scaling import Scaling
 from pipeline.flow.catalogue.source import Sink, Source
 from pipeline.flow.catalogue.spiral_vortex import SpiralVortex
@@ -24,6 +28,7 @@ from pipeline.flow.catalogue.translation import Translation
 from pipeline.flow.catalogue.vortex import Vortex
 from pipeline.flow.catalogue.vortex_pair import VortexPair
 from pipeline.flow.catalogue.vortex_ring import VortexRing
+from pipeline.flow.catalogue.wind import Wind
 
 FLOWS: tuple[type, ...] = (
     Translation,
@@ -56,24 +61,30 @@ FLOWS: tuple[type, ...] = (
     Shear,
     Bend,
 )
-"""Every flow, in the order of the docs: simple ones, vortices, swelling, cells, attractors, maps."""
+"""Every flow that is numbers only, in the order of the docs: simple ones, vortices, swelling, cells,
+attractors, maps."""
 
 __all__ = [
     "ABC",
     "FLOWS",
     "Aizawa",
+    "Attraction",
     "Bend",
     "Chen",
     "Chua",
+    "CurlNoise",
     "Deformation",
     "DoubleGyre",
     "Enright",
     "Expansion",
+    "Formula",
     "Halvorsen",
     "Kneading",
     "Lorenz",
     "Rossler",
     "Rotation",
+    "Sampled",
+    "SampledFiles",
     "Scaling",
     "Shear",
     "Sink",
@@ -83,6 +94,7 @@ __all__ = [
     "Strain",
     "Stretch",
     "Taper",
+    "Target",
     "TaylorGreen",
     "Thomas",
     "Translation",
@@ -90,4 +102,5 @@ __all__ = [
     "Vortex",
     "VortexPair",
     "VortexRing",
+    "Wind",
 ]

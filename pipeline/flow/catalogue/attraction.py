@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from pipeline.arrays import Floats, Points
 from pipeline.flow import _kernels_nearest as kernels
 from pipeline.flow.choreography import Number, number_at
 from pipeline.flow.external import External
+from pipeline.flow.parameters import Positive, Sense
 from pipeline.flow.spline import catmull_rom
 from pipeline.flow.triangle_tree import TriangleTree, segments
 from pipeline.kernels import BlockKernel
@@ -65,16 +66,14 @@ class Attraction(External):
 
     and beyond R nothing moves. Where two points of the target are equally near the velocity jumps.
 
-    rate    per second: near the target the distance shrinks as exp(−rate × seconds); negative repels
-    radius  R, scene units
-
-    The nearest point moves at most as much as p does, save for the jumps: the gradient is at most the rate.
-    Source: ours; the falloff is that of `Expansion`.
+    Near the target the distance shrinks as exp(−rate × seconds). The nearest point moves at most as much as p
+    does, save for the jumps: the gradient is at most the rate. Source: ours; the falloff is that of
+    `Expansion`.
     """
 
     target: Target
-    rate: Number = 1.0
-    radius: Number = 1.0
+    rate: Annotated[Number, Sense("of drawing near; negative repels", "1/s")] = 1.0
+    radius: Annotated[Positive, Sense("R, beyond which nothing moves", "units")] = 1.0
 
     @property
     def block(self) -> BlockKernel:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 from pipeline.flow import _kernels_noise as kernels
 from pipeline.flow.choreography import Number, number_at
 from pipeline.flow.external import External
+from pipeline.flow.parameters import Between, Positive, Sense
 from pipeline.kernels import BlockKernel
 
 RMS = 85.16306274927067
@@ -35,23 +36,15 @@ class CurlNoise(External):
 
     Source: Bridson, Houriham & Nordenstam, *Curl-Noise for Procedural Fluid Flow*, SIGGRAPH 2007; Perlin,
     *Improving Noise*, SIGGRAPH 2002.
-
-    size        of the largest eddies' cells, scene units
-    strength    root mean square speed, units per second
-    octaves     how many sizes of eddies
-    roughness   speed of each size over that of the next larger one
-    lacunarity  size of each over that of the next smaller one
-    evolution   new eddies per second
-    seed        which turbulence, a whole number
     """
 
-    size: Number = 1.0
-    strength: Number = 1.0
-    octaves: int = 3
-    roughness: float = 0.5
-    lacunarity: float = 2.0
-    evolution: float = 0.5
-    seed: int = 0
+    size: Annotated[Positive, Sense("of the largest eddies", "units")] = 1.0
+    strength: Annotated[Number, Sense("root mean square speed", "units/s")] = 1.0
+    octaves: Annotated[int, Between(1, 12), Sense("how many sizes of eddies")] = 3
+    roughness: Annotated[float, Between(0, 1), Sense("speed of a size over that of the next larger")] = 0.5
+    lacunarity: Annotated[float, Between(1, 8), Sense("a size over the next smaller")] = 2.0
+    evolution: Annotated[float, Sense("how often the eddies are new ones", "1/s")] = 0.5
+    seed: Annotated[int, Between(0, 2**53), Sense("which turbulence")] = 0
 
     @property
     def block(self) -> BlockKernel:

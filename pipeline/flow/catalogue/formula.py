@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from pipeline.arrays import Points
 from pipeline.errors import UsageError
 from pipeline.flow.choreography import Number, number_at
 from pipeline.flow.external import External
+from pipeline.flow.parameters import PositiveConstant, Sense
 from pipeline.formula import Expression
 from pipeline.formula.blocks import KNOWN, compiled
 from pipeline.formula.trouble import trouble
@@ -25,11 +26,12 @@ SAMPLES = 8
 
 @dataclass(frozen=True)
 class Formula(External):
-    """Three formulas over x, y, z and t: `("-y", "x", "0.3 * sin(t)")`.
+    """The velocity by three formulas over x, y, z and t.
 
-    texts    along x, y and z, units per second; see `pipeline.formula`
+        Formula(("-y", "x", "0.3 * sin(t)"))
+
+    texts  along x, y and z, units per second; see `pipeline.formula`
     words  further words and their values, constant or keyed: changing these compiles nothing
-    extent   half the side of the cube about the origin in which the steepness is looked for, scene units
 
     No bound of an arbitrary formula's gradient is known. It is differenced at 8³ places of the cube, and the
     steepest of them decides the sub-steps: what is steeper in between, or outside, is followed less closely.
@@ -39,7 +41,9 @@ class Formula(External):
 
     texts: tuple[str, str, str]
     words: tuple[tuple[str, Number], ...] = ()
-    extent: float = 2.0
+    extent: Annotated[PositiveConstant, Sense("half the side of the cube sampled for steepness", "units")] = (
+        2.0
+    )
 
     def __post_init__(self) -> None:
         if len(self.words) > MOST_NUMBERS:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from pipeline.flow import _kernels_sampled as kernels
 from pipeline.flow.catalogue.directions import ORIGIN
 from pipeline.flow.choreography import Number, Place, number_at, place_at
 from pipeline.flow.external import External
+from pipeline.flow.parameters import Positive, Sense
 from pipeline.flow.samples import Samples, read_samples
 from pipeline.kernels import BlockKernel
 
@@ -47,28 +48,25 @@ class SampledFiles:
 
 @dataclass(frozen=True)
 class Sampled(External):
-    """Samples of a grid, in files of VTK or numpy, and what is between them.
+    """Velocities at the points of a grid, from files of VTK or numpy, and what is between them.
 
     A place p of the scene reads the samples at (p − centre) / scale, and moves `scale` times as fast, as if
     the field were a thing that was placed and scaled.
 
-    between     linear, along each axis; or cubic: Catmull and Rom's splines, whose velocity has no kinks
-    outside     clamp, to the nearest place inside; zero; or repeat, where the last sample is the first again
-    strength    factor on the velocities
-    time_scale  seconds of the samples per second of the shot; between moments velocities are blended
-    start       seconds of the samples at the start of the shot
-    loop        after the last moment the first follows, which is taken to be the same; or the last stays
+    Linear is so along each axis; cubic are Catmull and Rom's splines, whose velocity has no kinks. Clamp
+    takes the nearest place inside; to repeat, the last sample is the first again. Between moments velocities
+    are blended.
     """
 
     files: SampledFiles
-    between: Literal["linear", "cubic"] = "linear"
-    outside: Outside = "clamp"
-    centre: Place = ORIGIN
-    scale: Number = 1.0
-    strength: Number = 1.0
-    time_scale: float = 1.0
-    start: float = 0.0
-    loop: bool = False
+    between: Annotated[Literal["linear", "cubic"], Sense("what is between samples")] = "linear"
+    outside: Annotated[Outside, Sense("what is outside of the grid")] = "clamp"
+    centre: Annotated[Place, Sense("where the grid's origin is put", "units")] = ORIGIN
+    scale: Annotated[Positive, Sense("units of the scene per unit of the grid")] = 1.0
+    strength: Annotated[Number, Sense("factor on the velocities")] = 1.0
+    time_scale: Annotated[float, Sense("seconds of the samples per second of the shot")] = 1.0
+    start: Annotated[float, Sense("of the samples when the shot starts", "s")] = 0.0
+    loop: Annotated[bool, Sense("after the last moment the first follows; else the last stays")] = False
 
     @property
     def block(self) -> BlockKernel:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from pipeline.arrays import Floats
 from pipeline.flow import _kernels_nearest as kernels
 from pipeline.flow.choreography import Number, Vector, number_at
 from pipeline.flow.external import External
+from pipeline.flow.parameters import Positive, Sense
 from pipeline.flow.spline import catmull_rom
 from pipeline.flow.triangle_tree import TriangleTree, segments
 from pipeline.kernels import BlockKernel
@@ -26,24 +27,20 @@ FALL = 8.0 / (3.0 * math.sqrt(3.0))
 
 @dataclass(frozen=True)
 class Wind(External):
-    """Blows along the smooth curve through given points, strongest on it, not at all beyond a distance.
+    """Blows along a smooth curve through points, strongest on it, and not at all beyond a distance.
 
     With T the curve's unit tangent at its point nearest to p, and d the distance to that,
 
         velocity = speed · (1 − d²/R²)² · T
-
-    speed   on the curve, units per second; negative blows backwards
-    radius  R, scene units
-    closed  the curve goes on from its last point to the first
 
     The steepness is that of the falloff, and of T along the curve; where the curve bends within R, places
     inside the bend see T turn faster. Source: ours; the curve is that of `pipeline.flow.spline`.
     """
 
     through: tuple[Vector, ...]
-    speed: Number = 1.0
-    radius: Number = 1.0
-    closed: bool = False
+    speed: Annotated[Number, Sense("on the curve; negative blows backwards", "units/s")] = 1.0
+    radius: Annotated[Positive, Sense("R, beyond which no wind blows", "units")] = 1.0
+    closed: Annotated[bool, Sense("from the last point the curve goes on to the first")] = False
 
     @property
     def block(self) -> BlockKernel:
