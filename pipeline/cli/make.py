@@ -87,10 +87,14 @@ def film(
     edit: Annotated[Path, typer.Argument(help="The edit: title, and the shots in their order.")] = FILM,
     quality: Quality = "draft",
     variant: Variant = None,
+    settings: Settings = None,
     allow_code: AllowCode = False,
 ) -> None:
-    """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4."""
-    studio = Studio(common.root, common.cores, variant, allow_code=allow_code)
+    """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4.
+
+    What is `--set` is set in every shot.
+    """
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
     _make(common, lambda: studio.film(quality, edit))
 
 

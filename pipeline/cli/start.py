@@ -83,10 +83,11 @@ def validate(
             failed.append(error)
             facts.append({"file": name, "errors": str(error).splitlines()})
 
+    said = tuple(settings or ())
     for shot in shots or shot_names():
-        check(shot, partial(read_shot, settings=tuple(settings or ())), partial(find_shot, shot))
+        check(shot, partial(read_shot, settings=said), partial(find_shot, shot))
     if not shots and FILM.is_file():
-        check("film", read_film, lambda: FILM)
+        check("film", partial(read_film, settings=said), lambda: FILM)
     complaints = dict.fromkeys(line for failure in failed for line in str(failure).splitlines())
     if complaints:
         complain("\n".join(complaints))

@@ -82,7 +82,7 @@ class Studio:
 
     def film(self, quality: str, path: Path = FILM) -> Plan:
         """The film of an edit: its shots' frames, their movies, and all of them cut together."""
-        film = self._films.get(path) or self._films.setdefault(path, read_film(path))
+        film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
         planner = self._planner()
         takes = [self.take(shot.path, quality) for shot in film.shots if shot.path is not None]
         for take in takes:

@@ -83,12 +83,12 @@ def read_shot(
     )
 
 
-def read_film(path: str | Path) -> Film:
-    """The film of a YAML file, with all its shots read.
+def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
+    """The film of a YAML file, with all its shots read, and settings put in each of them.
 
     Raises ShotError with everything wrong in all of the files, and MissingInputError where one is not there.
     """
-    path = Path(path)
+    path, settings = Path(path), tuple(settings)
     source = Source.read(path)
     problems: list[tuple[Where, str]] = []
     shots: list[Shot] = []
@@ -107,7 +107,7 @@ def read_film(path: str | Path) -> Film:
             )
             continue
         try:
-            shots.append(read_shot(file))
+            shots.append(read_shot(file, settings=settings))
         except (ShotError, MissingInputError) as error:
             failed.append(error)
             continue

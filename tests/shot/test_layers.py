@@ -11,7 +11,7 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError
 from pipeline.flow.choreography import number_at
 from pipeline.production.take import Take
 from pipeline.production.workflow import Studio
-from pipeline.shot import Shot, read_shot
+from pipeline.shot import Shot, read_film, read_shot
 from pipeline.shot.layers import rests_on
 from render.look import LOOKS
 
@@ -128,6 +128,15 @@ def test_values_are_set_from_outside(folder: Path) -> None:
     assert (shot.picture.camera.margin, shot.picture.lights.exposure) == (0.25, 1.5)
     assert shot.picture.look == LOOKS["glaze"]
     assert read(folder, "A", "flows.0.vortex.strength.keys.25=5").motion != read(folder, "A").motion
+
+
+def test_what_is_set_for_a_film_is_set_in_each_of_its_shots(folder: Path) -> None:
+    (folder / "film.yaml").write_text("title: F\nshots: [A, C]\n")
+    film = read_film(folder / "film.yaml", ("look=glaze", "rate=24"))
+    assert [shot.picture.look for shot in film.shots] == [LOOKS["glaze"]] * 2
+    with pytest.raises(ShotError) as error:
+        read_film(folder / "film.yaml", ("look=glaz",))
+    assert all(line.startswith("--set look=glaz: 'glaz' is no look.") for line in error.value.messages)
 
 
 SET = [
