@@ -78,6 +78,8 @@ class FormulaDocument(FlowParameters):
     @classmethod
     def _bare(cls, value: Any) -> Any:
         """`formula: [a, b, c]` is `formula: {velocity: [a, b, c]}`."""
+        if isinstance(value, str | int | float):
+            raise finding(f"formula is {value!r}; it must be three of them. Write them as [-y, x, 0].")
         return {"velocity": value} if isinstance(value, list) else value
 
     def more(self, clock: Clock) -> dict[str, Any]:
@@ -111,9 +113,11 @@ class AttractionDocument(FlowParameters):
     @model_validator(mode="after")
     def _to_one(self, info: ValidationInfo) -> AttractionDocument:
         given = [name for name in ("points", "curve", "mesh") if getattr(self, name) is not None]
-        if len(given) != 1:
+        if not given:
+            raise finding("attraction needs a place to go to; write one of points, curve and mesh")
+        if len(given) > 1:
             raise finding(
-                f"it goes to one of points, curve and mesh, not to {' and '.join(given) or 'none'}; write one"
+                f"attraction goes to one of points, curve and mesh, not to {' and '.join(given)}; write one"
             )
         if self.points is not None:
             self._target = Target.points(np.array(self.points))

@@ -22,6 +22,7 @@ from pipeline.shot.compositions import (
     WithinDocument,
 )
 from pipeline.shot.fields import Document
+from pipeline.shot.surroundings import finding
 
 
 class Entry(Document):
@@ -67,6 +68,16 @@ class VelocityDocument(Velocities):
     placed: Annotated[PlacedDocument[VelocityDocument] | None, BARE] = None
     mirrored: Annotated[MirroredDocument[VelocityDocument] | None, BARE] = None
     blend: Annotated[BlendDocument[VelocityDocument] | None, BARE] = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _is_a_field(cls, value: Any) -> Any:
+        for name in value if isinstance(value, dict) else ():
+            if name in FlowDocument.model_fields and name not in cls.model_fields:
+                raise finding(
+                    f"{name} is no velocity field, and only those add up. Make it an entry of flows."
+                )
+        return value
 
     def build(self, clock: Clock) -> VelocityField:
         chosen = self.chosen

@@ -174,7 +174,7 @@ def _parsed(
     ]
     lines += [line for error in others if isinstance(error, ShotError) for line in error.messages]
     if lines:
-        raise ShotError(*lines, *absent)
+        raise ShotError(*dict.fromkeys([*lines, *absent]))
     if absent:
         raise MissingInputError("\n".join(absent))
     assert document is not None

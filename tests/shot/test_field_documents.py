@@ -70,6 +70,7 @@ WRONG = [
     ("formula: [-y, x, sinn(t)]", "6:22: sinn is no function here. Did you mean 'sin'?"),
     ('formula: ["-y", "x + os", "0"]', "6:26: os is not known here. Did you mean 'cos'?"),
     ("formula: {velocity: [y, 'k * open(1)', 0], with: {k: 1}}", "6:34: open is no function here"),
+    ("formula: -y, x, 0", "formula is '-y, x, 0'; it must be three of them. Write them as [-y, x, 0]."),
     ("formula: [x, y]", "formula has 2 items; it must have at least 3"),
     ("formula: {velocity: [x, y, z], with: {sin: 1}}", "'sin' cannot name a number"),
     (
@@ -78,7 +79,7 @@ WRONG = [
     ),
     ("curl_noise: {octaves: 0}", "6:18: flows.0.curl_noise.octaves is 0; it must be at least 1"),
     ("curl_noise: {sede: 1}", "Did you mean 'seed'?"),
-    ("attraction: {rate: 2}", "it goes to one of points, curve and mesh"),
+    ("attraction: {rate: 2}", "attraction needs a place to go to; write one of points, curve and mesh"),
     ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "not to points and mesh; write one"),
     ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
@@ -89,6 +90,10 @@ WRONG = [
     ("sampled: {file: t.obj}", ".obj is no format of fields"),
     ("sampled: {file: bad.npz}", "array y is missing"),
     ("sampled: {file: w_01.npz, outside: mirror}", "it must be 'clamp', 'zero' or 'repeat'"),
+    (
+        "sum: [vortex: {}, twist: {amount: 3}]",
+        "6:23: twist is no velocity field, and only those add up. Make it an entry of flows.",
+    ),
     ("python: {file: gone.py, function: f}", "file gone.py is not there"),
     ("python: {file: swirl.py}", "function is missing"),
     ("python: {file: swirl.py, function: swirl()}", "'swirl()' names no function"),
