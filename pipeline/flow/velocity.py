@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, ClassVar, NamedTuple
 
@@ -44,6 +44,10 @@ class VelocityField(ABC):
     def terms(self) -> tuple[VelocityField, ...]:
         """The fields that it is the sum of."""
         return (self,)
+
+    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        """The basic fields in it, each with the place that it sees where the whole sees `place` (3,)."""
+        yield self, place
 
     @property
     def name(self) -> str:

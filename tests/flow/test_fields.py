@@ -20,6 +20,7 @@ from pipeline.flow.catalogue.attraction import Attraction, Target
 from pipeline.flow.catalogue.curl_noise import RMS, CurlNoise
 from pipeline.flow.catalogue.formula import Formula
 from pipeline.flow.catalogue.wind import Wind
+from pipeline.flow.compose import Frame, InFrame, InMirror, Scaled
 from pipeline.flow.external import External
 from pipeline.flow.spline import catmull_rom
 from pipeline.mesh import icosphere, torus
@@ -121,6 +122,26 @@ def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Po
         FrameError, match=r"^frame 9: flow .*column 1: 0.1 / y is inf at x 1, y 0, z 0.5, t 2"
     ):
         displaced(flow, points, 2.0, 0.04, 9)
+
+
+DIVIDES = Formula(("0", "0", "0.1 / y"))
+
+
+@pytest.mark.parametrize(
+    ("field", "height"),
+    [
+        (InFrame(DIVIDES, Frame((1.0, 1.0, 0.5), (0.0, 0.0, 0.0), 2.0)), 1.0),
+        (InMirror(DIVIDES, (0.0, 1.0, 0.0), (0.0, 1.0, 0.0)), 2.0),
+        (Scaled(DIVIDES, 0.5), 0.0),
+    ],
+    ids=["placed", "mirrored", "scaled"],
+)
+def test_a_formula_within_a_composition_is_told_with_the_place_that_it_sees(
+    field: VelocityField, height: float, points: Points
+) -> None:
+    points[7] = (1.0, height, 0.5)
+    with pytest.raises(FrameError, match=r"column 1: 0\.1 / y is inf at x \S+, y 0, z \S+, t 2"):
+        displaced(Streamlines(field, 1), points, 2.0, 0.04, 9)
 
 
 def test_a_formula_has_ten_numbers_at_most() -> None:

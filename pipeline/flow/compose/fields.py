@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
+from pipeline.arrays import Points
 from pipeline.flow.catalogue.directions import ORIGIN, X
 from pipeline.flow.choreography import Number, Vector
 from pipeline.flow.compose.space import Frame, reflection
@@ -31,6 +33,10 @@ class Sum(VelocityField):
     def steepness(self, time: float) -> float:
         return sum(field.steepness(time) for field in self.fields)
 
+    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        for field in self.fields:
+            yield from field.leaves(place, time)
+
     @property
     def name(self) -> str:
         return " + ".join(field.name for field in self.fields)
@@ -52,6 +58,9 @@ class Scaled(VelocityField):
 
     def steepness(self, time: float) -> float:
         return self._factor(time) * self.field.steepness(time)
+
+    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        return self.field.leaves(place, time)
 
     @property
     def name(self) -> str:
@@ -88,6 +97,9 @@ class Limited(VelocityField):
         between = inside * float(np.linalg.norm(half)) / (GRID - 1)
         return inside + STEEPEST_FALL[self.region.fall] / falloff * (fastest + between)
 
+    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        return self.field.leaves(place, time)
+
     @property
     def name(self) -> str:
         return f"{self.field.name} within a {self.region.name}"
@@ -112,6 +124,10 @@ class InFrame(VelocityField):
         """The same: speeds and distances are scaled alike."""
         return self.field.steepness(time)
 
+    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        origin, axes = self.frame.at(time)
+        return self.field.leaves(np.asarray(np.linalg.solve(axes, place - origin), np.float64), time)
+
     @property
     def name(self) -> str:
         return f"placed {self.field.name}"
@@ -132,6 +148,10 @@ class InMirror(VelocityField):
 
     def steepness(self, time: float) -> float:
         return self.field.steepness(time)
+
+    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        centre = np.array(self.centre)
+        return self.field.leaves(centre + reflection(self.normal) @ (place - centre), time)
 
     @property
     def name(self) -> str:
