@@ -40,11 +40,6 @@ class VelocityField(ABC):
     def steepness(self, time: float) -> float:
         """A bound of the velocity gradient, in 1/s: it decides the number of sub-steps."""
 
-    @property
-    def terms(self) -> tuple[VelocityField, ...]:
-        """The fields that it is the sum of."""
-        return (self,)
-
     def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         """The basic fields in it, each with the place that it sees where the whole sees `place` (3,)."""
         yield self, place

@@ -63,7 +63,7 @@ def test_every_field_can_be_written(folder: Path) -> None:
 def test_fields_are_added_up_like_others(folder: Path) -> None:
     shot = shot_of(folder, "sum: [vortex: {}, formula: [x, y, z], wind: {through: [[0, 0, 0], [1, 0, 0]]}]")
     (total,) = fields_of(shot)
-    assert len(total.terms) == 3  # type: ignore[attr-defined]
+    assert len(total.fields) == 3  # type: ignore[attr-defined]
 
 
 WRONG = [

@@ -55,7 +55,7 @@ def test_a_shot_file_becomes_motion_and_picture(tmp_path: Path) -> None:
     vortex = Vortex((0.0, 0.0, 1.0), (0.9, 0.0, 0.0), 0.8, keyed((0.0, 1.0), (0.0, 4.0)))
     flow = shot.motion.flow
     assert isinstance(flow, Sequence) and isinstance(flow.flows[0], Streamlines)
-    assert flow.flows[0].field.terms == (vortex, Rotation(speed=math.radians(90)))
+    assert flow.flows[0].field.fields == (vortex, Rotation(speed=math.radians(90)))
     assert flow.flows[1] == Twist(amount=keyed((0.0, 2.0), (0.0, 60 * math.radians(1)), "linear"))
     assert (shot.name, shot.title, str(shot.frames), str(shot.rate)) == ("A1_cube", "Cube", "1-49", "24")
     assert shot.picture.camera.at(1.0)[0] == pytest.approx(0.0, abs=1e-12)
@@ -70,7 +70,7 @@ def test_frames_and_seconds_are_never_confused(tmp_path: Path) -> None:
 
 def test_a_key_may_have_an_easing_of_its_own(tmp_path: Path) -> None:
     text = GOOD.replace("1: 0, 25: 4", "1: {value: 0, ease: constant}, 25: 4")
-    vortex = read_shot(written(tmp_path, text)).motion.flow.flows[0].field.terms[0]  # type: ignore[attr-defined]
+    vortex = read_shot(written(tmp_path, text)).motion.flow.flows[0].field.fields[0]  # type: ignore[attr-defined]
     assert vortex.strength.eases == ("constant", "sine_in_out")
 
 

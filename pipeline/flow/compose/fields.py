@@ -23,10 +23,6 @@ class Sum(VelocityField):
 
     fields: tuple[VelocityField, ...]
 
-    @property
-    def terms(self) -> tuple[VelocityField, ...]:
-        return tuple(term for field in self.fields for term in field.terms)
-
     def program(self, time: float) -> Program:
         return tuple(row for field in self.fields for row in field.program(time))
 
