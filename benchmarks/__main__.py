@@ -1,8 +1,9 @@
 """`python -m benchmarks`: everything there is to measure."""
 
-from benchmarks import polyhedra, renewal, resampling
+from benchmarks import flows, polyhedra, renewal, resampling
 
 if __name__ == "__main__":
     resampling.main()
     renewal.main()
     polyhedra.main()
+    flows.main()
