@@ -30,7 +30,7 @@ from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
-from pipeline.shot.surroundings import Surroundings
+from pipeline.shot.surroundings import Surroundings, is_there, shown
 from render.lights import LIGHTS, LightRig
 from render.look import LOOKS, Look
 from render.quality import QUALITIES
@@ -99,11 +99,11 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
         if not isinstance(name, str):
             continue
         file = path.parent / f"{name}.yaml"
-        if not file.is_file():
+        if not is_there(file):
             known = sorted(f.stem for f in path.parent.glob("*.yaml") if f != path and f.name != DEFAULTS)
             hint = suggestion(name, known) if known else "There are none."
             failed.append(
-                MissingInputError(f"{source.place(('shots', index))}: there is no shot {file}. {hint}")
+                MissingInputError(f"{source.place(('shots', index))}: there is no shot {shown(file)}. {hint}")
             )
             continue
         try:
