@@ -159,8 +159,8 @@ SET = [
      "lights.exposure is 'big'; it must be a number. Write it plainly, without quotes or units."),
     ("title=[", "'[' is no YAML. Quote it for the shell, and look at its brackets."),
     ("camra.azimuth=2", "camra is not known. Did you mean 'camera'?"),
-    ("extends=B", "what a shot extends is said in its file alone; settings come on top of both. Write extends "
-                  "there, or set the values themselves."),
+    ("extends=B", "what a shot extends is said in its file alone; settings come on top of both. Write "
+                  "extends there, or set the values themselves."),
 ]  # fmt: skip
 
 
