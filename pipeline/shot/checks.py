@@ -17,7 +17,7 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.fields import LARGEST, is_number
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Solid
-from pipeline.shot.surroundings import is_there, require_readable, shown
+from pipeline.shot.surroundings import digest_of_file, is_there, shown
 
 Problem = tuple[Where, str]
 
@@ -141,7 +141,7 @@ def model(source: Source) -> Iterator[Problem]:
         )
         return
     try:
-        require_readable(path)
+        digest_of_file(path)
     except MissingInputError as error:
         yield ("subject", "model"), str(error)
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TypeVar
@@ -22,10 +23,12 @@ class Surroundings:
 
     folder      of the shot file: files named in it stand relative to that
     allow_code  whether Python files that it names may be run
+    digests     SHA-256 of the contents of the files that documents have asked for
     """
 
     folder: Path = Path()
     allow_code: bool = False
+    digests: dict[Path, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, info: ValidationInfo) -> Surroundings:
@@ -40,7 +43,7 @@ class Surroundings:
                 f"file {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
                 "Put it there or correct the name."
             )
-        told(lambda: require_readable(path))
+        self.digests[path] = told(lambda: digest_of_file(path))
         return path
 
     def files(self, name: str) -> tuple[Path, ...]:
@@ -60,7 +63,7 @@ class Surroundings:
                 f"no file fits {shown(name)}; they are looked for in {shown(around)}. Correct the name."
             )
         for path in found:
-            told(partial(require_readable, path))
+            self.digests[path] = told(partial(digest_of_file, path))
         return tuple(found)
 
 
@@ -72,11 +75,11 @@ def is_there(path: Path) -> bool:
         return False
 
 
-def require_readable(path: Path) -> None:
-    """Raises MissingInputError where a file is there and cannot be read."""
+def digest_of_file(path: Path) -> str:
+    """SHA-256 of a file's contents. Raises MissingInputError where it cannot be read."""
     try:
         with path.open("rb") as file:
-            file.read(1)
+            return hashlib.file_digest(file, "sha256").hexdigest()
     except OSError as error:
         raise MissingInputError(
             f"{path}: it cannot be read ({error.strerror or error}); look at its permissions"
