@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import sys
 import traceback
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -11,6 +12,8 @@ from functools import lru_cache
 from pathlib import Path
 from types import ModuleType
 from typing import Any
+
+import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError, UsageError
@@ -38,7 +41,7 @@ class PythonFlow(Flow):
         require_permission(self)
         function = _loaded(self.path, self.digest, self.function)
         try:
-            return function(points, time, dt)
+            return function(np.array(points, np.float64), time, dt)  # a copy: it may change what it is given
         except (Exception, SystemExit) as error:
             raise FrameError(
                 f"flow {self.function} at {time:g} s raised {_told(error, self.path)}; a flow takes points "
@@ -84,24 +87,33 @@ def digest_of(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-@lru_cache(maxsize=64)
 def _loaded(path: Path, digest: str, name: str) -> Displacement:
     """A function of a file, as it was when it got that digest. Raises FrameError."""
-    source = path.read_bytes()
-    if hashlib.sha256(source).hexdigest() != digest:
-        raise FrameError(f"{path}: it was changed since the work was planned; start again")
-    module = ModuleType(path.stem)
-    module.__file__ = str(path)
-    try:
-        exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
-    except (Exception, SystemExit) as error:
-        raise FrameError(
-            f"{path}: running it raised {_told(error, path)}; a flow's file defines functions"
-        ) from error
-    function = getattr(module, name, None)
+    function = getattr(_module(path, digest), name, None)
     if not callable(function):
         raise FrameError(f"{path}: it defines no function {name}; correct the name in the shot")
     return function  # type: ignore[no-any-return]
+
+
+@lru_cache(maxsize=64)
+def _module(path: Path, digest: str) -> ModuleType:
+    """A file, run as a module that others find: dataclasses look up the one that they are defined in."""
+    source = path.read_bytes()
+    if hashlib.sha256(source).hexdigest() != digest:
+        raise FrameError(f"{path}: it was changed since the work was planned; start again")
+    module = ModuleType(f"flowsculpt_flow_{digest}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module
+    try:
+        exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
+    except BaseException as error:
+        del sys.modules[module.__name__]
+        if not isinstance(error, Exception | SystemExit):
+            raise
+        raise FrameError(
+            f"{path}: running it raised {_told(error, path)}; a flow's file defines functions"
+        ) from error
+    return module
 
 
 def _told(error: BaseException, path: Path) -> str:

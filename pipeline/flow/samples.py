@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-import zipfile
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -12,12 +12,11 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import MissingInputError, UsageError
+from pipeline.flow.foreign import MOST_BYTES, reading, require_room
+from pipeline.flow.npz_file import read_npz
 from pipeline.flow.vtk_file import read_vtk
 
 FORMATS = (".vti", ".vtr", ".npz")
-
-MOST_BYTES = 8 << 30
-"""What the samples of a sequence may take in memory."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,82 +37,86 @@ class Samples:
 
 def digest_of(files: tuple[Path, ...]) -> str:
     """SHA-256 of the contents of files in their order. Raises MissingInputError."""
-    digest = hashlib.sha256()
-    for file in files:
-        try:
-            digest.update(hashlib.sha256(file.read_bytes()).digest())
-        except OSError as error:
-            raise MissingInputError(
-                f"{file}: {error.strerror or error}; a field's file has to be there"
-            ) from None
-    return digest.hexdigest()
+    return _together(hashlib.sha256(_content(file)).digest() for file in files)
 
 
-def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> Samples:
+def read_samples(
+    files: tuple[Path, ...], array: str | None = None, interval: float = 1.0, digest: str | None = None
+) -> Samples:
     """The samples of one file, or of several that follow each other, `interval` seconds apart.
 
-    array  the name of the velocities in VTK files; None: those that the file calls its vectors, or has alone
+    array   the name of the velocities in VTK files; None: those that the file calls its vectors, or has alone
+    digest  of the files as they must be; None: as they are
 
     Raises MissingInputError where a file is not there, UsageError where it is not what it must be.
     """
-    return _read(files, array, interval, digest_of(files))
+    return _read(files, array, interval, digest or digest_of(files))
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _read(files: tuple[Path, ...], array: str | None, interval: float, digest: str) -> Samples:
-    parts = [_part(file, array) for file in files]
-    axes, times, first = parts[0]
-    for file, (others, _, velocity) in zip(files[1:], parts[1:], strict=True):
-        if velocity.shape[1:] != first.shape[1:] or any(map(_differ, axes, others)):
+    """What is hashed is what is parsed: samples never go by the digest of others."""
+    axes, times, first, seen = _part(files[0], array)
+    digests, velocity = [seen], first
+    if len(files) > 1:
+        _require_one_moment(files[0], first)
+        require_room(files[0], (len(files), *first.shape[1:-1]), MOST_BYTES)
+        times = np.asarray(interval * np.arange(len(files)), np.float64)
+        velocity = np.empty((len(files), *first.shape[1:]))
+        velocity[0] = first[0]
+    for k, file in enumerate(files[1:], 1):
+        others, _, part, seen = _part(file, array)
+        if part.shape[1:] != first.shape[1:] or any(map(_differ, axes, others)):
             raise UsageError(
                 f"{file}: its grid is not that of {files[0].name}; all files of a sequence share one"
             )
-    if len(files) > 1:
-        if any(len(velocity) > 1 for _, _, velocity in parts):
-            raise UsageError(
-                f"{files[0]}: it holds moments of its own; a sequence has one a file. Name one file."
-            )
-        times = np.asarray(interval * np.arange(len(files)), np.float64)
-    together = np.concatenate([part[2] for part in parts]) if len(parts) > 1 else first
-    return Samples(axes, times, together, digest)
+        _require_one_moment(file, part)
+        velocity[k] = part[0]
+        digests.append(seen)
+    if _together(digests) != digest:
+        raise UsageError(f"{files[0]}: it was changed while it was read, or one of its sequence; run again")
+    return Samples(axes, times, velocity, digest)
 
 
-def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats]:
+def _together(digests: Iterable[bytes]) -> str:
+    return hashlib.sha256(b"".join(digests)).hexdigest()
+
+
+def _content(file: Path) -> bytes:
+    try:
+        size = file.stat().st_size
+        if size > MOST_BYTES:
+            raise UsageError(f"{file}: a file of {size >> 30} GiB is too large; 8 GiB are the most")
+        return file.read_bytes()
+    except OSError as error:
+        raise MissingInputError(
+            f"{file}: {error.strerror or error}; a field's file has to be there"
+        ) from None
+
+
+def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats, bytes]:
+    """Axes, times and velocities of a file, and the digest of the bytes that they were parsed from."""
     if file.suffix.lower() not in FORMATS:
         raise UsageError(
             f"{file}: {file.suffix or 'no suffix'} is no format of fields; use {', '.join(FORMATS)}"
         )
+    content, times = _content(file), np.zeros(1)
     if file.suffix.lower() == ".npz":
-        axes, times, velocity = _read_npz(file)
+        with reading(file, "an archive of arrays, as numpy.savez writes one"):
+            axes, times, velocity = read_npz(file, content, MOST_BYTES)
+            _require_sound(file, axes, times, velocity)
     else:
-        axes, velocity = read_vtk(file, array)
-        times = np.zeros(1)
-    _require_sound(file, axes, times, velocity)
+        with reading(file, "a grid, as VTK and ParaView write one"):
+            axes, velocity = read_vtk(file, content, array, MOST_BYTES)
+            _require_sound(file, axes, times, velocity)
     x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in axes)
-    return (x, y, z), np.asarray(times, np.float64), np.ascontiguousarray(velocity, np.float64)
+    velocity, times = np.ascontiguousarray(velocity, np.float64), np.asarray(times, np.float64)
+    return (x, y, z), times, velocity, hashlib.sha256(content).digest()
 
 
-def _read_npz(file: Path) -> tuple[list[AnyArray], AnyArray, AnyArray]:
-    """Arrays x, y, z, and velocity (X, Y, Z, 3); with t, (T, X, Y, Z, 3)."""
-    try:
-        with np.load(file, allow_pickle=False) as archive:
-            arrays = {name: archive[name] for name in archive.files}
-    except (ValueError, OSError, EOFError, zipfile.BadZipFile) as error:
-        raise UsageError(
-            f"{file}: it cannot be read as an archive of arrays ({error}); numpy.savez writes one"
-        ) from None
-    missing = [name for name in ("x", "y", "z", "velocity") if name not in arrays]
-    if missing:
-        there = ", ".join(sorted(arrays)) or "nothing"
-        raise UsageError(
-            f"{file}: array {missing[0]} is missing; a field has x, y, z and velocity. There are: {there}."
-        )
-    velocity = arrays["velocity"]
-    return (
-        [arrays[name] for name in "xyz"],
-        arrays.get("t", np.zeros(1)),
-        velocity if "t" in arrays else velocity[None],
-    )
+def _require_one_moment(file: Path, velocity: Floats) -> None:
+    if len(velocity) > 1:
+        raise UsageError(f"{file}: it holds moments of its own; a sequence has one a file. Name one file.")
 
 
 def _require_sound(file: Path, axes: list[AnyArray], times: AnyArray, velocity: AnyArray) -> None:
@@ -131,10 +134,6 @@ def _require_sound(file: Path, axes: list[AnyArray], times: AnyArray, velocity: 
             shown, first = shown[1:], wanted[1:]
         raise UsageError(
             f"{file}: velocity has the shape {shown}; its axes make that {first}. Look at their order."
-        )
-    if velocity.size * 8 > MOST_BYTES:
-        raise UsageError(
-            f"{file}: {velocity.size * 8 >> 30} GiB of velocities are too many; 8 GiB are the most"
         )
     finite = np.isfinite(velocity)
     if not finite.all():

@@ -7,20 +7,21 @@ the size of what is needed here: an XML tree, base64, and the standard library's
 from __future__ import annotations
 
 import base64
-import binascii
 import lzma
+import math
 import struct
 import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 from xml.etree import ElementTree
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import UsageError
+from pipeline.flow.foreign import MOST_BYTES, require_room
 
 _TYPES = {
     **{
@@ -32,25 +33,32 @@ _TYPES = {
     "Float64": "f8",
 }
 
-_DECOMPRESSORS: dict[str, Callable[[bytes], bytes]] = {
-    "vtkZLibDataCompressor": zlib.decompress,
-    "vtkLZMADataCompressor": lzma.decompress,
+_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
+    "vtkZLibDataCompressor": zlib.decompressobj,
+    "vtkLZMADataCompressor": lzma.LZMADecompressor,
 }
 
+_LONGEST_AXIS = 1 << 20
+"""Numbers that an axis of a rectilinear grid may have."""
 
-def read_vtk(file: Path, array: str | None = None) -> tuple[list[Floats], Floats]:
+
+def read_vtk(
+    file: Path, content: bytes, array: str | None = None, most: int = MOST_BYTES
+) -> tuple[list[Floats], Floats]:
     """Three axes, and velocities (1, X, Y, Z, 3), of a file in one piece with point data.
 
-    Raises UsageError where it is no such file.
+    most  bytes that the velocities may take; the extent tells before anything is unpacked
+
+    Raises UsageError where it is no such file, and what the parsers of its parts raise.
     """
-    grid = _Grid.open(file)
-    axes = grid.axes()
+    grid = _Grid.of(file, content)
+    axes = grid.axes(most)
     shape = tuple(len(axis) for axis in reversed(axes))
-    values = grid.numbers(grid.velocities(array))
-    if values.size != 3 * int(np.prod(shape)):
-        grid.fail(
-            f"there are {values.size} numbers for {int(np.prod(shape))} points of three components each"
-        )
+    require_room(file, shape, most)
+    count = math.prod(shape)
+    values = grid.numbers(grid.velocities(array), 3 * count)
+    if values.size != 3 * count:
+        grid.fail(f"there are {values.size} numbers for {count} points of three components each")
     return axes, values.astype(np.float64).reshape(1, *shape, 3).transpose(0, 3, 2, 1, 4)
 
 
@@ -69,8 +77,8 @@ class _Grid:
     appended: bytes
 
     @classmethod
-    def open(cls, file: Path) -> _Grid:
-        text, mark, rest = file.read_bytes().partition(b"<AppendedData")
+    def of(cls, file: Path, content: bytes) -> _Grid:
+        text, mark, rest = content.partition(b"<AppendedData")
         body = rest[rest.find(b"_") + 1 :] if mark else b""
         encoding = b'raw"' if b"raw" in rest[: rest.find(b"_")] else b'base64"'
         try:
@@ -96,22 +104,25 @@ class _Grid:
     def fail(self, fact: str) -> NoReturn:
         raise UsageError(f"{self.file}: {fact}; save it anew from VTK or ParaView, with point data")
 
-    def axes(self) -> list[Floats]:
+    def axes(self, most: int) -> list[Floats]:
         if self.head.get("type") == "RectilinearGrid":
             named = self.piece.find("Coordinates")
             arrays = [] if named is None else named.findall("DataArray")
             if len(arrays) != 3:
                 self.fail(f"it has {len(arrays)} axes under Coordinates instead of three")
-            return [self.numbers(element).astype(np.float64) for element in arrays]
+            return [self.numbers(element, _LONGEST_AXIS).astype(np.float64) for element in arrays]
         image = self.head.find("ImageData")
         assert image is not None, "its piece was found there"
-        extent = self._row(self.piece, "Extent", 6, None)
+        extent = self._row(self.piece, "Extent", 6, None).tolist()
+        if not all(end.is_integer() for end in extent):
+            self.fail(f"Extent is {self.piece.get('Extent')!r} and must be 6 whole numbers")
+        ends = [(int(extent[k]), int(extent[k + 1]) + 1) for k in (0, 2, 4)]
+        require_room(self.file, (max(1, end - begin) for begin, end in ends), most)
         origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
         turned = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
         if not np.array_equal(turned, np.eye(3).ravel()):
             self.fail("its axes are turned (Direction), and only grids along x, y and z are read")
-        ends = extent.astype(np.int64).reshape(3, 2)
-        return [origin[k] + spacing[k] * np.arange(ends[k, 0], ends[k, 1] + 1) for k in range(3)]
+        return [origin[k] + spacing[k] * np.arange(*ends[k], dtype=np.float64) for k in range(3)]
 
     def velocities(self, array: str | None) -> ElementTree.Element:
         data = self.piece.find("PointData")
@@ -126,23 +137,23 @@ class _Grid:
             )
         return found[0]
 
-    def numbers(self, element: ElementTree.Element) -> AnyArray:
-        """The values of a DataArray, flat."""
+    def numbers(self, element: ElementTree.Element, most: int) -> AnyArray:
+        """The values of a DataArray, flat; of packed ones not many more than `most` are unpacked."""
         kind = _TYPES.get(element.get("type", ""))
         if kind is None:
             self.fail(f"{element.get('type')} is no type of numbers")
         if element.get("format") == "ascii":
-            try:
-                return np.array((element.text or "").split(), dtype=kind)
-            except ValueError as error:
-                self.fail(f"{error}")
+            return np.array((element.text or "").split(), dtype=kind)
         order = ">" if self.head.get("byte_order") == "BigEndian" else "<"
         try:
-            return np.frombuffer(self._bytes(element, order), dtype=order + kind)
-        except (ValueError, struct.error, binascii.Error, zlib.error, lzma.LZMAError) as error:
+            content = self._bytes(element, order, most * np.dtype(kind).itemsize)
+            return np.frombuffer(content, dtype=order + kind)
+        except UsageError:
+            raise
+        except Exception as error:  # decompressors raise whatever they do
             self.fail(f"array {element.get('Name')} cannot be read ({error})")
 
-    def _bytes(self, element: ElementTree.Element, order: str) -> bytes:
+    def _bytes(self, element: ElementTree.Element, order: str, most: int) -> bytes:
         if element.get("format") == "appended":
             text = self.appended[int(element.get("offset", "0")) :]
             appended = self.head.find("AppendedData")
@@ -154,10 +165,10 @@ class _Grid:
         return (
             _decoded(text, coded, code)
             if compressor is None
-            else self._inflated(text, coded, code, compressor)
+            else self._inflated(text, coded, code, compressor, most)
         )
 
-    def _inflated(self, text: bytes, coded: bool, code: str, compressor: str) -> bytes:
+    def _inflated(self, text: bytes, coded: bool, code: str, compressor: str, most: int) -> bytes:
         """Blocks: how many, their size, that of the last, then the packed size of each; then they."""
         if compressor not in _DECOMPRESSORS:
             self.fail(f"it is packed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
@@ -167,8 +178,16 @@ class _Grid:
         start = _length(coded, (3 + count) * size)
         packed = _take(text[start:], coded, 0, int(sizes.sum()))
         ends = np.cumsum(sizes).tolist()
-        unpack = _DECOMPRESSORS[compressor]
-        return b"".join(unpack(packed[end - int(n) : end]) for n, end in zip(sizes, ends, strict=True))
+        blocks: list[bytes] = []
+        for length, end in zip(sizes.tolist(), ends, strict=True):
+            unpacker = _DECOMPRESSORS[compressor]()
+            blocks.append(unpacker.decompress(packed[end - length : end], most + 1))
+            most -= len(blocks[-1])
+            if most < 0:
+                raise ValueError("it holds more numbers than the grid has room for")
+            if not unpacker.eof:
+                raise ValueError("a packed block is cut short")
+        return b"".join(blocks)
 
     def _row(self, element: ElementTree.Element, name: str, count: int, otherwise: str | None) -> Floats:
         text = element.get(name, otherwise)
@@ -176,7 +195,7 @@ class _Grid:
             row = np.array((text or "").split(), np.float64)
         except ValueError:
             row = np.empty(0)
-        if len(row) != count:
+        if len(row) != count or not np.isfinite(row).all():
             self.fail(f"{name} is {text!r} and must be {count} numbers")
         return row
 

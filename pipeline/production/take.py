@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -28,6 +28,8 @@ from pipeline.production.keys import (
     key_of,
 )
 from pipeline.production.layout import Folders
+from pipeline.production.pinned import Pins, pins_of, require_same, require_unchanged
+from pipeline.production.poses import Pose, Turntable
 from pipeline.production.store import Store
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
@@ -39,26 +41,6 @@ from render.quality import Quality
 
 
 @dataclass(frozen=True)
-class Pose:
-    """What one picture shows: a mesh frame, turned about the vertical by `spin` radians."""
-
-    mesh: int
-    spin: float = 0.0
-
-
-@dataclass(frozen=True)
-class Turntable:
-    """A full turn of one mesh frame; the end point, which equals the start, is left out.
-
-    of_file  the mesh is a file's, and its frames must not be taken for a shot's of the same name
-    """
-
-    at: int
-    frames: int
-    of_file: bool = False
-
-
-@dataclass(frozen=True)
 class Take:
     """The pictures of one shot at one quality, rendered by one variant.
 
@@ -67,6 +49,7 @@ class Take:
     settings    what takes the place of its values
     beside      the files that it rests on as they were: names and texts
     allow_code  whether the shot may run the Python files that it names
+    pins        the other files that it reads as they were; None where the work is not planned yet
     """
 
     text: str
@@ -78,6 +61,7 @@ class Take:
     settings: tuple[str, ...] = ()
     beside: tuple[tuple[str, str], ...] = ()
     allow_code: bool = False
+    pins: Pins | None = None
 
     def as_data(self) -> dict[str, Any]:
         return {
@@ -90,6 +74,7 @@ class Take:
             "settings": list(self.settings),
             "beside": [list(file) for file in self.beside],
             "allow_code": self.allow_code,
+            "pins": None if self.pins is None else [list(pin) for pin in self.pins],
         }
 
     @classmethod
@@ -104,11 +89,31 @@ class Take:
             settings=tuple(data["settings"]),
             beside=tuple((name, text) for name, text in data["beside"]),
             allow_code=data["allow_code"],
+            pins=None if data["pins"] is None else tuple((path, digest) for path, digest in data["pins"]),
         )
 
     @cached_property
     def shot(self) -> Shot:
-        return read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
+        """Raises UsageError where a file that it reads was changed since the work was planned."""
+        require_unchanged(self.pins or ())
+        shot = read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
+        if self.pins is not None:
+            require_same(self.pins, pins_of(shot.files))
+        return shot
+
+    @property
+    def name(self) -> str:
+        """The shot's, which is known without reading it."""
+        return self.path.stem
+
+    def planned(self, variant: str, requested: Iterable[int]) -> Take:
+        """The same with pictures asked for, and with the files pinned that its shot has read."""
+        return replace(
+            self,
+            variant=variant,
+            requested=tuple(dict.fromkeys(requested)),
+            pins=pins_of(self.shot.files),
+        )
 
     @property
     def quality(self) -> Quality:
@@ -117,17 +122,15 @@ class Take:
     @property
     def motion_folders(self) -> Folders:
         """Where mesh frames lie: with the shot, for its turntables too."""
-        name = self.shot.name
-        return (
-            Folders.of_turntable(name) if self.turntable and self.turntable.of_file else Folders.of_shot(name)
-        )
+        of_file = self.turntable and self.turntable.of_file
+        return Folders.of_turntable(self.name) if of_file else Folders.of_shot(self.name)
 
     @property
     def folders(self) -> Folders:
         """Where pictures lie."""
         if self.turntable is None:
             return self.motion_folders
-        name = self.shot.name if self.turntable.of_file else f"{self.shot.name}.{self.turntable.at:04d}"
+        name = self.name if self.turntable.of_file else f"{self.name}.{self.turntable.at:04d}"
         return Folders.of_turntable(name)
 
     def place(self, kind: str, number: int) -> Path:

@@ -19,9 +19,10 @@ from pipeline.production.edit import Cut
 from pipeline.production.layout import LOGS, PLANS
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
+from pipeline.production.poses import Turntable
 from pipeline.production.run import acquire
 from pipeline.production.store import Store
-from pipeline.production.take import Take, Turntable
+from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
 from pipeline.shot import Film, read_film
 from pipeline.shot.layers import DEFAULTS, rests_on
@@ -125,7 +126,7 @@ class Studio:
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
         beside = self._beside.get(path) or self._beside.setdefault(path, rests_on(path, text))
-        whole = Take(
+        take = Take(
             text,
             path,
             quality,
@@ -134,16 +135,15 @@ class Studio:
             settings=self.settings,
             beside=tuple(beside.items()),
             allow_code=self.allow_code,
-        ).whole()
-        requested = FrameRange.parse(frames) if frames is not None else whole.shot.frames
-        outside = requested.outside(whole.shot.frames)
+        )
+        requested = FrameRange.parse(frames) if frames is not None else take.shot.frames
+        outside = requested.outside(take.shot.frames)
         if outside:
             raise UsageError(
-                f"{path}: frames {outside} are not in the shot, which has {whole.shot.frames}; "
+                f"{path}: frames {outside} are not in the shot, which has {take.shot.frames}; "
                 "ask for frames among those"
             )
-        chosen = variant or variant_for(self.root, whole.shot.name, self.variant)
-        return replace(whole, variant=chosen, requested=tuple(dict.fromkeys(requested)))
+        return take.planned(variant or variant_for(self.root, take.name, self.variant), requested)
 
     def _planner(self) -> Planner:
         return Planner(self.store, self.cores)

@@ -10,13 +10,14 @@ from typing import Any, TypeGuard
 
 import numpy as np
 
-from pipeline.errors import UsageError, suggestion
+from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.catalogue import DOCUMENTS
 from pipeline.shot.clock import Clock
 from pipeline.shot.fields import LARGEST, is_number
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Solid
+from pipeline.shot.surroundings import digest_of_file, is_there, shown
 
 Problem = tuple[Where, str]
 
@@ -125,16 +126,24 @@ def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:
 
 
 def model(source: Source) -> Iterator[Problem]:
-    """The one problem that is a missing input: the model file is not there."""
+    """The one problem that is a missing input: the model file is not there, or cannot be read."""
     name = source.get("subject", "model")
-    if isinstance(name, str) and not model_path(source, name).is_file():
+    if not isinstance(name, str):
+        return
+    path = model_path(source, name)
+    if not is_there(path):
         yield (
             ("subject", "model"),
             (
-                f"model file {name} is not there; it is looked for beside the shot file, "
-                f"as {model_path(source, name)}. Put it there or correct the name."
+                f"model file {shown(name)} is not there; it is looked for beside the shot file, "
+                f"as {shown(path)}. Put it there or correct the name."
             ),
         )
+        return
+    try:
+        digest_of_file(path)
+    except MissingInputError as error:
+        yield ("subject", "model"), str(error)
 
 
 def model_path(source: Source, name: str) -> Path:

@@ -22,7 +22,6 @@ from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, Sam
 from pipeline.flow.catalogue.formula import MOST_NUMBERS
 from pipeline.flow.parameters import Sense
 from pipeline.flow.python_file import PythonFlow
-from pipeline.flow.python_file import digest_of as digest_of_code
 from pipeline.flow.samples import digest_of
 from pipeline.formula import FUNCTIONS, Expression, FormulaError
 from pipeline.formula.blocks import KNOWN
@@ -182,6 +181,7 @@ class PythonDocument(FlowParameters):
     function: Annotated[str, Sense("the name of a function in it")]
 
     _path: Path = PrivateAttr()
+    _digest: str = PrivateAttr()
     _allowed: bool = PrivateAttr()
 
     @field_validator("function")
@@ -195,11 +195,12 @@ class PythonDocument(FlowParameters):
     def _there(self, info: ValidationInfo) -> PythonDocument:
         surroundings = Surroundings.of(info)
         self._path, self._allowed = surroundings.file(self.file), surroundings.allow_code
+        self._digest = surroundings.digests[self._path]
         return self
 
     def more(self, clock: Clock) -> dict[str, Any]:
-        digest = digest_of_code(self._path)
-        return {"function": self.function, "digest": digest, "path": self._path, "allowed": self._allowed}
+        of_file = {"digest": self._digest, "path": self._path, "allowed": self._allowed}
+        return {"function": self.function, **of_file}
 
 
 OWN: dict[str, type[FlowParameters]] = {

@@ -13,6 +13,7 @@ from typing import Any
 from pipeline.errors import MissingInputError, ShotError, suggestion
 from pipeline.shot.settings import with_settings
 from pipeline.shot.source import Source, Where
+from pipeline.shot.surroundings import shown
 
 DEFAULTS = "defaults.yaml"
 """Beside shots: what holds for all of them unless they say otherwise."""
@@ -74,7 +75,9 @@ def _extended(source: Source, look: Look, chain: tuple[str, ...]) -> Source:
     if text is None:
         known = sorted(p.stem for p in source.path.parent.glob("*.yaml") if p.name not in (*chain, DEFAULTS))
         hint = suggestion(parent, known) if known else "There are none."
-        raise MissingInputError(f"{place}: there is no shot {parent} beside this file to extend. {hint}")
+        raise MissingInputError(
+            f"{place}: there is no shot {shown(parent)} beside this file to extend. {hint}"
+        )
     base = _mapping(Source.read(source.path.with_name(name), text))
     return over(source, _extended(base, look, (*chain, name)))
 
@@ -128,5 +131,5 @@ def _mapping(base: Source) -> Source:
 def _text(path: Path) -> str | None:
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
+    except (OSError, ValueError):  # not there, no UTF-8, or a name that no file can have
         return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -30,7 +29,7 @@ from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
-from pipeline.shot.surroundings import Surroundings
+from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
 from render.lights import LIGHTS, LightRig
 from render.look import LOOKS, Look
 from render.quality import QUALITIES
@@ -70,16 +69,21 @@ def read_shot(
     ):
         problems += check(source)
     missing = list(checks.model(source))
-    context = {"clock": clock, "surroundings": Surroundings(source.path.parent, allow_code)}
+    surroundings = Surroundings(source.path.parent, allow_code)
+    context = {"clock": clock, "surroundings": surroundings}
     document = _parsed(source, ShotDocument, problems, missing, context=context)
     assert clock is not None, "without problems there is a clock"
+    motion = _motion(document, clock, source)
+    model = motion.subject
+    read = {**surroundings.digests, **({model.path: model.digest} if isinstance(model, Model) else {})}
     return Shot(
         name=Path(path).stem,
         title=document.title,
         intent=document.intent,
-        motion=_motion(document, clock, source),
+        motion=motion,
         picture=_picture(document, clock),
         path=Path(path),
+        files=tuple(sorted(read.items())),
     )
 
 
@@ -99,11 +103,11 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
         if not isinstance(name, str):
             continue
         file = path.parent / f"{name}.yaml"
-        if not file.is_file():
+        if not is_there(file):
             known = sorted(f.stem for f in path.parent.glob("*.yaml") if f != path and f.name != DEFAULTS)
             hint = suggestion(name, known) if known else "There are none."
             failed.append(
-                MissingInputError(f"{source.place(('shots', index))}: there is no shot {file}. {hint}")
+                MissingInputError(f"{source.place(('shots', index))}: there is no shot {shown(file)}. {hint}")
             )
             continue
         try:
@@ -198,8 +202,7 @@ def _subject(document: ShotDocument, source: Source) -> Subject:
     subject = document.subject
     if isinstance(subject, ModelDocument):
         file = checks.model_path(source, subject.model)
-        digest = hashlib.sha256(file.read_bytes()).hexdigest()
-        return Model(digest=digest, scale=float(subject.scale), path=file)
+        return Model(digest=digest_of_file(file), scale=float(subject.scale), path=file)
     given = subject.model_dump(exclude_none=True, exclude={"solid"})
     return Solid.of(subject.solid, given)
 

@@ -33,6 +33,11 @@ def _set(source: Source, setting: str) -> Source:
     match = _FORM.fullmatch(setting)
     if not match:
         raise ShotError(f"{place}: this is no setting. Write name=value, such as flows.0.twist.amount=90.")
+    if match[1].split(".")[0] == "extends":
+        raise ShotError(
+            f"{place}: what a shot extends is said in its file alone; settings come on top of both. "
+            "Write extends there, or set the values themselves."
+        )
     try:
         value = Source.read(Path(OPTION), match[2] if match[2].strip() else "null").data
     except ShotError:

@@ -223,7 +223,10 @@ class Picture:
 
 @dataclass(frozen=True)
 class Shot:
-    """One shot of a film. `name` is the file's, without its ending."""
+    """One shot of a film. `name` is the file's, without its ending.
+
+    files  those that it was made of beside shot files, and the SHA-256 of their contents
+    """
 
     name: str
     title: str
@@ -231,6 +234,7 @@ class Shot:
     picture: Picture
     intent: str = ""
     path: Path | None = field(default=None, metadata=NOT_DATA)
+    files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_DATA)
 
     @property
     def frames(self) -> FrameRange:

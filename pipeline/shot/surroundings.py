@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
 from pydantic import ValidationInfo
 from pydantic_core import PydanticCustomError
 
-from pipeline.errors import FlowsculptError
+from pipeline.errors import FlowsculptError, MissingInputError
 
 T = TypeVar("T")
 
@@ -21,10 +23,12 @@ class Surroundings:
 
     folder      of the shot file: files named in it stand relative to that
     allow_code  whether Python files that it names may be run
+    digests     SHA-256 of the contents of the files that documents have asked for
     """
 
     folder: Path = Path()
     allow_code: bool = False
+    digests: dict[Path, str] = field(default_factory=dict)
 
     @classmethod
     def of(cls, info: ValidationInfo) -> Surroundings:
@@ -34,11 +38,12 @@ class Surroundings:
     def file(self, name: str) -> Path:
         """A file that is there. Raises a finding for pydantic to report at its place."""
         path = self.folder / name
-        if not path.is_file():
+        if not is_there(path):
             raise finding(
-                f"file {name} is not there; it is looked for beside the shot file, as {path}. "
+                f"file {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
                 "Put it there or correct the name."
             )
+        self.digests[path] = told(lambda: digest_of_file(path))
         return path
 
     def files(self, name: str) -> tuple[Path, ...]:
@@ -46,10 +51,45 @@ class Surroundings:
         if "*" not in name:
             return (self.file(name),)
         around = self.folder / Path(name).parent
-        found = tuple(sorted(path for path in around.glob(Path(name).name) if path.is_file()))
+        try:
+            found = sorted(path for path in around.glob(Path(name).name) if is_there(path))
+        except (OSError, ValueError):
+            raise finding(
+                f"file {shown(name)} is no name of a sequence; each * stands for any letters. "
+                "Write one where names differ, as in wind_*.npz."
+            ) from None
         if not found:
-            raise finding(f"no file fits {name}; they are looked for in {around}. Correct the name.")
-        return found
+            raise finding(
+                f"no file fits {shown(name)}; they are looked for in {shown(around)}. Correct the name."
+            )
+        for path in found:
+            self.digests[path] = told(partial(digest_of_file, path))
+        return tuple(found)
+
+
+def is_there(path: Path) -> bool:
+    """Whether a path names a file; one that can name none, being too long for one, does not."""
+    try:
+        return path.is_file()
+    except (OSError, ValueError):
+        return False
+
+
+def digest_of_file(path: Path) -> str:
+    """SHA-256 of a file's contents. Raises MissingInputError where it cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return hashlib.file_digest(file, "sha256").hexdigest()
+    except OSError as error:
+        raise MissingInputError(
+            f"{path}: it cannot be read ({error.strerror or error}); look at its permissions"
+        ) from None
+
+
+def shown(name: str | Path) -> str:
+    """A name as a message holds it: not too long, and without what cannot be printed."""
+    text = str(name) if str(name).isprintable() else repr(str(name))
+    return text if len(text) <= 200 else f"{text[:100]}…{text[-40:]}"
 
 
 def finding(text: str) -> PydanticCustomError:

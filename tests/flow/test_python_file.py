@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -23,6 +24,48 @@ def test_a_function_of_a_file_moves_points(tmp_path: Path) -> None:
     code = "import numpy as np\n\ndef f(points, time, dt):\n    return points + dt * np.array([0, time, 1])\n"
     moved = displaced(flow_of(tmp_path / "a.py", code), POINTS, 2.0, 0.5, 3)
     np.testing.assert_array_equal(moved, POINTS + np.array([0.0, 1.0, 0.5]))
+
+
+def test_a_function_may_change_the_points_that_it_is_given(tmp_path: Path) -> None:
+    flow = flow_of(tmp_path / "a.py", "def f(points, time, dt):\n    points += 1\n    return points\n")
+    given = POINTS.copy()
+    moved = flow.displace(given, 0.0, 0.1)
+    np.testing.assert_array_equal(given, POINTS)
+    np.testing.assert_array_equal(moved, POINTS + 1)
+
+
+DATACLASS = """\
+from __future__ import annotations
+from dataclasses import dataclass
+
+runs = []
+
+@dataclass
+class Lift:
+    speed: float = 2.0
+
+def f(points, time, dt):
+    runs.append(1)
+    return points + Lift().speed * dt
+
+def g(points, time, dt):
+    return points + len(runs)
+"""
+
+
+def test_the_file_is_a_module_that_its_dataclasses_find(tmp_path: Path) -> None:
+    flow = flow_of(tmp_path / "a.py", DATACLASS)
+    np.testing.assert_array_equal(flow.displace(POINTS, 0.0, 0.5), POINTS + 1)
+    assert vars(sys.modules[f"flowsculpt_flow_{flow.digest}"])["__file__"] == str(flow.path)
+    other = PythonFlow("g", flow.digest, flow.path, True)
+    np.testing.assert_array_equal(other.displace(POINTS, 0.0, 0.5), POINTS + 1)
+
+
+def test_a_file_that_fails_leaves_no_module(tmp_path: Path) -> None:
+    flow = flow_of(tmp_path / "a.py", "raise SystemExit('no')\n")
+    with pytest.raises(FrameError, match="running it raised SystemExit: no"):
+        flow.displace(POINTS, 0.0, 0.1)
+    assert f"flowsculpt_flow_{flow.digest}" not in sys.modules
 
 
 def test_nothing_of_the_file_runs_without_permission(tmp_path: Path) -> None:

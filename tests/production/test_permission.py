@@ -1,8 +1,12 @@
-"""The permission to run a shot's Python files reaches every job, and nothing runs without it."""
+"""The permission to run a shot's Python files reaches every job, and nothing runs without it; jobs read the
+files that the work was planned for."""
 
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,6 +14,7 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.errors import UsageError
+from pipeline.production.npz import read_npz
 from pipeline.production.plan import Plan
 from pipeline.production.take import Take
 from pipeline.production.workflow import Studio
@@ -41,3 +46,66 @@ def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_
     np.testing.assert_allclose(lifted, np.tile([0.0, 2 / 24, 0.0], (len(lifted), 1)), atol=1e-12)
     forbidden = Studio(tmp_path, 1).take(Path(shot), "draft", variant="none")
     assert [forbidden.mesh_key(n) for n in (1, 2, 3)] == [take.mesh_key(n) for n in (1, 2, 3)]
+
+
+def job_of(plan: Plan, root: Path) -> subprocess.CompletedProcess[str]:
+    """The first job of a plan in a process of its own, as a run starts it."""
+    frozen = plan.freeze(root)
+    command = [sys.executable, "-m", "pipeline.production.tasks", str(frozen), plan.jobs[0].name]
+    return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
+
+
+def test_a_job_has_the_permission(shot: str, tmp_path: Path) -> None:
+    plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
+    done = job_of(plan, tmp_path)
+    assert done.returncode == 0, done.stderr
+    first, last = (read_npz(tmp_path / plan.targets[k])["vertices"] for k in (0, -1))
+    np.testing.assert_allclose(last - first, np.tile([0.0, 2 / 24, 0.0], (len(first), 1)), atol=1e-7)
+
+
+def test_a_job_without_the_permission_runs_nothing(shot: str, tmp_path: Path) -> None:
+    plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
+    forbidden = replace(plan, takes=tuple({**take, "allow_code": False} for take in plan.takes))
+    done = job_of(forbidden, tmp_path)
+    assert done.returncode == 1 and "that needs permission" in done.stderr, done.stderr
+    assert not (tmp_path / plan.targets[-1]).exists()
+
+
+FLOWS = {
+    "mine.py": "python: {file: mine.py, function: lift}",
+    "w_1.npz": "sampled: {file: 'w_*.npz'}",
+    "t.obj": "attraction: {mesh: t.obj}",
+    "bunny.obj": "",
+}
+
+
+@pytest.mark.parametrize("changed", FLOWS)
+def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: str, tmp_path: Path) -> None:
+    triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
+    (tmp_path / "t.obj").write_text(triangle)
+    (tmp_path / "bunny.obj").write_text(triangle)
+    axis = np.linspace(-1, 1, 3)
+    np.savez(tmp_path / "w_1.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
+    head = SHOT.partition("flows")[0].replace("solid: icosphere", "model: bunny.obj")
+    Path(shot).write_text(head + "flows:\n" + "".join(f"  - {flow}\n" for flow in FLOWS.values() if flow))
+    plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
+    before = (tmp_path / changed).read_bytes()
+    (tmp_path / changed).write_bytes(before + b"\n")
+    done = job_of(plan, tmp_path)
+    assert done.returncode == 1 and not (tmp_path / plan.targets[0]).exists()
+    wanted = f"{tmp_path / changed}: it was changed since the work was planned; run again"
+    assert done.stderr.strip() == wanted
+    (tmp_path / changed).write_bytes(before)
+    (take,) = (Take.from_data(data) for data in plan.takes)
+    assert take.shot.name == "a"
+
+
+def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> None:
+    axis = np.linspace(-1, 1, 3)
+    save = lambda name: np.savez(tmp_path / name, x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))  # noqa: E731
+    save("w_1.npz")
+    Path(shot).write_text(SHOT.partition("  - ")[0] + "  - sampled: {file: 'w_*.npz'}\n")
+    take = Studio(tmp_path, 1).take(Path(shot), "draft", variant="none")
+    save("w_2.npz")
+    with pytest.raises(UsageError, match=r"w_2\.npz: it was changed since the work was planned; run again"):
+        Take.from_data(json.loads(json.dumps(take.as_data()))).shot  # noqa: B018

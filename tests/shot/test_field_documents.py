@@ -95,19 +95,26 @@ WRONG = [
         "6:23: twist is no velocity field, and only those add up. Make it an entry of flows.",
     ),
     ("python: {file: gone.py, function: f}", "file gone.py is not there"),
+    ("python: {file: /proc/self/mem, function: f}", "/proc/self/mem: it cannot be read (Input/output error)"),
+    ("attraction: {mesh: /proc/self/mem}", "/proc/self/mem: it cannot be read (Input/output error)"),
+    ("sampled: {file: /proc/self/me*}", "/proc/self/mem: it cannot be read (Input/output error)"),
+    (f"sampled: {{file: {'n' * 5000}.npz}}", "file nnnn"),
+    (f"python: {{file: {'n' * 5000}, function: f}}", "is not there; it is looked for beside the shot file"),
+    ('attraction: {mesh: "a\\0b.obj"}', "file 'a\\x00b.obj' is not there"),
+    ("sampled: {file: '**.npz'}", "file **.npz is no name of a sequence; each * stands for any letters"),
     ("python: {file: swirl.py}", "function is missing"),
     ("python: {file: swirl.py, function: swirl()}", "'swirl()' names no function"),
 ]
 
 
-@pytest.mark.parametrize(("flow", "says"), WRONG, ids=[flow for flow, _ in WRONG])
+@pytest.mark.parametrize(("flow", "says"), WRONG, ids=[flow[:60] for flow, _ in WRONG])
 def test_what_is_wrong_is_told_in_one_line_with_its_place(flow: str, says: str, folder: Path) -> None:
     np.savez(folder / "bad.npz", x=GRID, z=GRID, velocity=np.ones((3, 3, 3, 3)))
     with pytest.raises(ShotError) as told:
         shot_of(folder, flow)
     (message,) = told.value.messages
     assert says in message, message
-    assert message.startswith(f"{folder / 'a.yaml'}:6:")
+    assert message.startswith(f"{folder / 'a.yaml'}:6:") and message.isprintable() and len(message) < 700
 
 
 def test_contents_of_files_decide_and_not_their_names(folder: Path) -> None:

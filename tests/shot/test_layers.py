@@ -120,6 +120,13 @@ def test_circles_and_missing_parents_are_told(folder: Path) -> None:
     assert told(folder, "D")[0].startswith("E.yaml:1:1: this is no mapping")
 
 
+@pytest.mark.parametrize("parent", ['"a\\0b"', "n" * 5000], ids=["a zero byte", "too long"])
+def test_a_parent_that_no_file_can_be_called_is_told_with_its_place(parent: str, folder: Path) -> None:
+    (folder / "D.yaml").write_text(f"title: D\nextends: {parent}\n")
+    (line,) = told(folder, "D")
+    assert line.startswith("D.yaml:2:1: there is no shot ") and len(line) < 400 and line.isprintable()
+
+
 def test_values_are_set_from_outside(folder: Path) -> None:
     keys = "flows.0.twist.amount={keys: {1: 0, 49: 90}}"
     others = ("camera.margin=0.3", "lights.exposure=1.5", "camera.margin=0.25", "look=glaze")
@@ -152,6 +159,8 @@ SET = [
      "lights.exposure is 'big'; it must be a number. Write it plainly, without quotes or units."),
     ("title=[", "'[' is no YAML. Quote it for the shell, and look at its brackets."),
     ("camra.azimuth=2", "camra is not known. Did you mean 'camera'?"),
+    ("extends=B", "what a shot extends is said in its file alone; settings come on top of both. Write "
+                  "extends there, or set the values themselves."),
 ]  # fmt: skip
 
 

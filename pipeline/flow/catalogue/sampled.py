@@ -43,7 +43,7 @@ class SampledFiles:
 
     @cached_property
     def samples(self) -> Samples:
-        return read_samples(self.paths, self.array, self.interval)
+        return read_samples(self.paths, self.array, self.interval, self.digest)
 
 
 @dataclass(frozen=True)

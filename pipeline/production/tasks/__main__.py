@@ -67,7 +67,7 @@ def _supervise(context: Context, plan_path: str) -> int:
     take = context.take
     if -code in CRASHES:
         reason = f"{take.variant} crashed ({name}) while rendering {context.subject}"
-        if avoid(context.root, take.shot.name, take.variant, reason):
+        if avoid(context.root, take.name, take.variant, reason):
             context.log.write("healed", message=f"{reason}; the shot is rendered without it from the start")
             return 1
     context.fail(FrameError(f"{context.subject}: the renderer was ended by {name}; is there memory enough?"))
