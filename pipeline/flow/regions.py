@@ -195,7 +195,7 @@ class Cylinder(_Round):
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled(Region):
+class SampledRegion(Region):
     """A region of any form, by how far points lie outside of it at the nodes of a grid; negative inside.
 
     distances  float64 (nx, ny, nz), at least 2 along each axis; trilinear between nodes
