@@ -225,7 +225,7 @@ class SampledRegion(Region):
         """What stands for it in keys holds a digest of the distances in place of their address."""
         closing = super().closing(time)
         known = [*closing.numbers[:4], self._digest, *closing.numbers[5:]]  # type: ignore[attr-defined]
-        return closing._replace(identity=known)
+        return closing._replace(identity=known, owner=self)
 
     @property
     def _opcode(self) -> int:
