@@ -143,6 +143,19 @@ def test_a_sampled_region_is_known_by_its_distances_and_not_by_where_they_lie() 
     assert flows[0].acting(0.0, 0.1) == flows[1].acting(0.0, 0.1) != flows[2].acting(0.0, 0.1)
 
 
+def test_what_is_at_no_place_is_in_no_sampled_region_and_harms_nobody() -> None:
+    bad = POINTS.copy()
+    bad[[3, 40, 41]] = [(np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.nan)]
+    others = np.delete(np.arange(len(bad)), [3, 40, 41])
+    for region in (*REGIONS, sampled(spacing=0.1, falloff=0.7)):
+        found = region.weight(bad, 0.0)
+        assert found[others].tobytes() == region.weight(POINTS, 0.0)[others].tobytes()
+        moved = Streamlines(Limited(Translation((1.0, 0.0, 0.0)), region), 2).displace(bad, 0.0, 0.1)
+        assert np.isfinite(moved[others]).all() and np.isnan(moved[[3, 40, 41]]).any(axis=1).all()
+        if isinstance(region, SampledRegion):
+            assert found[[3, 40, 41]].tolist() == [0.0, 0.0, 0.0]
+
+
 @pytest.mark.parametrize("distances", [np.zeros((3, 3)), np.zeros((1, 4, 4)), np.full((2, 2, 2), np.nan)])
 def test_a_grid_that_is_none_is_refused(distances: Floats) -> None:
     with pytest.raises(UsageError, match="are no grid to look up in"):
