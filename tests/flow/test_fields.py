@@ -118,6 +118,13 @@ def test_only_a_formula_that_speaks_of_time_acts_otherwise_later() -> None:
     assert moving.acting(0.0, 0.1) != moving.acting(5.0, 0.1)
 
 
+def test_numbers_that_no_formula_speaks_of_do_not_act() -> None:
+    one, other, used = (
+        Streamlines(Formula(("k", "0", "0"), (("k", k), ("j", j)))) for k, j in ((1, 2), (1, 3), (2, 2))
+    )
+    assert one.acting(0.0, 0.1) == other.acting(0.0, 0.1) != used.acting(0.0, 0.1)
+
+
 def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Points) -> None:
     points[7] = (1.0, 0.0, 0.5)
     flow = Streamlines(Sum((Rotation(speed=0.0), Formula(("0", "0", "0.1 / y")))), 1)
