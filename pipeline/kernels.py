@@ -3,6 +3,9 @@
 numba's on-disk cache does not notice edits in functions that a kernel calls from another file, so
 the cache folder is named by a hash of every kernel source. A new source means a new folder and one
 compilation (`flowsculpt doctor --prepare`, done at set-up); nothing else ever compiles.
+
+Intel's SVML has other sines and exponentials for vectors than for single numbers, so that a point's bits
+would hang on its place in a block: numba is told not to take it (see `pipeline/__init__.py`).
 """
 
 from __future__ import annotations
@@ -41,7 +44,7 @@ def cache_folder() -> Path:
     numba runs what it finds there, so a folder among temporary files is taken only where it is the user's
     own and closed to others; else the kernels are compiled anew, into a folder of this process.
     """
-    digest = hashlib.sha256(numba.__version__.encode())
+    digest = hashlib.sha256(f"{numba.__version__} SVML={numba.config.USING_SVML}".encode())
     for file in (Path(__file__), *sorted(_PACKAGE.rglob("_kernels*.py"))):
         digest.update(file.read_bytes())
     name = digest.hexdigest()[:16]

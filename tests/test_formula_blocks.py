@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -92,31 +91,24 @@ def test_what_two_formulas_share_is_computed_once() -> None:
 
 
 ONCE = """
-import time
-import numpy as np
 from pipeline.formula import Expression
 from pipeline.formula.blocks import KNOWN, compiled
-compiled(tuple(Expression(text, KNOWN) for text in ("x", "y", "z"))).address  # the compiler itself wakes up
-started = time.perf_counter()
 block = compiled(tuple(Expression(text, KNOWN) for text in {texts!r}))
 block.address
-print(time.perf_counter() - started, block._compiled.cache_hits)
+again = compiled(tuple(Expression(text, KNOWN) for text in {texts!r}))
+print(block._compiled.cache_hits, again is block)
 """
 
 
 def test_a_new_formula_is_compiled_once_and_then_found(tmp_path) -> None:
-    texts = ("-y * exp(-(x ** 2 + y ** 2))", f"x * {time.time():.3f}", "0.3 * sin(t)")
+    texts = ("-y * exp(-(x ** 2 + y ** 2))", "x * 1.625", "0.3 * sin(t)")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
-    took = []
     for expected_hits in (0, 1):
         done = subprocess.run(
             [sys.executable, "-c", ONCE.format(texts=texts)], env=environment, capture_output=True, text=True
         )
         assert done.returncode == 0, done.stderr
-        seconds, hits = done.stdout.split()
-        assert int(hits) == expected_hits
-        took.append(float(seconds))
-    assert took[0] < 2.0
+        assert done.stdout.split() == [str(expected_hits), "True"]
 
 
 def test_trouble_is_told_with_its_column_and_the_place() -> None:

@@ -59,6 +59,13 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
     assert said == ["", "{} 1"]
 
 
+def test_no_vector_library_with_other_bits_is_taken():
+    code = "import pipeline.kernels, numba.core.config as c; print(c.DISABLE_INTEL_SVML, c.USING_SVML)"
+    environment = {name: value for name, value in os.environ.items() if "SVML" not in name}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
+    assert done.stdout.split() == ["1", "False"], done.stderr
+
+
 @pytest.fixture
 def folder_now(tmp_path, monkeypatch):
     """Where kernels would live, asked anew each time: the caches are empty, and the user's is in `home`."""

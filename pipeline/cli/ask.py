@@ -33,10 +33,9 @@ def status(
     for shot in shots or shot_names():
         try:
             takes = [studio.take(find_shot(shot), quality) for quality in QUALITIES]
+            rows += states(takes, studio.store)
         except FlowsculptError as error:
             failed.append(error)
-        else:
-            rows += states(takes, studio.store)
     for failure in failed:
         complain(str(failure))
     _tell(rows, common.json)

@@ -94,8 +94,11 @@ def _on_a_side(d: Floats, at: int, nz: int, fy: float, fz: float) -> float:
 def sampled_weight(p: Floats, o: int, x: float, y: float, z: float) -> float:
     """origin 0:3, spacing 3, address 4 of: nodes along x, y and z, then distances, z running fastest
 
-    Between nodes distances are trilinear; outside of the grid they are those of its rim.
+    Between nodes distances are trilinear; outside of the grid they are those of its rim. What is at no place
+    is outside.
     """
+    if math.isnan(x) or math.isnan(y) or math.isnan(z):
+        return 0.0
     sizes = carray(doubles_at(int(p[o + 4])), 3)
     nx, ny, nz = int(sizes[0]), int(sizes[1]), int(sizes[2])
     d = carray(doubles_at(int(p[o + 4]) + 24), nx * ny * nz)

@@ -17,7 +17,7 @@ from pipeline.kernels import BlockKernel
 class External(VelocityField):
     """One leaf of a program whose function, and whose arrays, the kernels find by their addresses.
 
-    The field owns both: a program is good as long as its field lives.
+    The field owns both, and its rows own the field.
     """
 
     @property
@@ -35,7 +35,7 @@ class External(VelocityField):
 
     def program(self, time: float) -> Program:
         row = (float(self.block.address), time, *self.numbers(time))
-        return (Instruction(op.EXTERNAL, row, self.identity(time)),)
+        return (Instruction(op.EXTERNAL, row, self.identity(time), self),)
 
     def alone(self, points: Points, time: float) -> Vectors:
         """Velocities (N, 3) at points (N, 3), by a plain call of its function."""

@@ -53,12 +53,12 @@ class Part(NamedTuple):
 
 @dataclass(frozen=True)
 class Function(Flow):
-    """Any Python callable `points, time, dt -> points` as a flow (P1)."""
+    """Any Python callable `points, time, dt -> points` as a flow (P1). It may write over its points."""
 
     displacement: Displacement
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        return self.displacement(points, time, dt)
+        return self.displacement(points.copy(), time, dt)
 
     def acting(self, time: float, dt: float) -> Any:
         return {"function": self.name, "time": time, "dt": dt}

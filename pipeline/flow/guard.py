@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import json
+from typing import Any
+
 import numpy as np
 
 from pipeline.arrays import Points
-from pipeline.errors import FrameError
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.flow import Flow, Part
 from pipeline.flow.trouble import trouble
 
@@ -24,13 +27,37 @@ def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) ->
     return points
 
 
+def failure(error: Exception, flow: Flow, frame: int) -> FrameError:
+    """What went wrong as the error of that frame, which names the flow."""
+    if isinstance(error, FrameError):
+        return error.of(frame)
+    told = str(error) if isinstance(error, FlowsculptError) else f"{type(error).__name__}: {error}"
+    return FrameError(f"flow {flow.name}: {told}", frame)
+
+
+def deciding(flow: Flow, time: float, dt: float) -> Any:
+    """`flow.acting`, of a step that fails too: its frame is then known by why it fails, and fails when made.
+
+    So whatever is wrong with one frame, every other has a key.
+    """
+    try:
+        data = flow.acting(time, dt)
+    except (FlowsculptError, ArithmeticError) as error:
+        return {"fails": f"{type(error).__name__}: {error}"}
+    try:
+        json.dumps(data, allow_nan=False)
+    except ValueError:  # numbers that are none
+        return {"fails": repr(data)}
+    return data
+
+
 def _moved(part: Part, points: Points, frame: int) -> Points:
     flow, time, dt = part
     place = f"flow {flow.name}"
     try:
         moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
-    except FrameError:
-        raise
+    except (FlowsculptError, ArithmeticError) as error:
+        raise failure(error, flow, frame) from error
     except Exception as error:
         raise FrameError(
             f"{place} raised {type(error).__name__}: {error}; a flow takes points (N, 3), time and dt "

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Points
-from pipeline.errors import FrameError
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.flow import Flow
-from pipeline.flow.guard import displaced
+from pipeline.flow.guard import displaced, failure
 from pipeline.flow.velocity import Course, Streamlines
 
 LARGEST_COURSE = 1 << 20
@@ -88,8 +88,8 @@ class History:
 def _leg(step: Step) -> Course | Step:
     try:
         return step.flow.course(step.time, step.dt) if isinstance(step.flow, Streamlines) else step
-    except FrameError as error:
-        raise error.of(step.frame) from None
+    except (FlowsculptError, ArithmeticError) as error:
+        raise failure(error, step.flow, step.frame) from error
 
 
 def _fits(course: Course, more: Course) -> bool:

@@ -17,11 +17,13 @@ class Instruction(NamedTuple):
     numbers   what it works with at some time, at most COLUMNS
     identity  JSON-able data that stands for the numbers in keys, where these hold addresses; equal data must
               mean equal motion
+    owner     what keeps the memory at these addresses, for as long as the row is there
     """
 
     kind: int
     numbers: tuple[float, ...] = ()
     identity: Any = None
+    owner: Any = None
 
 
 Program = tuple[Instruction, ...]
@@ -60,6 +62,11 @@ def table_of(program: Program) -> Floats:
     for k, row in enumerate(program):
         table[k, : len(row.numbers)] = row.numbers
     return table
+
+
+def owners_of(program: Program) -> tuple[Any, ...]:
+    """What must live as long as its numbers are used."""
+    return tuple(row.owner for row in program if row.owner is not None)
 
 
 def identity_of(program: Program) -> list[Any]:

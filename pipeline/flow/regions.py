@@ -195,7 +195,7 @@ class Cylinder(_Round):
 
 
 @dataclass(frozen=True, eq=False)
-class Sampled(Region):
+class SampledRegion(Region):
     """A region of any form, by how far points lie outside of it at the nodes of a grid; negative inside.
 
     distances  float64 (nx, ny, nz), at least 2 along each axis; trilinear between nodes
@@ -225,7 +225,7 @@ class Sampled(Region):
         """What stands for it in keys holds a digest of the distances in place of their address."""
         closing = super().closing(time)
         known = [*closing.numbers[:4], self._digest, *closing.numbers[5:]]  # type: ignore[attr-defined]
-        return closing._replace(identity=known)
+        return closing._replace(identity=known, owner=self)
 
     @property
     def _opcode(self) -> int:

@@ -16,7 +16,7 @@ from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow._kernels_opcodes import COLUMNS
 from pipeline.flow.flow import Flow, for_kernels
 from pipeline.flow.parameters import shot_name
-from pipeline.flow.program import Instruction, Program, identity_of, kinds_of, table_of
+from pipeline.flow.program import Instruction, Program, identity_of, kinds_of, owners_of, table_of
 
 STEP_LIMIT = 0.1
 """The longest sub-step times the steepest velocity gradient.
@@ -34,7 +34,7 @@ class VelocityField(ABC):
 
     @abstractmethod
     def program(self, time: float) -> Program:
-        """What the kernels do for it at a time: the same opcodes at all times."""
+        """What the kernels do for it at a time: the same opcodes, and owners, at all times."""
 
     @abstractmethod
     def steepness(self, time: float) -> float:
@@ -81,12 +81,14 @@ class Course(NamedTuple):
     steps    int64 (S, 3): the first field of each sub-step, the one after its last, and where its three
              tables (at its start, middle and end) begin
     lengths  float64 (S,), seconds
+    owners   of the memory whose addresses stand in the tables
     """
 
     kinds: Indices
     tables: Floats
     steps: AnyArray
     lengths: Floats
+    owners: tuple[Any, ...] = ()
 
     @classmethod
     def joined(cls, courses: Sequence[Course]) -> Course:
@@ -100,6 +102,7 @@ class Course(NamedTuple):
             np.concatenate([course.tables for course in courses]),
             np.concatenate(steps),
             np.concatenate([course.lengths for course in courses]),
+            tuple({id(owner): owner for course in courses for owner in course.owners}.values()),
         )
 
     def follow(self, points: Points) -> Points:
@@ -107,7 +110,7 @@ class Course(NamedTuple):
         points = for_kernels(points)
         out = np.empty_like(points)
         together = len(points) * len(self.lengths) > WORTH_SHARING
-        (kernels.advect_together if together else kernels.advect)(points, *self, out)
+        (kernels.advect_together if together else kernels.advect)(points, *self[:4], out)
         return out
 
 
@@ -141,7 +144,7 @@ class Streamlines(Flow):
         tables = np.concatenate([table_of(program) for program in programs])
         steps = np.zeros((count, 3), np.int64)
         steps[:, 1], steps[:, 2] = len(kinds), 2 * len(kinds) * COLUMNS * np.arange(count)
-        return Course(kinds, tables.ravel(), steps, np.full(count, length))
+        return Course(kinds, tables.ravel(), steps, np.full(count, length), owners_of(programs[0]))
 
     def acting(self, time: float, dt: float) -> Any:
         """A field too steep to follow has data too, without a step: its frame fails, and not before."""

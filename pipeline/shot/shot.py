@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.flow import Flow
 from pipeline.flow.choreography import Number, number_at
+from pipeline.flow.guard import deciding
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.polygons import PolygonMesh
 from pipeline.mesh.triangles import TriangleMesh
@@ -172,7 +173,7 @@ class Motion:
 
     def step_data(self, frame: int) -> Any:
         """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
-        acting = self.flow.acting(*self.clock.step(frame))
+        acting = deciding(self.flow, *self.clock.step(frame))
         now = self.resampling_at(frame)
         changes: dict[str, Any] = {}
         if now is not None and now is not self.resampling:

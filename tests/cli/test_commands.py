@@ -171,6 +171,18 @@ def test_status_tells_done_stale_and_missing(finished):
     assert rows["preview"]["stale"] == [2, 3, 4, 5, 6]
 
 
+def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(studio):
+    """Its speed is no number between two half frames, where reading does not look."""
+    (studio.shot.parent / "T020_wrong.yaml").write_text(
+        "frames: 1-6\ntitle: Wrong\nresample: off\nsubject: {solid: box, size: [1, 1, 1]}\n"
+        "flows: [vortex: {strength: 1}]\n"
+        'speed: {formula: "1 + sqrt(abs(seconds - 0.03) - 0.002)"}\n'
+    )
+    done = studio.run("--json", "status")
+    assert done.code == 2 and "sqrt" in done.err
+    assert [row["shot"] for row in json.loads(done.out)] == [NAME]
+
+
 def test_doctor_says_which_renderer_is_in_use(studio):
     facts = json.loads(studio.run("--json", "doctor").out)
     assert re.search("llvm_ad_rgb|scalar_rgb", facts["renderer"])

@@ -28,6 +28,7 @@ from pipeline.mesh import icosphere, torus
 PATH = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0), (2.0, 0.5, 1.0))
 FIELDS: dict[str, External] = {
     "formula": Formula(("-k * y", "k * x", "0.3 * sin(t) * z"), (("k", 2.0),)),
+    "functions": Formula(("sin(3 * y) * exp(-x * x)", "cos(x + t) - log(1 + z * z)", "exp(sin(5 * x))")),
     "curl noise": CurlNoise(0.8, 0.5, octaves=2),
     "attraction": Attraction(Target.points(np.array([[0.2, 0.1, 0.0]])), 1.5, 3.0),
     "repulsion": Attraction(Target.surface(icosphere(4, 0.5)), -0.5, 2.0),
@@ -68,6 +69,9 @@ def test_points_and_threads_change_no_bit(field: External) -> None:
     np.testing.assert_array_equal(results[0], results[1])
     alone = np.concatenate([Streamlines(field, 2).displace(many[i : i + 1], 0.1, 0.05) for i in range(10)])
     np.testing.assert_array_equal(results[0][:10], alone)
+    for first, last in ((250, 262), (255, 257), (256, 699)):  # about the end of a block
+        part = Streamlines(field, 2).displace(many[first:last], 0.1, 0.05)
+        assert part.tobytes() == results[0][first:last].tobytes()
 
 
 @each_field
@@ -113,6 +117,13 @@ def test_only_a_formula_that_speaks_of_time_acts_otherwise_later() -> None:
     still, moving = (Streamlines(Formula((text, "0", "0")), 1) for text in ("x", "x * t"))
     assert still.acting(0.0, 0.1) == still.acting(5.0, 0.1)
     assert moving.acting(0.0, 0.1) != moving.acting(5.0, 0.1)
+
+
+def test_numbers_that_no_formula_speaks_of_do_not_act() -> None:
+    one, other, used = (
+        Streamlines(Formula(("k", "0", "0"), (("k", k), ("j", j)))) for k, j in ((1, 2), (1, 3), (2, 2))
+    )
+    assert one.acting(0.0, 0.1) == other.acting(0.0, 0.1) != used.acting(0.0, 0.1)
 
 
 def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Points) -> None:

@@ -9,8 +9,10 @@ import pytest
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow import Function, Sequence, Streamlines, Sum, as_flow, displaced
+from pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, displaced
 from pipeline.flow.catalogue import Rotation, Translation, Vortex
+from pipeline.flow.compose import Blend, Within
+from pipeline.flow.regions import Sphere
 from pipeline.resample import Resampler, resample
 
 POINTS = np.random.default_rng(5).normal(size=(40, 3))
@@ -18,6 +20,18 @@ POINTS = np.random.default_rng(5).normal(size=(40, 3))
 
 def drift(points: Points, time: float, dt: float) -> Points:
     return points + np.array([dt, 0.0, time * dt])
+
+
+def drift_in_place(points: Points, time: float, dt: float) -> Points:
+    points += np.array([dt, 0.0, time * dt])
+    return points
+
+
+def replaced(composed: Flow, part: Flow, other: Flow) -> Flow:
+    """A composition with another part in the place of one."""
+    return type(composed)(
+        **{name: other if value is part else value for name, value in vars(composed).items()}
+    )
 
 
 def test_any_callable_is_a_flow() -> None:
@@ -54,6 +68,19 @@ def test_no_points_are_fine() -> None:
 def test_a_flow_leaves_the_points_it_is_given_alone() -> None:
     before = POINTS.copy()
     Sequence((Streamlines(Vortex()), as_flow(drift))).displace(POINTS, 0.0, 0.3)
+    np.testing.assert_array_equal(POINTS, before)
+
+
+def test_a_callable_may_write_over_the_points_it_gets() -> None:
+    """Composed with others, and undone, it moves points as one that returns new ones does."""
+    flow, before = as_flow(drift_in_place), POINTS.copy()
+    half = Sphere(radius=0.8, falloff=1.0)
+    for composed in (Blend(Sequence(()), flow, 0.25), Blend(flow, as_flow(drift), 0.5), Within(flow, half)):
+        same = replaced(composed, flow, as_flow(drift))
+        for dt in (0.1, -0.1):
+            moved = composed.displace(POINTS, 2.0, dt)
+            np.testing.assert_array_equal(moved, same.displace(POINTS, 2.0, dt))
+            assert np.abs(moved - POINTS).max() > 0.01
     np.testing.assert_array_equal(POINTS, before)
 
 

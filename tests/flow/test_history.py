@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import gc
+import weakref
+from typing import Any
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -11,8 +15,22 @@ from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, displaced, keyed
 from pipeline.flow import history as module
-from pipeline.flow.catalogue import Enright, Expansion, Lorenz, Shear, Stretch, Taper, Twist, Vortex
+from pipeline.flow.catalogue import (
+    Attraction,
+    Enright,
+    Expansion,
+    Lorenz,
+    Rotation,
+    Shear,
+    Stretch,
+    Taper,
+    Target,
+    Twist,
+    Vortex,
+)
+from pipeline.flow.compose import Limited
 from pipeline.flow.history import History, Step
+from pipeline.flow.regions import SampledRegion
 from pipeline.flow.velocity import Course
 
 DT = 1 / 24
@@ -83,6 +101,33 @@ def test_streamlines_of_many_frames_are_one_call(points: Points, monkeypatch: py
     again = history_of(flow, 12).carry(points)
     assert 5 <= len(calls) <= 9 and max(calls) <= module.LARGEST_COURSE
     assert again.tobytes() == whole.tobytes()
+
+
+def test_what_a_course_reads_lives_as_long_as_the_course(points: Points) -> None:
+    """Fields, and regions, that are gone when it is followed, and their memory filled by others."""
+
+    def flows() -> tuple[Streamlines, Streamlines]:
+        distances = np.linalg.norm(np.indices((40, 40, 40)) - 20.0, axis=0) - 10.0
+        region = SampledRegion(0.1 * distances, (-2.0, -2.0, -2.0), 0.1, falloff=0.5)
+        pull = Attraction(Target.points(np.random.default_rng(1).normal(size=(5000, 3))), 2.0, 3.0)
+        return Streamlines(Sum((pull, Vortex())), 2), Streamlines(Limited(Rotation(), region), 2)
+
+    one, other = flows()
+    expected = other.displace(one.displace(points, 0.0, DT), 0.0, DT)
+    del one, other
+    gone: list[weakref.ref[Any]] = []
+
+    def course() -> Course:
+        made = flows()
+        gone.extend(weakref.ref(flow) for flow in made)
+        return Course.joined([flow.course(0.0, DT) for flow in made])
+
+    joined = course()
+    gc.collect()
+    assert [known() for known in gone] == [None, None]
+    overwritten = [np.full(shape, np.nan) for shape in (64_003, 45_000, 85_000, 90_000) for _ in range(5)]
+    assert joined.follow(points).tobytes() == expected.tobytes()
+    assert len(joined.owners) == 2 and overwritten
 
 
 def test_points_given_stay_as_they_are(points: Points) -> None:

@@ -14,7 +14,16 @@ from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, keyed
 from pipeline.flow.catalogue import Translation
 from pipeline.flow.compose import Limited
-from pipeline.flow.regions import STEEPEST_FALL, Box, Capsule, Cylinder, HalfSpace, Region, Sampled, Sphere
+from pipeline.flow.regions import (
+    STEEPEST_FALL,
+    Box,
+    Capsule,
+    Cylinder,
+    HalfSpace,
+    Region,
+    SampledRegion,
+    Sphere,
+)
 
 POINTS = np.random.default_rng(8).uniform(-2, 2, size=(700, 3))
 AXIS = np.array([1.0, 2.0, -1.0]) / math.sqrt(6)
@@ -29,12 +38,12 @@ REGIONS: list[Region] = [
 ]
 
 
-def sampled(radius: float = 0.9, spacing: float = 0.05, **rim: object) -> Sampled:
+def sampled(radius: float = 0.9, spacing: float = 0.05, **rim: object) -> SampledRegion:
     """A ball about (0.2, 0.1, 0), looked at from node to node."""
     nodes = np.arange(-2.0, 2.0 + spacing / 2, spacing)
     grid = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1)
     distances = np.linalg.norm(grid - [0.2, 0.1, 0.0], axis=-1) - radius
-    return Sampled(distances, (-2.0, -2.0, -2.0), spacing, **rim)  # type: ignore[arg-type]
+    return SampledRegion(distances, (-2.0, -2.0, -2.0), spacing, **rim)  # type: ignore[arg-type]
 
 
 def distance(region: Region, points: Points) -> Floats:
@@ -134,7 +143,20 @@ def test_a_sampled_region_is_known_by_its_distances_and_not_by_where_they_lie() 
     assert flows[0].acting(0.0, 0.1) == flows[1].acting(0.0, 0.1) != flows[2].acting(0.0, 0.1)
 
 
+def test_what_is_at_no_place_is_in_no_sampled_region_and_harms_nobody() -> None:
+    bad = POINTS.copy()
+    bad[[3, 40, 41]] = [(np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.nan)]
+    others = np.delete(np.arange(len(bad)), [3, 40, 41])
+    for region in (*REGIONS, sampled(spacing=0.1, falloff=0.7)):
+        found = region.weight(bad, 0.0)
+        assert found[others].tobytes() == region.weight(POINTS, 0.0)[others].tobytes()
+        moved = Streamlines(Limited(Translation((1.0, 0.0, 0.0)), region), 2).displace(bad, 0.0, 0.1)
+        assert np.isfinite(moved[others]).all() and np.isnan(moved[[3, 40, 41]]).any(axis=1).all()
+        if isinstance(region, SampledRegion):
+            assert found[[3, 40, 41]].tolist() == [0.0, 0.0, 0.0]
+
+
 @pytest.mark.parametrize("distances", [np.zeros((3, 3)), np.zeros((1, 4, 4)), np.full((2, 2, 2), np.nan)])
 def test_a_grid_that_is_none_is_refused(distances: Floats) -> None:
     with pytest.raises(UsageError, match="are no grid to look up in"):
-        Sampled(distances)
+        SampledRegion(distances)

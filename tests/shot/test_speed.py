@@ -15,7 +15,7 @@ from pipeline.animation import animate, at_moment
 from pipeline.errors import ShotError, UsageError
 from pipeline.flow import EASINGS, Keyframes, keyed
 from pipeline.flow.formulated import Formulated
-from pipeline.flow.retiming import elapsed
+from pipeline.flow.retiming import _piece, elapsed
 from pipeline.shot import Shot, read_shot
 
 SHOT = """\
@@ -60,6 +60,51 @@ def test_known_integrals_are_met_to_the_last_digits() -> None:
     assert elapsed(0.25, 3.0) == 0.75
     loop = Keyframes((0.0, 1.0), ((0.0,), (1.0,)), ("linear",) * 2, after="ping_pong")
     assert elapsed(loop, 4.5) == pytest.approx(2.125, abs=1e-13)
+
+
+KEYS = st.tuples(st.floats(-2, 2), st.floats(0.05, 1.5), st.floats(0.1, 1.5))
+BEYOND = st.sampled_from(["hold", "loop", "ping_pong", "offset", "continue"])
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    KEYS, st.sampled_from(["linear", "constant", "quad_in", "bounce_out"]), BEYOND, BEYOND, st.floats(0, 5)
+)
+def test_beyond_the_keys_time_passes_as_the_speed_says(
+    keys: tuple[float, float, float], ease: str, before: Any, after: Any, until: float
+) -> None:
+    """Against the midpoint rule, in rounds of the keys or whatever follows them."""
+    first, *lengths = keys
+    times = (first, first + lengths[0], first + sum(lengths))
+    speed = Keyframes(times, ((1.0,), (3.0,), (0.5,)), (ease,) * 3, before=before, after=after)
+    n = 4000
+    rough = sum(speed.at((i + 0.5) * until / n)[0] for i in range(n)) * until / n
+    largest = max(1.0, *(abs(speed.at(i * until / 50)[0]) for i in range(51)))
+    assert elapsed(speed, until) == pytest.approx(rough, abs=largest * (3e-2 if ease == "constant" else 4e-3))
+
+
+@pytest.mark.parametrize("mode", ["loop", "ping_pong", "offset"])
+def test_many_rounds_take_no_longer_than_one(mode: Any) -> None:
+    """Keys a ten-thousandth of a frame apart; the sums are known."""
+    _piece.cache_clear()
+    length = 1e-4 / 24
+    speed = Keyframes((0.0, length), ((1.0,), (2.0,)), ("linear",) * 2, after=mode)
+    rounds = 2.0 / length
+    expected = {"loop": 3.0, "ping_pong": 3.0, "offset": length * (1.5 * rounds + rounds * (rounds - 1) / 2)}
+    assert elapsed(speed, 2.0) == pytest.approx(expected[mode], rel=1e-4)
+    assert _piece.cache_info().misses < 20
+
+
+@pytest.mark.parametrize("before", ["hold", "continue"])
+@pytest.mark.parametrize("after", ["hold", "continue", "loop", "ping_pong", "offset"])
+def test_when_a_key_comes_changes_no_bit_before_the_key_before_it(before: Any, after: Any) -> None:
+    one, other = (
+        Keyframes((0.21, 0.9, last), ((1.0,), (2.0,), (0.3,)), ("bounce_in",) * 3, before=before, after=after)
+        for last in (1.7, 1.83)
+    )
+    times = [i / 48 for i in range(44)]  # up to 0.8958
+    assert [elapsed(one, t).hex() for t in times] == [elapsed(other, t).hex() for t in times]
+    assert elapsed(one, 1.5) != elapsed(other, 1.5)
 
 
 @settings(max_examples=60, deadline=None)
@@ -108,6 +153,21 @@ def test_a_key_of_the_speed_leaves_the_frames_before_it_alone() -> None:
     one, other = (shot(f"{{keys: {{1: 1, 9: 2, 17: {last}}}}}").motion for last in (2, 3))
     same = [one.step_data(n) == other.step_data(n) for n in range(2, 26)]
     assert same == [n <= 9 for n in range(2, 26)]
+
+
+def test_moving_a_key_of_the_speed_leaves_the_frames_before_the_key_before_it_alone() -> None:
+    one, other = (shot(f"{{keys: {{1: 1, 9: 2, {last}: 3}}}}").motion for last in (17, 20))
+    same = [one.step_data(n) == other.step_data(n) for n in range(2, 26)]
+    assert all(same[:8]) and not any(same[8:18])
+
+
+def test_keys_of_the_speed_that_are_close_are_fine_and_those_at_infinity_are_told() -> None:
+    _piece.cache_clear()
+    clock = shot("{keys: {1: 1, 1.0001: 2}}").motion.clock
+    assert clock.flow_time(25) == pytest.approx(2.0, abs=1e-5)
+    assert _piece.cache_info().misses < 40
+    with pytest.raises(ShotError, match=r"a\.yaml:5:"):
+        shot("{keys: {-1000000000000: 1, 5: 2}}")
 
 
 def test_at_twice_the_speed_the_flow_has_keys_beyond_the_last_frame() -> None:

@@ -66,9 +66,13 @@ class Attraction(External):
 
     and beyond R nothing moves. Where two points of the target are equally near the velocity jumps.
 
-    Near the target the distance shrinks as exp(−rate × seconds). The nearest point moves at most as much as p
-    does, save for the jumps: the gradient is at most the rate. Source: ours; the falloff is that of
-    `Expansion`.
+    Near the target the distance shrinks as exp(−rate × seconds).
+
+    About a convex target q moves at most as much as p does, and the gradient is at most the rate, which
+    decides the sub-steps. Inside a bend it can be steeper: at the height h towards the centre of a curvature
+    κ, q moves 1 / (1 − κ h) as much as p along the bend, without bound as h nears the radius 1/κ, where the
+    jumps are. There points are followed less closely than `STEP_LIMIT` says; `substeps` helps but for the
+    jumps. Source: ours; the falloff is that of `Expansion`.
     """
 
     target: Target
@@ -88,4 +92,5 @@ class Attraction(External):
         return {"attraction": self.target.digest, "numbers": list(self.numbers(time)[1:])}
 
     def steepness(self, time: float) -> float:
+        """A bound for convex targets; see above for others."""
         return abs(number_at(self.rate, time))

@@ -69,13 +69,16 @@ class Formula(External):
     @property
     def timed(self) -> bool:
         """Whether it speaks of t."""
-        return any("t" in expression.uses for expression in self.expressions)
+        return self._speaks_of("t")
+
+    def _speaks_of(self, word: str) -> bool:
+        return any(word in expression.uses for expression in self.expressions)
 
     def numbers(self, time: float) -> tuple[float, ...]:
         return tuple(number_at(value, time) for _, value in self.words)
 
     def identity(self, time: float) -> Any:
-        numbers = dict(zip(self._names, self.numbers(time), strict=True))
+        numbers = {name: number_at(value, time) for name, value in self.words if self._speaks_of(name)}
         return {"formula": list(self.texts), "numbers": numbers, **({"t": time} if self.timed else {})}
 
     def steepness(self, time: float) -> float:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from pipeline.arrays import Points
-from pipeline.flow.choreography import Number, number_at
+from pipeline.flow.choreography import Number
 from pipeline.flow.compose.inverse import undone
 from pipeline.flow.compose.weight import weight_at
 from pipeline.flow.flow import Flow
@@ -47,7 +47,7 @@ class Blend(Weighed):
         return moved
 
     def acting(self, time: float, dt: float) -> Any:
-        weight = number_at(self.weight, time + dt / 2)
+        weight = weight_at(self.weight, time + dt / 2, self.name)
         first = self.first.acting(time, dt) if weight != 1 else None
         return {"blend": weight, "from": first, "to": self.second.acting(time, dt) if weight != 0 else None}
 

@@ -31,13 +31,13 @@ class Frame:
     def at(self, time: float) -> tuple[Floats, Floats]:
         """Its origin (3,) and its axes, the columns of a matrix (3, 3).
 
-        Raises FrameError where the scale is not above 0.
+        Raises FrameError where the scale is not above 0, or not finite.
         """
         scale = float(number_at(self.scale, time))
-        if not scale > 0:
+        if not 0 < scale < math.inf:
             raise FrameError(
-                f"a frame has the scale {scale:g} at {time:g} s, and nothing has room in it; "
-                "it must be above 0. Mend its keys."
+                f"a frame has the scale {scale:g} at {time:g} s, in which nothing has room; "
+                "it must be above 0, and finite. Mend its keys."
             )
         (cx, cy, cz), (sx, sy, sz) = (
             [turn(angle) for angle in place_at(self.rotate, time)] for turn in (math.cos, math.sin)
