@@ -26,6 +26,7 @@ from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
 from pipeline.shot import Film, read_film
 from pipeline.shot.layers import DEFAULTS, rests_on
+from pipeline.shot.surroundings import is_there, shown
 from render.look import LOOKS
 from render.quality import QUALITIES
 
@@ -193,14 +194,14 @@ def find_shot(name: str) -> Path:
         raise UsageError(
             f"{path}: a shot is named by letters, digits, _, - and ., as in A010_cube; rename it"
         )
-    if path.is_file():
+    if is_there(path):
         return path
     if path == Path(name):
-        raise MissingInputError(f"{name}: no such shot file; flowsculpt new makes one")
+        raise MissingInputError(f"{shown(name)}: no such shot file; flowsculpt new makes one")
     known = shot_names()
     near = difflib.get_close_matches(name, known, n=1) or known[:6]
     hint = f"did you mean {', '.join(near)}?" if near else "there are none; flowsculpt new makes one"
-    raise MissingInputError(f"{path}: no such shot; {hint}")
+    raise MissingInputError(f"{shown(path)}: no such shot; {hint}")
 
 
 def shot_names() -> list[str]:

@@ -75,8 +75,10 @@ STANDS_BESIDE = {
             "curves",
             "data",
             "documents",
+            "field_documents",
             "fields",
             "flows",
+            "generated",
             "keys",
             "layers",
             "messages",
@@ -84,6 +86,7 @@ STANDS_BESIDE = {
             "regions",
             "settings",
             "source",
+            "surroundings",
         )
     ),
 }

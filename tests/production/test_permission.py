@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
-from pipeline.errors import UsageError
+from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.npz import read_npz
 from pipeline.production.plan import Plan
 from pipeline.production.take import Take
-from pipeline.production.workflow import Studio
+from pipeline.production.workflow import Studio, find_shot
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"
@@ -46,6 +46,13 @@ def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_
     np.testing.assert_allclose(lifted, np.tile([0.0, 2 / 24, 0.0], (len(lifted), 1)), atol=1e-12)
     forbidden = Studio(tmp_path, 1).take(Path(shot), "draft", variant="none")
     assert [forbidden.mesh_key(n) for n in (1, 2, 3)] == [take.mesh_key(n) for n in (1, 2, 3)]
+
+
+def test_a_shot_that_no_file_can_be_called_is_not_there() -> None:
+    for name in ("n" * 5000, "n" * 5000 + ".yaml"):
+        with pytest.raises(MissingInputError, match="no such shot") as told:
+            find_shot(name)
+        assert len(str(told.value)) < 400
 
 
 def job_of(plan: Plan, root: Path) -> subprocess.CompletedProcess[str]:
