@@ -21,6 +21,7 @@ from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
 from pipeline.production.run import acquire
+from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
@@ -127,24 +128,16 @@ class Studio:
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
         beside = self._beside.get(path) or self._beside.setdefault(path, rests_on(path, text))
-        take = Take(
-            text,
-            path,
-            quality,
-            "none",
-            (),
-            settings=self.settings,
-            beside=tuple(beside.items()),
-            allow_code=self.allow_code,
-        )
-        requested = FrameRange.parse(frames) if frames is not None else take.shot.frames
-        outside = requested.outside(take.shot.frames)
+        script = Script(text, path, self.settings, tuple(beside.items()), self.allow_code).pinned()
+        whole = script.shot.frames
+        requested = FrameRange.parse(frames) if frames is not None else whole
+        outside = requested.outside(whole)
         if outside:
             raise UsageError(
-                f"{path}: frames {outside} are not in the shot, which has {take.shot.frames}; "
-                "ask for frames among those"
+                f"{path}: frames {outside} are not in the shot, which has {whole}; ask for frames among those"
             )
-        return take.planned(variant or variant_for(self.root, take.name, self.variant), requested)
+        chosen = variant or variant_for(self.root, script.name, self.variant)
+        return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
 
     def _planner(self) -> Planner:
         return Planner(self.store, self.cores)

@@ -72,7 +72,9 @@ def test_a_job_has_the_permission(shot: str, tmp_path: Path) -> None:
 
 def test_a_job_without_the_permission_runs_nothing(shot: str, tmp_path: Path) -> None:
     plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
-    forbidden = replace(plan, takes=tuple({**take, "allow_code": False} for take in plan.takes))
+    forbidden = replace(
+        plan, takes=tuple({**take, "script": {**take["script"], "allow_code": False}} for take in plan.takes)
+    )
     done = job_of(forbidden, tmp_path)
     assert done.returncode == 1 and "that needs permission" in done.stderr, done.stderr
     assert not (tmp_path / plan.targets[-1]).exists()
