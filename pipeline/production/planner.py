@@ -126,10 +126,10 @@ class Planner:
     def _enter(self, take: Take) -> int:
         """The take's place in the plan. Raises UsageError where another shot has its name."""
         for other in self._takes:
-            if other.shot.name == take.shot.name and other.path != take.path:
+            if other.name == take.name and other.script.path != take.script.path:
                 raise UsageError(
-                    f"{other.path} and {take.path} are both called {take.shot.name}, and so would their "
-                    "frames be; rename one of them"
+                    f"{other.script.path} and {take.script.path} are both called {take.name}, and so would "
+                    "their frames be; rename one of them"
                 )
         if take not in self._takes:
             self._takes.append(take)

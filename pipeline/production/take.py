@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -28,11 +28,11 @@ from pipeline.production.keys import (
     key_of,
 )
 from pipeline.production.layout import Folders
-from pipeline.production.pinned import Pins, pins_of, require_same, require_unchanged
 from pipeline.production.poses import Pose, Turntable
+from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.resample import Thresholds
-from pipeline.shot import Shot, read_shot
+from pipeline.shot import Shot
 from pipeline.shot.data import as_data
 from render.errors import BadInputError
 from render.frame import seed_of
@@ -44,76 +44,44 @@ from render.quality import Quality
 class Take:
     """The pictures of one shot at one quality, rendered by one variant.
 
-    text, path  the shot file as it was when the work was planned, and where it lies
-    requested   the frames asked for
-    settings    what takes the place of its values
-    beside      the files that it rests on as they were: names and texts
-    allow_code  whether the shot may run the Python files that it names
-    pins        the other files that it reads as they were; None where the work is not planned yet
+    script     what its shot is read from
+    requested  the frames asked for
     """
 
-    text: str
-    path: Path
+    script: Script
     quality_name: str
     variant: str
     requested: tuple[int, ...]
     turntable: Turntable | None = None
-    settings: tuple[str, ...] = ()
-    beside: tuple[tuple[str, str], ...] = ()
-    allow_code: bool = False
-    pins: Pins | None = None
 
     def as_data(self) -> dict[str, Any]:
         return {
-            "text": self.text,
-            "path": str(self.path),
+            "script": self.script.as_data(),
             "quality": self.quality_name,
             "variant": self.variant,
             "requested": list(self.requested),
             "turntable": asdict(self.turntable) if self.turntable else None,
-            "settings": list(self.settings),
-            "beside": [list(file) for file in self.beside],
-            "allow_code": self.allow_code,
-            "pins": None if self.pins is None else [list(pin) for pin in self.pins],
         }
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Take:
         return cls(
-            text=data["text"],
-            path=Path(data["path"]),
+            script=Script.from_data(data["script"]),
             quality_name=data["quality"],
             variant=data["variant"],
             requested=tuple(data["requested"]),
             turntable=Turntable(**data["turntable"]) if data["turntable"] else None,
-            settings=tuple(data["settings"]),
-            beside=tuple((name, text) for name, text in data["beside"]),
-            allow_code=data["allow_code"],
-            pins=None if data["pins"] is None else tuple((path, digest) for path, digest in data["pins"]),
         )
 
-    @cached_property
+    @property
     def shot(self) -> Shot:
-        """Raises UsageError where a file that it reads was changed since the work was planned."""
-        require_unchanged(self.pins or ())
-        shot = read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
-        if self.pins is not None:
-            require_same(self.pins, pins_of(shot.files))
-        return shot
+        """Raises what `Script.shot` raises."""
+        return self.script.shot
 
     @property
     def name(self) -> str:
         """The shot's, which is known without reading it."""
-        return self.path.stem
-
-    def planned(self, variant: str, requested: Iterable[int]) -> Take:
-        """The same with pictures asked for, and with the files pinned that its shot has read."""
-        return replace(
-            self,
-            variant=variant,
-            requested=tuple(dict.fromkeys(requested)),
-            pins=pins_of(self.shot.files),
-        )
+        return self.script.name
 
     @property
     def quality(self) -> Quality:

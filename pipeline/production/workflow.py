@@ -21,11 +21,13 @@ from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
 from pipeline.production.run import acquire
+from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
 from pipeline.shot import Film, read_film
 from pipeline.shot.layers import DEFAULTS, rests_on
+from pipeline.shot.surroundings import is_there, shown
 from render.look import LOOKS
 from render.quality import QUALITIES
 
@@ -126,24 +128,16 @@ class Studio:
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
         beside = self._beside.get(path) or self._beside.setdefault(path, rests_on(path, text))
-        take = Take(
-            text,
-            path,
-            quality,
-            "none",
-            (),
-            settings=self.settings,
-            beside=tuple(beside.items()),
-            allow_code=self.allow_code,
-        )
-        requested = FrameRange.parse(frames) if frames is not None else take.shot.frames
-        outside = requested.outside(take.shot.frames)
+        script = Script(text, path, self.settings, tuple(beside.items()), self.allow_code).pinned()
+        whole = script.shot.frames
+        requested = FrameRange.parse(frames) if frames is not None else whole
+        outside = requested.outside(whole)
         if outside:
             raise UsageError(
-                f"{path}: frames {outside} are not in the shot, which has {take.shot.frames}; "
-                "ask for frames among those"
+                f"{path}: frames {outside} are not in the shot, which has {whole}; ask for frames among those"
             )
-        return take.planned(variant or variant_for(self.root, take.name, self.variant), requested)
+        chosen = variant or variant_for(self.root, script.name, self.variant)
+        return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
 
     def _planner(self) -> Planner:
         return Planner(self.store, self.cores)
@@ -193,14 +187,14 @@ def find_shot(name: str) -> Path:
         raise UsageError(
             f"{path}: a shot is named by letters, digits, _, - and ., as in A010_cube; rename it"
         )
-    if path.is_file():
+    if is_there(path):
         return path
     if path == Path(name):
-        raise MissingInputError(f"{name}: no such shot file; flowsculpt new makes one")
+        raise MissingInputError(f"{shown(name)}: no such shot file; flowsculpt new makes one")
     known = shot_names()
     near = difflib.get_close_matches(name, known, n=1) or known[:6]
     hint = f"did you mean {', '.join(near)}?" if near else "there are none; flowsculpt new makes one"
-    raise MissingInputError(f"{path}: no such shot; {hint}")
+    raise MissingInputError(f"{shown(path)}: no such shot; {hint}")
 
 
 def shot_names() -> list[str]:

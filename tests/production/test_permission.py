@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
-from pipeline.errors import UsageError
+from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.npz import read_npz
 from pipeline.production.plan import Plan
 from pipeline.production.take import Take
-from pipeline.production.workflow import Studio
+from pipeline.production.workflow import Studio, find_shot
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"
@@ -48,6 +48,13 @@ def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_
     assert [forbidden.mesh_key(n) for n in (1, 2, 3)] == [take.mesh_key(n) for n in (1, 2, 3)]
 
 
+def test_a_shot_that_no_file_can_be_called_is_not_there() -> None:
+    for name in ("n" * 5000, "n" * 5000 + ".yaml"):
+        with pytest.raises(MissingInputError, match="no such shot") as told:
+            find_shot(name)
+        assert len(str(told.value)) < 400
+
+
 def job_of(plan: Plan, root: Path) -> subprocess.CompletedProcess[str]:
     """The first job of a plan in a process of its own, as a run starts it."""
     frozen = plan.freeze(root)
@@ -65,7 +72,9 @@ def test_a_job_has_the_permission(shot: str, tmp_path: Path) -> None:
 
 def test_a_job_without_the_permission_runs_nothing(shot: str, tmp_path: Path) -> None:
     plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
-    forbidden = replace(plan, takes=tuple({**take, "allow_code": False} for take in plan.takes))
+    forbidden = replace(
+        plan, takes=tuple({**take, "script": {**take["script"], "allow_code": False}} for take in plan.takes)
+    )
     done = job_of(forbidden, tmp_path)
     assert done.returncode == 1 and "that needs permission" in done.stderr, done.stderr
     assert not (tmp_path / plan.targets[-1]).exists()

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ShotError
+from pipeline.production.script import Script
 from pipeline.production.take import Take
 from pipeline.shot import read_shot
 
@@ -20,9 +21,8 @@ resample: {max_edge_length: 0.5}
 
 
 def take_of(text: str) -> Take:
-    return Take(
-        text=text, path=Path("T010_tiny.yaml"), quality_name="preview", variant="none", requested=(1,)
-    )
+    script = Script(text, Path("T010_tiny.yaml"))
+    return Take(script, quality_name="preview", variant="none", requested=(1,))
 
 
 def test_patches_change_the_picture_and_no_mesh() -> None:
