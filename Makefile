@@ -10,10 +10,11 @@ film: .venv/ready
 	$(BIN)/flowsculpt -j $(CORES) film
 
 test: .venv/ready-dev check
-	$(BIN)/python -m pytest -m "not soak"
+	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile
 
+# Long runs, and all other tests with examples that are new every time.
 soak: .venv/ready-dev
-	$(BIN)/python -m pytest -m soak
+	$(BIN)/python -m pytest --hypothesis-profile=default
 
 check: .venv/ready-dev
 	$(BIN)/ruff check .
