@@ -56,7 +56,7 @@ def _moved(part: Part, points: Points, frame: int) -> Points:
     place = f"flow {flow.name}"
     try:
         moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
-    except (FlowsculptError, ArithmeticError) as error:
+    except FlowsculptError as error:
         raise failure(error, flow, frame) from error
     except Exception as error:
         raise FrameError(

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, vertex_normals
-from pipeline.mesh.true_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
+from pipeline.mesh.true_surfaces import RIM, Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
 from pipeline.shot import Solid
 from pipeline.shot.subject import SOLIDS as SOLID_KINDS
 
@@ -52,7 +52,8 @@ def test_what_lies_on_the_surface_stays_and_finds_itself_along_its_normal(
 ) -> None:
     rng = np.random.default_rng(seed)
     on = surface(rng.uniform(-2, 2, (40, 3)))
-    np.testing.assert_allclose(surface(on), on, atol=1e-15)
+    moved = np.linalg.norm(surface(on) - on, axis=1)
+    assert ((moved < 1e-14) | ((moved < 1.5 * RIM) & isinstance(surface, Cylinder))).all()  # or onto a rim
     normals = surface.normals(on)
     known = normals.any(axis=1)
     np.testing.assert_allclose(np.linalg.norm(normals[known], axis=1), 1.0, atol=1e-15)
@@ -99,7 +100,8 @@ def test_a_rim_bent_by_interpolation_is_put_on_the_rim() -> None:
 def test_even_the_centre_has_a_nearest_point(mesh: TriangleMesh, surface: TrueSurface) -> None:
     on = surface(np.zeros((1, 3)))
     assert np.isfinite(on).all() and np.isfinite(surface.normals(np.zeros((1, 3)))).all()
-    np.testing.assert_allclose(surface(on), on, atol=1e-15)
+    moved = np.linalg.norm(surface(on) - on, axis=1)
+    assert ((moved < 1e-14) | ((moved < 1.5 * RIM) & isinstance(surface, Cylinder))).all()  # or onto a rim
     assert surface(np.empty((0, 3))).shape == (0, 3)
 
 
