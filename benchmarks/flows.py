@@ -88,7 +88,7 @@ def fused(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
     """A kernel for this program alone; its numbers are arguments, so that it serves any of them."""
     equation, numbers = by_hand(program), tuple(table_of(program).ravel().tolist())
 
-    @numba.njit(parallel=parallel)  # type: ignore[untyped-decorator]
+    @numba.njit(parallel=parallel)  # type: ignore[untyped-decorator]  # numba has no types
     def follow(points: Points, p: Any, h: float, out: Points) -> None:
         for i in prange(len(points)):
             x, y, z = points[i, 0], points[i, 1], points[i, 2]

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float32]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
 def look_up(light: Floats, gain: float, toe: float, brightest: float, cube: Floats, shown: Floats) -> None:
     """Each of `light` (N, 3), times `gain`, trilinearly in `cube` (S, S, S, 3), into `shown` (N, 3).
 

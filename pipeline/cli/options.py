@@ -106,6 +106,6 @@ def with_common(function: Callable[..., None]) -> Callable[..., None]:
 
     parameters = [shared["ctx"], *list(own.values())[1:], *[p for n, p in shared.items() if n != "ctx"]]
     keyword_only = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters]
-    command.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]
+    command.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]  # typer reads it
     command.__annotations__ = {p.name: p.annotation for p in keyword_only}
     return command

@@ -26,7 +26,7 @@ from pipeline.kernels import kernel
 _DOUBLES = types.CPointer(types.float64)
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
 def doubles_at(typingctx: Any, address: Any) -> Any:
     """A pointer to doubles, from an address: `carray(doubles_at(address), n)` reads them."""
 
@@ -36,7 +36,7 @@ def doubles_at(typingctx: Any, address: Any) -> Any:
     return _DOUBLES(types.int64), generate
 
 
-@intrinsic  # type: ignore[untyped-decorator]
+@intrinsic  # type: ignore[untyped-decorator]  # numba has no types
 def _call(typingctx: Any, address: Any, n: Any, t: Any, pointers: Any) -> Any:
     """Call the external at an address; pointers: numbers, x, y, z, u, v, w."""
 

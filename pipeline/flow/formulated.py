@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -35,6 +35,7 @@ class Formulated(Curve):
     fps: float
     first: int
     unit: float = 1.0
+    _expressions: tuple[Expression, ...] = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         expressions = tuple(Expression(text, TIME_NAMES) for text in self.texts)
@@ -48,5 +49,5 @@ class Formulated(Curve):
         """The values (T, K) at many times. Raises UsageError with the first at which one is not finite."""
         seconds = np.fromiter(times, np.float64)
         frames = self.first + np.round(seconds * self.fps, SAME_FRAME)
-        expressions: tuple[Expression, ...] = self._expressions  # type: ignore[attr-defined]
-        return self.unit * np.stack([e(frame=frames, seconds=seconds) for e in expressions], axis=1)
+        found = [formula(frame=frames, seconds=seconds) for formula in self._expressions]
+        return self.unit * np.stack(found, axis=1)

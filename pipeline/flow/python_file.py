@@ -89,10 +89,10 @@ def digest_of(path: Path) -> str:
 
 def _loaded(path: Path, digest: str, name: str) -> Displacement:
     """A function of a file, as it was when it got that digest. Raises FrameError."""
-    function = getattr(_module(path, digest), name, None)
+    function: Displacement | None = getattr(_module(path, digest), name, None)
     if not callable(function):
         raise FrameError(f"{path}: it defines no function {name}; correct the name in the shot")
-    return function  # type: ignore[no-any-return]
+    return function
 
 
 @lru_cache(maxsize=64)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any, Literal
 
 import numpy as np
@@ -209,6 +209,8 @@ class SampledRegion(Region):
     distances: Floats
     origin: Vector = ORIGIN
     spacing: float = 1.0
+    _numbers: Floats = field(init=False, repr=False)
+    _digest: str = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
         grid = np.array(self.distances, dtype=np.float64, order="C")
@@ -224,7 +226,7 @@ class SampledRegion(Region):
     def closing(self, time: float) -> Instruction:
         """What stands for it in keys holds a digest of the distances in place of their address."""
         closing = super().closing(time)
-        known = [*closing.numbers[:4], self._digest, *closing.numbers[5:]]  # type: ignore[attr-defined]
+        known = [*closing.numbers[:4], self._digest, *closing.numbers[5:]]
         return closing._replace(identity=known, owner=self)
 
     @property
@@ -232,7 +234,7 @@ class SampledRegion(Region):
         return op.CLOSE_SAMPLED
 
     def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        address = float(self._numbers.ctypes.data)  # type: ignore[attr-defined]
+        address = float(self._numbers.ctypes.data)
         return (*self.origin, self.spacing, address), ()
 
     def bounds(self, time: float) -> tuple[Vector, Vector]:

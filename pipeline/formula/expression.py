@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -22,15 +22,17 @@ class Expression:
 
     text   what is written
     names  the values it may speak of, such as ("x", "y", "z", "time")
+    tree   its syntax, in which everything is allowed
 
     Raises FormulaError, with the column, for anything that is no number, name, operator or function of ours.
     """
 
     text: str
     names: tuple[str, ...]
+    tree: ast.expr = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_tree", checked(self.text, self.names))
+        object.__setattr__(self, "tree", checked(self.text, self.names))
 
     @property
     def uses(self) -> frozenset[str]:
@@ -53,12 +55,6 @@ class Expression:
             raise UsageError(self._not_finite(result, int(bad[0]), values))
         return result
 
-    @property
-    def tree(self) -> ast.expr:
-        """Its syntax, in which everything is allowed."""
-        tree: ast.expr = self._tree  # type: ignore[attr-defined]
-        return tree
-
     def _not_finite(self, result: Floats, row: int, values: Mapping[str, ArrayLike]) -> str:
         rows = {name: np.broadcast_to(value, result.shape).ravel()[row] for name, value in values.items()}
         place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.names if name in rows)
@@ -71,8 +67,8 @@ class Expression:
 def value_of(node: ast.expr, known: Mapping[str, Any]) -> Any:
     """The value of a checked tree. Both sides of a condition are evaluated, and one is taken at each row."""
     match node:
-        case ast.Constant():
-            return np.float64(node.value)  # type: ignore[arg-type]
+        case ast.Constant(value=int() | float() as number):
+            return np.float64(number)
         case ast.Name():
             return known[node.id]
         case ast.UnaryOp():

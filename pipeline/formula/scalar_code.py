@@ -49,8 +49,8 @@ class ScalarCode:
     def value(self, node: ast.expr) -> str:
         """Has the value of a checked tree computed; returns the name or number that then stands for it."""
         match node:
-            case ast.Constant():
-                return repr(float(node.value))  # type: ignore[arg-type]
+            case ast.Constant(value=int() | float() as number):
+                return repr(float(number))
             case ast.Name():
                 return self._words[node.id]
             case ast.UnaryOp(op=ast.Not()):

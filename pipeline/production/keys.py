@@ -31,8 +31,8 @@ SIMULATION_CODE = (
     "pipeline/flow",
     "pipeline/animation",
     "pipeline/formula",
-    *(f"pipeline/{name}.py" for name in ("frames", "kernels", "statistics")),
-    *(f"pipeline/shot/{name}.py" for name in ("clock", "shot", "subject", "resampling")),
+    *(f"pipeline/{name}.py" for name in ("__init__", "frames", "kernels", "statistics")),
+    *(f"pipeline/shot/{name}.py" for name in ("clock", "motion", "subject", "resampling")),
 )
 """What moves vertices. What reads shot files is no part of it: the values that it reads are."""
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -104,14 +104,14 @@ class Formula:
     unit: float = 1.0
     frame: int | None = None
     time: float | None = None
+    _expression: Expression = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_expression", Expression(self.text, FORMULA_NAMES))
 
     @property
     def expression(self) -> Expression:
-        found: Expression = self._expression  # type: ignore[attr-defined]
-        return found
+        return self._expression
 
     def at(self, frame: int, time: float) -> Formula:
         """The formula with its frame and time filled in; itself where it speaks of neither."""

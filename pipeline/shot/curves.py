@@ -238,7 +238,7 @@ def _keyframes(keyed: Keyed[Any], clock: Clock, convert: Callable[[Any], Values]
         tuple(left) if drawn else (),
         tuple(right) if drawn else (),
         keyed.before,  # type: ignore[arg-type]  # one of them, as its validator says
-        keyed.after,  # type: ignore[arg-type]
+        keyed.after,  # type: ignore[arg-type]  # likewise
     )
 
 

@@ -18,6 +18,8 @@ NOT_DATA = {"as_data": False}
 def as_data(value: Any) -> Any:
     """Dataclasses as dicts with their class under `is`; tuples as lists; numbers and text as they are.
 
+    What a dataclass works out from its other fields (`init=False`) says nothing new and is left out.
+
     Raises UsageError for a value that has no such form, a Python function for one.
     """
     if value is None or isinstance(value, str | bool | int | float):
@@ -29,7 +31,7 @@ def as_data(value: Any) -> Any:
     if isinstance(value, tuple | list):
         return [as_data(item) for item in value]
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = [f for f in dataclasses.fields(value) if f.metadata.get("as_data", True)]
+        fields = [f for f in dataclasses.fields(value) if f.init and f.metadata.get("as_data", True)]
         return {"is": type(value).__name__, **{f.name: as_data(getattr(value, f.name)) for f in fields}}
     what = "function" if callable(value) else type(value).__name__
     raise UsageError(f"a {what} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")

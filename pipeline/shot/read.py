@@ -25,8 +25,9 @@ from pipeline.shot.documents import (
 from pipeline.shot.fields import DEGREE, Document
 from pipeline.shot.layers import DEFAULTS, layered
 from pipeline.shot.messages import findings
+from pipeline.shot.motion import Motion
 from pipeline.shot.resampling import ResampleDocument
-from pipeline.shot.shot import CameraPath, Film, Motion, Picture, Shot
+from pipeline.shot.shot import CameraPath, Film, Picture, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
 from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown

@@ -5,7 +5,7 @@ Angles are degrees in the file and radians from here on.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
@@ -19,7 +19,7 @@ from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
 from pipeline.shot.fields import DEGREE, Document, Positive, one_of
-from pipeline.shot.shot import Resampling
+from pipeline.shot.motion import Resampling
 
 REGION_NAMES = ("x", "y", "z")
 
@@ -63,6 +63,7 @@ class WithinFormula:
     """A region: where a formula over x, y and z is true, or not 0."""
 
     text: str
+    _expression: Expression = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "_expression", Expression(self.text, REGION_NAMES))
@@ -70,7 +71,7 @@ class WithinFormula:
     def __call__(self, points: Points) -> AnyArray:
         """(N,) flags of points (N, 3). Raises UsageError where the formula is not finite."""
         x, y, z = points.T
-        found: AnyArray = self._expression(x=x, y=y, z=z) != 0  # type: ignore[attr-defined]
+        found: AnyArray = self._expression(x=x, y=y, z=z) != 0
         return found
 
 
