@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
+from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.curves import NumberField, PositiveField
-from pipeline.shot.fields import Colour, Count, Document, Positive, one_of
+from pipeline.shot.fields import Colour, Count, Document, Positive, Told, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.subject import SOLIDS
@@ -19,8 +21,29 @@ from render.quality import PASS_SAMPLES
 from render.stage import STAGES
 
 
+def _measures(schema: dict[str, Any]) -> None:
+    """Each solid has measures of its own: told to editors as `checks.solid` tells it to people."""
+    every = {measure for kind in SOLIDS.values() for measure in kind.measures}
+    schema["allOf"] = [
+        {
+            "if": {"properties": {"solid": {"const": name}}, "required": ["solid"]},
+            "then": {"properties": _of_solid(kind.measures, every)},
+        }
+        for name, kind in SOLIDS.items()
+    ]
+
+
+def _of_solid(measures: Mapping[str, Any], every: set[str]) -> dict[str, Any]:
+    """What the measures of a solid can be beyond what those of all can: lists as long as its own."""
+    many = {name: len(value) for name, value in measures.items() if isinstance(value, tuple)}
+    exact = {name: {"minItems": n, "maxItems": n} for name, n in many.items()}
+    return exact | dict.fromkeys(sorted(every - measures.keys()), False)
+
+
 class SolidDocument(Document):
     """Which of the measures a solid takes is for `checks` to say."""
+
+    model_config = ConfigDict(json_schema_extra=_measures)
 
     solid: Annotated[str, one_of(SOLIDS, "solid")]
     size: list[Positive] | None = Field(None, min_length=2, max_length=3)
@@ -100,7 +123,12 @@ def _in_passes(samples: int) -> int:
     return samples
 
 
-Samples = Annotated[int, Field(ge=1, le=65536), AfterValidator(_in_passes)]
+Samples = Annotated[
+    int,
+    Field(ge=1, le=65536),
+    AfterValidator(_in_passes),
+    Told(anyOf=[{"maximum": PASS_SAMPLES}, {"multipleOf": PASS_SAMPLES}]),
+]
 
 
 class QualityDocument(Document):
@@ -119,12 +147,26 @@ class QualitiesDocument(Document):
     final: QualityDocument = QualityDocument()
 
 
+Frames = Annotated[str, Told(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")]
+"""Those of a shot have no gaps, as `checks` says."""
+
+Rate = Annotated[
+    Any,
+    Told(
+        anyOf=[
+            {"type": "number", "minimum": float(SLOWEST), "maximum": float(FASTEST)},
+            {"type": "string", "pattern": r"^\s*\+?\d+(\.\d*)?(/\d+)?\s*$"},
+        ]
+    ),
+]
+
+
 class ShotDocument(Document):
     title: str
     extends: str | None = None
     intent: str = ""
-    frames: str
-    rate: Any = 24
+    frames: Frames
+    rate: Rate = 24
     subject: SubjectDocument
     resample: Resample
     flows: list[FlowDocument] = Field(default_factory=list)
@@ -158,6 +200,6 @@ class FilmDocument(Document):
     subtitle: str = ""
     credits: list[str] = Field(default_factory=list)
     shots: list[str] = Field(min_length=1)
-    rate: Any = 24
+    rate: Rate = 24
     title_seconds: CardSeconds = 3.0
     credits_seconds: CardSeconds = 3.0

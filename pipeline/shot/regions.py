@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 from pipeline.flow.regions import FALLS, Box, Capsule, Cylinder, Fall, HalfSpace, Region, Sphere
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import NotNegativeField, PlaceField, PositiveField, number, place
-from pipeline.shot.fields import Axis, Document, Positive, axis, one_of
+from pipeline.shot.fields import Axis, Document, Positive, axis, exactly_one, one_of
 
 HERE = [0.0, 0.0, 0.0]
 
@@ -75,6 +75,8 @@ class CylinderDocument(RoundDocument):
 
 class RegionDocument(Document):
     """Exactly one shape by its name, and how it ends."""
+
+    model_config = exactly_one(*SHAPES)
 
     sphere: SphereDocument | None = None
     box: BoxDocument | None = None

@@ -18,7 +18,7 @@ from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
-from pipeline.shot.fields import DEGREE, Document, Positive, one_of
+from pipeline.shot.fields import DEGREE, Document, Positive, exactly_one, one_of
 from pipeline.shot.motion import Resampling
 
 REGION_NAMES = ("x", "y", "z")
@@ -112,6 +112,8 @@ class ActiveAngleDocument(Document):
 
 class ActiveLengthDocument(Document):
     """A length that is a function: exactly one of these."""
+
+    model_config = exactly_one("formula", "curvature", "camera")
 
     formula: str | None = None
     curvature: CurvatureDocument | None = None

@@ -193,7 +193,7 @@ SET = [
     (f"{KEYS}.9.5s=1", "key 9.5s is outside of the shot, which has frames 1-49 (2.042 s). Move it inside."),
     (f"{KEYS}.soon=1",
      "key 'soon' is no time; write a frame, such as 12, or seconds, such as 0.5s"),
-    (f"{KEYS}.1s.valeu=1", f"{KEYS} has no 1s. There are: 1, 25, 49. Set a new key as a whole."),
+    (f"{KEYS}.1s.value=1", f"{KEYS} has no 1s. There are: 1, 25, 49. Set a new key as a whole."),
     (f"{KEYS}.25.5s.ease=linear", f"{KEYS} has no 25.5s. There are: 1, 25, 49. Set a new key as a whole."),
     ("flows.1.twist.amount.keys.0.5s=1",
      "flows.1.twist.amount is 2, which holds no keys. Set flows.1.twist.amount as a whole."),
