@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli import ask, author, files, flows, make, start
+from pipeline.cli import ask, author, files, flows, make, preview, start
 from pipeline.cli.options import Cores, DryRun, Json, NoProgress, Root, remember, with_common
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
@@ -60,6 +60,8 @@ for command in (
     make.render,
     make.film,
     make.turntable,
+    preview.preview,
+    preview.curves,
     files.resample,
     flows.flows,
     author.schema,

@@ -125,10 +125,22 @@ def turntable(
 def _make(common: Common, make_plan: Callable[[], Plan]) -> None:
     """Plan, run, and say what became of it."""
     if common.dry_run:
-        plan = make_plan()
-        answer(_intended(plan), _plan_facts(plan), common.json)
+        tell_plan(common, make_plan())
         return
     started = time.monotonic()
+    outcome = carried_out(common, make_plan)
+    seconds = time.monotonic() - started
+    answer(_achieved(outcome, seconds), _outcome_facts(outcome, seconds), common.json)
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)
+
+
+def tell_plan(common: Common, plan: Plan) -> None:
+    answer(_intended(plan), _plan_facts(plan), common.json)
+
+
+def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
+    """Plan and run, with bars, and tell what failed."""
     watch = (
         (lambda plan, reader: Bars(plan, reader, err))
         if common.progress
@@ -137,10 +149,7 @@ def _make(common: Common, make_plan: Callable[[], Plan]) -> None:
     outcome = run(make_plan, common.root, common.cores, watch)
     for failure in outcome.failures:
         complain(_failure(failure))
-    seconds = time.monotonic() - started
-    answer(_achieved(outcome, seconds), _outcome_facts(outcome, seconds), common.json)
-    if outcome.exit_code:
-        raise typer.Exit(outcome.exit_code)
+    return outcome
 
 
 def _intended(plan: Plan) -> str:

@@ -35,6 +35,12 @@ class Planner:
         self._targets += [take.motion_folders.mesh(n) for n in take.requested]
         self._meshes(take, take.requested)
 
+    def surfaces(self, take: Take) -> None:
+        """Ask for what pictures of a take are made from: meshes with normals, and its cameras."""
+        self._enter(take)
+        self._surfaces(take, take.requested, cameras_known=take.framings(self.store) is not None)
+        self._targets += [take.folders.cameras(), *(take.motion_folders.normals(n) for n in take.requested)]
+
     def pictures(self, take: Take) -> None:
         """Ask for the finished frames of a take."""
         self._enter(take)

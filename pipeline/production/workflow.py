@@ -83,6 +83,12 @@ class Studio:
                 planner.movie(whole)
         return planner.plan()
 
+    def surfaces(self, take: Take) -> Plan:
+        """What quick pictures of a take are drawn from."""
+        planner = self._planner()
+        planner.surfaces(take)
+        return planner.plan()
+
     def film(self, quality: str, path: Path = FILM) -> Plan:
         """The film of an edit: its shots' frames, their movies, and all of them cut together."""
         film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))

@@ -2,8 +2,12 @@
 
 import json
 import re
+from pathlib import Path
 
 import pytest
+
+from render.image import read_png
+from render.movie import probe_movie
 
 NAME = "T010_tiny"
 
@@ -22,6 +26,8 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "render",
         "film",
         "turntable",
+        "preview",
+        "curves",
         "flows",
         "schema",
         "status",
@@ -31,10 +37,11 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-@pytest.mark.parametrize(
-    "command",
-    ["new", "validate", "simulate", "render", "film", "turntable", "flows", "schema", "status", "doctor"],
-)
+MAKING = ("simulate", "render", "film", "turntable", "preview")
+TELLING = ("validate", "curves", "flows", "schema", "status", "doctor")
+
+
+@pytest.mark.parametrize("command", ["new", *MAKING, *TELLING])
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
     done = studio.run(command, "--help")
     assert done.code == 0
@@ -124,6 +131,34 @@ def test_what_is_neither_flow_nor_shot_begins_nothing(studio):
     done = studio.run("new", "A020_new", "--from", "elsewhere/bunny.yaml")
     assert done.code == 2 and "would not be good in shots/: " in done.err and "b.obj" in done.err
     assert not (studio.path / "shots" / "A020_new.yaml").exists()
+
+
+def test_a_preview_is_drawn_without_rendering(studio):
+    done = studio.run("--json", "preview", NAME, "--at", "3", "--flow")
+    assert done.code == 0, done.err
+    made = json.loads(done.out)["path"]
+    assert made.endswith("renders/T010_tiny/sketch/T010_tiny.0003.flow.png")
+    assert read_png(Path(made)).shape == (540, 960, 3)
+    done = studio.run("--json", "preview", NAME, "-f", "2-3", "-o", "two.mp4")
+    assert done.code == 0 and probe_movie(studio.path / "two.mp4").frames == 2, done.err
+    assert not list(studio.path.rglob("*.exr"))
+    for words, says in ((("--at", "9"), "1-6"), (("--at", "2", "-o", "a.mp4"), ".png")):
+        bad = studio.run("preview", NAME, *words)
+        assert bad.code == 2 and says in bad.err and len(lines(bad.err)) == 1
+
+
+def test_curves_are_drawn_to_a_page(studio):
+    done = studio.run("--json", "curves", NAME)
+    assert done.code == 0, done.err
+    facts = json.loads(done.out)
+    assert facts["curves"] == ["flows.0.twist.amount"]
+    assert Path(facts["path"]).read_text().startswith("<?xml")
+    for words, says in (
+        (("--set", "flows.0.twist.amount=2"), "nothing that changes over time"),
+        (("-o", "page.txt"), ".svg, .png, .pdf"),
+    ):
+        bad = studio.run("curves", NAME, *words)
+        assert bad.code == 2 and says in bad.err and len(lines(bad.err)) == 1
 
 
 def test_schemas_are_printed_or_written(studio):

@@ -1,0 +1,89 @@
+"""Quick pictures of a shot without a path tracer, and its flow drawn over them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Floats
+from pipeline.production.framing import Framing
+from pipeline.production.npz import read_npz
+from pipeline.production.store import Store
+from pipeline.production.take import Take
+from pipeline.production.ways import Ways, ways_at
+from render.colour import quantise
+from render.image import write_png
+from render.movie import write_movie
+from render.raster import Preview, Set, Shape, preview, with_lines
+
+SIZES = {"still": (960, 540), "movie": (480, 270)}
+
+LINE = 1 / 600
+"""How wide a streamline is, over the picture."""
+
+SLOW, MIDDLE, FAST = (0.10, 0.36, 0.56), (0.86, 0.63, 0.16), (0.80, 0.24, 0.14)
+"""Display values of the lines, from still to the fastest of them."""
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """Quick pictures of a take whose surfaces and cameras are in the store; `flow` draws streamlines."""
+
+    take: Take
+    store: Store
+    flow: bool
+
+    def place(self, number: int | None = None) -> Path:
+        """Where a still is put, or the movie of the frames asked for."""
+        name, mark = self.take.name, ".flow" if self.flow else ""
+        whole = "" if self.take.is_whole else f".{min(self.take.requested)}-{max(self.take.requested)}"
+        file = f"{name}{whole}{mark}.mp4" if number is None else f"{name}.{number:04d}{mark}.png"
+        return self.take.folders.cameras().parent / "sketch" / file
+
+    def still(self, number: int, path: Path) -> None:
+        """Raises FrameError where the flow fails, RenderEnvironmentError where the disk does."""
+        picture = self._picture(number, self._framings()[number], SIZES["still"], "srgb")
+        write_png(path, quantise(picture), {"shot": self.take.name, "frame": number})
+
+    def movie(self, path: Path) -> int:
+        """Raises as `still`; returns how many frames it has."""
+        framings = self._framings()
+
+        def pictures() -> Iterator[NDArray[Any]]:
+            for number in sorted(self.take.requested):
+                yield quantise(self._picture(number, framings[number], SIZES["movie"], "rec709"))
+
+        return write_movie(path, pictures(), self.take.shot.rate.fps)
+
+    def _framings(self) -> dict[int, Framing]:
+        found = self.take.framings(self.store)
+        assert found is not None, "the plan has made them"
+        return found
+
+    def _picture(
+        self, number: int, framing: Framing, size: tuple[int, int], display: str
+    ) -> NDArray[np.float32]:
+        arrays = read_npz(self.store.path("normals", self.take.normals_key(number)))
+        picture = self.take.shot.picture
+        subject = Shape(arrays["vertices"], arrays["normals"], arrays["faces"], picture.look)
+        around = Set(picture.lights, picture.stage, framing.placement)
+        shown: Preview = preview(subject, around, framing.camera, size, display)
+        if not self.flow:
+            return shown.picture
+        ways = ways_at(self.take.shot.motion, number, arrays["vertices"].astype(np.float64))
+        return with_lines(shown, ways.points, *inks(ways), framing.camera, max(1.0, LINE * size[0]))
+
+
+def inks(ways: Ways) -> tuple[Floats, Floats]:
+    """Colours (N, K, 3) by speed, and opacity (N, K) that fades at both ends."""
+    fast = float(np.quantile(ways.speeds, 0.95)) if ways.speeds.size else 1.0
+    share = np.clip(ways.speeds / max(fast, 1e-300), 0.0, 1.0)
+    stops = np.array([SLOW, MIDDLE, FAST])
+    colours = np.stack([np.interp(share, (0.0, 0.5, 1.0), stops[:, k]) for k in range(3)], axis=-1)
+    along = np.linspace(0.0, np.pi, ways.speeds.shape[1])
+    return colours, np.clip(np.sin(along), 0.0, 1.0)[None] ** 0.7 * (0.4 + 0.55 * share)

@@ -1,0 +1,98 @@
+"""Everything in a shot that changes over time, by the names and in the units of its file."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from pydantic import BaseModel
+
+from pipeline.arrays import Floats
+from pipeline.flow.choreography import Curve, Keyframes
+from pipeline.shot.clock import Clock
+from pipeline.shot.curves import Keyed, OverTime, OverTimeTriple, curve_of
+from pipeline.shot.documents import ShotDocument
+from pipeline.shot.fields import vector
+from pipeline.shot.hints import hint
+from pipeline.shot.layers import layered
+from pipeline.shot.read import read_shot
+from pipeline.shot.surroundings import Surroundings
+
+FINELY = 16
+"""Looks at a curve for each frame."""
+
+
+@dataclass(frozen=True)
+class KeyedCurve:
+    """One parameter over the frames of its shot.
+
+    name    the way to it in the file: `flows.0.sum.1.vortex.strength`
+    unit    of its values in the file
+    frames  (T,) from the first to the last, with fractions
+    values  (T, K), three of them for a place
+    keys    (N, 1 + K): the frames at which keys are reached, and the values there
+    """
+
+    name: str
+    unit: str
+    frames: Floats
+    values: Floats
+    keys: Floats
+
+
+def curves_of(path: str | Path, settings: Iterable[str] = ()) -> list[KeyedCurve]:
+    """In the order of the file. Raises what `read_shot` raises."""
+    path, settings = Path(path), tuple(settings)
+    shot = read_shot(path, settings=settings)
+    clock = shot.motion.clock
+    source = layered(path, None, settings, None)
+    context = {"clock": clock, "surroundings": Surroundings(path.parent)}
+    document = ShotDocument.model_validate(source.data, context=context)
+    order = list(source.data)
+    found = [(names, unit, value) for names, unit, value in _changing(document, (), "")]
+    found.sort(key=lambda each: order.index(each[0][0]))
+    return [_curve(names, unit, value, clock) for names, unit, value in found]
+
+
+def _changing(value: Any, names: tuple[str, ...], unit: str) -> Iterator[tuple[tuple[str, ...], str, Any]]:
+    """What has keys or a formula over time within a part of a document, with its unit."""
+    if isinstance(value, Keyed | OverTime | OverTimeTriple):
+        yield names, unit, value
+    elif isinstance(value, BaseModel):
+        for name, field in type(value).model_fields.items():
+            if name in value.model_fields_set:
+                sense = hint(type(value), field.alias or name)
+                inner = (*names, field.alias or name)
+                yield from _changing(getattr(value, name), inner, sense.unit if sense else "")
+    elif isinstance(value, dict):
+        for name, each in value.items():
+            yield from _changing(each, (*names, str(name)), unit)
+    elif isinstance(value, list):
+        for i, each in enumerate(value):
+            yield from _changing(each, (*names, str(i)), unit)
+
+
+def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> KeyedCurve:
+    curve = curve_of(value, clock, lambda item: vector(item) if isinstance(item, list) else (float(item),))
+    first, last = clock.frames.first, clock.frames.last
+    frames = np.linspace(first, last, FINELY * (last - first) + 1)
+    time_of = clock.flow_time if names[0] == "flows" else clock.time
+    times = np.array([time_of(float(frame)) for frame in frames])
+    values = np.array([curve.at(float(time)) for time in times])
+    return KeyedCurve(".".join(names), unit, frames, values, _keys(curve, frames, times))
+
+
+def _keys(curve: Curve, frames: Floats, times: Floats) -> Floats:
+    """Where keys are met: at a frame, at several where the flow's time turns back, or never."""
+    if not isinstance(curve, Keyframes):
+        return np.empty((0, 2))
+    rows = []
+    for time, value in zip(curve.times, curve.values, strict=True):
+        for i in np.flatnonzero((times[:-1] - time) * (times[1:] - time) <= 0.0):
+            step = times[i + 1] - times[i]
+            share = (time - times[i]) / step if step else 0.0
+            rows.append((round(float(frames[i] + share / FINELY), 6), *value))
+    return np.array(sorted(set(rows))) if rows else np.empty((0, 2))

@@ -1,0 +1,93 @@
+"""The quick preview: what is in front is seen, lit from the right side, and lines know what hides them."""
+
+import math
+
+import numpy as np
+import pytest
+
+from render.camera import Camera
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.raster import Preview, Set, Shape, preview, with_lines
+from render.stage import STAGES, Placement
+
+CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
+SIZE = (64, 36)
+BARE = Set(LIGHTS["studio"], STAGES["none"], Placement((0.0, -1.0, 0.0)))
+
+
+def square(z, half=0.5, look="clay", normal=(0.0, 0.0, 1.0)):
+    corners = [(-half, -half, z), (half, -half, z), (half, half, z), (-half, half, z)]
+    faces = np.array([(0, 1, 2), (0, 2, 3)], np.int32)
+    return Shape(np.array(corners, float), np.array([normal] * 4, float), faces, LOOKS[look])
+
+
+def joined(*shapes):
+    starts = np.cumsum([0, *[len(shape.vertices) for shape in shapes]])
+    faces = np.concatenate([shape.faces + start for shape, start in zip(shapes, starts, strict=False)])
+    return Shape(
+        np.concatenate([shape.vertices for shape in shapes]),
+        np.concatenate([shape.normals for shape in shapes]),
+        faces.astype(np.int32),
+        shapes[0].look,
+    )
+
+
+def test_the_nearest_surface_is_seen_at_its_depth_in_either_order():
+    near, far = square(1.0), square(-1.0, 1.02)
+    for shape in (joined(near, far), joined(far, near)):
+        depth = preview(shape, BARE, CAMERA, SIZE, "srgb").depth
+        assert depth.shape == (36, 64)
+        assert depth[18, 32] == pytest.approx(5.0) and depth[18, 48] == pytest.approx(7.0)
+        assert np.isinf(depth[0, 0])
+
+
+def test_a_surface_covers_the_pixels_that_the_camera_says():
+    depth = preview(square(0.0), BARE, CAMERA, (256, 144), "srgb").depth
+    half = 0.5 / 6.0 / math.tan(math.radians(15)) / 2 * 256
+    assert np.isfinite(depth).sum() == pytest.approx((2 * half) ** 2, rel=0.03)
+
+
+def test_what_goes_on_behind_the_camera_is_cut_there():
+    floor = Shape(
+        np.array([(-50, -1, 50), (50, -1, 50), (0, -1, -50)], float),
+        np.array([(0, 1, 0)] * 3, float),
+        np.array([(0, 1, 2)], np.int32),
+        LOOKS["clay"],
+    )
+    depth = preview(floor, BARE, CAMERA, SIZE, "srgb").depth
+    assert np.isfinite(depth[-1]).all() and np.isinf(depth[0]).all()
+    down = math.tan(math.radians(15)) * 36 / 64
+    assert depth[-1, 32] == pytest.approx(1.0 / down, rel=0.05)
+
+
+def test_a_shadow_falls_away_from_the_key_light():
+    """It stands in the upper left front: the ground behind on the right is darker than on the left."""
+    ball = joined(*[square(z, 0.4) for z in (-0.4, 0.0, 0.4)])
+    around = Set(LIGHTS["studio"], STAGES["cyclorama"], Placement((0.0, -0.5, 0.0), 0.5))
+    high = Camera((0.0, 5.0, 4.0), (0.0, -0.5, 0.0), field_of_view=math.radians(40))
+    picture = preview(ball, around, high, SIZE, "srgb").picture
+    assert picture.shape == (36, 64, 3) and (picture >= 0).all() and (picture <= 1).all()
+    lit, shaded = picture[10:26, 10:24].mean(), picture[10:26, 36:46].min()
+    assert shaded < 0.8 * lit
+
+
+def test_lines_are_seen_before_a_surface_and_hardly_behind():
+    grey = Preview(np.full((36, 64, 3), 0.5, np.float32), np.full((36, 64), 6.0))
+    x = np.linspace(-0.8, 0.8, 9)
+    for z, least, most in ((1.0, 0.4, 0.5), (-1.0, 0.02, 0.06)):
+        line = np.stack([x, 0 * x, z + 0 * x], axis=1)[None]
+        colours = np.ones((1, 9, 3)) * [1.0, 0.0, 0.0]
+        drawn = with_lines(grey, line, colours, np.ones((1, 9)), CAMERA, 2.0)
+        change = drawn[..., 0] - 0.5
+        assert least < change.max() <= most + 1e-6
+        assert (np.abs(drawn - 0.5).max(axis=2) > 0).any(axis=1).sum() <= 4, "as wide as it is to be"
+    assert (grey.picture == 0.5).all()
+
+
+@pytest.mark.parametrize("look", LOOKS)
+@pytest.mark.parametrize("rig", LIGHTS)
+def test_every_look_can_be_shown_in_every_light(look, rig):
+    around = Set(LIGHTS[rig], STAGES["cyclorama"], Placement((0.0, -0.5, 0.0), 0.5))
+    picture = preview(square(0.0, look=look), around, CAMERA, SIZE, "rec709").picture
+    assert np.isfinite(picture).all() and 0.02 < picture[14:22, 26:38].mean() < 0.98
