@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import MeshFrame
+from pipeline.animation.material import marked
 from pipeline.animation.surface import Carried, Sliced, Surface, Triangular, thresholds_at
 from pipeline.arrays import AnyArray, Floats, Vectors
 from pipeline.errors import UsageError
@@ -38,10 +39,10 @@ def at_rest(motion: Motion, flow: Flow) -> Surface:
     """The subject before anything has moved it, not resampled yet."""
     resampling, first = motion.resampling, motion.frames.first
     if resampling is None:
-        return Surface(with_identities(motion.mesh_at_rest()))
+        return Surface(marked(with_identities(motion.mesh_at_rest())))
     thresholds = thresholds_at(motion, resampling, first)
     if resampling.method == "polyhedra":
-        polygons = motion.polygons_at_rest()
+        polygons = marked(motion.polygons_at_rest())
         polygons = _creased(polygons, resampling, _hard_angles(polygons, thresholds))
         slicer = PolyhedralResampler(polygons, thresholds, resampling.cutting, resampling.collapse)
         return Sliced(motion, resampling, slicer)
@@ -50,7 +51,7 @@ def at_rest(motion: Motion, flow: Flow) -> Surface:
     if resampling.placement != "exact":
         placement, splits = _UNCARRIED[resampling.placement], resampling.splits
         return Triangular(
-            motion, resampling, Resampler(mesh, thresholds, placement, resampling.shape, splits)
+            motion, resampling, Resampler(marked(mesh), thresholds, placement, resampling.shape, splits)
         )
     if resampling.normals == "carried":
         mesh = mesh.with_attributes(**{NORMAL: _normals_at_rest(motion, mesh)})

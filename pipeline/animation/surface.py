@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 
 from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import FrameReport, MeshFrame
+from pipeline.animation.material import MATERIAL, material_of
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.history import Step
 from pipeline.mesh import TriangleMesh
@@ -103,8 +104,13 @@ class Carried(Triangular):
     def _renewed(self, frame: MeshFrame) -> MeshFrame:
         """The same frame, from here on the surface at rest."""
         self._epoch = self._epoch.next()
-        rest = {REST: frame.mesh.vertices, REST_NORMAL: vertex_normals(frame.mesh)}
-        state = {**self._resampler.state(), **{f"attribute.{name}": values for name, values in rest.items()}}
+        mesh = frame.mesh
+        renewed = {
+            REST: mesh.vertices,
+            REST_NORMAL: vertex_normals(mesh),
+            MATERIAL: material_of(mesh),
+        }
+        state = self._resampler.state() | {f"attribute.{name}": values for name, values in renewed.items()}
         self._resampler = Resampler.from_state(
             state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.roundness
         )

@@ -43,7 +43,10 @@ NORMALS_CODE = (
 )
 FRAMING_CODE = ("pipeline/production/framing.py",)
 PICTURE_CODE = (
-    *(f"render/{name}.py" for name in ("frame", "scene", "stage", "camera", "image")),
+    *(
+        f"render/{name}.py"
+        for name in ("frame", "scene", "material", "pigment", "noise", "stage", "camera", "image")
+    ),
     "pipeline/production/framing.py",
     "pipeline/production/tasks/pictures.py",
 )

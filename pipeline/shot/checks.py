@@ -18,6 +18,7 @@ from pipeline.shot.fields import LARGEST, is_number
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Solid
 from pipeline.shot.surroundings import digest_of_file, is_there, shown
+from render.look import LOOKS
 
 Problem = tuple[Where, str]
 
@@ -112,6 +113,19 @@ def solid(source: Source) -> Iterator[Problem]:
         )
     elif not strangers:
         yield from _impossible(name, {m: subject[m] for m in measures if m in subject})
+
+
+def clear_look(source: Source) -> Iterator[Problem]:
+    """Light that enters a body comes out of it again, which an open sheet does not have."""
+    subject, look = source.get("subject"), source.get("look")
+    name = look.get("material") if isinstance(look, dict) else look
+    is_sheet = isinstance(subject, dict) and subject.get("solid") == "sheet"
+    if is_sheet and isinstance(name, str) and name in LOOKS and LOOKS[name].is_clear:
+        yield (
+            ("look",),
+            f"look {name} is for closed surfaces, and a sheet is open. Take a thin box, or a look that light "
+            "does not go through.",
+        )
 
 
 def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:

@@ -11,6 +11,7 @@ from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.curves import NumberField, PositiveField
 from pipeline.shot.fields import Colour, Count, Document, Positive, one_of
 from pipeline.shot.flows import FlowDocument
+from pipeline.shot.looks import LookDocument
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.subject import SOLIDS
 from render.lights import LIGHTS
@@ -53,16 +54,6 @@ Resample = Annotated[
     Annotated[Literal["off"], Tag("by name")] | Annotated[ResampleDocument, Tag("spelt out")],
     Discriminator(_named_or_spelt_out),
 ]
-
-
-class LookDocument(Document):
-    """A look of the registry with some of its values replaced; colour is linear Rec.709."""
-
-    material: Annotated[str, one_of(LOOKS, "look")]
-    colour: Colour | None = None
-    roughness: Annotated[float, Field(ge=0, le=1)] | None = None
-    sheen: Annotated[float, Field(ge=0, le=1)] | None = None
-    metallic: Annotated[float, Field(ge=0, le=1)] | None = None
 
 
 class SmoothDocument(Document):

@@ -17,7 +17,6 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.curves import NumberField, number
 from pipeline.shot.documents import (
     FilmDocument,
-    LookDocument,
     ModelDocument,
     ShotDocument,
     StageDocument,
@@ -32,7 +31,7 @@ from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Solid, Subject
 from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
 from render.lights import LIGHTS, LightRig
-from render.look import LOOKS, Look
+from render.look import LOOKS
 from render.quality import QUALITIES
 from render.stage import STAGES, Stage
 
@@ -67,6 +66,7 @@ def read_shot(
         brackets.splits,
         brackets.formulas,
         checks.solid,
+        checks.clear_look,
     ):
         problems += check(source)
     missing = list(checks.model(source))
@@ -211,7 +211,7 @@ def _subject(document: ShotDocument, source: Source) -> Subject:
 def _picture(document: ShotDocument, clock: Clock) -> Picture:
     camera = document.camera
     return Picture(
-        look=_look(document.look),
+        look=LOOKS[document.look] if isinstance(document.look, str) else document.look.build(),
         camera=CameraPath(
             azimuth=number(camera.azimuth, clock, DEGREE),
             elevation=number(camera.elevation, clock, DEGREE),
@@ -226,12 +226,6 @@ def _picture(document: ShotDocument, clock: Clock) -> Picture:
             for name, quality in QUALITIES.items()
         },
     )
-
-
-def _look(value: str | LookDocument) -> Look:
-    if isinstance(value, str):
-        return LOOKS[value]
-    return dataclasses.replace(LOOKS[value.material], **_given(value, "material"))
 
 
 def _lights(value: Any) -> LightRig:

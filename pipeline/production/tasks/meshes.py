@@ -9,11 +9,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, animate
+from pipeline.animation import MeshFrame, animate, material_of
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
 from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.patches import tessellate
+from pipeline.mesh.patches import spread, tessellate
 from pipeline.production.framing import frame_all, turned
 from pipeline.production.npz import read_npz, write_npz
 from pipeline.production.store import CorruptFileError
@@ -56,12 +56,14 @@ def smooth_normals(context: Context) -> bool:
         def write(path: Path) -> None:
             mesh = read_mesh_frame(context, number).mesh
             shaded = split_at_creases(mesh, take.thresholds(number).hard_angles(mesh))
-            vertices, normals, faces, source = tessellate(shaded, pieces)
+            fine = tessellate(shaded, pieces)
+            vertices, normals, faces, source = fine
             arrays = {
                 "vertices": vertices.astype(np.float32),
                 "normals": normals.astype(np.float32),
                 "faces": faces,
                 "source_vertex": source,
+                "material": spread(material_of(mesh), shaded, fine).astype(np.float32),
             }
             write_npz(path, arrays)
 

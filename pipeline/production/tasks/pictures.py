@@ -75,7 +75,9 @@ def _surface(context: Context, number: int) -> Surface:
     arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
     vertices = turned(arrays["vertices"], pose.spin)
     normals = turned(arrays["normals"], pose.spin, about_origin=True)
-    return Surface(vertices.astype("float32"), normals.astype("float32"), arrays["faces"])
+    return Surface(
+        vertices.astype("float32"), normals.astype("float32"), arrays["faces"], material=arrays["material"]
+    )
 
 
 def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
