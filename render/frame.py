@@ -21,6 +21,7 @@ from render.lights import LightRig
 from render.look import Look
 from render.quality import PASS_SAMPLES, Quality
 from render.scene import Rendering, Surface, build_scene
+from render.spheres import Spheres
 from render.stage import Placement, Stage
 
 Layer = NDArray[np.float32]
@@ -74,7 +75,7 @@ def seed_of(*parts: str | int) -> int:
 
 
 def render_frame(
-    surface: Surface,
+    surface: Surface | Spheres,
     look: Look,
     lights: LightRig,
     stage: Stage,
@@ -92,6 +93,8 @@ def render_frame(
     """
     engine.start()
     begun = time.perf_counter()
+    if isinstance(surface, Spheres):
+        surface = surface.surface(camera, quality.width)
     beauty, guides = build_scene(
         surface, look, lights, stage, placement, camera, (quality.width, quality.height), quality.depth
     )

@@ -36,10 +36,15 @@ _UNCARRIED: Mapping[str, Placement] = {"chord": Chord(), "curved": Curved()}
 
 
 def at_rest(motion: Motion, flow: Flow) -> Surface:
-    """The subject before anything has moved it, not resampled yet."""
+    """The subject before anything has moved it, not resampled yet.
+
+    Raises UsageError where points are to be resampled.
+    """
     resampling, first = motion.resampling, motion.frames.first
     if resampling is None:
-        return Surface(marked(with_identities(motion.mesh_at_rest())))
+        return Surface(marked(with_identities(motion.mesh_at_rest())), motion.subject.lattice)
+    if not motion.subject.is_surface:
+        raise UsageError("points and control nets are not resampled; take resampling out of the motion")
     thresholds = thresholds_at(motion, resampling, first)
     if resampling.method == "polyhedra":
         polygons = marked(motion.polygons_at_rest())
@@ -92,7 +97,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> Surface:
     """
     resampling = motion.resampling
     if resampling is None:
-        return Surface(frame.mesh)
+        return Surface(frame.mesh, frame.lattice)
     thresholds = thresholds_at(motion, resampling, frame.number)
     if resampling.method == "polyhedra":
         polygons = _required_polygons(frame)

@@ -13,6 +13,7 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.history import Step
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.identity import Register
+from pipeline.mesh.lattice import Lattice
 from pipeline.mesh.normals import NORMAL, vertex_normals
 from pipeline.mesh.tangents import carried_normals
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
@@ -28,16 +29,17 @@ def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresho
 
 
 class Surface:
-    """A surface whose vertices only move."""
+    """A surface, a cloud of points or a control net whose vertices only move."""
 
-    def __init__(self, mesh: TriangleMesh) -> None:
-        self._mesh, self._register = mesh, Register.of(mesh)
+    def __init__(self, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
+        self._mesh, self._register, self._lattice = mesh, Register.of(mesh), lattice
 
     def move(self, step: Step) -> None:
         self._mesh = self._mesh.with_vertices(step.apply(self._mesh.vertices))
 
     def frame(self, number: int) -> MeshFrame:
-        frame = MeshFrame(number, self._mesh, FrameReport(None, mesh_statistics(self._mesh)))
+        statistics = mesh_statistics(self._mesh) if len(self._mesh.faces) else None
+        frame = MeshFrame(number, self._mesh, FrameReport(None, statistics), lattice=self._lattice)
         if self._register is None:
             return frame
         return replace(frame, births=self._register.births, identities=self._register.given)

@@ -12,23 +12,12 @@ from pipeline.shot.curves import NumberField, PositiveField
 from pipeline.shot.fields import Colour, Count, Document, Positive, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.looks import LookDocument
+from pipeline.shot.point_documents import CloudDocument, NetDocument, SolidDocument
 from pipeline.shot.resampling import ResampleDocument
-from pipeline.shot.subject import SOLIDS
 from render.lights import LIGHTS
 from render.look import LOOKS
 from render.quality import PASS_SAMPLES
 from render.stage import STAGES
-
-
-class SolidDocument(Document):
-    """Which of the measures a solid takes is for `checks` to say."""
-
-    solid: Annotated[str, one_of(SOLIDS, "solid")]
-    size: list[Positive] | None = Field(None, min_length=2, max_length=3)
-    radius: Positive | None = None
-    length: Positive | None = None
-    tube_radius: Positive | None = None
-    caps: Literal["round", "flat"] | None = None
 
 
 class ModelDocument(Document):
@@ -36,12 +25,19 @@ class ModelDocument(Document):
     scale: Positive = 1.0
 
 
+_SUBJECTS = {"model": "a model file", "cloud": "a cloud", "net": "a net"}
+
+
 def _subject_form(value: Any) -> str:
-    return "a model file" if isinstance(value, dict) and "model" in value else "a solid"
+    named = [form for name, form in _SUBJECTS.items() if isinstance(value, dict) and name in value]
+    return named[0] if named else "a solid"
 
 
 SubjectDocument = Annotated[
-    Annotated[SolidDocument, Tag("a solid")] | Annotated[ModelDocument, Tag("a model file")],
+    Annotated[SolidDocument, Tag("a solid")]
+    | Annotated[ModelDocument, Tag("a model file")]
+    | Annotated[CloudDocument, Tag("a cloud")]
+    | Annotated[NetDocument, Tag("a net")],
     Discriminator(_subject_form),
 ]
 
@@ -57,7 +53,7 @@ Resample = Annotated[
 
 
 class SmoothDocument(Document):
-    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] = 1
+    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = None
 
 
 class CameraDocument(Document):
@@ -117,7 +113,7 @@ class ShotDocument(Document):
     frames: str
     rate: Any = 24
     subject: SubjectDocument
-    resample: Resample
+    resample: Resample = Field("off", validate_default=False)
     flows: list[FlowDocument] = Field(default_factory=list)
     substeps: Count | None = None
     speed: NumberField = 1.0
