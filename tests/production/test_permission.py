@@ -96,8 +96,6 @@ def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: st
     (tmp_path / "bunny.obj").write_text(triangle)
     solid = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
     (tmp_path / "s.obj").write_text(solid)
-        "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
-    )
     axis = np.linspace(-1, 1, 3)
     np.savez(tmp_path / "w_1.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
     head = SHOT.partition("flows")[0].replace("solid: icosphere", "model: bunny.obj")
