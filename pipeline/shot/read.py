@@ -61,14 +61,14 @@ def read_shot(
     """
     source = layered(Path(path), text, tuple(settings), beside)
     clock, problems = checks.read_clock(source)
-    retimed = None if clock is None else with_speed(clock, source.get("speed"))
+    retimed, faults = (None, []) if clock is None else with_speed(clock, source.get("speed"))
+    problems += faults
     problems += keys.keys(source, retimed)
     for check in (
         checks.directions,
         brackets.ratio,
         brackets.bounds,
         brackets.splits,
-        brackets.formulas,
         checks.solid,
         checks.clear_look,
         point_documents.resampled,
@@ -144,13 +144,18 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
     )
 
 
-def with_speed(clock: Clock, written: Any) -> Clock:
-    """The clock with the speed as it is written; without it where that is no good, as is told elsewhere."""
+def with_speed(clock: Clock, written: Any) -> tuple[Clock, list[tuple[Where, str]]]:
+    """The clock with the speed as it is written, and what is wrong with it between half frames.
+
+    Without it where it is no good; what is not looked at here is told elsewhere.
+    """
     try:
         speed = SPEED.validate_python(written, context={"clock": clock})
-        return dataclasses.replace(clock, speed=number(speed, clock))
+        retimed = dataclasses.replace(clock, speed=number(speed, clock))
     except (ValidationError, AssertionError):
-        return clock
+        return clock, []
+    fault = retimed.speed_fault()
+    return (clock, [(("speed",), fault)]) if fault else (retimed, [])
 
 
 SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True))

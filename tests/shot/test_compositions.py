@@ -148,8 +148,8 @@ BAD = [
      ["6:44: flows.0.within.region.falloff is -1; it must be at least 0",
       "6:58: flows.0.within.flows has 0 items; it must have at least 1"]),
     ("within: {region: {falloff: 1}, flows: [{votex: }]}",
-     ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, and "
-      "this has none. Write one.",
+     ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, mesh, "
+      "and this has none. Write one.",
       "6:45: votex is not known under flows.0.within.flows.0. Did you mean 'vortex'?"]),
     ("within: {region: {sphere: {radius: 1}, fall: smoth}, flows: [{vortex: }]}",
      ["6:44: flows.0.within.region.fall: 'smoth' is no fall. Did you mean 'smooth'?"]),
