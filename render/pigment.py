@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -112,7 +113,7 @@ class Pigment:
         half = max(self.softness, 1e-6) / 2.0
         before = _smooth(0.5 - within / (2.0 * half))[:, None]  # half way at the border itself
         after = _smooth(0.5 - (1.0 - within) / (2.0 * half))[:, None]
-        wrap = "wrap" if self.repeats else "clip"
+        wrap: Literal["wrap", "clip"] = "wrap" if self.repeats else "clip"
         own, last, following = (np.take(colours, band + step, axis=0, mode=wrap) for step in (0, -1, 1))
         return np.asarray(own + before * (last - own) + after * (following - own))
 
