@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli import ask, files, flows, make, start
+from pipeline.cli import ask, author, files, flows, make, start
 from pipeline.cli.options import Cores, DryRun, Json, NoProgress, Root, remember, with_common
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
@@ -54,7 +54,7 @@ def before_the_command(
 
 
 for command in (
-    start.new,
+    author.new,
     start.validate,
     make.simulate,
     make.render,
@@ -62,6 +62,7 @@ for command in (
     make.turntable,
     files.resample,
     flows.flows,
+    author.schema,
     ask.status,
     ask.doctor,
 ):

@@ -1,8 +1,7 @@
-"""Commands that begin the work: new, validate."""
+"""The command that reads shot files: validate."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
@@ -13,52 +12,10 @@ import typer
 from pipeline.cli.make import Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain
-from pipeline.errors import FlowsculptError, UsageError
+from pipeline.errors import FlowsculptError
 from pipeline.flow.python_file import python_flows
-from pipeline.production.disk import disk_faults
-from pipeline.production.workflow import FILM, NAME, SHOTS, find_shot, shot_names
+from pipeline.production.workflow import FILM, find_shot, shot_names
 from pipeline.shot import Film, Shot, read_film, read_shot
-
-TEMPLATE = """\
-title: {title}
-intent: What this shot should show, in one sentence.
-
-frames: 1-72
-rate: 24
-
-# What flows: a box, icosphere, rod, torus or sheet, or a model file: {{model: models/bunny.obj}}.
-subject: {{solid: box, size: [2, 2, 2]}}
-
-# Edges longer than this are split, those shorter than 40% of it collapse. `resample: off` compares.
-resample: {{max_edge_length: 0.08}}
-
-# Flows act one after another in each frame; under `sum:` they act at once. Keys are frames.
-flows:
-  - twist: {{axis: y, amount: {{ease: sine_in_out, keys: {{1: 0, 60: 90}}}}}}
-
-look: clay
-camera: {{azimuth: {{keys: {{1: -35, 72: -15}}}}, elevation: 14}}
-lights: studio
-stage: cyclorama
-"""
-
-
-def new(
-    common: Common,
-    name: Annotated[str, typer.Argument(help="The shot's name, as its file and its frames are called.")],
-) -> None:
-    """Begin a shot: write shots/NAME.yaml, ready to render and to be changed."""
-    if not re.fullmatch(NAME, name) or name in ("film", "turntable"):
-        raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
-    path = SHOTS / f"{name}.yaml"
-    if path.exists():
-        raise UsageError(f"{path} is there already; choose another name or edit that file")
-    if not common.dry_run:
-        with disk_faults(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            path.write_text(TEMPLATE.format(title=name.replace("_", " ").replace("-", " ")))
-    done = f"{path}: written. Look at it: flowsculpt render {name} -q preview"
-    answer(f"{path}: would be written." if common.dry_run else done, {"path": str(path)}, common.json)
 
 
 def validate(

@@ -13,6 +13,12 @@ from pipeline.frames import FrameRange, FrameRate
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
 
+A_LENGTH = r"^\s*[+-]?(\d+\.?\d*|\.\d+)\s*s\s*$"
+"""What is seconds in a shot file, for JSON Schemas; numbers are frames."""
+
+A_TIME = rf"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|{A_LENGTH}"
+"""Frames or seconds, where numbers are written too as text: the names of a mapping."""
+
 FAR = 10**12
 """Frames from here on are at infinity, and so in no shot; and seconds of the flow."""
 

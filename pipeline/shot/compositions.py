@@ -17,9 +17,9 @@ from pipeline.flow import Flow, Frame, Repeated, Reversed, Sequence, Sum, Veloci
 from pipeline.flow.choreography import Number
 from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled, blended, placed, within
 from pipeline.frames import FrameRange, FrameRate, shortened
-from pipeline.shot.clock import Clock
+from pipeline.shot.clock import A_LENGTH, Clock
 from pipeline.shot.curves import PlaceField, PositiveField, WeightField, number, place
-from pipeline.shot.fields import DEGREE, Axis, Document, Triple, axis, vector
+from pipeline.shot.fields import DEGREE, Axis, Document, Told, Triple, axis, vector
 from pipeline.shot.regions import HERE, RegionDocument
 
 E = TypeVar("E", bound=Document)
@@ -37,7 +37,11 @@ def _lasts(value: Any) -> Any:
     return value
 
 
-LengthOfTime = Annotated[Any, AfterValidator(_lasts)]
+LengthOfTime = Annotated[
+    Any,
+    AfterValidator(_lasts),
+    Told(anyOf=[{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": A_LENGTH}]),
+]
 """Frames, or "1s"."""
 
 

@@ -15,8 +15,8 @@ from pipeline.flow.choreography import Curve, Keyframes, Number, Place
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.formulated import Formulated
 from pipeline.formula import TIME
-from pipeline.shot.clock import Clock
-from pipeline.shot.fields import Document, Positive, Real, Triple, one_of, vector
+from pipeline.shot.clock import A_TIME, Clock
+from pipeline.shot.fields import Document, Positive, Real, Told, Triple, one_of, vector
 from pipeline.shot.formulas import A_NUMBER_TOO, over
 
 T = TypeVar("T")
@@ -28,6 +28,18 @@ Ease = Annotated[str, one_of((*EASINGS, BEZIER), "easing")]
 Beyond = Annotated[str, one_of(("hold", "loop", "ping_pong", "offset", "continue"), "way to go on")]
 
 
+Handles = Annotated[
+    Any,
+    Told(
+        type=["array", "null"],
+        prefixItems=[{"type": ["number", "string"]}, {"type": ["number", "array"]}],
+        minItems=2,
+        maxItems=2,
+    ),
+]
+"""Of a way that is Bézier's; `keys` says what they must be."""
+
+
 class Key(Document, Generic[T]):
     """One key with an easing of its own, for the way from it to the next, and handles where that is Bézier's.
 
@@ -36,8 +48,8 @@ class Key(Document, Generic[T]):
 
     value: T
     ease: Ease | None = None
-    left: Any = None
-    right: Any = None
+    left: Handles = None
+    right: Handles = None
 
 
 KeyValue = Annotated[
@@ -49,7 +61,7 @@ KeyValue = Annotated[
 class Keyed(Document, Generic[T]):
     """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `keys` says whether times are good."""
 
-    keys: dict[Any, KeyValue[T]] = Field(min_length=1)
+    keys: Annotated[dict[Any, KeyValue[T]], Told(propertyNames={"pattern": A_TIME})] = Field(min_length=1)
     ease: Ease = "sine_in_out"
     before: Beyond = "hold"
     after: Beyond = "hold"

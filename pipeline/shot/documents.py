@@ -7,9 +7,10 @@ from typing import Annotated, Any, Literal
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
+from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.curves import NumberField, PositiveField
-from pipeline.shot.fields import Colour, Count, Document, Positive, one_of
+from pipeline.shot.fields import Colour, Count, Document, Positive, Told, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.looks import LookDocument
 from pipeline.shot.point_documents import CloudDocument, NetDocument, SolidDocument
@@ -87,7 +88,12 @@ def _in_passes(samples: int) -> int:
     return samples
 
 
-Samples = Annotated[int, Field(ge=1, le=65536), AfterValidator(_in_passes)]
+Samples = Annotated[
+    int,
+    Field(ge=1, le=65536),
+    AfterValidator(_in_passes),
+    Told(anyOf=[{"maximum": PASS_SAMPLES}, {"multipleOf": PASS_SAMPLES}]),
+]
 
 
 class QualityDocument(Document):
@@ -106,12 +112,26 @@ class QualitiesDocument(Document):
     final: QualityDocument = QualityDocument()
 
 
+Frames = Annotated[str, Told(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")]
+"""Those of a shot have no gaps, as `checks` says."""
+
+Rate = Annotated[
+    Any,
+    Told(
+        anyOf=[
+            {"type": "number", "minimum": float(SLOWEST), "maximum": float(FASTEST)},
+            {"type": "string", "pattern": r"^\s*\+?\d+(\.\d*)?(/\d+)?\s*$"},
+        ]
+    ),
+]
+
+
 class ShotDocument(Document):
     title: str
     extends: str | None = None
     intent: str = ""
-    frames: str
-    rate: Any = 24
+    frames: Frames
+    rate: Rate = 24
     subject: SubjectDocument
     resample: Resample = Field("off", validate_default=False)
     flows: list[FlowDocument] = Field(default_factory=list)
@@ -145,6 +165,6 @@ class FilmDocument(Document):
     subtitle: str = ""
     credits: list[str] = Field(default_factory=list)
     shots: list[str] = Field(min_length=1)
-    rate: Any = 24
+    rate: Rate = 24
     title_seconds: CardSeconds = 3.0
     credits_seconds: CardSeconds = 3.0

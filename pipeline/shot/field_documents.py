@@ -10,11 +10,13 @@ import numpy as np
 from pydantic import (
     AfterValidator,
     Field,
+    GetJsonSchemaHandler,
     PrivateAttr,
     ValidationInfo,
     field_validator,
     model_validator,
 )
+from pydantic_core import CoreSchema
 
 from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, SampledFiles, Target, Wind
 from pipeline.flow.catalogue.formula import MOST_NUMBERS
@@ -27,7 +29,7 @@ from pipeline.formula.words import CONSTANTS
 from pipeline.mesh.io import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import NumberField, number
-from pipeline.shot.fields import Positive, Triple, vector
+from pipeline.shot.fields import Positive, Triple, exactly_one, vector
 from pipeline.shot.formulas import A_NUMBER_TOO, readable
 from pipeline.shot.generated import FlowParameters
 from pipeline.shot.surroundings import Surroundings, finding, told
@@ -70,6 +72,11 @@ class FormulaDocument(FlowParameters):
             raise finding(f"formula is {value!r}; it must be three of them. Write them as [-y, x, 0].")
         return {"velocity": value} if isinstance(value, list) else value
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        bare = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 3, "maxItems": 3}
+        return {"anyOf": [handler(core), bare]}
+
     def more(self, clock: Clock) -> dict[str, Any]:
         words = tuple((name, number(value, clock)) for name, value in self.numbers.items())
         return {"texts": tuple(self.velocity), "words": words, **self._beginning(clock)}
@@ -94,6 +101,8 @@ class CurlNoiseDocument(FlowParameters):
 
 class AttractionDocument(FlowParameters):
     """To points, a curve or a mesh: exactly one of them."""
+
+    model_config = exactly_one("points", "curve", "mesh")
 
     flow = Attraction
 

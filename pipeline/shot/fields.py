@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Tag
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, GetJsonSchemaHandler, Tag
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.errors import suggestion
 from pipeline.flow.catalogue.directions import X, Y, Z
@@ -26,7 +27,27 @@ class Document(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
 
 
-def one_of(names: Iterable[str], what: str) -> AfterValidator:
+class Told:
+    """Keywords of a JSON Schema for what validators do, which it does not see: `Told(minimum=0)`."""
+
+    def __init__(self, **keywords: Any) -> None:
+        self.keywords = keywords
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(core), **self.keywords}
+
+
+@dataclass(frozen=True)
+class OneOf(AfterValidator):
+    """A validator that knows what it lets pass."""
+
+    names: tuple[str, ...] = ()
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(core), "enum": list(self.names)}
+
+
+def one_of(names: Iterable[str], what: str) -> OneOf:
     """A validator: the text must be one of `names`."""
     known = tuple(names)
 
@@ -39,7 +60,12 @@ def one_of(names: Iterable[str], what: str) -> AfterValidator:
             )
         return word
 
-    return AfterValidator(check)
+    return OneOf(check, known)
+
+
+def exactly_one(*names: str) -> ConfigDict:
+    """For documents of which a validator says that: one of these names, and no other."""
+    return ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in names]})
 
 
 def _computable(value: float) -> float:
@@ -66,12 +92,19 @@ def _form(value: Any) -> str:
     return "list" if isinstance(value, list) else "plain"
 
 
-Real = Annotated[float, AfterValidator(_computable)]
-Positive = Annotated[float, Field(gt=0), AfterValidator(_not_tiny), AfterValidator(_computable)]
+Real = Annotated[float, AfterValidator(_computable), Told(minimum=-LARGEST, maximum=LARGEST)]
+Positive = Annotated[
+    float,
+    Field(gt=0),
+    AfterValidator(_not_tiny),
+    AfterValidator(_computable),
+    Told(minimum=SMALLEST, maximum=LARGEST),
+]
 Count = Annotated[int, Field(ge=1, le=MOST_SUBSTEPS)]
 Triple = Annotated[list[Real], Field(min_length=3, max_length=3)]
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
-Axis = Annotated[Annotated[AxisName, Tag("plain")] | Annotated[Triple, Tag("list")], Discriminator(_form)]
+Across = Annotated[Triple, Told(**{"not": {"const": [0, 0, 0]}})]
+Axis = Annotated[Annotated[AxisName, Tag("plain")] | Annotated[Across, Tag("list")], Discriminator(_form)]
 Colour = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=3, max_length=3)]
 
 

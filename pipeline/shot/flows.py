@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Annotated, Any
 
-from pydantic import BeforeValidator, Field, create_model, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.flow import Flow, Sequence, Streamlines, Sum, VelocityField
@@ -27,6 +27,8 @@ from pipeline.shot.surroundings import finding
 
 class Entry(Document):
     """Exactly one flow by its name."""
+
+    model_config = ConfigDict(json_schema_extra={"minProperties": 1, "maxProperties": 1})
 
     @model_validator(mode="after")
     def _names_one(self) -> Entry:

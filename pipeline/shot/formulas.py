@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
-from pydantic import AfterValidator, BeforeValidator
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, BeforeValidator, GetJsonSchemaHandler
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.formula import Expression, FormulaError
 from pipeline.shot.fields import is_number
@@ -41,5 +41,12 @@ def _written(value: Any) -> Any:
     return repr(value)
 
 
-A_NUMBER_TOO = BeforeValidator(_written)
+class NumberToo(BeforeValidator):
+    """A validator that lets numbers pass as text, and tells so in a schema."""
+
+    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {**handler(core), "type": ["string", "number"]}
+
+
+A_NUMBER_TOO = NumberToo(_written)
 """`0` and `0.5` are formulas."""

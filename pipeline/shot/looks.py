@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from pipeline.shot.fields import Axis, Colour, Document, Positive, Triple, axis, one_of, vector
+from pipeline.shot.fields import Axis, Colour, Document, Positive, Triple, axis, exactly_one, one_of, vector
 from render.look import CLEAR, LOOKS, Look
 from render.pigment import PATTERNS, Pigment
 
@@ -55,6 +55,8 @@ class SpecklesDocument(PatternDocument):
 
 class PigmentDocument(Document):
     """One pattern, by its name."""
+
+    model_config = exactly_one(*PATTERNS)
 
     layers: PatternDocument | None = None
     gradient: PatternDocument | None = None

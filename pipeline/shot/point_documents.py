@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import Discriminator, Field, Tag
+from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from pipeline.errors import MeshError, MissingInputError
 from pipeline.mesh.lattice import LEAST, Lattice
@@ -32,8 +32,29 @@ _BELONG = {
 """By what a subject is made from, a file, rows or a solid: what else can be said of it."""
 
 
+def _measures(schema: dict[str, Any]) -> None:
+    """Each solid has measures of its own: told to editors as `checks.solid` tells it to people."""
+    every = {measure for kind in SOLIDS.values() for measure in kind.measures}
+    schema["allOf"] = [
+        {
+            "if": {"properties": {"solid": {"const": name}}, "required": ["solid"]},
+            "then": {"properties": _of_solid(kind.measures, every)},
+        }
+        for name, kind in SOLIDS.items()
+    ]
+
+
+def _of_solid(measures: Mapping[str, Any], every: set[str]) -> dict[str, Any]:
+    """What the measures of a solid can be beyond what those of all can: lists as long as its own."""
+    many = {name: len(value) for name, value in measures.items() if isinstance(value, tuple)}
+    exact = {name: {"minItems": n, "maxItems": n} for name, n in many.items()}
+    return exact | dict.fromkeys(sorted(every - measures.keys()), False)
+
+
 class SolidDocument(Document):
     """Which of the measures a solid takes is for `checks` to say."""
+
+    model_config = ConfigDict(json_schema_extra=_measures)
 
     solid: Annotated[str, one_of(SOLIDS, "solid")]
     size: list[Positive] | None = Field(None, min_length=2, max_length=3)

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
+from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.flow.closed_surface import ClosedSurface
 from pipeline.flow.mesh_region import MeshRegion
@@ -13,7 +13,7 @@ from pipeline.flow.regions import FALLS, Box, Capsule, Cylinder, Fall, HalfSpace
 from pipeline.mesh.io import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import NotNegativeField, PlaceField, PositiveField, number, place
-from pipeline.shot.fields import Axis, Document, Positive, axis, one_of
+from pipeline.shot.fields import Axis, Document, Positive, axis, exactly_one, one_of
 from pipeline.shot.surroundings import Surroundings, told
 
 HERE = [0.0, 0.0, 0.0]
@@ -91,6 +91,10 @@ class MeshDocument(Document):
     def _bare(cls, value: Any) -> Any:
         return {"file": value} if isinstance(value, str) else value
 
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [handler(core), {"type": "string"}]}
+
     @model_validator(mode="after")
     def _closed(self, info: ValidationInfo) -> MeshDocument:
         path = Surroundings.of(info).file(self.file)
@@ -103,6 +107,8 @@ class MeshDocument(Document):
 
 class RegionDocument(Document):
     """Exactly one shape by its name, and how it ends."""
+
+    model_config = exactly_one(*SHAPES)
 
     sphere: SphereDocument | None = None
     box: BoxDocument | None = None

@@ -19,7 +19,7 @@ from pipeline.resample.density import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
-from pipeline.shot.fields import DEGREE, Document, Positive, one_of
+from pipeline.shot.fields import DEGREE, Document, Positive, exactly_one, one_of
 from pipeline.shot.formulas import A_NUMBER_TOO, over
 from pipeline.shot.motion import Resampling
 
@@ -113,6 +113,8 @@ class ActiveAngleDocument(Document):
 
 class ActiveLengthDocument(Document):
     """A length that is a function: exactly one of these."""
+
+    model_config = exactly_one("formula", "curvature", "camera")
 
     formula: ThresholdText | None = None
     curvature: CurvatureDocument | None = None

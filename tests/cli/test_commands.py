@@ -23,6 +23,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "film",
         "turntable",
         "flows",
+        "schema",
         "status",
         "doctor",
         "130",
@@ -31,7 +32,8 @@ def test_help_names_every_command_and_the_exit_codes(studio):
 
 
 @pytest.mark.parametrize(
-    "command", ["new", "validate", "simulate", "render", "film", "turntable", "flows", "status", "doctor"]
+    "command",
+    ["new", "validate", "simulate", "render", "film", "turntable", "flows", "schema", "status", "doctor"],
 )
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
     done = studio.run(command, "--help")
@@ -96,6 +98,43 @@ def test_a_shot_may_extend_another_and_defaults_are_no_shot(studio):
         "T020_more",
         "film",
     }
+
+
+@pytest.mark.parametrize("source", ["curl_noise", "sampled", "python", NAME, f"shots/{NAME}.yaml"])
+def test_a_new_shot_begins_from_a_flow_or_a_shot(studio, source):
+    done = studio.run("--json", "new", "A020_new", "--from", source)
+    assert done.code == 0, done.err
+    files = json.loads(done.out)["files"]
+    assert all((studio.path / file).is_file() for file in files)
+    assert len(files) == (2 if source in ("sampled", "python") else 1)
+    first = (studio.path / files[0]).read_text().splitlines()[0]
+    named = first.partition("$schema=")[2]
+    assert first.startswith("# yaml-language-server") and (studio.path / "shots" / named).is_file()
+    assert studio.run("validate", "A020_new").code == 0
+
+
+def test_what_is_neither_flow_nor_shot_begins_nothing(studio):
+    for source, says in (("vortx", "Did you mean 'vortex'"), ("T010_tinny", "Did you mean 'T010_tiny'")):
+        done = studio.run("new", "A020_new", "--from", source)
+        assert done.code == 2 and says in done.err and len(lines(done.err)) == 1
+    (studio.path / "elsewhere").mkdir()
+    (studio.path / "elsewhere" / "bunny.yaml").write_text(
+        "title: B\nframes: 1-2\nsubject: {model: b.obj}\nresample: off\n"
+    )
+    done = studio.run("new", "A020_new", "--from", "elsewhere/bunny.yaml")
+    assert done.code == 2 and "would not be good in shots/: " in done.err and "b.obj" in done.err
+    assert not (studio.path / "shots" / "A020_new.yaml").exists()
+
+
+def test_schemas_are_printed_or_written(studio):
+    shown = json.loads(studio.run("schema").out)
+    assert {"title", "frames", "subject", "resample"} == set(shown["then"]["required"])
+    assert studio.run("schema", "film", "-o", "made/film.json").code == 0
+    assert "credits" in json.loads((studio.path / "made" / "film.json").read_text())["properties"]
+    (studio.path / "shots" / "defaults.yaml").write_text("resample: off\n")
+    assert "resample" not in json.loads(studio.run("schema").out)["then"]["required"]
+    bad = studio.run("schema", "shots")
+    assert bad.code == 2 and "Did you mean 'shot'" in bad.err
 
 
 def test_new_never_overwrites(studio):

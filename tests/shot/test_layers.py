@@ -137,6 +137,37 @@ def test_values_are_set_from_outside(folder: Path) -> None:
     assert read(folder, "A", "flows.0.vortex.strength.keys.25=5").motion != read(folder, "A").motion
 
 
+KEYS = "flows.0.vortex.strength.keys"
+TURNED = "flows.1.twist.amount={keys: {1: 0, '0.5s': {value: 20, ease: linear}, 48.5: 90}}"
+
+
+@pytest.mark.parametrize(
+    ("settings", "at", "value"),
+    [
+        ((TURNED, "flows.1.twist.amount.keys.0.5s=30"), 13, 30),
+        ((TURNED, "flows.1.twist.amount.keys.0.5s.value=40"), 13, 40),
+        ((TURNED, "flows.1.twist.amount.keys.48.5=50"), 49, 50),
+        ((TURNED, "flows.1.twist.amount.keys.1.25s=60"), 31, 60),
+        ((TURNED, "flows.1.twist.amount.keys.30=70"), 30, 70),
+    ],
+    ids=lambda each: each[-1][28:] if isinstance(each, tuple) else None,
+)
+def test_a_key_is_set_by_its_time_and_a_new_one_finds_its_place(
+    folder: Path, settings: tuple[str, ...], at: int, value: float
+) -> None:
+    shot = read(folder, "A", *settings)
+    amount = shot.motion.flow.flows[1].amount  # type: ignore[attr-defined]
+    assert amount.at(shot.motion.clock.time(at))[0] == pytest.approx(math.radians(value))
+
+
+def test_a_step_after_a_key_may_be_one_of_its_numbers(folder: Path) -> None:
+    rate = "flows.1={translation: {rate: {keys: {1: [0, 0, 0], 17: [1, 1, 1]}}}}"
+    shot = read(folder, "A", rate, "flows.1.translation.rate.keys.17.1=5")
+    assert shot.motion.flow.flows[1].field.rate.values[1] == (1.0, 5.0, 1.0)  # type: ignore[attr-defined]
+    later = read(folder, "A", rate, "flows.1.translation.rate.keys.33.1=[0, 0, 0]")
+    assert later.motion.flow.flows[1].field.rate.times[2] == pytest.approx(32.1 / 24)  # type: ignore[attr-defined]
+
+
 def test_what_is_set_for_a_film_is_set_in_each_of_its_shots(folder: Path) -> None:
     (folder / "film.yaml").write_text("title: F\nshots: [A, C]\n")
     film = read_film(folder / "film.yaml", ("look=glaze", "rate=24"))
@@ -157,6 +188,15 @@ SET = [
     ("title.first=3", "title is 'A', which holds no first. Set title as a whole."),
     ("lights.exposure=big",
      "lights.exposure is 'big'; it must be a number. Write it plainly, without quotes or units."),
+    (f"{KEYS}.1.5s=x",
+     f"{KEYS}.1.5s is 'x'; it must be a number. Write it plainly, without quotes or units."),
+    (f"{KEYS}.9.5s=1", "key 9.5s is outside of the shot, which has frames 1-49 (2.042 s). Move it inside."),
+    (f"{KEYS}.soon=1",
+     "key 'soon' is no time; write a frame, such as 12, or seconds, such as 0.5s"),
+    (f"{KEYS}.1s.value=1", f"{KEYS} has no 1s. There are: 1, 25, 49. Set a new key as a whole."),
+    (f"{KEYS}.25.5s.ease=linear", f"{KEYS} has no 25.5s. There are: 1, 25, 49. Set a new key as a whole."),
+    ("flows.1.twist.amount.keys.0.5s=1",
+     "flows.1.twist.amount is 2, which holds no keys. Set flows.1.twist.amount as a whole."),
     ("title=[", "'[' is no YAML. Quote it for the shell, and look at its brackets."),
     ("camra.azimuth=2", "camra is not known. Did you mean 'camera'?"),
     ("extends=B", "what a shot extends is said in its file alone; settings come on top of both. Write "

@@ -1,0 +1,243 @@
+"""What the names of shot and film files mean, in a line each, with their units: for editors and for plots.
+
+What flows take is said where they are (`pipeline.flow.parameters.Sense`); this is the rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pydantic import BaseModel
+
+from pipeline.flow.parameters import Sense
+from pipeline.shot.compositions import (
+    BlendDocument,
+    Composition,
+    MirroredDocument,
+    PlacedDocument,
+    RepeatedDocument,
+    ReversedDocument,
+    WithinDocument,
+)
+from pipeline.shot.curves import Key, Keyed, OverTime, OverTimeTriple
+from pipeline.shot.documents import (
+    CameraDocument,
+    FilmDocument,
+    LightsDocument,
+    ModelDocument,
+    QualitiesDocument,
+    QualityDocument,
+    ShotDocument,
+    SmoothDocument,
+    StageDocument,
+)
+from pipeline.shot.flows import FlowDocument, VelocityDocument
+from pipeline.shot.generated import FlowParameters
+from pipeline.shot.looks import LookDocument
+from pipeline.shot.point_documents import SolidDocument
+from pipeline.shot.regions import (
+    BoxDocument,
+    HalfSpaceDocument,
+    RegionDocument,
+    RoundDocument,
+    SphereDocument,
+)
+from pipeline.shot.resampling import (
+    ActiveAngleDocument,
+    ActiveLengthDocument,
+    CameraDistanceDocument,
+    CurvatureDocument,
+    ResampleDocument,
+)
+from pipeline.shot.resampling import RegionDocument as CreasesDocument
+
+_MADE_OF = {
+    "within": Sense("in a region alone"),
+    "placed": Sense("scaled, then turned, then moved"),
+    "mirrored": Sense("across a plane"),
+    "blend": Sense("from one, or nothing, to another"),
+}
+
+HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
+    ShotDocument: {
+        "title": Sense("what the shot is called"),
+        "extends": Sense("the shot beside this file that says what this one does not"),
+        "intent": Sense("what it is to show, in a sentence"),
+        "frames": Sense("from the first to the last, as in 1-96; the first shows the subject at rest"),
+        "rate": Sense("24, 23.976 or 24000/1001", "frames per second"),
+        "subject": Sense("what flows: a solid by name, or a model from a file"),
+        "resample": Sense("how fine the surface is kept while it flows; off compares"),
+        "flows": Sense("what moves the subject, one after another within each frame"),
+        "substeps": Sense("into how many steps a frame is cut; by itself as many as the flow needs"),
+        "speed": Sense("at which the flow's time runs: 1 as it is, 0 stands still, below 0 backwards"),
+        "look": Sense("the material, by name or spelt out"),
+        "smooth": Sense("curved patches over the triangles"),
+        "camera": Sense("from where the subject is seen; distance and aim are found by framing"),
+        "lights": Sense("the rig, by name or spelt out"),
+        "stage": Sense("what the subject stands on, by name or spelt out"),
+        "quality": Sense("what this shot needs otherwise at some quality"),
+    },
+    FilmDocument: {
+        "title": Sense("what the film is called; on its first card"),
+        "subtitle": Sense("below the title"),
+        "credits": Sense("lines of the last card"),
+        "shots": Sense("names of shot files beside this one, in the order of the edit"),
+        "rate": Sense("24, 23.976 or 24000/1001: the same for all shots", "frames per second"),
+        "title_seconds": Sense("how long the title stands; 0 leaves it out", "s"),
+        "credits_seconds": Sense("how long the credits stand; 0 leaves them out", "s"),
+    },
+    SolidDocument: {
+        "solid": Sense("its name"),
+        "size": Sense("its sides", "units"),
+        "radius": Sense("from the middle to the surface, or of a torus to the middle of its tube", "units"),
+        "length": Sense("from end to end", "units"),
+        "tube_radius": Sense("of the tube of a torus; below its radius", "units"),
+        "caps": Sense("the ends of a rod"),
+    },
+    ModelDocument: {
+        "model": Sense("an OBJ, PLY, STL, OFF or GLB beside the shot file"),
+        "scale": Sense("factor on all coordinates"),
+    },
+    ResampleDocument: {
+        "max_edge_length": Sense("edges longer than this are split", "units"),
+        "min_edge_length": Sense("shorter edges collapse; below half the maximum, by default 40%", "units"),
+        "hard_angle": Sense("an edge over which the surface turns by more is a crease", "degrees"),
+        "max_vertices": Sense("where a frame needs more, it fails"),
+        "gradation": Sense("by how much lengths may differ between the ends of an edge, as a share of it"),
+        "method": Sense("triangles, or polyhedra: faces of any number of sides, sliced by planes"),
+        "placement": Sense("where new vertices go: on the surface at rest, on a smooth one, amid the edge"),
+        "splits": Sense("edges in two, or faces in four (with placement: chord)"),
+        "shape": Sense("triangles less round are mended: 0 none, 0.85 demanding"),
+        "normals": Sense("carried through the flow, or of the geometry of each frame"),
+        "renew": Sense("frames after which the present surface becomes the undeformed one"),
+        "creases": Sense("edges that stay hard: those hard at rest, those of the model's file, a region"),
+        "cutting": Sense("of polyhedra: all parallel cuts at once, or in two and again"),
+        "collapse": Sense("of polyhedra: short edges, or small faces"),
+    },
+    ActiveLengthDocument: {
+        "formula": Sense("over x, y, z, frame and time", "units"),
+        "curvature": Sense("as long as the surface is flat"),
+        "camera": Sense("of a constant size in a picture"),
+    },
+    ActiveAngleDocument: {"formula": Sense("over x, y, z, frame and time", "degrees")},
+    CreasesDocument: {"formula": Sense("over x, y and z: edges stay hard where it holds at rest")},
+    CurvatureDocument: {
+        "tolerance": Sense("how far the middle of an edge may lie beside the surface", "units"),
+        "finest": Sense("no edge is made shorter", "units"),
+        "coarsest": Sense("nor longer", "units"),
+    },
+    CameraDistanceDocument: {
+        "position": Sense("of the camera", "units"),
+        "pixels": Sense("how long edges are in the picture", "pixels"),
+        "finest": Sense("no edge is made shorter", "units"),
+        "coarsest": Sense("nor longer", "units"),
+        "field_of_view": Sense("horizontal", "degrees"),
+        "width": Sense("of the picture", "pixels"),
+    },
+    LookDocument: {
+        "material": Sense("the look to begin with"),
+        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
+        "roughness": Sense("0.03 is a mirror's gloss, 0.5 is matt"),
+        "sheen": Sense("of satin: how much lighter it is where it turns away"),
+        "metallic": Sense("of satin: how much the highlight takes the colour"),
+    },
+    SmoothDocument: {"tessellate": Sense("into how many pieces each edge is cut; 1 is off")},
+    CameraDocument: {
+        "azimuth": Sense("0 looks from the front, positive from the right", "degrees"),
+        "elevation": Sense("above the horizon", "degrees"),
+        "field_of_view": Sense("horizontal", "degrees"),
+        "margin": Sense("the share of the picture left empty on each side"),
+    },
+    LightsDocument: {"rig": Sense("the lights by name"), "exposure": Sense("brighter or darker", "stops")},
+    StageDocument: {
+        "kind": Sense("a seamless floor and wall, or nothing but the sky"),
+        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
+    },
+    QualitiesDocument: {
+        "preview": Sense("480×270, for looking while working"),
+        "draft": Sense("480×270, one bounce more"),
+        "daily": Sense("960×540, for review"),
+        "final": Sense("1920×1080, for delivery"),
+    },
+    QualityDocument: {
+        "samples": Sense("of light, for each pixel: up to 16, or a multiple of it"),
+        "guides": Sense("of the noise-free layers, for each pixel"),
+        "depth": Sense("vertices of a path of light"),
+        "denoise": Sense("how hard noise is removed"),
+    },
+    Keyed: {
+        "keys": Sense("values by their times: frames, or seconds as 0.5s"),
+        "ease": Sense("how values go from each key to the next"),
+        "before": Sense("what they do before the first key"),
+        "after": Sense("what they do after the last"),
+    },
+    Key: {
+        "value": Sense("the value at this key"),
+        "ease": Sense("how values go from here to the next key"),
+        "left": Sense("handle of a bezier way: [time, value] away from the key, the time negative"),
+        "right": Sense("handle of a bezier way: [time, value] away from the key"),
+    },
+    OverTime: {"formula": Sense("over frame and seconds")},
+    OverTimeTriple: {"formula": Sense("three of them, over frame and seconds")},
+    VelocityDocument: _MADE_OF,
+    FlowDocument: {
+        **_MADE_OF,
+        "sum": Sense("velocities that act together"),
+        "sequence": Sense("one after another, where one entry is wanted"),
+        "reversed": Sense("backwards"),
+        "repeated": Sense("what happens from 0 to the end of the period, again and again"),
+    },
+    Composition: {"flows": Sense("what it is made of; they act one after another")},
+    WithinDocument: {"region": Sense("where they act")},
+    PlacedDocument: {
+        "translate": Sense("where the origin goes", "units"),
+        "rotate": Sense("about x, then y, then z", "degrees"),
+        "scale": Sense("factor on distances and speeds"),
+    },
+    MirroredDocument: {
+        "normal": Sense("of the mirror: x, y, z or a vector"),
+        "centre": Sense("a point of the mirror", "units"),
+    },
+    BlendDocument: {
+        "flows": Sense("one that comes in from nothing, or two: from the first to the second"),
+        "weight": Sense("of the last, from 0 to 1"),
+    },
+    ReversedDocument: {"duration": Sense("how much is undone: frames, or seconds as 1s; the whole shot")},
+    RepeatedDocument: {"period": Sense("frames, or seconds as 1s")},
+    RegionDocument: {
+        "sphere": Sense("all within a radius of a point"),
+        "box": Sense("all within sides along x, y and z"),
+        "half_space": Sense("all below a plane"),
+        "capsule": Sense("all within a radius of a piece of a line; round ends"),
+        "cylinder": Sense("the same with flat ends"),
+        "falloff": Sense("over which its weight falls to 0, outside", "units"),
+        "fall": Sense("the form of that"),
+        "invert": Sense("outside instead of inside"),
+    },
+    SphereDocument: {"centre": Sense("its middle", "units"), "radius": Sense("its size", "units")},
+    BoxDocument: {
+        "centre": Sense("its middle", "units"),
+        "size": Sense("its sides along x, y and z", "units"),
+    },
+    HalfSpaceDocument: {
+        "centre": Sense("a point of its plane", "units"),
+        "normal": Sense("points up from it, and out: x, y, z or a vector"),
+    },
+    RoundDocument: {
+        "axis": Sense("along which it lies: x, y, z or a vector"),
+        "centre": Sense("its middle", "units"),
+        "length": Sense("of the piece of its line", "units"),
+        "radius": Sense("around that", "units"),
+    },
+}
+
+
+def hint(document: type[BaseModel], name: str) -> Sense | None:
+    """What a name of a document means; None where nothing is said."""
+    if issubclass(document, FlowParameters):
+        return next((p.sense for p in (*document.own, *document.parameters) if p.name == name), None)
+    return next((HINTS[kind][name] for kind in document.__mro__ if name in HINTS.get(kind, ())), None)
+
+
+def in_a_line(sense: Sense) -> str:
+    return f"{sense.text} ({sense.unit})" if sense.unit else sense.text
