@@ -9,13 +9,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
-
-import numpy as np
 
 from benchmarks import peers
 from benchmarks.measures import exactness, volume
-from benchmarks.play import PLACEMENTS, Moment, play, warm
+from benchmarks.play import PLACEMENTS, Moment, play, warm, with_normals
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.works import Film, enright
 from pipeline.errors import MeshError
@@ -36,7 +33,7 @@ def main() -> list[Target]:
     film, rows = enright(), []
     for placement in PLACEMENTS:
         rows += measure(film, placement, play(film, placement))
-    rows += measure(film, "exact, curvature", play(_with_normals(film), "exact", DENSITY))
+    rows += measure(film, "exact, curvature", play(with_normals(film), "exact", DENSITY))
     for name, remesh in peers.installed().items():
         rows += measure_peer(film, name, remesh)
     keep("enright", rows)
@@ -65,15 +62,6 @@ def measure(film: Film, name: str, moments: Iterator[Moment]) -> list[Row]:
             }
         )
     return rows
-
-
-def _with_normals(film: Film) -> Film:
-    """The film with exact normals, which curvature is then taken from."""
-    h, rest = 1e-6 * film.max_edge_length, film.subject.vertices
-    rise = [film.height(rest + h * axis) - film.height(rest - h * axis) for axis in np.eye(3)]
-    normals = np.column_stack(rise)
-    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
-    return replace(film, subject=film.subject.with_attributes(normal=normals))
 
 
 def measure_peer(film: Film, name: str, remesh: peers.Remesher) -> list[Row]:

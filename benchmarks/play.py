@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -86,6 +86,15 @@ class _Carrier:
         moved = self._film.follow(points, 0, self.frame)
         self.seconds += time.perf_counter() - start
         return moved
+
+
+def with_normals(film: Film) -> Film:
+    """The film with exact normals, which curvature is then taken from."""
+    h, rest = 1e-6 * film.max_edge_length, film.subject.vertices
+    rise = [film.height(rest + h * axis) - film.height(rest - h * axis) for axis in np.eye(3)]
+    normals = np.column_stack(rise)
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    return replace(film, subject=film.subject.with_attributes(normal=normals))
 
 
 def warm() -> None:

@@ -21,6 +21,7 @@ from render.lights import LightRig
 from render.look import Look
 from render.quality import PASS_SAMPLES, Quality
 from render.scene import Rendering, Surface, build_scene
+from render.spheres import Spheres
 from render.stage import Placement, Stage
 
 Layer = NDArray[np.float32]
@@ -74,7 +75,7 @@ def seed_of(*parts: str | int) -> int:
 
 
 def render_frame(
-    surface: Surface,
+    surface: Surface | Spheres,
     look: Look,
     lights: LightRig,
     stage: Stage,
@@ -92,6 +93,8 @@ def render_frame(
     """
     engine.start()
     begun = time.perf_counter()
+    if isinstance(surface, Spheres):
+        surface = surface.surface(camera, quality.width)
     beauty, guides = build_scene(
         surface, look, lights, stage, placement, camera, (quality.width, quality.height), quality.depth
     )
@@ -153,7 +156,7 @@ def _passes(layer: str, rendering: Rendering, samples: int) -> list[tuple[str, R
 def _named(
     sums: Mapping[str, NDArray[np.float64]], passes: list[tuple[str, Rendering, int]]
 ) -> dict[str, Layer]:
-    """Averages by name. Mitsuba's AOVs: albedo 3, depth 1, position 3, normal 3, matte and an unused one."""
+    """Averages by name. Mitsuba's AOVs: albedo 3, depth 1, position 3, normal 3, a phase and the matte."""
     count = {layer: sum(1 for name, _, _ in passes if name == layer) for layer in sums}
     aovs = sums["guides"] / count["guides"]
     parts = {
@@ -162,6 +165,6 @@ def _named(
         "normal": aovs[..., 7:10],
         "position": aovs[..., 4:7],
         "depth": aovs[..., 3],
-        "matte": np.clip(aovs[..., 10], 0.0, 1.0),
+        "matte": np.clip(aovs[..., 11], 0.0, 1.0),
     }
     return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in parts.items()}

@@ -14,14 +14,19 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render import material as materials
 from render.camera import Camera
 from render.errors import BadInputError
 from render.lights import LightRig, Sky, Softbox, Sun
 from render.look import Look
 from render.stage import Placement, Stage
 
-SUBJECT, SURROUNDINGS = (1.0, 0.0), (0.0, 0.0)
-"""Texture coordinates given to every vertex: their first number, averaged over a pixel, is the matte."""
+SUBJECT, SURROUNDINGS = 1.0, 0.0
+"""The second texture coordinate of every vertex: averaged over a pixel it is the matte. The first is the
+phase of the look's pigment."""
+
+_CHANGING = ("to_world", "medium.scale")
+"""How the names of values end that differ from frame to frame."""
 
 BLOCK_SIZE = 16
 """Pixels along a block of the scalar variant. Each block has its own random numbers, and left alone Mitsuba
@@ -36,12 +41,14 @@ class Surface:
     normals     float32 (V, 3), unit length
     faces       int32 (F, 3), counter-clockwise seen from outside
     attributes  by name, float32 (V, k)
+    material    float32 (V, 3), where its points were before anything moved them; pigments need it
     """
 
     vertices: NDArray[np.float32]
     normals: NDArray[np.float32]
     faces: NDArray[np.int32]
     attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    material: NDArray[np.float32] | None = None
 
     def check(self) -> None:
         """Raises BadInputError for what Mitsuba would render wrongly, or crash on, without a word."""
@@ -66,6 +73,20 @@ class Surface:
         for name, array in self.attributes.items():
             if array.ndim != 2 or len(array) != count or not np.isfinite(array).all():
                 raise BadInputError(f"attribute {name!r} must be finite and have shape ({count}, k)")
+        if self.material is not None and (
+            self.material.shape != (count, 3) or not np.isfinite(self.material).all()
+        ):
+            raise BadInputError(f"the surface's material must be finite and have shape ({count}, 3)")
+
+    def phases(self, look: Look) -> NDArray[np.float64]:
+        """(V,): of the look's pigment, 0 where it has none."""
+        if look.pigment is None:
+            return np.zeros(len(self.vertices))
+        if self.material is None:
+            raise BadInputError(
+                "look has a pigment, and the surface does not say where its points were; give it material"
+            )
+        return look.pigment.phases(self.material)
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +114,8 @@ def build_scene(
     cannot be rendered.
     """
     surface.check()
-    shapes = {"subject": _mesh("subject", surface, _material(look, surface), SUBJECT)}
+    subject = _subject(surface, look, materials.material(look, surface.attributes), placement.size)
+    shapes = {"subject": subject}
     to_scene = placement.matrix()
     if stage.kind == "cyclorama":
         shapes["stage"] = _cyclorama(stage, to_scene)
@@ -105,9 +127,13 @@ def build_scene(
         lit[f"sun{index}"] = _sun(sun, to_scene)
     lit["sky"] = _sky(lights.sky)
     scene = _load(lit)
-    seen = any(_in_view(lamp, to_scene, camera, size) for lamp in lights.softboxes)
-    bare = _load(common) if seen else scene
-    return Rendering(scene, _integrator(_beauty(depth, lights))), Rendering(bare, _integrator(_aovs()))
+    bare = scene
+    if look.is_clear:
+        bare = _load({**common, "subject": _subject(surface, look, materials.guide(look))})
+    elif any(_in_view(lamp, to_scene, camera, size) for lamp in lights.softboxes):
+        bare = _load(common)
+    beauty = _integrator(_beauty(materials.path(look, depth), lights))
+    return Rendering(scene, beauty), Rendering(bare, _integrator(_aovs()))
 
 
 def _in_view(lamp: Softbox, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]) -> bool:
@@ -143,7 +169,7 @@ def _load(scene: dict[str, Any]) -> Any:
 
 
 def _keep_out_of_kernels(scene: Any) -> None:
-    """Make where things stand data of the compiled code, not constants in it.
+    """Make where things stand, and how dense they are, data of the compiled code, not constants in it.
 
     Otherwise every frame whose stage moves or grows a little is compiled anew, which takes a third of a
     second and a place on the disk.
@@ -152,20 +178,14 @@ def _keep_out_of_kernels(scene: Any) -> None:
     import mitsuba as mi
 
     values = mi.traverse(scene)
-    for name in [name for name in values.keys() if name.endswith("to_world")]:  # noqa: SIM118 not a dict
+    for name in [name for name in values.keys() if name.endswith(_CHANGING)]:  # noqa: SIM118 not a dict
         dr.make_opaque(values[name])
         values[name] = values[name]
     values.update()
 
 
-def _beauty(depth: int, lights: LightRig) -> dict[str, Any]:
-    return {
-        "type": "path",
-        "max_depth": depth,
-        "rr_depth": max(depth, 5),
-        "hide_emitters": not lights.sky.visible,
-        "block_size": BLOCK_SIZE,
-    }
+def _beauty(path: dict[str, Any], lights: LightRig) -> dict[str, Any]:
+    return {**path, "hide_emitters": not lights.sky.visible, "block_size": BLOCK_SIZE}
 
 
 def _aovs() -> dict[str, Any]:
@@ -173,11 +193,27 @@ def _aovs() -> dict[str, Any]:
     return {"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE}
 
 
-def _mesh(name: str, surface: Surface, material: dict[str, Any], mark: tuple[float, float]) -> Any:
+def _subject(surface: Surface, look: Look, material: dict[str, Any], size: float | None = None) -> Any:
+    """The sculpture; with its half-size, filled with what the look fills it with."""
+    filling = None if size is None else materials.medium(look, size)
+    marks = np.stack([surface.phases(look), np.full(len(surface.vertices), SUBJECT)], axis=1)
+    return _mesh("subject", surface, material, marks, filling)
+
+
+def _mesh(
+    name: str,
+    surface: Surface,
+    material: dict[str, Any],
+    marks: NDArray[np.floating],
+    filling: dict[str, Any] | None = None,
+) -> Any:
+    """marks: (V, 2) texture coordinates, or one for all; see SUBJECT"""
     import mitsuba as mi
 
     properties = mi.Properties()
     properties["material"] = mi.load_dict(material)
+    if filling is not None:
+        properties["interior"] = mi.load_dict(filling)
     mesh = mi.Mesh(
         name,
         vertex_count=len(surface.vertices),
@@ -189,9 +225,7 @@ def _mesh(name: str, surface: Surface, material: dict[str, Any], mark: tuple[flo
     values = mi.traverse(mesh)
     values["vertex_positions"] = _ravel(surface.vertices)
     values["vertex_normals"] = _ravel(surface.normals)
-    values["vertex_texcoords"] = _ravel(
-        np.broadcast_to(np.array(mark, dtype=np.float32), (len(surface.vertices), 2))
-    )
+    values["vertex_texcoords"] = _ravel(np.broadcast_to(marks, (len(surface.vertices), 2)))
     values["faces"] = np.ascontiguousarray(surface.faces, dtype=np.uint32).ravel()
     values.update()
     for attribute, array in surface.attributes.items():
@@ -203,50 +237,6 @@ def _ravel(array: NDArray[Any]) -> Any:
     return np.ascontiguousarray(array, dtype=np.float32).ravel()
 
 
-def _material(look: Look, surface: Surface) -> dict[str, Any]:
-    colour: dict[str, Any] = {"type": "rgb", "value": list(look.colour)}
-    if look.colour_from is not None:
-        if look.colour_from not in surface.attributes:
-            known = ", ".join(surface.attributes) or "none"
-            raise BadInputError(
-                f"look takes its colour from attribute {look.colour_from!r}; the surface has {known}"
-            )
-        colour = {"type": "mesh_attribute", "name": f"vertex_{look.colour_from}"}
-    return {"type": "twosided", "material": _one_sided(look, colour)}
-
-
-def _one_sided(look: Look, colour: dict[str, Any]) -> dict[str, Any]:
-    if look.model == "diffuse":
-        return {"type": "diffuse", "reflectance": colour}
-    if look.model == "metal":
-        return {
-            "type": "roughconductor",
-            "material": "none",
-            "specular_reflectance": colour,
-            "alpha": max(look.roughness, 1e-3),
-            "distribution": "ggx",
-        }
-    if look.model == "satin":
-        return {
-            "type": "principled",
-            "base_color": colour,
-            "roughness": look.roughness,
-            "metallic": look.metallic,
-            "sheen": look.sheen,
-            "sheen_tint": 0.5,
-            "clearcoat": 0.4,
-            "clearcoat_gloss": 0.75,
-            "specular": 0.5,
-        }
-    return {
-        "type": "roughplastic",
-        "diffuse_reflectance": colour,
-        "alpha": max(look.roughness, 1e-3),
-        "distribution": "ggx",
-        "nonlinear": True,
-    }
-
-
 def _cyclorama(stage: Stage, to_scene: NDArray[np.float64]) -> Any:
     vertices, normals, faces = stage.mesh()
     linear = to_scene[:3, :3]
@@ -254,7 +244,7 @@ def _cyclorama(stage: Stage, to_scene: NDArray[np.float64]) -> Any:
     turned = (normals.astype(np.float64) @ linear.T / np.linalg.norm(linear[:, 1])).astype(np.float32)
     material = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(stage.colour)}}
     two_sided = {"type": "twosided", "material": material}
-    return _mesh("stage", Surface(moved, turned, faces), two_sided, SURROUNDINGS)
+    return _mesh("stage", Surface(moved, turned, faces), two_sided, np.array([0.0, SURROUNDINGS]))
 
 
 def _softbox(softbox: Softbox, to_scene: NDArray[np.float64]) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 from pipeline.animation.frame import FrameReport, MeshFrame
 from pipeline.animation.lineage import descent
 from pipeline.animation.loop import animate
+from pipeline.animation.material import material_of
 from pipeline.animation.subframe import at_moment
 
-__all__ = ["FrameReport", "MeshFrame", "animate", "at_moment", "descent"]
+__all__ = ["FrameReport", "MeshFrame", "animate", "at_moment", "descent", "material_of"]

@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.errors import UsageError
 from pipeline.mesh import PolygonMesh, TriangleMesh
+from pipeline.mesh.lattice import Lattice
 from pipeline.resample import PolyhedralReport, Report
 from pipeline.statistics import MeshStatistics
 
@@ -23,26 +24,27 @@ class FrameReport:
     """What happened on the way into a frame, and how its mesh is.
 
     resampling  what the resampler did; None where resampling is off
-    statistics  how mesh-like the result is (P7)
+    statistics  how mesh-like the result is (P7); None of a cloud of points, which is no mesh
     """
 
     resampling: Report | None
-    statistics: MeshStatistics
+    statistics: MeshStatistics | None
 
     def as_data(self) -> dict[str, Any]:
         """JSON-able."""
         resampling = None
         if self.resampling is not None:
             resampling = {**vars(self.resampling), "refused": dict(self.resampling.refused)}
-        return {"resampling": resampling, "statistics": asdict(self.statistics)}
+        statistics = None if self.statistics is None else asdict(self.statistics)
+        return {"resampling": resampling, "statistics": statistics}
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> FrameReport:
-        resampling = data["resampling"]
+        resampling, statistics = data["resampling"], data["statistics"]
         kind = PolyhedralReport if resampling and "cuts" in resampling else Report
         return cls(
             resampling=None if resampling is None else kind(**resampling),
-            statistics=MeshStatistics(**data["statistics"]),
+            statistics=None if statistics is None else MeshStatistics(**statistics),
         )
 
 
@@ -50,11 +52,14 @@ class FrameReport:
 class MeshFrame:
     """One frame of a shot's surface. With the shot, it is all that later frames depend on.
 
+    mesh        the surface; of a cloud the points, without faces, their radii as the attribute `radius`; of a
+                control net the points, with the net's own cells as faces
     polygons    where the surface is one of polygons: what `mesh` is, cut into triangles; its vertices are the
                 first of the mesh's
     births      int64 (N, 3): the `identity` of each vertex born on the way into this frame, and those of its
                 two parents, in order of birth; None where identities are not kept
     identities  how many have been given since the first frame
+    lattice     where the vertices are the control points of a net: how they are laid out
     """
 
     number: int
@@ -63,13 +68,15 @@ class MeshFrame:
     polygons: PolygonMesh | None = None
     births: AnyArray | None = None
     identities: int = 0
+    lattice: Lattice | None = None
 
     def to_arrays(self) -> dict[str, AnyArray]:
         """The frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
 
         vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
         () and report (): a string of JSON; where identities are kept births int64 (N, 3) and identities ();
-        of polygons offsets int32 (P + 1,) and corners int32 (C,).
+        of polygons offsets int32 (P + 1,) and corners int32 (C,); of a control net, net int32 (4,): rows,
+        columns, and 1 for each way that is closed.
         """
         attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
         return {
@@ -78,6 +85,7 @@ class MeshFrame:
             "creases": self.mesh.creases,
             **_sides(self.polygons),
             **self._lineage(),
+            **({} if self.lattice is None else {"net": self.lattice.as_array()}),
             **attributes,
             "number": np.array(self.number),
             "report": np.array(json.dumps(self.report.as_data())),
@@ -99,6 +107,7 @@ class MeshFrame:
             polygons=_polygons(mesh, arrays),
             births=arrays.get("births"),
             identities=int(arrays.get("identities", 0)),
+            lattice=_lattice(mesh, arrays),
         )
 
     def _lineage(self) -> dict[str, AnyArray]:
@@ -107,6 +116,16 @@ class MeshFrame:
 
 def _sides(polygons: PolygonMesh | None) -> dict[str, AnyArray]:
     return {} if polygons is None else {"offsets": polygons.offsets, "corners": polygons.corners}
+
+
+def _lattice(mesh: TriangleMesh, arrays: Mapping[str, AnyArray]) -> Lattice | None:
+    """How the vertices are laid out, where the arrays say so."""
+    if "net" not in arrays:
+        return None
+    lattice = Lattice.from_array(arrays["net"])
+    if len(lattice) != len(mesh.vertices):
+        raise UsageError(f"a net of {len(lattice)} points has {len(mesh.vertices)}; it is no frame of ours")
+    return lattice
 
 
 def _polygons(mesh: TriangleMesh, arrays: Mapping[str, AnyArray]) -> PolygonMesh | None:

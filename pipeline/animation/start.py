@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import MeshFrame
+from pipeline.animation.material import marked
 from pipeline.animation.surface import Carried, Sliced, Surface, Triangular, thresholds_at
 from pipeline.arrays import AnyArray, Floats, Vectors
 from pipeline.errors import UsageError
@@ -35,13 +36,18 @@ _UNCARRIED: Mapping[str, Placement] = {"chord": Chord(), "curved": Curved()}
 
 
 def at_rest(motion: Motion, flow: Flow) -> Surface:
-    """The subject before anything has moved it, not resampled yet."""
+    """The subject before anything has moved it, not resampled yet.
+
+    Raises UsageError where points are to be resampled.
+    """
     resampling, first = motion.resampling, motion.frames.first
     if resampling is None:
-        return Surface(with_identities(motion.mesh_at_rest()))
+        return Surface(marked(with_identities(motion.mesh_at_rest())), motion.subject.lattice)
+    if not motion.subject.is_surface:
+        raise UsageError("points and control nets are not resampled; take resampling out of the motion")
     thresholds = thresholds_at(motion, resampling, first)
     if resampling.method == "polyhedra":
-        polygons = motion.polygons_at_rest()
+        polygons = marked(motion.polygons_at_rest())
         polygons = _creased(polygons, resampling, _hard_angles(polygons, thresholds))
         slicer = PolyhedralResampler(polygons, thresholds, resampling.cutting, resampling.collapse)
         return Sliced(motion, resampling, slicer)
@@ -50,7 +56,7 @@ def at_rest(motion: Motion, flow: Flow) -> Surface:
     if resampling.placement != "exact":
         placement, splits = _UNCARRIED[resampling.placement], resampling.splits
         return Triangular(
-            motion, resampling, Resampler(mesh, thresholds, placement, resampling.shape, splits)
+            motion, resampling, Resampler(marked(mesh), thresholds, placement, resampling.shape, splits)
         )
     if resampling.normals == "carried":
         mesh = mesh.with_attributes(**{NORMAL: _normals_at_rest(motion, mesh)})
@@ -91,7 +97,7 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> Surface:
     """
     resampling = motion.resampling
     if resampling is None:
-        return Surface(frame.mesh)
+        return Surface(frame.mesh, frame.lattice)
     thresholds = thresholds_at(motion, resampling, frame.number)
     if resampling.method == "polyhedra":
         polygons = _required_polygons(frame)

@@ -8,10 +8,12 @@ from typing import Generic, TypeVar
 
 from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import FrameReport, MeshFrame
+from pipeline.animation.material import MATERIAL, material_of
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.history import Step
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.identity import Register
+from pipeline.mesh.lattice import Lattice
 from pipeline.mesh.normals import NORMAL, vertex_normals
 from pipeline.mesh.tangents import carried_normals
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
@@ -27,16 +29,17 @@ def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresho
 
 
 class Surface:
-    """A surface whose vertices only move."""
+    """A surface, a cloud of points or a control net whose vertices only move."""
 
-    def __init__(self, mesh: TriangleMesh) -> None:
-        self._mesh, self._register = mesh, Register.of(mesh)
+    def __init__(self, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
+        self._mesh, self._register, self._lattice = mesh, Register.of(mesh), lattice
 
     def move(self, step: Step) -> None:
         self._mesh = self._mesh.with_vertices(step.apply(self._mesh.vertices))
 
     def frame(self, number: int) -> MeshFrame:
-        frame = MeshFrame(number, self._mesh, FrameReport(None, mesh_statistics(self._mesh)))
+        statistics = mesh_statistics(self._mesh) if len(self._mesh.faces) else None
+        frame = MeshFrame(number, self._mesh, FrameReport(None, statistics), lattice=self._lattice)
         if self._register is None:
             return frame
         return replace(frame, births=self._register.births, identities=self._register.given)
@@ -103,8 +106,13 @@ class Carried(Triangular):
     def _renewed(self, frame: MeshFrame) -> MeshFrame:
         """The same frame, from here on the surface at rest."""
         self._epoch = self._epoch.next()
-        rest = {REST: frame.mesh.vertices, REST_NORMAL: vertex_normals(frame.mesh)}
-        state = {**self._resampler.state(), **{f"attribute.{name}": values for name, values in rest.items()}}
+        mesh = frame.mesh
+        renewed = {
+            REST: mesh.vertices,
+            REST_NORMAL: vertex_normals(mesh),
+            MATERIAL: material_of(mesh),
+        }
+        state = self._resampler.state() | {f"attribute.{name}": values for name, values in renewed.items()}
         self._resampler = Resampler.from_state(
             state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.roundness
         )

@@ -4,7 +4,7 @@ from pipeline.flow.choreography import Curve, Keyframes, keyed
 from pipeline.flow.compose import (
     Blend,
     Frame,
-    Mirrored,
+    Mirror,
     Placed,
     Repeated,
     Reversed,
@@ -26,7 +26,7 @@ __all__ = [
     "Frame",
     "Function",
     "Keyframes",
-    "Mirrored",
+    "Mirror",
     "Placed",
     "Repeated",
     "Reversed",

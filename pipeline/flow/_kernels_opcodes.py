@@ -24,10 +24,11 @@ CLOSE_HALF_SPACE = 6  # point on the plane 0:3, unit normal outwards 3:6
 CLOSE_CAPSULE = 7  # centre 0:3, unit axis 3:6, half the length of its line 10, radius 11
 CLOSE_CYLINDER = 8  # centre 0:3, unit axis 3:6, half its length 10, radius 11
 CLOSE_SAMPLED = 9  # distances at the nodes of a grid: origin 0:3, spacing 3, address of numbers 4
+CLOSE_MESH = 10  # a closed surface: where its origin is put 0:3, scale 3, address of numbers 4
 # all of a region: falloff 6, factor inside 7, factor outside 8, form of the fall 9 (see `_kernels_region`)
-UNPLACE = 10  # -, matrix 3:12: outside, velocities are matrix · velocity
+UNPLACE = 11  # -, matrix 3:12: outside, velocities are matrix · velocity
 
-EXTERNAL = 11  # address of a compiled function 0, time 1, its own numbers 2:12 (see `_kernels_external`)
+EXTERNAL = 12  # address of a compiled function 0, time 1, its own numbers 2:12 (see `_kernels_external`)
 
 FAMILY = 16
 """Opcodes of a family of leaves follow its number times this."""

@@ -34,6 +34,7 @@ from pipeline.flow._kernels_region import (
     capsule_weight,
     cylinder_weight,
     half_space_weight,
+    mesh_weight,
     sampled_weight,
 )
 from pipeline.flow._kernels_vortex import vortices
@@ -90,6 +91,8 @@ def run(kinds: Indices, first: int, last: int, p: Floats, o: int, n: int, s: Flo
                 close_region(cylinder_weight, p, o, n, s, b)
             elif kind == op.CLOSE_SAMPLED:
                 close_region(sampled_weight, p, o, n, s, b)
+            elif kind == op.CLOSE_MESH:
+                close_region(mesh_weight, p, o, n, s, b)
             else:
                 unplace(p, o, n, s, b)
         o += op.COLUMNS

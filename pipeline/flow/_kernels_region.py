@@ -13,6 +13,7 @@ from numba import carray, prange
 
 from pipeline.arrays import Floats, Points
 from pipeline.flow import _kernels_opcodes as op
+from pipeline.flow._kernels_closed import distance_outside
 from pipeline.flow._kernels_external import doubles_at
 from pipeline.kernels import kernel
 
@@ -115,6 +116,22 @@ def sampled_weight(p: Floats, o: int, x: float, y: float, z: float) -> float:
 
 
 @kernel(WEIGHT)
+def mesh_weight(p: Floats, o: int, x: float, y: float, z: float) -> float:
+    """where the surface's origin is put 0:3, scale 3, address 4 of what `_kernels_closed` knows of it
+
+    What is at no place is outside.
+    """
+    if math.isnan(x) or math.isnan(y) or math.isnan(z):
+        return 0.0
+    shrink = 1.0 / p[o + 3]
+    rim = shrink * p[o + 6]
+    away = distance_outside(
+        int(p[o + 4]), shrink * (x - p[o]), shrink * (y - p[o + 1]), shrink * (z - p[o + 2]), rim
+    )
+    return fall(away, rim, p[o + 9])
+
+
+@kernel(WEIGHT)
 def _of_kind(row: Floats, kind: int, x: float, y: float, z: float) -> float:
     """The weight by a region whose closing opcode is `kind`."""
     if kind == op.CLOSE_BALL:
@@ -123,6 +140,8 @@ def _of_kind(row: Floats, kind: int, x: float, y: float, z: float) -> float:
         return box_weight(row, 0, x, y, z)
     if kind == op.CLOSE_HALF_SPACE:
         return half_space_weight(row, 0, x, y, z)
+    if kind == op.CLOSE_MESH:
+        return mesh_weight(row, 0, x, y, z)
     if kind == op.CLOSE_CAPSULE:
         return capsule_weight(row, 0, x, y, z)
     if kind == op.CLOSE_CYLINDER:

@@ -19,17 +19,20 @@ class TriangleTree:
     memory     float64, all of it; further numbers may follow
     triangles  where in it the triangles begin
     order      (T,) which of the given triangles each of them is
+    ranges     (B, 2) the first of the triangles in each box, and the one after its last
     """
 
     memory: Floats
     triangles: int
     order: AnyArray = field(repr=False)
+    ranges: AnyArray = field(repr=False)
 
     @classmethod
     def of(cls, corners: Floats) -> TriangleTree:
         """From corners (T, 3, 3), T at least 1. Each box is halved across its longest side, by number."""
         centres, order = corners.mean(axis=1), np.arange(len(corners))
         boxes: list[list[float]] = []
+        ranges: list[tuple[int, int]] = []
         waiting: list[tuple[int, int, int]] = [(0, len(corners), -1)]
         while waiting:
             first, last, parent = waiting.pop()
@@ -44,6 +47,7 @@ class TriangleTree:
                 float(last - first),
             ]
             boxes.append(box)
+            ranges.append((first, last))
             if last - first <= LEAF:
                 continue
             box[7], me, middle = 0.0, len(boxes) - 1, (first + last) // 2
@@ -51,7 +55,7 @@ class TriangleTree:
             order[first:last] = mine[np.argsort(centres[mine, axis], kind="stable")]
             waiting += [(middle, last, me), (first, middle, -1)]
         memory = np.concatenate([np.array(boxes).ravel(), corners[order].ravel()])
-        return cls(memory, 8 * len(boxes), order)
+        return cls(memory, 8 * len(boxes), order, np.array(ranges))
 
     def with_more(self, numbers: Floats) -> Floats:
         """The array with numbers behind its triangles."""

@@ -2,6 +2,6 @@
 
 from pipeline.formula.expression import Expression
 from pipeline.formula.syntax import MOST_CHARACTERS, FormulaError
-from pipeline.formula.words import FUNCTIONS
+from pipeline.formula.words import FUNCTIONS, PLACE, TIME
 
-__all__ = ["FUNCTIONS", "MOST_CHARACTERS", "Expression", "FormulaError"]
+__all__ = ["FUNCTIONS", "MOST_CHARACTERS", "PLACE", "TIME", "Expression", "FormulaError"]

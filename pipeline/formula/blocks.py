@@ -19,10 +19,14 @@ import numpy as np
 
 from pipeline.formula.expression import Expression
 from pipeline.formula.scalar_code import ScalarCode
+from pipeline.formula.words import PLACE, TIME
 from pipeline.kernels import BlockKernel, cache_folder
 
-KNOWN = ("x", "y", "z", "t")
-"""What such formulas may always speak of: a place in scene units, and seconds from the start of the shot."""
+KNOWN = (*PLACE, *TIME)
+"""What such formulas may always speak of."""
+
+FRAME = "frame"
+"""Its number is handed over: those that speak of it have it among their numbers."""
 
 _MODULE = """\
 def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
@@ -39,14 +43,14 @@ def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
 def compiled(
     formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()
 ) -> BlockKernel:
-    """The block function of three formulas over x, y, z, t and `numbers`, in that order in its table."""
+    """The block function of three formulas over x, y, z, t, and `numbers`, in that order in its table."""
     return _loaded(source(formulas, numbers))
 
 
 def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()) -> str:
     """What is compiled, as Python."""
     words = {name: f"number{k}" for k, name in enumerate(numbers)}
-    code = ScalarCode({"x": "x", "y": "y", "z": "z", "t": "t", **words}, ("x", "y", "z"))
+    code = ScalarCode({"x": "x", "y": "y", "z": "z", "t": "t", "time": "t", **words}, PLACE)
     u, v, w = (code.value(formula.tree) for formula in formulas)
     once = [f"{word} = numbers[{k}]" for k, word in enumerate(words.values())] + code.once
     return _MODULE.format(

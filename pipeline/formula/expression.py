@@ -40,6 +40,13 @@ class Expression:
         inner = ast.walk(self.tree)
         return frozenset(n.id for n in inner if isinstance(n, ast.Name)) & frozenset(self.names)
 
+    @property
+    def told(self) -> tuple[str, ...]:
+        """The names whose values a message tells: of two for the same the one that is spoken of."""
+        spare = "t" if "time" in self.uses and "t" not in self.uses else "time"
+        both = {"t", "time"} <= set(self.names)
+        return tuple(name for name in self.names if not (both and name == spare))
+
     def __call__(self, **values: ArrayLike) -> Floats:
         """The formula's value, one for each row of the values, which are numbers or arrays of one length.
 
@@ -57,7 +64,7 @@ class Expression:
 
     def _not_finite(self, result: Floats, row: int, values: Mapping[str, ArrayLike]) -> str:
         rows = {name: np.broadcast_to(value, result.shape).ravel()[row] for name, value in values.items()}
-        place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.names if name in rows)
+        place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.told if name in rows)
         return (
             f"formula {shown(self.text)!r} is {result.ravel()[row]:g} at {place}; "
             "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."

@@ -11,7 +11,7 @@ import ast
 import warnings
 
 from pipeline.errors import UsageError, suggestion
-from pipeline.formula.words import CONSTANTS, FUNCTIONS, OPERATORS
+from pipeline.formula.words import CONSTANTS, FUNCTIONS, MEANT, OPERATORS
 
 MOST_CHARACTERS, MOST_PARTS, DEEPEST = 1000, 300, 40
 """Beyond what anybody writes by hand, and far below what could exhaust a machine."""
@@ -106,7 +106,9 @@ class _Check:
             raise self.error(node, f"{node.id} is a function; write {node.id}(…)")
         if node.id not in self.names and node.id not in CONSTANTS:
             words = (*self.names, *CONSTANTS, *FUNCTIONS)
-            raise self.error(node, f"{shown(node.id)} is not known here. {suggestion(node.id, words)}")
+            meant = MEANT.get(node.id)
+            hint = f"Write {meant}." if meant in words else suggestion(node.id, words)
+            raise self.error(node, f"{shown(node.id)} is not known here. {hint}")
 
     def exponent(self, node: ast.BinOp) -> None:
         power = node.right.operand if isinstance(node.right, ast.UnaryOp) else node.right

@@ -19,7 +19,7 @@ def trouble(formula: Expression, values: Mapping[str, float]) -> str | None:
     if guilty is None:
         return None
     part, found = guilty
-    place = ", ".join(f"{name} {values[name]:.4g}" for name in formula.names)
+    place = ", ".join(f"{name} {values[name]:.4g}" for name in formula.told if name in values)
     return (
         f"formula {shown(formula.text)!r}, column {_column(formula.text, part)}: {shown(ast.unparse(part))} "
         f"is {found:g} at {place}; it must be finite. Guard it with max, clamp or `… if … else …`."

@@ -11,6 +11,21 @@ import numpy as np
 
 CONSTANTS = {"pi": np.pi, "e": np.e}
 
+PLACE = ("x", "y", "z")
+"""Where a formula looks at places: scene units."""
+
+TIME = ("t", "time", "frame")
+"""Where it looks at moments: seconds since the first frame, by a short name and by a long one, and the number
+of the frame, with a fraction between frames."""
+
+MEANT = {"seconds": "t", "sec": "t", "f": "frame"}
+"""Names that are written for others without being like them."""
+
+
+def moment(frame: Any, seconds: Any) -> dict[str, Any]:
+    """The values of the names of TIME."""
+    return {"t": seconds, "time": seconds, "frame": frame}
+
 
 def _smoothstep(low: Any, high: Any, x: Any) -> Any:
     """0 below low, 1 above high, a cubic with level ends between."""

@@ -6,9 +6,11 @@ Graphics 2001. Each patch needs its own corners and normals only; its geometry i
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from pipeline.arrays import AnyArray, Indices
+from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.errors import UsageError
 from pipeline.mesh._kernels_patches import border_controls, fill_edges, fill_faces
 from pipeline.mesh.normals import ShadedMesh, twins_of
@@ -50,6 +52,25 @@ def tessellate(shaded: ShadedMesh, pieces: int) -> ShadedMesh:
     source[grids] = shaded.source_vertex[shaded.faces[:, nearest]]
     source[: len(shaded.vertices)] = shaded.source_vertex
     return ShadedMesh(points, normals, grids[:, cells].reshape(-1, 3).astype(np.int32), source)
+
+
+def spread(values: AnyArray, shaded: ShadedMesh, fine: ShadedMesh) -> Floats:
+    """(N, k) of what the vertices of a mesh have (V, k), at those of its tessellation: linear over each face.
+
+    shaded, fine  the argument and the answer of `tessellate`
+    """
+    corners = values[shaded.source_vertex]
+    if fine is shaded or not len(shaded.faces):
+        return np.asarray(corners, np.float64)
+    pieces = math.isqrt(len(fine.faces) // len(shaded.faces))
+    cells, (triangles, _) = _cells(pieces), _pattern(pieces)
+    weights = np.column_stack([pieces - cells.sum(axis=1), cells]) / pieces
+    _, once = np.unique(triangles, return_index=True)  # where each cell is among the corners of the pieces
+    spread = np.empty((len(fine.vertices), values.shape[1]))
+    grids = fine.faces.reshape(len(shaded.faces), -1)[:, once]
+    spread[grids] = np.einsum("cw,fwk->fck", weights, corners[shaded.faces])
+    spread[: len(corners)] = corners
+    return spread
 
 
 def _places(vertices: int, corners: Indices, twin: Indices, pieces: int) -> tuple[Indices, int]:

@@ -46,14 +46,7 @@ def read_polygon_file(path: Path) -> FileSurface:
 
     Raises ValueError at what cannot be read.
     """
-    data = path.read_bytes()
-    head, mark, body = data.partition(b"end_header")
-    lines = head.decode("ascii", "replace").splitlines()
-    if not mark or not lines or lines[0].strip() != "ply":
-        raise ValueError("it has no PLY header")
-    order, elements = _header(lines[1:])
-    body = body[body.index(b"\n") + 1 :]
-    tables = dict(_text(elements, body.split()) if order == "=" else _binary(elements, body, order))
+    tables = read_elements(path)
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
     if not {"x", "y", "z"} <= set(vertex):
         raise ValueError("its vertices have no x, y and z")
@@ -62,6 +55,21 @@ def read_polygon_file(path: Path) -> FileSurface:
     if isinstance(corners, np.ndarray):
         return file_surface(points, corners)
     return file_surface(points, [part.tolist() for part in corners])
+
+
+def read_elements(path: Path) -> dict[str, dict[str, Column]]:
+    """Every element of a PLY file by its name: its properties, an array of numbers or a list of arrays each.
+
+    Raises ValueError at what cannot be read.
+    """
+    data = path.read_bytes()
+    head, mark, body = data.partition(b"end_header")
+    lines = head.decode("ascii", "replace").splitlines()
+    if not mark or not lines or lines[0].strip() != "ply":
+        raise ValueError("it has no PLY header")
+    order, elements = _header(lines[1:])
+    body = body[body.index(b"\n") + 1 :]
+    return dict(_text(elements, body.split()) if order == "=" else _binary(elements, body, order))
 
 
 def _header(lines: list[str]) -> tuple[str, list[_Element]]:

@@ -163,6 +163,11 @@ class PolygonMesh:
         """The same surface elsewhere."""
         return PolygonMesh.from_arrays(vertices, self.offsets, self.corners, self.attributes, self.creases)
 
+    def with_attributes(self, **attributes: ArrayLike) -> PolygonMesh:
+        """The same polygons with attributes added or replaced."""
+        more = {**self.attributes, **attributes}
+        return PolygonMesh.from_arrays(self.vertices, self.offsets, self.corners, more, self.creases)
+
     def with_creases(self, creases: ArrayLike) -> PolygonMesh:
         """The same surface with these edges tagged, and no others."""
         return PolygonMesh.from_arrays(self.vertices, self.offsets, self.corners, self.attributes, creases)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Points, Vectors
+from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.mesh.tangents import unit
 
 CLOSE = 1e-9
@@ -37,6 +37,10 @@ class TrueSurface(ABC):
     def normals(self, points: Points) -> Vectors:
         """(N, 3): the unit normal, outwards, where each point is nearest; zero on a crease."""
 
+    @abstractmethod
+    def encloses(self, points: Points) -> AnyArray:
+        """(N,) flags: which points lie inside, or on the surface."""
+
 
 @dataclass(frozen=True)
 class Sphere(TrueSurface):
@@ -47,6 +51,9 @@ class Sphere(TrueSurface):
 
     def normals(self, points: Points) -> Vectors:
         return unit(points, UP)
+
+    def encloses(self, points: Points) -> AnyArray:
+        return _no_further(points, self.radius)
 
 
 @dataclass(frozen=True)
@@ -61,6 +68,9 @@ class Torus(TrueSurface):
 
     def normals(self, points: Points) -> Vectors:
         return unit(points - self._middle(points), UP)
+
+    def encloses(self, points: Points) -> AnyArray:
+        return _no_further(points - self._middle(points), self.tube_radius)
 
     def _middle(self, points: Points) -> Points:
         return self.radius * unit(points * (1.0, 0.0, 1.0), AHEAD)
@@ -78,6 +88,9 @@ class Capsule(TrueSurface):
 
     def normals(self, points: Points) -> Vectors:
         return unit(points - self._core(points), AHEAD)
+
+    def encloses(self, points: Points) -> AnyArray:
+        return _no_further(points - self._core(points), self.radius)
 
     def _core(self, points: Points) -> Points:
         half = 0.5 * self.length - self.radius
@@ -116,6 +129,11 @@ class Cylinder(TrueSurface):
         normals[cap & side] = 0.0
         return normals
 
+    def encloses(self, points: Points) -> AnyArray:
+        low = np.abs(points[:, 1]) <= 0.5 * self.length
+        inside: AnyArray = low & _no_further(points * (1.0, 0.0, 1.0), self.radius)
+        return inside
+
 
 @dataclass(frozen=True)
 class Box(TrueSurface):
@@ -136,6 +154,9 @@ class Box(TrueSurface):
         sides = half - np.abs(on) < CLOSE * half.max()
         return np.where(sides & (sides.sum(axis=1) == 1)[:, None], np.sign(on), 0.0)
 
+    def encloses(self, points: Points) -> AnyArray:
+        return np.asarray((np.abs(points) <= 0.5 * np.array(self.size)).all(axis=1))
+
 
 @dataclass(frozen=True)
 class Sheet(TrueSurface):
@@ -149,3 +170,13 @@ class Sheet(TrueSurface):
 
     def normals(self, points: Points) -> Vectors:
         return np.tile((0.0, 1.0, 0.0), (len(points), 1))
+
+    def encloses(self, points: Points) -> AnyArray:
+        """None: it is open."""
+        return np.zeros(len(points), bool)
+
+
+def _no_further(points: Points, distance: float) -> AnyArray:
+    """(N,) flags: which are so near to the origin."""
+    near: AnyArray = np.einsum("ij,ij->i", points, points) <= distance * distance
+    return near

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -28,6 +28,13 @@ FOOTING = 1
 
 STAGE_HALF_WIDTH = 1.5
 """Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
+
+
+class Balls(NamedTuple):
+    """Points (N, 3) with something around them: radii (N,), scene units."""
+
+    points: Points
+    radii: Floats
 
 
 @dataclass(frozen=True)
@@ -72,19 +79,21 @@ class Framing:
 
 
 def frame_all(
-    views: Sequence[View], points_of: Callable[[int], Points], aspect: float, still: bool = False
+    views: Sequence[View], points_of: Callable[[int], Points | Balls], aspect: float, still: bool = False
 ) -> list[Framing]:
-    """Frame a sequence: `points_of(i)` gives (N, 3) vertices seen by `views[i]`; aspect is width to height.
+    """Frame a sequence: `points_of(i)` gives (N, 3) vertices, or balls, that `views[i]` sees.
+
+    aspect  width to height
 
     `still` holds the distance, the aim and the floor for the whole sequence, as a turntable wants them.
     """
     centres = np.empty((len(views), 3))
     floors = np.empty(len(views))
     for i, view in enumerate(views):
-        points = points_of(i)
-        seen = points @ view.axes.T
-        centres[i] = (seen.min(axis=0) + seen.max(axis=0)) / 2 @ view.axes
-        floors[i] = points[:, 1].min()
+        points, radii = _balls(points_of(i))
+        seen, around = points @ view.axes.T, np.expand_dims(radii, -1)
+        centres[i] = ((seen - around).min(axis=0) + (seen + around).max(axis=0)) / 2 @ view.axes
+        floors[i] = (points[:, 1] - radii).min()
     targets = _held(centres, np.mean) if still else smooth(centres, STEADINESS)
     reach = np.array([fitting_distance(points_of(i), targets[i], v, aspect) for i, v in enumerate(views)])
     if still:
@@ -106,14 +115,22 @@ def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArr
     return np.asarray((points - pivot) @ turn.T + pivot)
 
 
-def fitting_distance(points: Points, target: Floats, view: View, aspect: float) -> float:
-    """The least distance from `target` at which every point lies within the margins of the picture."""
+def fitting_distance(points: Points | Balls, target: Floats, view: View, aspect: float) -> float:
+    """The least distance from `target` at which all points, or balls, lie within the margins of the picture.
+
+    A ball lies beside a plane through the lens if its centre is its radius away from it.
+    """
+    points, radii = _balls(points)
     right, up, back = ((points - target) @ view.axes.T).T
-    half_width = np.tan(view.field_of_view / 2)
-    free = 1 - 2 * view.margin
-    sideways = back + np.abs(right) / (half_width * free)
-    upright = back + np.abs(up) / (half_width / aspect * free)
+    wide = np.tan(view.field_of_view / 2) * (1 - 2 * view.margin)
+    high = wide / aspect
+    sideways = back + (np.abs(right) + radii * np.hypot(1.0, wide)) / wide
+    upright = back + (np.abs(up) + radii * np.hypot(1.0, high)) / high
     return float(np.maximum(sideways, upright).max())
+
+
+def _balls(points: Points | Balls) -> Balls:
+    return points if isinstance(points, Balls) else Balls(points, np.zeros(len(points)))
 
 
 def envelope(track: Floats, radius: int, extreme: Callable[[Floats], float]) -> Floats:

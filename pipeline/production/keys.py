@@ -26,24 +26,33 @@ def _all_but(folder: str, *names: str) -> tuple[str, ...]:
 
 
 SIMULATION_CODE = (
-    *_all_but("pipeline/mesh", "patches", "_kernels_patches", "write"),
+    *_all_but("pipeline/mesh", "patches", "_kernels_patches", "bspline", "write"),
     "pipeline/resample",
     "pipeline/flow",
     "pipeline/animation",
     "pipeline/formula",
     *(f"pipeline/{name}.py" for name in ("__init__", "frames", "kernels", "statistics")),
-    *(f"pipeline/shot/{name}.py" for name in ("clock", "motion", "subject", "resampling")),
+    *(f"pipeline/shot/{name}.py" for name in ("clock", "motion", "subject", "cloud", "net", "resampling")),
 )
 """What moves vertices. What reads shot files is no part of it: the values that it reads are."""
 
 NORMALS_CODE = (
-    *(f"pipeline/mesh/{name}.py" for name in ("normals", "_kernels_normals", "patches", "_kernels_patches")),
+    *(
+        f"pipeline/mesh/{name}.py"
+        for name in ("normals", "_kernels_normals", "patches", "_kernels_patches", "bspline", "lattice")
+    ),
     "pipeline/resample/hardness.py",
     "pipeline/production/tasks/meshes.py",
 )
-FRAMING_CODE = ("pipeline/production/framing.py",)
+FRAMING_CODE = (
+    "pipeline/production/framing.py",
+    *(f"pipeline/mesh/{name}.py" for name in ("bspline", "lattice")),
+)
 PICTURE_CODE = (
-    *(f"render/{name}.py" for name in ("frame", "scene", "stage", "camera", "image")),
+    *(
+        f"render/{name}.py"
+        for name in ("frame", "scene", "material", "pigment", "noise", "spheres", "stage", "camera", "image")
+    ),
     "pipeline/production/framing.py",
     "pipeline/production/tasks/pictures.py",
 )

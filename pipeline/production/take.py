@@ -34,6 +34,7 @@ from pipeline.production.store import Store
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot
 from pipeline.shot.data import as_data
+from pipeline.shot.net import ControlNet
 from render.errors import BadInputError
 from render.frame import seed_of
 from render.plain import to_plain
@@ -175,7 +176,14 @@ class Take:
             [self.mesh_key(n) for n in shown],
             [[n, pose.mesh, pose.spin, to_plain(self.view(n))] for n, pose in self.poses.items()],
             self.quality.aspect,
+            self._net_pieces,
         )
+
+    @property
+    def _net_pieces(self) -> int | None:
+        """How finely the surface of a net is cut, which is what cameras look at; None of other subjects."""
+        is_net = isinstance(self.shot.motion.subject, ControlNet)
+        return self.shot.picture.tessellate if is_net else None
 
     def view(self, number: int) -> View:
         """From where a picture is seen; a turntable stands still."""

@@ -9,7 +9,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.formula import Expression
+from pipeline.formula import PLACE, TIME, Expression
+from pipeline.formula.words import moment
 from pipeline.mesh.normals import NORMAL, split_at_creases
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.resample._kernels_density import bend, grade
@@ -17,8 +18,8 @@ from pipeline.resample._kernels_density import bend, grade
 SHORT = 0.4
 """Of the finest edge: what is shorter collapses (P12), and its curvature is that of noise."""
 
-FORMULA_NAMES = ("x", "y", "z", "frame", "time")
-"""What a formula may speak of: a place in scene units, the frame, and seconds from the start of the shot."""
+FORMULA_NAMES = (*PLACE, *TIME)
+"""What a formula may speak of."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class Curvature:
 
 @dataclass(frozen=True)
 class Formula:
-    """A threshold as a formula over x, y, z, frame and time: `0.02 + 0.01 * abs(y)`.
+    """A threshold as a formula over places and moments: `0.02 + 0.01 * abs(y)`.
 
     text         see `pipeline.formula`; FormulaError for what is none
     unit         factor on its value: radians a degree, for angles written in degrees
@@ -117,17 +118,17 @@ class Formula:
         """The formula with its frame and time filled in; itself where it speaks of neither."""
         used = self.expression.uses
         now = replace(
-            self, frame=frame if "frame" in used else None, time=float(time) if "time" in used else None
+            self, frame=frame if "frame" in used else None, time=float(time) if {"t", "time"} & used else None
         )
         return self if now == self else now
 
     def __call__(self, mesh: TriangleMesh) -> Floats:
         """(V,) Raises UsageError where the formula is not finite, or speaks of a time that is not known."""
-        moment = {"frame": self.frame, "time": self.time}
-        missing = [name for name in moment if name in self.expression.uses and moment[name] is None]
+        now = moment(self.frame, self.time)
+        missing = [name for name in now if name in self.expression.uses and now[name] is None]
         if missing:
             raise UsageError(f"formula {self.text!r} needs a {missing[0]}; ask for it `at` a frame first")
-        known = {name: value for name, value in moment.items() if value is not None}
+        known = {name: value for name, value in now.items() if value is not None}
         x, y, z = mesh.vertices.T
         return self.unit * self.expression(x=x, y=y, z=z, **known)
 

@@ -5,13 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any
 
-from pipeline.formula import Expression, FormulaError
-from pipeline.resample.density import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.checks import Problem
 from pipeline.shot.fields import is_number
-from pipeline.shot.messages import in_formula
-from pipeline.shot.resampling import REGION_NAMES
 from pipeline.shot.source import Source, Where
 
 THRESHOLDS = ("max_edge_length", "min_edge_length", "hard_angle")
@@ -60,19 +56,6 @@ def splits(source: Source) -> Iterator[Problem]:
         f"splits: faces puts new vertices in the middle of their edges, and {has}. "
         "Write placement: chord, or leave splits out.",
     )
-
-
-def formulas(source: Source) -> Iterator[Problem]:
-    """Formulas can be read."""
-    for name in (*THRESHOLDS, "creases"):
-        where: Where = ("resample", name, "formula")
-        text = source.get(*where)
-        if not isinstance(text, str):
-            continue
-        try:
-            Expression(text, REGION_NAMES if name == "creases" else FORMULA_NAMES)
-        except FormulaError as error:
-            yield in_formula(source, where, error.column, error.message)
 
 
 def _extreme(source: Source, name: str, of: Any) -> tuple[float | None, Where]:

@@ -4,8 +4,7 @@ mistake never hides another, and yields where it is and what to tell."""
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterator, Mapping
 from typing import Any, TypeGuard
 
 import numpy as np
@@ -15,9 +14,11 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.catalogue import DOCUMENTS
 from pipeline.shot.clock import Clock
 from pipeline.shot.fields import LARGEST, is_number
+from pipeline.shot.net import NETS, NetOfSolid
 from pipeline.shot.source import Source, Where
-from pipeline.shot.subject import SOLIDS, Solid
+from pipeline.shot.subject import SOLIDS, Measure, Solid
 from pipeline.shot.surroundings import digest_of_file, is_there, shown
+from render.look import LOOKS
 
 Problem = tuple[Where, str]
 
@@ -93,62 +94,77 @@ def _along(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
 
 
 def solid(source: Source) -> Iterator[Problem]:
-    """A solid is given the measures it has."""
-    subject = source.get("subject")
-    name = subject.get("solid") if isinstance(subject, dict) else None
-    if not isinstance(name, str) or name not in SOLIDS:
-        return
-    measures = SOLIDS[name].measures
-    strangers = [m for m in subject if m in MEASURES and m not in measures]
-    yield from (
-        (("subject", m), f"{m} is no measure of a {name}. {suggestion(m, measures)}") for m in strangers
-    )
-    size = subject.get("size")
+    """A solid is given the measures it has: the subject, what a cloud fills, what a net is shaped as."""
+    for where, kinds in (("subject",), SOLIDS), (("subject", "cloud"), SOLIDS), (("subject", "net"), NETS):
+        given = source.get(*where)
+        name = given.get("solid") if isinstance(given, dict) else None
+        if isinstance(name, str) and name in kinds:
+            yield from _measures(where, name, kinds[name].measures, given)
+
+
+def _measures(
+    where: Where, name: str, measures: Mapping[str, Measure], given: dict[str, Any]
+) -> Iterator[Problem]:
+    strangers = [m for m in given if m in MEASURES and m not in measures]
+    yield from (((*where, m), f"{m} is no measure of a {name}. {suggestion(m, measures)}") for m in strangers)
+    size = given.get("size")
     if isinstance(size, list) and "size" in measures and len(size) != np.size(measures["size"]):
         wanted = np.size(measures["size"])
         yield (
-            ("subject", "size"),
+            (*where, "size"),
             f"size of a {name} has {wanted} numbers, not {len(size)}. Write all of them.",
         )
     elif not strangers:
-        yield from _impossible(name, {m: subject[m] for m in measures if m in subject})
+        yield from _impossible(where, name, {m: given[m] for m in measures if m in given})
 
 
-def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:
+def clear_look(source: Source) -> Iterator[Problem]:
+    """Light that enters a body comes out of it again, which an open sheet does not have."""
+    subject, look = source.get("subject"), source.get("look")
+    name = look.get("material") if isinstance(look, dict) else look
+    is_sheet = isinstance(subject, dict) and subject.get("solid") == "sheet"
+    if is_sheet and isinstance(name, str) and name in LOOKS and LOOKS[name].is_clear:
+        yield (
+            ("look",),
+            f"look {name} is for closed surfaces, and a sheet is open. Take a thin box, or a look that light "
+            "does not go through.",
+        )
+
+
+def _impossible(where: Where, name: str, given: dict[str, Any]) -> Iterator[Problem]:
     """Measures that contradict each other, by trying them on the coarsest of meshes."""
     parts = [part for value in given.values() for part in (value if isinstance(value, list) else [value])]
     if not all(isinstance(part, str) or (is_number(part) and 0 < part <= LARGEST) for part in parts):
         return
     try:
-        Solid.of(name, given).build(100 * LARGEST)
+        if where[-1] == "net":
+            NetOfSolid.of(name, given).build()
+        else:
+            Solid.of(name, given).build(100 * LARGEST)
     except UsageError as error:
-        yield ("subject",), f"{error}"
+        yield where, f"{error}"
 
 
-def model(source: Source) -> Iterator[Problem]:
-    """The one problem that is a missing input: the model file is not there, or cannot be read."""
-    name = source.get("subject", "model")
-    if not isinstance(name, str):
-        return
-    path = model_path(source, name)
-    if not is_there(path):
-        yield (
-            ("subject", "model"),
-            (
-                f"model file {shown(name)} is not there; it is looked for beside the shot file, "
-                f"as {shown(path)}. Put it there or correct the name."
-            ),
-        )
-        return
-    try:
-        digest_of_file(path)
-    except MissingInputError as error:
-        yield ("subject", "model"), str(error)
-
-
-def model_path(source: Source, name: str) -> Path:
-    """Files named in a shot stand relative to the shot file."""
-    return source.path.parent / name
+def files(source: Source) -> Iterator[Problem]:
+    """The one problem that is a missing input: the subject's file is not there, or cannot be read."""
+    for kind in ("model", "cloud", "net"):
+        name = source.get("subject", kind)
+        if not isinstance(name, str):
+            continue
+        path = source.path.parent / name
+        if not is_there(path):
+            yield (
+                ("subject", kind),
+                (
+                    f"{kind} file {shown(name)} is not there; it is looked for beside the shot file, "
+                    f"as {shown(path)}. Put it there or correct the name."
+                ),
+            )
+            continue
+        try:
+            digest_of_file(path)
+        except MissingInputError as error:
+            yield ("subject", kind), str(error)
 
 
 def _is_triple(value: Any) -> TypeGuard[list[float]]:

@@ -6,6 +6,7 @@ import math
 import re
 from dataclasses import dataclass
 
+from pipeline.errors import UsageError
 from pipeline.flow.choreography import Number
 from pipeline.flow.retiming import elapsed
 from pipeline.frames import FrameRange, FrameRate
@@ -19,7 +20,7 @@ A_TIME = rf"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|{A_LENGTH}"
 """Frames or seconds, where numbers are written too as text: the names of a mapping."""
 
 FAR = 10**12
-"""Frames from here on are at infinity, and so in no shot."""
+"""Frames from here on are at infinity, and so in no shot; and seconds of the flow."""
 
 
 @dataclass(frozen=True)
@@ -70,6 +71,20 @@ class Clock:
             return self.rate.seconds(value) if abs(value) < FAR else math.copysign(math.inf, value)
         match = _SECONDS.fullmatch(value) if isinstance(value, str) else None
         return float(match[1]) if match else None
+
+    def speed_fault(self) -> str | None:
+        """What is wrong with the speed on the way to the last frame; None if nothing."""
+        for frame in range(self.frames.first + 1, self.frames.last + 1):
+            try:
+                reached = self.flow_time(frame)
+            except UsageError as error:
+                return f"speed has a value that is none: {error}"
+            if not abs(reached) <= FAR:
+                return (
+                    f"speed takes the flow to {reached:.3g} s by frame {frame}; its time goes up to 1e12 s. "
+                    "Lower it."
+                )
+        return None
 
     def holds(self, seconds: float) -> bool:
         """Whether a time lies within the shot."""

@@ -15,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.flow import Flow, Frame, Repeated, Reversed, Sequence, Sum, VelocityField
 from pipeline.flow.choreography import Number
-from pipeline.flow.compose import InFrame, InMirror, Limited, Scaled, blended, mirrored, placed, within
+from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled, blended, placed, within
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import A_LENGTH, Clock
 from pipeline.shot.curves import PlaceField, PositiveField, WeightField, number, place
@@ -87,35 +87,39 @@ class WithinDocument(OfFields[E], Generic[E]):
         return Limited(field, self.region.build(clock))
 
 
-class PlacedDocument(OfFields[E], Generic[E]):
+class ElsewhereDocument(OfFields[E], Generic[E]):
+    """A flow seen in a frame or a mirror."""
+
+    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
+        return placed(flow, self._seen_in(clock))
+
+    def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
+        return InFrame(field, self._seen_in(clock))
+
+    @abstractmethod
+    def _seen_in(self, clock: Clock) -> Frame | Mirror: ...
+
+
+class PlacedDocument(ElsewhereDocument[E], Generic[E]):
     """rotate: degrees about x, then y, then z"""
 
     translate: PlaceField = HERE
     rotate: PlaceField = HERE
     scale: PositiveField = 1.0
 
-    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
-        return placed(flow, self._frame(clock))
-
-    def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
-        return InFrame(field, self._frame(clock))
-
-    def _frame(self, clock: Clock) -> Frame:
+    def _seen_in(self, clock: Clock) -> Frame:
         rotate = place(self.rotate, clock, DEGREE)
         return Frame(place(self.translate, clock), rotate, number(self.scale, clock))
 
 
-class MirroredDocument(OfFields[E], Generic[E]):
+class MirroredDocument(ElsewhereDocument[E], Generic[E]):
     """Across the plane through `centre`."""
 
     normal: Axis = "x"
     centre: Triple = HERE
 
-    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
-        return mirrored(flow, axis(self.normal), vector(self.centre))
-
-    def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
-        return InMirror(field, axis(self.normal), vector(self.centre))
+    def _seen_in(self, clock: Clock) -> Mirror:
+        return Mirror(axis(self.normal), vector(self.centre))
 
 
 class BlendDocument(Document, Generic[E]):

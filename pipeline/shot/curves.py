@@ -6,17 +6,18 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
-from pydantic import AfterValidator, BeforeValidator, Discriminator, Field, Tag, ValidationInfo
+from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
 from pipeline.flow.bezier import BEZIER, Handle, Values
 from pipeline.flow.choreography import Curve, Keyframes, Number, Place
 from pipeline.flow.easing import EASINGS
-from pipeline.flow.formulated import TIME_NAMES, Formulated
-from pipeline.formula import Expression, FormulaError
+from pipeline.flow.formulated import Formulated
+from pipeline.formula import TIME
 from pipeline.shot.clock import A_TIME, Clock
-from pipeline.shot.fields import Document, Positive, Real, Told, Triple, is_number, one_of, vector
+from pipeline.shot.fields import Document, Positive, Real, Told, Triple, one_of, vector
+from pipeline.shot.formulas import A_NUMBER_TOO, over
 
 T = TypeVar("T")
 
@@ -66,33 +67,17 @@ class Keyed(Document, Generic[T]):
     after: Beyond = "hold"
 
 
-def _readable(text: str) -> str:
-    try:
-        Expression(text, TIME_NAMES)
-    except FormulaError as error:
-        what = {"message": error.message, "column": error.column}
-        raise PydanticCustomError("formula", "{message}", what) from None
-    return text
-
-
-def _written(value: Any) -> Any:
-    """A number is a formula too."""
-    return str(value) if is_number(value) else value
-
-
-FormulaText = Annotated[
-    str, BeforeValidator(_written), AfterValidator(_readable), Told(type=["string", "number"])
-]
+FormulaText = Annotated[str, A_NUMBER_TOO, over(TIME)]
 
 
 class OverTime(Document):
-    """`{formula: "4 * sin(2 * pi * seconds)"}`: over `frame` and `seconds`."""
+    """`{formula: 4 * sin(2 * pi * t)}`: over moments."""
 
     formula: FormulaText
 
 
 class OverTimeTriple(Document):
-    """`{formula: ["cos(seconds)", "0", "sin(seconds)"]}`"""
+    """`{formula: [cos(t), 0, sin(t)]}`"""
 
     formula: Annotated[list[FormulaText], Field(min_length=3, max_length=3)]
 

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, ConfigDict, Discriminator, Field, Tag
+from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
 from pipeline.frames import FASTEST, SLOWEST
@@ -13,44 +12,13 @@ from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.curves import NumberField, PositiveField
 from pipeline.shot.fields import Colour, Count, Document, Positive, Told, one_of
 from pipeline.shot.flows import FlowDocument
+from pipeline.shot.looks import LookDocument
+from pipeline.shot.point_documents import CloudDocument, NetDocument, SolidDocument
 from pipeline.shot.resampling import ResampleDocument
-from pipeline.shot.subject import SOLIDS
 from render.lights import LIGHTS
 from render.look import LOOKS
 from render.quality import PASS_SAMPLES
 from render.stage import STAGES
-
-
-def _measures(schema: dict[str, Any]) -> None:
-    """Each solid has measures of its own: told to editors as `checks.solid` tells it to people."""
-    every = {measure for kind in SOLIDS.values() for measure in kind.measures}
-    schema["allOf"] = [
-        {
-            "if": {"properties": {"solid": {"const": name}}, "required": ["solid"]},
-            "then": {"properties": _of_solid(kind.measures, every)},
-        }
-        for name, kind in SOLIDS.items()
-    ]
-
-
-def _of_solid(measures: Mapping[str, Any], every: set[str]) -> dict[str, Any]:
-    """What the measures of a solid can be beyond what those of all can: lists as long as its own."""
-    many = {name: len(value) for name, value in measures.items() if isinstance(value, tuple)}
-    exact = {name: {"minItems": n, "maxItems": n} for name, n in many.items()}
-    return exact | dict.fromkeys(sorted(every - measures.keys()), False)
-
-
-class SolidDocument(Document):
-    """Which of the measures a solid takes is for `checks` to say."""
-
-    model_config = ConfigDict(json_schema_extra=_measures)
-
-    solid: Annotated[str, one_of(SOLIDS, "solid")]
-    size: list[Positive] | None = Field(None, min_length=2, max_length=3)
-    radius: Positive | None = None
-    length: Positive | None = None
-    tube_radius: Positive | None = None
-    caps: Literal["round", "flat"] | None = None
 
 
 class ModelDocument(Document):
@@ -58,12 +26,19 @@ class ModelDocument(Document):
     scale: Positive = 1.0
 
 
+_SUBJECTS = {"model": "a model file", "cloud": "a cloud", "net": "a net"}
+
+
 def _subject_form(value: Any) -> str:
-    return "a model file" if isinstance(value, dict) and "model" in value else "a solid"
+    named = [form for name, form in _SUBJECTS.items() if isinstance(value, dict) and name in value]
+    return named[0] if named else "a solid"
 
 
 SubjectDocument = Annotated[
-    Annotated[SolidDocument, Tag("a solid")] | Annotated[ModelDocument, Tag("a model file")],
+    Annotated[SolidDocument, Tag("a solid")]
+    | Annotated[ModelDocument, Tag("a model file")]
+    | Annotated[CloudDocument, Tag("a cloud")]
+    | Annotated[NetDocument, Tag("a net")],
     Discriminator(_subject_form),
 ]
 
@@ -78,18 +53,8 @@ Resample = Annotated[
 ]
 
 
-class LookDocument(Document):
-    """A look of the registry with some of its values replaced; colour is linear Rec.709."""
-
-    material: Annotated[str, one_of(LOOKS, "look")]
-    colour: Colour | None = None
-    roughness: Annotated[float, Field(ge=0, le=1)] | None = None
-    sheen: Annotated[float, Field(ge=0, le=1)] | None = None
-    metallic: Annotated[float, Field(ge=0, le=1)] | None = None
-
-
 class SmoothDocument(Document):
-    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] = 1
+    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = None
 
 
 class CameraDocument(Document):
@@ -168,7 +133,7 @@ class ShotDocument(Document):
     frames: Frames
     rate: Rate = 24
     subject: SubjectDocument
-    resample: Resample
+    resample: Resample = Field("off", validate_default=False)
     flows: list[FlowDocument] = Field(default_factory=list)
     substeps: Count | None = None
     speed: NumberField = 1.0

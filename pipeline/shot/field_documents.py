@@ -9,7 +9,6 @@ from typing import Annotated, Any
 import numpy as np
 from pydantic import (
     AfterValidator,
-    BeforeValidator,
     Field,
     GetJsonSchemaHandler,
     PrivateAttr,
@@ -17,27 +16,23 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema
 
 from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, SampledFiles, Target, Wind
 from pipeline.flow.catalogue.formula import MOST_NUMBERS
 from pipeline.flow.parameters import Sense
 from pipeline.flow.python_file import PythonFlow
 from pipeline.flow.samples import digest_of
-from pipeline.formula import FUNCTIONS, Expression, FormulaError
+from pipeline.formula import FUNCTIONS
 from pipeline.formula.blocks import KNOWN
 from pipeline.formula.words import CONSTANTS
 from pipeline.mesh.io import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import NumberField, number
-from pipeline.shot.fields import Positive, Told, Triple, exactly_one, vector
+from pipeline.shot.fields import Positive, Triple, exactly_one, vector
+from pipeline.shot.formulas import A_NUMBER_TOO, readable
 from pipeline.shot.generated import FlowParameters
 from pipeline.shot.surroundings import Surroundings, finding, told
-
-
-def _as_text(value: Any) -> Any:
-    """`0` and `0.5` are formulas too."""
-    return repr(value) if isinstance(value, int | float) and not isinstance(value, bool) else value
 
 
 def _names_a_number(word: str) -> str:
@@ -49,15 +44,10 @@ def _names_a_number(word: str) -> str:
 def _readable(text: str, info: ValidationInfo) -> str:
     if "numbers" not in info.data:
         return text  # what is wrong with these is told; who knows which words they were to be
-    try:
-        Expression(text, (*KNOWN, *info.data["numbers"]))
-    except FormulaError as error:
-        what = {"message": error.message, "column": error.column}
-        raise PydanticCustomError("formula", "{message}", what) from None
-    return text
+    return readable(text, (*KNOWN, *info.data["numbers"]))
 
 
-Text = Annotated[str, BeforeValidator(_as_text), AfterValidator(_readable), Told(type=["string", "number"])]
+Text = Annotated[str, A_NUMBER_TOO, AfterValidator(_readable)]
 
 
 class FormulaDocument(FlowParameters):
@@ -89,7 +79,18 @@ class FormulaDocument(FlowParameters):
 
     def more(self, clock: Clock) -> dict[str, Any]:
         words = tuple((name, number(value, clock)) for name, value in self.numbers.items())
-        return {"texts": tuple(self.velocity), "words": words}
+        return {"texts": tuple(self.velocity), "words": words, **self._beginning(clock)}
+
+    @staticmethod
+    def _beginning(clock: Clock) -> dict[str, Any]:
+        """What `frame` is counted by."""
+        return {"fps": float(clock.rate.fps), "first": clock.frames.first}
+
+    @model_validator(mode="after")
+    def _fits(self) -> FormulaDocument:
+        """There is room for all numbers, and for `frame`."""
+        told(lambda: Formula(tuple(self.velocity), tuple((name, 0.0) for name in self.numbers)))  # type: ignore[arg-type]  # three, as the field says
+        return self
 
 
 class CurlNoiseDocument(FlowParameters):

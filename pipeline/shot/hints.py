@@ -24,17 +24,17 @@ from pipeline.shot.documents import (
     CameraDocument,
     FilmDocument,
     LightsDocument,
-    LookDocument,
     ModelDocument,
     QualitiesDocument,
     QualityDocument,
     ShotDocument,
     SmoothDocument,
-    SolidDocument,
     StageDocument,
 )
 from pipeline.shot.flows import FlowDocument, VelocityDocument
 from pipeline.shot.generated import FlowParameters
+from pipeline.shot.looks import LookDocument
+from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.regions import (
     BoxDocument,
     HalfSpaceDocument,

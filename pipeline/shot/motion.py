@@ -7,6 +7,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
 from pipeline.flow.choreography import Number
 from pipeline.flow.guard import deciding
@@ -112,6 +113,16 @@ class Motion:
     def clock(self) -> Clock:
         return Clock(self.frames, self.rate, self.speed)
 
+    def step(self, frame: int) -> tuple[float, float]:
+        """When the step that leads into `frame` starts for the flow, and how long it lasts, in seconds.
+
+        Raises FrameError where the speed is no number on the way.
+        """
+        try:
+            return self.clock.step(frame)
+        except UsageError as error:
+            raise FrameError(f"speed has a value that is none: {error}", frame) from error
+
     def resampling_at(self, frame: int) -> Resampling | None:
         """How the surface is resampled in that frame: what depends on time is settled."""
         if self.resampling is None:
@@ -164,7 +175,10 @@ class Motion:
 
     def step_data(self, frame: int) -> Any:
         """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
-        acting = deciding(self.flow, *self.clock.step(frame))
+        try:
+            acting = deciding(self.flow, *self.step(frame))
+        except FrameError as error:  # of the speed
+            acting = {"fails": str(error)}
         now = self.resampling_at(frame)
         changes: dict[str, Any] = {}
         if now is not None and now is not self.resampling:

@@ -12,12 +12,13 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
 from pipeline.flow import Sequence
 from pipeline.frames import FrameRate
-from pipeline.shot import brackets, checks, keys
+from pipeline.mesh.bspline import PIECES
+from pipeline.shot import brackets, checks, keys, point_documents
 from pipeline.shot.clock import Clock
+from pipeline.shot.cloud import CloudOfFile
 from pipeline.shot.curves import NumberField, number
 from pipeline.shot.documents import (
     FilmDocument,
-    LookDocument,
     ModelDocument,
     ShotDocument,
     StageDocument,
@@ -26,13 +27,15 @@ from pipeline.shot.fields import DEGREE, Document
 from pipeline.shot.layers import DEFAULTS, layered
 from pipeline.shot.messages import findings
 from pipeline.shot.motion import Motion
+from pipeline.shot.net import ControlNet, NetOfFile
+from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Picture, Shot
 from pipeline.shot.source import Source, Where
-from pipeline.shot.subject import Model, Solid, Subject
+from pipeline.shot.subject import Model, Subject
 from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
 from render.lights import LIGHTS, LightRig
-from render.look import LOOKS, Look
+from render.look import LOOKS
 from render.quality import QUALITIES
 from render.stage import STAGES, Stage
 
@@ -58,31 +61,35 @@ def read_shot(
     """
     source = layered(Path(path), text, tuple(settings), beside)
     clock, problems = checks.read_clock(source)
-    retimed = None if clock is None else with_speed(clock, source.get("speed"))
+    retimed, faults = (None, []) if clock is None else with_speed(clock, source.get("speed"))
+    problems += faults
     problems += keys.keys(source, retimed)
     for check in (
         checks.directions,
         brackets.ratio,
         brackets.bounds,
         brackets.splits,
-        brackets.formulas,
         checks.solid,
+        checks.clear_look,
+        point_documents.resampled,
+        point_documents.points,
     ):
         problems += check(source)
-    missing = list(checks.model(source))
+    missing = list(checks.files(source))
     surroundings = Surroundings(source.path.parent, allow_code)
     context = {"clock": clock, "surroundings": surroundings}
     document = _parsed(source, ShotDocument, problems, missing, context=context)
     assert clock is not None, "without problems there is a clock"
     motion = _motion(document, clock, source)
-    model = motion.subject
-    read = {**surroundings.digests, **({model.path: model.digest} if isinstance(model, Model) else {})}
+    subject, read = motion.subject, dict(surroundings.digests)
+    if isinstance(subject, Model | CloudOfFile | NetOfFile):
+        read[subject.path] = subject.digest
     return Shot(
         name=Path(path).stem,
         title=document.title,
         intent=document.intent,
         motion=motion,
-        picture=_picture(document, clock),
+        picture=_picture(document, clock, subject),
         path=Path(path),
         files=tuple(sorted(read.items())),
     )
@@ -137,13 +144,18 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
     )
 
 
-def with_speed(clock: Clock, written: Any) -> Clock:
-    """The clock with the speed as it is written; without it where that is no good, as is told elsewhere."""
+def with_speed(clock: Clock, written: Any) -> tuple[Clock, list[tuple[Where, str]]]:
+    """The clock with the speed as it is written, and what is wrong with it between half frames.
+
+    Without it where it is no good; what is not looked at here is told elsewhere.
+    """
     try:
         speed = SPEED.validate_python(written, context={"clock": clock})
-        return dataclasses.replace(clock, speed=number(speed, clock))
+        retimed = dataclasses.replace(clock, speed=number(speed, clock))
     except (ValidationError, AssertionError):
-        return clock
+        return clock, []
+    fault = retimed.speed_fault()
+    return (clock, [(("speed",), fault)]) if fault else (retimed, [])
 
 
 SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True))
@@ -202,16 +214,15 @@ def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
 def _subject(document: ShotDocument, source: Source) -> Subject:
     subject = document.subject
     if isinstance(subject, ModelDocument):
-        file = checks.model_path(source, subject.model)
+        file = source.path.parent / subject.model
         return Model(digest=digest_of_file(file), scale=float(subject.scale), path=file)
-    given = subject.model_dump(exclude_none=True, exclude={"solid"})
-    return Solid.of(subject.solid, given)
+    return subject.build() if isinstance(subject, SolidDocument) else subject.build(source.path.parent)
 
 
-def _picture(document: ShotDocument, clock: Clock) -> Picture:
+def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
     camera = document.camera
     return Picture(
-        look=_look(document.look),
+        look=LOOKS[document.look] if isinstance(document.look, str) else document.look.build(),
         camera=CameraPath(
             azimuth=number(camera.azimuth, clock, DEGREE),
             elevation=number(camera.elevation, clock, DEGREE),
@@ -220,18 +231,12 @@ def _picture(document: ShotDocument, clock: Clock) -> Picture:
         ),
         lights=_lights(document.lights),
         stage=_stage(document.stage),
-        tessellate=document.smooth.tessellate,
+        tessellate=document.smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
         qualities={
             name: dataclasses.replace(quality, **_given(getattr(document.quality, name)))
             for name, quality in QUALITIES.items()
         },
     )
-
-
-def _look(value: str | LookDocument) -> Look:
-    if isinstance(value, str):
-        return LOOKS[value]
-    return dataclasses.replace(LOOKS[value.material], **_given(value, "material"))
 
 
 def _lights(value: Any) -> LightRig:

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
-from pydantic_core import PydanticCustomError
+from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
+from pydantic_core import CoreSchema, PydanticCustomError
 
+from pipeline.flow.closed_surface import ClosedSurface
+from pipeline.flow.mesh_region import MeshRegion
 from pipeline.flow.regions import FALLS, Box, Capsule, Cylinder, Fall, HalfSpace, Region, Sphere
+from pipeline.mesh.io import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import NotNegativeField, PlaceField, PositiveField, number, place
 from pipeline.shot.fields import Axis, Document, Positive, axis, exactly_one, one_of
+from pipeline.shot.surroundings import Surroundings, told
 
 HERE = [0.0, 0.0, 0.0]
 
-SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder")
+SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 
 
 class SphereDocument(Document):
@@ -73,6 +77,34 @@ class CylinderDocument(RoundDocument):
         return Cylinder(**self.measures(clock), **rim)
 
 
+class MeshDocument(Document):
+    """What the closed surface in a file holds; `mesh: stone.obj` is `mesh: {file: stone.obj}`."""
+
+    file: str
+    centre: PlaceField = HERE
+    scale: PositiveField = 1.0
+
+    _surface: ClosedSurface = PrivateAttr()
+
+    @model_validator(mode="before")
+    @classmethod
+    def _bare(cls, value: Any) -> Any:
+        return {"file": value} if isinstance(value, str) else value
+
+    @classmethod
+    def __get_pydantic_json_schema__(cls, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
+        return {"anyOf": [handler(core), {"type": "string"}]}
+
+    @model_validator(mode="after")
+    def _closed(self, info: ValidationInfo) -> MeshDocument:
+        path = Surroundings.of(info).file(self.file)
+        self._surface = told(lambda: ClosedSurface.of(read_mesh(path), str(path)))
+        return self
+
+    def build(self, clock: Clock, **rim: Any) -> Region:
+        return MeshRegion(self._surface, place(self.centre, clock), number(self.scale, clock), **rim)
+
+
 class RegionDocument(Document):
     """Exactly one shape by its name, and how it ends."""
 
@@ -83,6 +115,7 @@ class RegionDocument(Document):
     half_space: HalfSpaceDocument | None = None
     capsule: CapsuleDocument | None = None
     cylinder: CylinderDocument | None = None
+    mesh: MeshDocument | None = None
     falloff: NotNegativeField = 0.0
     fall: Annotated[str, one_of(FALLS, "fall")] = "smooth"
     invert: bool = False

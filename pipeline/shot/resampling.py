@@ -13,17 +13,18 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow.choreography import Curve, Number, Place, number_at, place_at
-from pipeline.formula import Expression
+from pipeline.formula import PLACE, Expression
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
+from pipeline.resample.density import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
 from pipeline.shot.fields import DEGREE, Document, Positive, exactly_one, one_of
+from pipeline.shot.formulas import A_NUMBER_TOO, over
 from pipeline.shot.motion import Resampling
 
-REGION_NAMES = ("x", "y", "z")
-
 Angle = Annotated[float, Field(gt=0, lt=180)]
+ThresholdText = Annotated[str, A_NUMBER_TOO, over(FORMULA_NAMES)]
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ class WithinFormula:
     _expression: Expression = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_expression", Expression(self.text, REGION_NAMES))
+        object.__setattr__(self, "_expression", Expression(self.text, PLACE))
 
     def __call__(self, points: Points) -> AnyArray:
         """(N,) flags of points (N, 3). Raises UsageError where the formula is not finite."""
@@ -107,7 +108,7 @@ class CameraDistanceDocument(Document):
 class ActiveAngleDocument(Document):
     """A hard angle that is a function; the formula's value is in degrees."""
 
-    formula: str
+    formula: ThresholdText
 
 
 class ActiveLengthDocument(Document):
@@ -115,7 +116,7 @@ class ActiveLengthDocument(Document):
 
     model_config = exactly_one("formula", "curvature", "camera")
 
-    formula: str | None = None
+    formula: ThresholdText | None = None
     curvature: CurvatureDocument | None = None
     camera: CameraDistanceDocument | None = None
 
@@ -156,7 +157,9 @@ AngleField = Annotated[
 
 
 class RegionDocument(Document):
-    formula: str
+    """Where a formula holds at rest: there is no moment that it could speak of."""
+
+    formula: Annotated[str, A_NUMBER_TOO, over(PLACE)]
 
 
 CreasesField = Annotated[

@@ -1,4 +1,4 @@
-"""What the flow works on: a solid by name, or a model from a file."""
+"""What the flow works on: a solid by name, or a model from a file. Clouds and nets stand elsewhere."""
 
 from __future__ import annotations
 
@@ -22,6 +22,7 @@ from pipeline.mesh import (
     sheet,
     torus,
 )
+from pipeline.mesh.lattice import Lattice
 from pipeline.mesh.polygon_solids import one_sided_sheet, six_sided_box
 from pipeline.mesh.true_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
 from pipeline.shot.data import NOT_DATA
@@ -35,6 +36,16 @@ class Subject(ABC):
     @property
     def project(self) -> TrueSurface | None:
         """What the mesh at rest stands for, where it is known: maps points to the nearest on it."""
+        return None
+
+    @property
+    def is_surface(self) -> bool:
+        """Whether its mesh is what is seen, and can be resampled; else it is points that only move."""
+        return True
+
+    @property
+    def lattice(self) -> Lattice | None:
+        """How its vertices are laid out as the control points of a net, where they are."""
         return None
 
     @abstractmethod
@@ -116,7 +127,7 @@ class Solid(Subject):
     def of(cls, solid: str, given: Mapping[str, Any]) -> Solid:
         """`Solid.of("box", {"size": [2, 2, 1]})`; measures left out take their defaults."""
         values = {**SOLIDS[solid].measures, **given}
-        return cls(solid, tuple((name, _measure(values[name])) for name in SOLIDS[solid].measures))
+        return cls(solid, tuple((name, measure(values[name])) for name in SOLIDS[solid].measures))
 
     @property
     def project(self) -> TrueSurface:
@@ -156,7 +167,8 @@ class Model(Subject):
         return mesh.with_vertices(self.scale * mesh.vertices)
 
 
-def _measure(value: Any) -> Measure:
+def measure(value: Any) -> Measure:
+    """A measure as a file has it, as a value."""
     if isinstance(value, list | tuple):
         return tuple(float(x) for x in value)
     return value if isinstance(value, str) else float(value)

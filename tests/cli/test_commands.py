@@ -246,14 +246,14 @@ def test_status_tells_done_stale_and_missing(finished):
 
 
 def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(studio):
-    """Its speed is no number between two half frames, where reading does not look."""
+    """Its speed is no number between two half frames."""
     (studio.shot.parent / "T020_wrong.yaml").write_text(
         "frames: 1-6\ntitle: Wrong\nresample: off\nsubject: {solid: box, size: [1, 1, 1]}\n"
         "flows: [vortex: {strength: 1}]\n"
-        'speed: {formula: "1 + sqrt(abs(seconds - 0.03) - 0.002)"}\n'
+        'speed: {formula: "1 + sqrt(abs(t - 0.03) - 0.002)"}\n'
     )
     done = studio.run("--json", "status")
-    assert done.code == 2 and "sqrt" in done.err
+    assert done.code == 2 and "T020_wrong.yaml:6:1: speed has a value that is none: formula" in done.err
     assert [row["shot"] for row in json.loads(done.out)] == [NAME]
 
 

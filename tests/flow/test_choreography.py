@@ -192,7 +192,7 @@ def test_a_key_of_its_own_goes_on_by_holding() -> None:
 
 
 def test_a_formula_knows_seconds_and_frames_between_them_too() -> None:
-    wave = Formulated(("4 * sin(2 * pi * seconds)",), fps=24.0, first=1)
+    wave = Formulated(("4 * sin(2 * pi * t)",), fps=24.0, first=1)
     assert number_at(wave, 0.25) == pytest.approx(4.0, abs=1e-15)
     assert number_at(Formulated(("frame",), 24.0, 101), 12.5 / 24) == 113.5
     assert [

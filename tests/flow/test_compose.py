@@ -16,7 +16,7 @@ from pipeline.flow import (
     Blend,
     Flow,
     Frame,
-    Mirrored,
+    Mirror,
     Placed,
     Repeated,
     Reversed,
@@ -29,7 +29,7 @@ from pipeline.flow import (
     keyed,
 )
 from pipeline.flow.catalogue import Enright, Expansion, Rotation, Shear, Translation, Twist, Vortex
-from pipeline.flow.compose import InFrame, InMirror, Limited, Scaled, blended, mirrored, placed, within
+from pipeline.flow.compose import InFrame, Limited, Scaled, blended, placed, within
 from pipeline.flow.regions import Box, Capsule, HalfSpace, Region, Sphere
 
 POINTS = np.random.default_rng(4).uniform(-1, 1, size=(300, 3))
@@ -49,16 +49,16 @@ MAPS: list[Flow] = [
     Within(TWIST, BALL),
     Blend(TWIST, SHEAR, keyed((0.0, 1.0), (0.0, 1.0))),
     Placed(TWIST, TURNING),
-    Mirrored(TWIST, (1.0, 1.0, 0.0), (0.2, 0.0, 0.0)),
+    Placed(TWIST, Mirror((1.0, 1.0, 0.0), (0.2, 0.0, 0.0))),
     Repeated(TWIST, 0.3),
     Sequence((TWIST, Within(SHEAR, BALL))),
-    Within(Sequence((TWIST, Mirrored(SHEAR))), Capsule(radius=0.4, falloff=0.8)),
+    Within(Sequence((TWIST, Placed(SHEAR, Mirror()))), Capsule(radius=0.4, falloff=0.8)),
 ]
 FIELDS: list[VelocityField] = [
     Limited(Vortex(radius=0.5, strength=3.0), BALL),
     Scaled(Rotation(), keyed((0.0, 1.0), (0.0, 1.0))),
     InFrame(Vortex(radius=0.5, strength=3.0), TURNING),
-    InMirror(Vortex(radius=0.5, strength=3.0), (1.0, 1.0, 0.0), (0.2, 0.0, 0.0)),
+    InFrame(Vortex(radius=0.5, strength=3.0), Mirror((1.0, 1.0, 0.0), (0.2, 0.0, 0.0))),
     Limited(Sum((InFrame(Enright(period=2.0), TURNING), Rotation())), Box(size=(1, 1, 1), falloff=0.5)),
 ]
 
@@ -115,8 +115,9 @@ def test_no_velocity_gradient_is_steeper_than_is_said(field: VelocityField) -> N
 @pytest.mark.parametrize("flow", [TWIST, SWIRL, Sequence((TWIST, SWIRL))], ids=lambda flow: flow.name)
 def test_a_mirror_of_a_mirror_and_a_frame_at_rest_change_nothing(flow: Flow) -> None:
     plain = flow.displace(POINTS, 0.1, 0.2)
+    mirror = Mirror((1.0, 2.0, 0.0), (0.1, 0.0, 0.0))
     for same in (
-        mirrored(mirrored(flow, (1.0, 2.0, 0.0), (0.1, 0.0, 0.0)), (1.0, 2.0, 0.0), (0.1, 0.0, 0.0)),
+        placed(placed(flow, mirror), mirror),
         placed(flow, Frame()),
         within(flow, HalfSpace(centre=(0.0, 9.0, 0.0))),
         blended(flow, Sequence(()), 0.0),
@@ -146,7 +147,7 @@ def test_a_frame_scales_then_turns_then_moves() -> None:
 
 
 def test_what_turns_left_turns_right_in_the_mirror() -> None:
-    seen = InMirror(Rotation(axis=(0.0, 1.0, 0.0), speed=1.0), (1.0, 0.0, 0.0)).velocity(POINTS, 0.0)
+    seen = InFrame(Rotation(axis=(0.0, 1.0, 0.0), speed=1.0), Mirror((1.0, 0.0, 0.0))).velocity(POINTS, 0.0)
     np.testing.assert_allclose(
         seen, Rotation(axis=(0.0, 1.0, 0.0), speed=-1.0).velocity(POINTS, 0.0), atol=1e-15
     )

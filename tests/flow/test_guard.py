@@ -59,11 +59,11 @@ def test_only_the_frame_that_fails_is_known_by_its_failure(broken: Callable[[Num
 @pytest.mark.parametrize(
     "flow",
     [
-        Streamlines(Vortex(strength=Formulated(("1 / (seconds - 0.55)",), 24.0, 1))),
-        Twist(amount=Formulated(("1 / (seconds - 0.5)",), 24.0, 1)),
-        Streamlines(Vortex(radius=Formulated(("1 if seconds < 0.5 else 0",), 24.0, 1))),
-        Streamlines(Vortex(radius=1e-110, strength=Formulated(("0 if seconds < 0.5 else 1e99",), 24.0, 1))),
-        Stretch(amount=Formulated(("1 if seconds < 0.55 else 0",), 24.0, 1)),
+        Streamlines(Vortex(strength=Formulated(("1 / (t - 0.55)",), 24.0, 1))),
+        Twist(amount=Formulated(("1 / (t - 0.5)",), 24.0, 1)),
+        Streamlines(Vortex(radius=Formulated(("1 if t < 0.5 else 0",), 24.0, 1))),
+        Streamlines(Vortex(radius=1e-110, strength=Formulated(("0 if t < 0.5 else 1e99",), 24.0, 1))),
+        Stretch(amount=Formulated(("1 if t < 0.55 else 0",), 24.0, 1)),
     ],
     ids=lambda flow: flow.name,
 )

@@ -58,7 +58,6 @@ def test_every_source_a_key_names_is_there(sources):
 
 
 STANDS_BESIDE = {
-    "pipeline",
     "pipeline.arrays",
     "pipeline.errors",
     "pipeline.mesh._kernels_patches",
@@ -85,6 +84,7 @@ STANDS_BESIDE = {
             "read",
             "regions",
             "settings",
+            "shot",
             "source",
             "surroundings",
         )

@@ -84,6 +84,7 @@ FLOWS = {
     "mine.py": "python: {file: mine.py, function: lift}",
     "w_1.npz": "sampled: {file: 'w_*.npz'}",
     "t.obj": "attraction: {mesh: t.obj}",
+    "s.obj": "within: {region: {mesh: s.obj, falloff: 0.2}, flows: [rotation: {speed: 9}]}",
     "bunny.obj": "",
 }
 
@@ -93,6 +94,8 @@ def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: st
     triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n"
     (tmp_path / "t.obj").write_text(triangle)
     (tmp_path / "bunny.obj").write_text(triangle)
+    solid = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 2 3 4\nf 3 1 4\n"
+    (tmp_path / "s.obj").write_text(solid)
     axis = np.linspace(-1, 1, 3)
     np.savez(tmp_path / "w_1.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
     head = SHOT.partition("flows")[0].replace("solid: icosphere", "model: bunny.obj")

@@ -11,7 +11,7 @@ import pytest
 from pipeline.errors import ShotError
 from pipeline.flow import Blend, Flow, Frame, Repeated, Reversed, Sequence, Streamlines, Sum, Within, keyed
 from pipeline.flow.catalogue import Rotation, Twist, Vortex
-from pipeline.flow.compose import InFrame, InMirror, Limited, Scaled
+from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled
 from pipeline.flow.regions import Box, Capsule, Cylinder, HalfSpace, Region, Sphere
 from pipeline.shot import read_shot
 
@@ -85,7 +85,7 @@ def test_frames_and_mirrors_nest() -> None:
 """
     )
     turning = Frame(rotate=keyed((0.0, 2.0), ((0.0, 0.0, 0.0), (0.0, math.radians(90), 0.0))), scale=2.0)
-    field = InMirror(InFrame(Vortex(strength=2.0), turning), (1.0, 0.0, 0.0), (0.5, 0.0, 0.0))
+    field = InFrame(InFrame(Vortex(strength=2.0), turning), Mirror((1.0, 0.0, 0.0), (0.5, 0.0, 0.0)))
     assert flow == Sequence((Sequence((Streamlines(field),)),))
 
 
@@ -128,7 +128,9 @@ def test_under_sum_everything_acts_at_once() -> None:
     )
     assert isinstance(flow, Streamlines)
     points = np.random.default_rng(1).normal(size=(50, 3))
-    inner = Rotation(speed=math.radians(90)).velocity(points, 0.0) + InMirror(Vortex()).velocity(points, 0.0)
+    inner = Rotation(speed=math.radians(90)).velocity(points, 0.0) + InFrame(Vortex(), Mirror()).velocity(
+        points, 0.0
+    )
     plain, large = Vortex().velocity(points, 0.0), InFrame(Vortex(), Frame(scale=2.0)).velocity(points, 0.0)
     weights = Sphere(radius=1.0, falloff=0.5).weight(points, 0.0)[:, None]
     expected = plain + weights * inner + 0.75 * plain + 0.25 * large
@@ -146,8 +148,8 @@ BAD = [
      ["6:44: flows.0.within.region.falloff is -1; it must be at least 0",
       "6:58: flows.0.within.flows has 0 items; it must have at least 1"]),
     ("within: {region: {falloff: 1}, flows: [{votex: }]}",
-     ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, and "
-      "this has none. Write one.",
+     ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, mesh, "
+      "and this has none. Write one.",
       "6:45: votex is not known under flows.0.within.flows.0. Did you mean 'vortex'?"]),
     ("within: {region: {sphere: {radius: 1}, fall: smoth}, flows: [{vortex: }]}",
      ["6:44: flows.0.within.region.fall: 'smoth' is no fall. Did you mean 'smooth'?"]),

@@ -68,6 +68,16 @@ def test_fields_are_added_up_like_others(folder: Path) -> None:
 
 WRONG = [
     ("formula: [-y, x, sinn(t)]", "6:22: sinn is no function here. Did you mean 'sin'?"),
+    ("formula: [x, y, 1e400]", "6:21: this number is too large; 1e100 is the largest"),
+    ("formula: [x, .nan, y]", "6:18: this is no number; write one plainly, such as 0.05"),
+    ("formula: [x, -1e400, y]", "6:18: this number is too large; 1e100 is the largest"),
+    ("formula: [x, y * 1e400, 0]", "6:22: this number is too large; 1e100 is the largest"),
+    ("formula: [x, y, seconds]", "6:21: seconds is not known here. Write t."),
+    ("formula: {velocity: [x, y, z], with: {time: 1}}", "'time' cannot name a number"),
+    (
+        f"formula: {{velocity: [frame, y, z], with: {{{', '.join(f'k{i}: 1' for i in range(10))}}}}}",
+        "a formula has 10 numbers of its own beside frame; 9 are the most",
+    ),
     ('formula: ["-y", "x + os", "0"]', "6:26: os is not known here. Did you mean 'cos'?"),
     ("formula: {velocity: [y, 'k * open(1)', 0], with: {k: 1}}", "6:34: open is no function here"),
     ("formula: -y, x, 0", "formula is '-y, x, 0'; it must be three of them. Write them as [-y, x, 0]."),

@@ -71,9 +71,7 @@ def test_curves_go_on_as_told() -> None:
 
 
 def test_parameters_are_formulas_over_time() -> None:
-    field = vortex(
-        'strength: {formula: "4*sin(2*pi*seconds)"}, centre: {formula: [cos(seconds), "0", frame / 49]}'
-    )
+    field = vortex('strength: {formula: "4*sin(2*pi*t)"}, centre: {formula: [cos(t), "0", frame / 49]}')
     assert number_at(field.strength, 0.25) == pytest.approx(4.0)
     assert place_at(field.centre, 2.0) == pytest.approx((math.cos(2.0), 0.0, 1.0))
 
@@ -82,7 +80,7 @@ def test_a_camera_and_a_threshold_may_move_the_same_ways() -> None:
     text = SHOT.format("strength: 1").replace(
         "{max_edge_length: 0.25}", "{max_edge_length: {keys: {1: 0.25, 13: 0.3}, after: ping_pong}}"
     )
-    shot = read_shot("a.yaml", text + "camera: {azimuth: {formula: 30 * sin(seconds)}}\n")
+    shot = read_shot("a.yaml", text + "camera: {azimuth: {formula: 30 * sin(t)}}\n")
     assert shot.picture.camera.at(1.0)[0] == pytest.approx(math.radians(30 * math.sin(1.0)))
     now = shot.motion.resampling_at(25)
     assert now is not None and now.thresholds.max_edge_length == pytest.approx(0.25)
@@ -137,13 +135,13 @@ BAD = [
      "6:46: right has 'big' for its value; a handle is [time, value] away from its key, such as [6, 0.5]"),
     ("centre: {keys: {1: {value: [0, 0, 0], right: [3, 1]}}}",
      "6:52: right has 1 numbers and its key 3; they have as many. Write all of them."),
-    ("strength: {formula: 4*sinn(seconds)}", "6:36: sinn is no function here. Did you mean 'sin'?"),
+    ("strength: {formula: 4*sinn(t)}", "6:36: sinn is no function here. Did you mean 'sin'?"),
     ("strength: {formula: __import__('os')}", "6:34: __import__ is no function here. There are: "),
     ("strength: {formula: 1 / (frame - 13)}",
      "6:14: flows.0.vortex.strength has a value that is none: formula '1 / (frame - 13)' is inf "
-     "at frame 13, seconds 0.5; "
+     "at t 0.5, frame 13; "
      "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."),
-    ("radius: {formula: 1 - seconds}",
+    ("radius: {formula: 1 - t}",
      "6:14: flows.0.vortex.radius is 0 at frame 25; it must stay above 0. Mend what leads there."),
     ("radius: {keys: {1: 1, 49: 0.05}, ease: back_out}",
      "6:14: flows.0.vortex.radius is -0.004689 at frame 22"),

@@ -133,8 +133,10 @@ def test_settings_stand_under_their_names() -> None:
 WRONG = [
     ("{formula: 0.1 + sinn(y)}", ["a.yaml:4:45: sinn is no function here. Did you mean 'sin'?"]),
     ('{formula: "0.1 + tim"}', ["a.yaml:4:46: tim is not known here. Did you mean 'time'?"]),
-    ("{formula: 0.1}",
-     ["a.yaml:4:30: resample.max_edge_length.formula is 0.1; it must be text. Put it in quotes."]),
+    ("{formula: [0.1]}",
+     ["a.yaml:4:30: resample.max_edge_length.formula is a list; it must be text. Put it in quotes."]),
+    ("{formula: 1e400}", ["a.yaml:4:39: this number is too large; 1e100 is the largest"]),
+    ("{formula: seconds / 9}", ["a.yaml:4:39: seconds is not known here. Write t."]),
     ("{formla: x}", ["a.yaml:4:30: formla is not known under resample.max_edge_length. "
                      "Did you mean 'formula'?"]),
     ("{}", ["a.yaml:4:12: resample.max_edge_length: a length is one of formula, curvature, camera or keys, "

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from itertools import pairwise
 from typing import Any
@@ -12,7 +13,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.animation import animate, at_moment
-from pipeline.errors import ShotError, UsageError
+from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.flow import EASINGS, Keyframes, keyed
 from pipeline.flow.formulated import Formulated
 from pipeline.flow.retiming import _piece, elapsed
@@ -55,7 +56,7 @@ def test_known_integrals_are_met_to_the_last_digits() -> None:
         1 - 4 / math.pi * math.sin(math.pi / 4), abs=1e-13
     )
     assert elapsed(keyed((0, 2), (1, 5), "constant"), 3) == pytest.approx(7, abs=1e-13)
-    wave = Formulated(("1 + sin(seconds)",), 24.0, 1)
+    wave = Formulated(("1 + sin(t)",), 24.0, 1)
     assert elapsed(wave, 2.0) == pytest.approx(3 - math.cos(2.0), abs=1e-13)
     assert elapsed(0.25, 3.0) == 0.75
     loop = Keyframes((0.0, 1.0), ((0.0,), (1.0,)), ("linear",) * 2, after="ping_pong")
@@ -202,3 +203,35 @@ def test_between_frames_the_surface_is_where_the_flow_has_it() -> None:
     assert len(at_moment(made.motion, frames[4], 5.5).vertices) == len(frames[4].mesh.vertices)
     with pytest.raises(UsageError, match="moment 14 is more than a frame from frame 12"):
         at_moment(plain.motion, raw[11], 14)
+
+
+@pytest.mark.parametrize(
+    ("speed", "says"),
+    [
+        (
+            "{formula: 1 + sqrt(abs(t - 0.03) - 0.002)}",
+            "speed has a value that is none: formula '1 + sqrt(abs(t - 0.03) - 0.002)' is nan at t 0.0",
+        ),
+        ("{formula: 1e50}", "speed takes the flow to 4.17e+48 s by frame 2; its time goes up to 1e12 s."),
+        ("{formula: 1 / (frame - 3)}", "speed has a value that is none: formula '1 / (frame - 3)' is inf at"),
+    ],
+)
+def test_a_speed_that_is_none_is_told_with_the_shot_between_half_frames_too(speed: str, says: str) -> None:
+    with pytest.raises(ShotError) as told:
+        shot(speed)
+    (message,) = told.value.messages
+    assert message.startswith("a.yaml:5:1: ") and says in message, message
+
+
+def test_a_speed_that_was_never_read_fails_in_its_frame_and_leaves_keys_to_the_others() -> None:
+    good = shot("1").motion
+    bad = dataclasses.replace(good, speed=Formulated(("sqrt(4.5 - frame)",), 24.0, 1))
+    keys = [bad.step_data(number) for number in range(2, 26)]
+    assert [isinstance(key, dict) for key in keys] == [number > 4 for number in range(2, 26)]
+    frames = []
+    with pytest.raises(
+        FrameError, match=r"^frame 5: speed has a value that is none: formula .* is nan at t 0.1"
+    ):
+        for frame in animate(bad):
+            frames.append(frame.number)
+    assert frames == [1, 2, 3, 4]

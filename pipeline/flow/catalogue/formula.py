@@ -12,10 +12,12 @@ from pipeline.arrays import Points
 from pipeline.errors import UsageError
 from pipeline.flow.choreography import Number, number_at
 from pipeline.flow.external import External
+from pipeline.flow.formulated import frame_at
 from pipeline.flow.parameters import PositiveConstant, Sense
 from pipeline.formula import Expression
-from pipeline.formula.blocks import KNOWN, compiled
+from pipeline.formula.blocks import FRAME, KNOWN, compiled
 from pipeline.formula.trouble import trouble
+from pipeline.formula.words import moment
 from pipeline.kernels import BlockKernel
 
 MOST_NUMBERS = 10
@@ -26,12 +28,14 @@ SAMPLES = 8
 
 @dataclass(frozen=True)
 class Formula(External):
-    """The velocity by three formulas over x, y, z and t.
+    """The velocity by three formulas over x, y, z, t and frame.
 
         Formula(("-y", "x", "0.3 * sin(t)"))
 
     texts  along x, y and z, units per second; see `pipeline.formula`
     words  further words and their values, constant or keyed: changing these compiles nothing
+    fps    frames per second, for what is said of `frame`
+    first  the number of the frame at 0 seconds
 
     No bound of an arbitrary formula's gradient is known. It is differenced at 8³ places of the cube, and the
     steepest of them decides the sub-steps: what is steeper in between, or outside, is followed less closely.
@@ -44,23 +48,28 @@ class Formula(External):
     extent: Annotated[PositiveConstant, Sense("half the side of the cube sampled for steepness", "units")] = (
         2.0
     )
+    fps: float = 24.0
+    first: int = 1
 
     def __post_init__(self) -> None:
-        if len(self.words) > MOST_NUMBERS:
-            raise UsageError(
-                f"a formula has {len(self.words)} numbers of its own; {MOST_NUMBERS} are the most. "
-                "Write some of them into the formula."
-            )
         assert self.expressions, "they are checked now, not when the first frame is made"
+        if len(self._names) > MOST_NUMBERS:
+            beside = f" beside {FRAME}" if FRAME in self._names else ""
+            raise UsageError(
+                f"a formula has {len(self.words)} numbers of its own{beside}; "
+                f"{MOST_NUMBERS - bool(beside)} are the most. Write some of them into the formula."
+            )
 
     @cached_property
     def expressions(self) -> tuple[Expression, Expression, Expression]:
-        u, v, w = (Expression(text, (*KNOWN, *self._names)) for text in self.texts)
+        u, v, w = (Expression(text, (*KNOWN, *(name for name, _ in self.words))) for text in self.texts)
         return u, v, w
 
     @property
     def _names(self) -> tuple[str, ...]:
-        return tuple(name for name, _ in self.words)
+        """Of the numbers that its function is given."""
+        named = tuple(name for name, _ in self.words)
+        return (*named, FRAME) if self._speaks_of(FRAME) else named
 
     @cached_property
     def block(self) -> BlockKernel:
@@ -68,17 +77,19 @@ class Formula(External):
 
     @property
     def timed(self) -> bool:
-        """Whether it speaks of t."""
-        return self._speaks_of("t")
+        """Whether it speaks of seconds."""
+        return self._speaks_of("t") or self._speaks_of("time")
 
     def _speaks_of(self, word: str) -> bool:
         return any(word in expression.uses for expression in self.expressions)
 
     def numbers(self, time: float) -> tuple[float, ...]:
-        return tuple(number_at(value, time) for _, value in self.words)
+        given = tuple(number_at(value, time) for _, value in self.words)
+        return (*given, float(frame_at(time, self.fps, self.first))) if self._speaks_of(FRAME) else given
 
     def identity(self, time: float) -> Any:
-        numbers = {name: number_at(value, time) for name, value in self.words if self._speaks_of(name)}
+        named = zip(self._names, self.numbers(time), strict=True)
+        numbers = {name: number for name, number in named if self._speaks_of(name)}
         return {"formula": list(self.texts), "numbers": numbers, **({"t": time} if self.timed else {})}
 
     def steepness(self, time: float) -> float:
@@ -87,13 +98,9 @@ class Formula(External):
     def trouble(self, place: Points, time: float) -> str | None:
         """What is not finite at a place (3,), and where in the formula that begins; None if nothing."""
         x, y, z = place.tolist()
-        values = {
-            "x": x,
-            "y": y,
-            "z": z,
-            "t": time,
-            **dict(zip(self._names, self.numbers(time), strict=True)),
-        }
+        words = {name: number_at(value, time) for name, value in self.words}
+        now = moment(float(frame_at(time, self.fps, self.first)), time)
+        values = {"x": x, "y": y, "z": z, **now, **words}
         return next(filter(None, (trouble(expression, values) for expression in self.expressions)), None)
 
 
@@ -104,7 +111,10 @@ def _steepest(field: Formula, numbers: tuple[float, ...], time: float) -> float:
     places = np.stack(np.meshgrid(side, side, side), axis=-1).reshape(-1, 3)
     step = 1e-5 * field.extent
     beside = np.concatenate([places + sign * step * axis for axis in np.eye(3) for sign in (1.0, -1.0)])
-    velocity = field.alone(beside, time).reshape(3, 2, len(places), 3)
+    columns = np.ascontiguousarray(beside.T)
+    out = np.zeros_like(columns)
+    field.block(np.array(numbers or (0.0,)), columns, time, out)
+    velocity = out.T.reshape(3, 2, len(places), 3)
     with np.errstate(all="ignore"):
         gradient = ((velocity[:, 0] - velocity[:, 1]) / (2.0 * step)).transpose(1, 2, 0)
     finite = gradient[np.isfinite(gradient).all(axis=(1, 2))]

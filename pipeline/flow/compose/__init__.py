@@ -5,18 +5,17 @@ weighs a field weighs its velocity, what weighs a map weighs the way a point goe
 """
 
 from pipeline.flow.compose.blend import Blend, Within
-from pipeline.flow.compose.build import blended, mirrored, placed, within
-from pipeline.flow.compose.fields import InFrame, InMirror, Limited, Scaled, Sum
+from pipeline.flow.compose.build import blended, placed, within
+from pipeline.flow.compose.fields import InFrame, Limited, Scaled, Sum
 from pipeline.flow.compose.order import Repeated, Reversed, Sequence
-from pipeline.flow.compose.space import Frame, Mirrored, Placed
+from pipeline.flow.compose.space import Frame, Mirror, Placed
 
 __all__ = [
     "Blend",
     "Frame",
     "InFrame",
-    "InMirror",
     "Limited",
-    "Mirrored",
+    "Mirror",
     "Placed",
     "Repeated",
     "Reversed",
@@ -25,7 +24,6 @@ __all__ = [
     "Sum",
     "Within",
     "blended",
-    "mirrored",
     "placed",
     "within",
 ]

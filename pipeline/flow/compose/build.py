@@ -7,11 +7,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from pipeline.flow.choreography import Number, Vector
+from pipeline.flow.choreography import Number
 from pipeline.flow.compose.blend import Blend, Within
-from pipeline.flow.compose.fields import InFrame, InMirror, Limited, Scaled, Sum
+from pipeline.flow.compose.fields import InFrame, Limited, Scaled, Sum
 from pipeline.flow.compose.order import Sequence
-from pipeline.flow.compose.space import Frame, Mirrored, Placed
+from pipeline.flow.compose.space import Frame, Mirror, Placed
 from pipeline.flow.flow import Flow
 from pipeline.flow.regions import Region
 from pipeline.flow.velocity import Streamlines, VelocityField
@@ -22,16 +22,9 @@ def within(flow: Flow, region: Region) -> Flow:
     return _composed(flow, lambda field: Limited(field, region), lambda other: Within(other, region))
 
 
-def placed(flow: Flow, frame: Frame) -> Flow:
-    """A flow in a frame."""
+def placed(flow: Flow, frame: Frame | Mirror) -> Flow:
+    """A flow in a frame, or in a mirror."""
     return _composed(flow, lambda field: InFrame(field, frame), lambda other: Placed(other, frame))
-
-
-def mirrored(flow: Flow, normal: Vector, centre: Vector) -> Flow:
-    """A flow in a mirror."""
-    return _composed(
-        flow, lambda field: InMirror(field, normal, centre), lambda other: Mirrored(other, normal, centre)
-    )
 
 
 def blended(first: Flow, second: Flow, weight: Number) -> Flow:

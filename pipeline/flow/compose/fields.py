@@ -8,9 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Points
-from pipeline.flow.catalogue.directions import ORIGIN, X
-from pipeline.flow.choreography import Number, Vector
-from pipeline.flow.compose.space import Frame, reflection
+from pipeline.flow.choreography import Number
+from pipeline.flow.compose.space import Frame, Mirror
 from pipeline.flow.compose.weight import weight_at
 from pipeline.flow.program import Program, grouped, placed, scaled
 from pipeline.flow.regions import STEEPEST_FALL, Region
@@ -107,10 +106,10 @@ GRID = 9
 
 @dataclass(frozen=True)
 class InFrame(VelocityField):
-    """A field in a frame, keyed or not: see `Placed`."""
+    """A field in a frame, keyed or not, or in a mirror: see `Placed`."""
 
     field: VelocityField
-    frame: Frame
+    frame: Frame | Mirror
 
     def program(self, time: float) -> Program:
         origin, axes = self.frame.at(time)
@@ -126,29 +125,4 @@ class InFrame(VelocityField):
 
     @property
     def name(self) -> str:
-        return f"placed {self.field.name}"
-
-
-@dataclass(frozen=True)
-class InMirror(VelocityField):
-    """A field in a mirror: see `Mirrored`."""
-
-    field: VelocityField
-    normal: Vector = X
-    centre: Vector = ORIGIN
-
-    def program(self, time: float) -> Program:
-        matrix = reflection(self.normal)
-        centre = np.array(self.centre)
-        return placed(self.field.program(time), tuple((centre - matrix @ centre).tolist()), matrix)
-
-    def steepness(self, time: float) -> float:
-        return self.field.steepness(time)
-
-    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
-        centre = np.array(self.centre)
-        return self.field.leaves(centre + reflection(self.normal) @ (place - centre), time)
-
-    @property
-    def name(self) -> str:
-        return f"mirrored {self.field.name}"
+        return f"{self.frame.name} {self.field.name}"

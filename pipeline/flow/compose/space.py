@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -27,6 +27,7 @@ class Frame:
     translate: Place = ORIGIN
     rotate: Place = ORIGIN
     scale: Number = 1.0
+    name: ClassVar = "placed"
 
     def at(self, time: float) -> tuple[Floats, Floats]:
         """Its origin (3,) and its axes, the columns of a matrix (3, 3).
@@ -49,15 +50,30 @@ class Frame:
 
 
 @dataclass(frozen=True)
+class Mirror:
+    """A plane through `centre` across `normal`: what turns left before it turns right in it."""
+
+    normal: Vector = X
+    centre: Vector = ORIGIN
+    name: ClassVar = "mirrored"
+
+    def at(self, time: float) -> tuple[Floats, Floats]:
+        """The origin's image (3,) and the axes', the columns of a matrix (3, 3); the same at any time."""
+        across, centre = np.array(unit(self.normal)), np.array(self.centre)
+        axes: Floats = np.eye(3) - 2.0 * np.outer(across, across)
+        return centre - axes @ centre, axes
+
+
+@dataclass(frozen=True)
 class Placed(Flow):
-    """A flow in a frame: a copy of it, moved, turned and scaled, distances and speeds alike.
+    """A flow in a frame: a copy of it, moved, turned and scaled, distances and speeds alike; or in a mirror.
 
     The frame brings the flow to the points; where it moves, it does not carry them along. It is taken at the
     middle of each step.
     """
 
     flow: Flow
-    frame: Frame
+    frame: Frame | Mirror
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         origin, axes = self.frame.at(time + dt / 2)
@@ -71,35 +87,4 @@ class Placed(Flow):
 
     @property
     def name(self) -> str:
-        return f"placed {self.flow.name}"
-
-
-@dataclass(frozen=True)
-class Mirrored(Flow):
-    """A flow seen in the mirror through `centre` across `normal`: what turns left there turns right here."""
-
-    flow: Flow
-    normal: Vector = X
-    centre: Vector = ORIGIN
-
-    def displace(self, points: Points, time: float, dt: float) -> Points:
-        return self._seen(self.flow.displace(self._seen(points), time, dt))
-
-    def acting(self, time: float, dt: float) -> Any:
-        return {"mirrored": [*self.centre, *unit(self.normal)], "flow": self.flow.acting(time, dt)}
-
-    @property
-    def name(self) -> str:
-        return f"mirrored {self.flow.name}"
-
-    def _seen(self, points: Points) -> Points:
-        centre = np.array(self.centre)
-        seen: Points = transformed(reflection(self.normal), points - centre) + centre
-        return seen
-
-
-def reflection(normal: Vector) -> Floats:
-    """The matrix (3, 3) that mirrors across a normal; it is its own inverse."""
-    across = np.array(unit(normal))
-    matrix: Floats = np.eye(3) - 2.0 * np.outer(across, across)
-    return matrix
+        return f"{self.frame.name} {self.flow.name}"

@@ -9,15 +9,17 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import Points
+from pipeline.animation import MeshFrame, animate, material_of
+from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
+from pipeline.mesh.bspline import bspline_surface, bspline_values
 from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.patches import tessellate
-from pipeline.production.framing import frame_all, turned
+from pipeline.mesh.patches import spread, tessellate
+from pipeline.production.framing import Balls, frame_all, turned
 from pipeline.production.npz import read_npz, write_npz
 from pipeline.production.store import CorruptFileError
 from pipeline.production.tasks.context import Context
+from pipeline.shot.cloud import RADIUS
 
 
 def simulate(context: Context) -> bool:
@@ -46,24 +48,18 @@ def simulate(context: Context) -> bool:
 
 
 def smooth_normals(context: Context) -> bool:
-    """Give mesh frames their normals, vertices split at the creases, and cut their curved patches."""
+    """Give mesh frames their normals, vertices split at the creases, and cut their curved patches.
+
+    Of control nets the smooth surface is made; points stay points, for spheres need no normals.
+    """
     take = context.take
-    pieces = take.shot.picture.tessellate
 
     def work(number: int) -> bool:
         target = take.motion_folders.normals(number)
 
         def write(path: Path) -> None:
-            mesh = read_mesh_frame(context, number).mesh
-            shaded = split_at_creases(mesh, take.thresholds(number).hard_angles(mesh))
-            vertices, normals, faces, source = tessellate(shaded, pieces)
-            arrays = {
-                "vertices": vertices.astype(np.float32),
-                "normals": normals.astype(np.float32),
-                "faces": faces,
-                "source_vertex": source,
-            }
-            write_npz(path, arrays)
+            frame = read_mesh_frame(context, number)
+            write_npz(path, _spheres(frame) if _is_cloud(frame) else _shaded(context, frame))
 
         return context.make("normals", take.normals_key(number), target, write)
 
@@ -75,9 +71,14 @@ def frame_camera(context: Context) -> bool:
     take = context.take
     poses = list(take.poses.items())
 
-    def points_of(index: int) -> Points:
+    def points_of(index: int) -> Balls:
         pose = poses[index][1]
-        return turned(read_mesh_frame(context, pose.mesh).mesh.vertices, pose.spin)
+        frame = read_mesh_frame(context, pose.mesh)
+        points, radii = frame.mesh.vertices, _radii(frame)
+        if frame.lattice is not None:
+            points = bspline_surface(points, frame.lattice, take.shot.picture.tessellate).vertices
+            radii = np.zeros(len(points))
+        return Balls(turned(points, pose.spin), radii)
 
     def write(path: Path) -> None:
         views = [take.view(number) for number, _ in poses]
@@ -96,6 +97,43 @@ def frame_camera(context: Context) -> bool:
     for number, _ in poses:
         context.tell(number, found, each)
     return True
+
+
+def _is_cloud(frame: MeshFrame) -> bool:
+    return not len(frame.mesh.faces)
+
+
+def _radii(frame: MeshFrame) -> Floats:
+    """(V,) of the spheres around vertices: none where there are faces."""
+    return frame.mesh.attributes[RADIUS] if _is_cloud(frame) else np.zeros(len(frame.mesh.vertices))
+
+
+def _spheres(frame: MeshFrame) -> dict[str, AnyArray]:
+    points = frame.mesh.vertices
+    return {
+        "vertices": points.astype(np.float32),
+        "radii": _radii(frame).astype(np.float32),
+        "source_vertex": np.arange(len(points), dtype=np.int32),
+        "material": material_of(frame.mesh).astype(np.float32),
+    }
+
+
+def _shaded(context: Context, frame: MeshFrame) -> dict[str, AnyArray]:
+    mesh, pieces = frame.mesh, context.take.shot.picture.tessellate
+    if frame.lattice is not None:
+        shaded = bspline_surface(mesh.vertices, frame.lattice, pieces)
+        material = bspline_values(material_of(mesh), frame.lattice, pieces)
+    else:
+        split = split_at_creases(mesh, context.take.thresholds(frame.number).hard_angles(mesh))
+        shaded = tessellate(split, pieces)
+        material = spread(material_of(mesh), split, shaded)
+    return {
+        "vertices": shaded.vertices.astype(np.float32),
+        "normals": shaded.normals.astype(np.float32),
+        "faces": shaded.faces,
+        "source_vertex": shaded.source_vertex,
+        "material": material.astype(np.float32),
+    }
 
 
 def read_mesh_frame(context: Context, number: int) -> MeshFrame:

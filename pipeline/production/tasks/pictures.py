@@ -14,6 +14,7 @@ from render.frame import Layers, render_frame
 from render.image import read_exr, write_exr
 from render.plain import to_plain
 from render.scene import Surface
+from render.spheres import Spheres
 
 
 def render(context: Context) -> bool:
@@ -67,15 +68,19 @@ def finish(context: Context) -> bool:
     return context.each(context.job.frames, work)
 
 
-def _surface(context: Context, number: int) -> Surface:
+def _surface(context: Context, number: int) -> Surface | Spheres:
     """What a picture shows, turned as its pose says."""
     take = context.take
     pose = take.poses[number]
     path = take.motion_folders.normals(pose.mesh)
     arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
     vertices = turned(arrays["vertices"], pose.spin)
+    if "radii" in arrays:
+        return Spheres(vertices.astype("float32"), arrays["radii"], material=arrays["material"])
     normals = turned(arrays["normals"], pose.spin, about_origin=True)
-    return Surface(vertices.astype("float32"), normals.astype("float32"), arrays["faces"])
+    return Surface(
+        vertices.astype("float32"), normals.astype("float32"), arrays["faces"], material=arrays["material"]
+    )
 
 
 def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
