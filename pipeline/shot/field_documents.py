@@ -20,7 +20,6 @@ from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, Sam
 from pipeline.flow.catalogue.formula import MOST_NUMBERS
 from pipeline.flow.parameters import Sense
 from pipeline.flow.python_file import PythonFlow
-from pipeline.flow.samples import digest_of
 from pipeline.formula import FUNCTIONS
 from pipeline.formula.blocks import KNOWN
 from pipeline.formula.words import CONSTANTS
@@ -163,9 +162,10 @@ class SampledDocument(FlowParameters):
 
     @model_validator(mode="after")
     def _sound(self, info: ValidationInfo) -> SampledDocument:
-        paths = Surroundings.of(info).files(self.file)
-        self._files = told(lambda: SampledFiles(digest_of(paths), self.array, float(self.interval), paths))
-        told(lambda: self._files.samples)
+        surroundings = Surroundings.of(info)
+        paths = surroundings.files(self.file)
+        self._files = told(lambda: SampledFiles.of(paths, self.array, float(self.interval)))
+        surroundings.digests.update(zip(paths, self._files.samples.digests, strict=True))
         return self
 
     def more(self, clock: Clock) -> dict[str, Any]:

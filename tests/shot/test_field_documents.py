@@ -107,7 +107,10 @@ WRONG = [
     ("python: {file: gone.py, function: f}", "file gone.py is not there"),
     ("python: {file: /proc/self/mem, function: f}", "/proc/self/mem: it cannot be read (Input/output error)"),
     ("attraction: {mesh: /proc/self/mem}", "/proc/self/mem: it cannot be read (Input/output error)"),
-    ("sampled: {file: /proc/self/me*}", "/proc/self/mem: it cannot be read (Input/output error)"),
+    (
+        "sampled: {file: /proc/self/me*}",
+        "/proc/self/mem: no suffix is no format of fields; use .vti, .vtr, .npz",
+    ),
     (f"sampled: {{file: {'n' * 5000}.npz}}", "file nnnn"),
     (f"python: {{file: {'n' * 5000}, function: f}}", "is not there; it is looked for beside the shot file"),
     ('attraction: {mesh: "a\\0b.obj"}', "file 'a\\x00b.obj' is not there"),
