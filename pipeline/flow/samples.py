@@ -16,6 +16,9 @@ from pipeline.flow.vtk_file import read_vtk
 
 FORMATS = (".vti", ".vtr", ".npz")
 
+FASTEST = 1e12
+"""As large as any number of a shot file: squares and sums of such stay finite."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -105,6 +108,8 @@ def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats],
         )
     content, times = _content(file), np.zeros(1)
     if file.suffix.lower() == ".npz":
+        if array is not None:
+            raise UsageError(f"{file}: array {array} is asked for; in .npz it is velocity. Leave array out.")
         with reading(file, "an archive of arrays, as numpy.savez writes one"):
             axes, times, velocity = read_npz(file, content, MOST_BYTES)
             _require_sound(file, axes, times, velocity)
@@ -138,14 +143,14 @@ def _require_sound(file: Path, axes: list[AnyArray], times: AnyArray, velocity: 
         raise UsageError(
             f"{file}: velocity has the shape {shown}; its axes make that {first}. Look at their order."
         )
-    finite = np.isfinite(velocity)
+    finite = np.abs(velocity) <= FASTEST  # and so no NaN
     if not finite.all():
         t, i, j, k, part = np.unravel_index(int(np.argmin(finite)), velocity.shape)
         place = ", ".join(f"{axis[n]:.4g}" for axis, n in zip(axes, (i, j, k), strict=True))
         value = velocity[t, i, j, k, part]
         raise UsageError(
-            f"{file}: the velocity at ({place}), index ({i}, {j}, {k}), holds {value}; samples must be "
-            "finite. Fill the gaps, with zeros for one."
+            f"{file}: the velocity at ({place}), index ({i}, {j}, {k}), holds {value:g}; samples must be "
+            "finite, and up to 1e12. Fill the gaps, with zeros for one."
         )
 
 

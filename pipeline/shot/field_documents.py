@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -173,7 +174,7 @@ class SampledDocument(FlowParameters):
 
 
 class PythonDocument(FlowParameters):
-    """Only looked at here; to run it needs permission."""
+    """Only looked at here, whether it is Python; to run it needs permission."""
 
     flow = PythonFlow
 
@@ -196,6 +197,13 @@ class PythonDocument(FlowParameters):
         surroundings = Surroundings.of(info)
         self._path, self._allowed = surroundings.file(self.file), surroundings.allow_code
         self._digest = surroundings.digests[self._path]
+        try:
+            ast.parse(self._path.read_bytes(), str(self._path))
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            line = f" (line {error.lineno})" if isinstance(error, SyntaxError) and error.lineno else ""
+            raise finding(
+                f"{self._path}: it is no Python{line}: {getattr(error, 'msg', error)}. Mend it there."
+            ) from None
         return self
 
     def more(self, clock: Clock) -> dict[str, Any]:
