@@ -8,11 +8,16 @@ in a plan because it must run.
 
 import sys
 
+from pipeline.errors import FlowsculptError
 from pipeline.production.workflow import plan_of
+from snakemake.exceptions import WorkflowError
 
-plan, plan_file, logs = plan_of(
-    config, cores=workflow.cores or 1, main=workflow.is_main_process
-)
+try:
+    plan, plan_file, logs = plan_of(
+        config, cores=workflow.cores or 1, main=workflow.is_main_process
+    )
+except FlowsculptError as error:
+    raise WorkflowError(error) from None
 
 
 rule all:

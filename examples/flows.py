@@ -34,7 +34,6 @@ from pipeline.flow.catalogue import (
 from pipeline.flow.catalogue.attractor import Attractor
 from pipeline.flow.catalogue.barr import Deformation
 from pipeline.flow.parameters import shot_name
-from pipeline.flow.samples import digest_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -147,8 +146,7 @@ def _sampled() -> Sampled:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "dice.npz"
         np.savez(file, x=axis, y=axis, z=axis, velocity=velocity)
-        files = SampledFiles(digest_of((file,)), paths=(file,))
-        assert files.samples, "they are read while the file is there"
+        files = SampledFiles.of((file,))
     return Sampled(files, between="cubic")
 
 

@@ -8,11 +8,11 @@ import sys
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given, reject, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
-from pipeline.formula import Expression
+from pipeline.formula import Expression, FormulaError
 from pipeline.formula.blocks import KNOWN, compiled, source
 from pipeline.formula.trouble import trouble
 
@@ -72,7 +72,10 @@ FORMULAS = st.recursive(
 @settings(max_examples=8, deadline=None)
 @given(st.tuples(FORMULAS, FORMULAS, FORMULAS))
 def test_any_formulas_are_what_numpy_makes_of_them(texts: tuple[str, str, str]) -> None:
-    found = by_block(texts)
+    try:
+        found = by_block(texts)
+    except FormulaError:  # a part of it is never finite
+        reject()
     for row, text in zip(found, texts, strict=True):
         try:
             wanted = by_numpy(text)

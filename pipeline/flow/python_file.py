@@ -79,7 +79,8 @@ def require_permission(flow: Flow) -> None:
         if not part.allowed:
             raise UsageError(
                 f"{part.path}: the shot would run this Python file, which can do anything you can; "
-                "that needs permission. Look at the file, then add --allow-code."
+                "that needs permission. Look at the file, then add --allow-code "
+                "(for snakemake, --config allow_code=true)."
             )
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import hashlib
-from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -18,6 +16,9 @@ from pipeline.flow.vtk_file import read_vtk
 
 FORMATS = (".vti", ".vtr", ".npz")
 
+FASTEST = 1e12
+"""As large as any number of a shot file: squares and sums of such stay finite."""
+
 
 @dataclass(frozen=True, eq=False)
 class Samples:
@@ -26,36 +27,47 @@ class Samples:
     axes      three float64 arrays, each ascending and of two numbers or more
     times     (T,) seconds, ascending
     velocity  float64 (T, X, Y, Z, 3)
-    digest    SHA-256 of the files: equal digests, equal samples
+    digests   SHA-256 of each file: equal digests, equal samples
     """
 
     axes: tuple[Floats, Floats, Floats]
     times: Floats
     velocity: Floats
-    digest: str
+    digests: tuple[str, ...]
+
+    @property
+    def digest(self) -> str:
+        """Of all files together."""
+        return hashlib.sha256("".join(self.digests).encode()).hexdigest()
 
 
-def digest_of(files: tuple[Path, ...]) -> str:
-    """SHA-256 of the contents of files in their order. Raises MissingInputError."""
-    return _together(hashlib.sha256(_content(file)).digest() for file in files)
-
-
-def read_samples(
-    files: tuple[Path, ...], array: str | None = None, interval: float = 1.0, digest: str | None = None
-) -> Samples:
+def read_samples(files: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> Samples:
     """The samples of one file, or of several that follow each other, `interval` seconds apart.
 
-    array   the name of the velocities in VTK files; None: those that the file calls its vectors, or has alone
-    digest  of the files as they must be; None: as they are
+    array  the name of the velocities in VTK files; None: those that the file calls its vectors, or has alone
+
+    What is hashed is what is parsed, and once. The last samples read stay in memory: while their files are
+    what they were, these are not parsed again.
 
     Raises MissingInputError where a file is not there, UsageError where it is not what it must be.
     """
-    return _read(files, array, interval, digest or digest_of(files))
+    asked = (files, array, interval)
+    for known, samples in _LAST.items():
+        if known == asked and all(map(_is_still, files, samples.digests)):
+            return samples
+    _LAST.clear()  # before others take as much room
+    _LAST[asked] = _read(files, array, interval)
+    return _LAST[asked]
 
 
-@lru_cache(maxsize=1)
-def _read(files: tuple[Path, ...], array: str | None, interval: float, digest: str) -> Samples:
-    """What is hashed is what is parsed: samples never go by the digest of others."""
+_LAST: dict[tuple[tuple[Path, ...], str | None, float], Samples] = {}
+
+
+def _is_still(file: Path, digest: str) -> bool:
+    return hashlib.sha256(_content(file)).hexdigest() == digest
+
+
+def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Samples:
     axes, times, first, seen = _part(files[0], array)
     digests, velocity = [seen], first
     if len(files) > 1:
@@ -73,13 +85,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float, digest: s
         _require_one_moment(file, part)
         velocity[k] = part[0]
         digests.append(seen)
-    if _together(digests) != digest:
-        raise UsageError(f"{files[0]}: it was changed while it was read, or one of its sequence; run again")
-    return Samples(axes, times, velocity, digest)
-
-
-def _together(digests: Iterable[bytes]) -> str:
-    return hashlib.sha256(b"".join(digests)).hexdigest()
+    return Samples(axes, times, velocity, tuple(digests))
 
 
 def _content(file: Path) -> bytes:
@@ -90,11 +96,11 @@ def _content(file: Path) -> bytes:
         return file.read_bytes()
     except OSError as error:
         raise MissingInputError(
-            f"{file}: {error.strerror or error}; a field's file has to be there"
+            f"{file}: it cannot be read ({error.strerror or error}); look at its name and permissions"
         ) from None
 
 
-def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats, bytes]:
+def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats], Floats, Floats, str]:
     """Axes, times and velocities of a file, and the digest of the bytes that they were parsed from."""
     if file.suffix.lower() not in FORMATS:
         raise UsageError(
@@ -102,6 +108,8 @@ def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats],
         )
     content, times = _content(file), np.zeros(1)
     if file.suffix.lower() == ".npz":
+        if array is not None:
+            raise UsageError(f"{file}: array {array} is asked for; in .npz it is velocity. Leave array out.")
         with reading(file, "an archive of arrays, as numpy.savez writes one"):
             axes, times, velocity = read_npz(file, content, MOST_BYTES)
             _require_sound(file, axes, times, velocity)
@@ -111,7 +119,7 @@ def _part(file: Path, array: str | None) -> tuple[tuple[Floats, Floats, Floats],
             _require_sound(file, axes, times, velocity)
     x, y, z = (np.ascontiguousarray(axis, np.float64) for axis in axes)
     velocity, times = np.ascontiguousarray(velocity, np.float64), np.asarray(times, np.float64)
-    return (x, y, z), times, velocity, hashlib.sha256(content).digest()
+    return (x, y, z), times, velocity, hashlib.sha256(content).hexdigest()
 
 
 def _require_one_moment(file: Path, velocity: Floats) -> None:
@@ -135,14 +143,14 @@ def _require_sound(file: Path, axes: list[AnyArray], times: AnyArray, velocity: 
         raise UsageError(
             f"{file}: velocity has the shape {shown}; its axes make that {first}. Look at their order."
         )
-    finite = np.isfinite(velocity)
+    finite = np.abs(velocity) <= FASTEST  # and so no NaN
     if not finite.all():
         t, i, j, k, part = np.unravel_index(int(np.argmin(finite)), velocity.shape)
         place = ", ".join(f"{axis[n]:.4g}" for axis, n in zip(axes, (i, j, k), strict=True))
         value = velocity[t, i, j, k, part]
         raise UsageError(
-            f"{file}: the velocity at ({place}), index ({i}, {j}, {k}), holds {value}; samples must be "
-            "finite. Fill the gaps, with zeros for one."
+            f"{file}: the velocity at ({place}), index ({i}, {j}, {k}), holds {value:g}; samples must be "
+            "finite, and up to 1e12. Fill the gaps, with zeros for one."
         )
 
 

@@ -12,7 +12,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import Floats
 from pipeline.errors import UsageError
-from pipeline.formula.syntax import checked, shown
+from pipeline.formula.syntax import FormulaError, checked, shown
 from pipeline.formula.words import CONSTANTS, FUNCTIONS, OPERATORS
 
 
@@ -24,7 +24,8 @@ class Expression:
     names  the values it may speak of, such as ("x", "y", "z", "time")
     tree   its syntax, in which everything is allowed
 
-    Raises FormulaError, with the column, for anything that is no number, name, operator or function of ours.
+    Raises FormulaError, with the column, for anything that is no number, name, operator or function of ours,
+    and for what is not finite whatever the values are.
     """
 
     text: str
@@ -33,6 +34,14 @@ class Expression:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "tree", checked(self.text, self.names))
+        for part in constant_parts(self.tree):
+            if (found := guilty(part, CONSTANTS)) is not None:
+                node, value = found
+                raise FormulaError(
+                    self.text,
+                    column_of(self.text, node),
+                    f"{shown(ast.unparse(node))} is {value:g}; a formula must be finite. Write another.",
+                )
 
     @property
     def uses(self) -> frozenset[str]:
@@ -94,6 +103,34 @@ def value_of(node: ast.expr, known: Mapping[str, Any]) -> Any:
             function, arguments = FUNCTIONS[name][0], [value_of(part, known) for part in node.args]
             return _folded(function, arguments) if name in ("min", "max") else function(*arguments)
     raise AssertionError(f"{ast.dump(node)} was checked and is known")
+
+
+def guilty(node: ast.expr, known: Mapping[str, Any]) -> tuple[ast.expr, float] | None:
+    """The first innermost part of a tree that is not finite, and what it is, if the whole is not finite."""
+    with np.errstate(all="ignore"):
+        found = float(value_of(node, known))
+    if np.isfinite(found):
+        return None
+    return next(filter(None, (guilty(part, known) for part in _parts(node))), (node, found))
+
+
+def constant_parts(node: ast.expr) -> list[ast.expr]:
+    """The largest parts of a tree that are the same whatever the values are."""
+    names = {inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)}
+    if names <= {*CONSTANTS, *FUNCTIONS}:
+        return [node]
+    return [inner for part in _parts(node) for inner in constant_parts(part)]
+
+
+def column_of(text: str, part: ast.expr) -> int:
+    """Where a part of its tree begins in a text, from 1; the tree counts the bytes after its first word."""
+    line = text.lstrip()
+    return len(text) - len(line) + len(line.encode()[: part.col_offset].decode(errors="ignore")) + 1
+
+
+def _parts(node: ast.expr) -> list[ast.expr]:
+    inside = node.args if isinstance(node, ast.Call) else ast.iter_child_nodes(node)
+    return [part for part in inside if isinstance(part, ast.expr)]
 
 
 def _number(value: Any) -> Any:

@@ -8,6 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import FlowsculptError
 from pipeline.production.pinned import Pins, pins_of, require_same, require_unchanged
 from pipeline.shot import Shot, read_shot
 
@@ -59,8 +60,11 @@ class Script:
     @cached_property
     def shot(self) -> Shot:
         """Raises UsageError where a file that it reads was changed since the work was planned."""
-        require_unchanged(self.pins or ())
-        shot = read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
+        try:
+            shot = read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
+        except FlowsculptError:
+            require_unchanged(self.pins or ())  # which then is what went wrong
+            raise
         if self.pins is not None:
             require_same(self.pins, pins_of(shot.files))
         return shot

@@ -164,7 +164,7 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
         path = Path((root / latest).read_text())
     else:
         quality = str(config.get("quality", "draft"))
-        studio = Studio(root, cores, allow_code=str(config.get("allow_code", "")).lower() == "true")
+        studio = Studio(root, cores, allow_code=_allowed(config.get("allow_code", False)))
         frames = str(config["frames"]) if "frames" in config else None
         plan = (
             studio.pictures([str(config["shot"])], quality, frames)
@@ -177,6 +177,16 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
         (root / latest).write_text(path.as_posix())
     plan = Plan.thaw(root / path)
     return plan, path.as_posix(), (LOGS / plan.name).as_posix()
+
+
+def _allowed(value: Any) -> bool:
+    """`--config allow_code=true`. Raises UsageError for what is neither true nor false."""
+    said = str(value).lower()
+    if said not in ("true", "false"):
+        raise UsageError(
+            f"allow_code is {value!r}; it says whether shots may run their Python files. Write true or false."
+        )
+    return said == "true"
 
 
 _HELD: list[BaseFileLock] = []

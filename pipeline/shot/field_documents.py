@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from itertools import pairwise
 from pathlib import Path
 from typing import Annotated, Any
@@ -22,7 +23,6 @@ from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, Sam
 from pipeline.flow.catalogue.formula import MOST_NUMBERS
 from pipeline.flow.parameters import Sense
 from pipeline.flow.python_file import PythonFlow
-from pipeline.flow.samples import digest_of
 from pipeline.formula import FUNCTIONS
 from pipeline.formula.blocks import KNOWN
 from pipeline.formula.words import CONSTANTS
@@ -172,9 +172,10 @@ class SampledDocument(FlowParameters):
 
     @model_validator(mode="after")
     def _sound(self, info: ValidationInfo) -> SampledDocument:
-        paths = Surroundings.of(info).files(self.file)
-        self._files = told(lambda: SampledFiles(digest_of(paths), self.array, float(self.interval), paths))
-        told(lambda: self._files.samples)
+        surroundings = Surroundings.of(info)
+        paths = surroundings.files(self.file)
+        self._files = told(lambda: SampledFiles.of(paths, self.array, float(self.interval)))
+        surroundings.digests.update(zip(paths, self._files.samples.digests, strict=True))
         return self
 
     def more(self, clock: Clock) -> dict[str, Any]:
@@ -182,7 +183,7 @@ class SampledDocument(FlowParameters):
 
 
 class PythonDocument(FlowParameters):
-    """Only looked at here; to run it needs permission."""
+    """Only looked at here, whether it is Python; to run it needs permission."""
 
     flow = PythonFlow
 
@@ -205,6 +206,13 @@ class PythonDocument(FlowParameters):
         surroundings = Surroundings.of(info)
         self._path, self._allowed = surroundings.file(self.file), surroundings.allow_code
         self._digest = surroundings.digests[self._path]
+        try:
+            ast.parse(self._path.read_bytes(), str(self._path))
+        except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            line = f" (line {error.lineno})" if isinstance(error, SyntaxError) and error.lineno else ""
+            raise finding(
+                f"{self._path}: it is no Python{line}: {getattr(error, 'msg', error)}. Mend it there."
+            ) from None
         return self
 
     def more(self, clock: Clock) -> dict[str, Any]:

@@ -158,7 +158,7 @@ def with_speed(clock: Clock, written: Any) -> tuple[Clock, list[tuple[Where, str
     return (clock, [(("speed",), fault)]) if fault else (retimed, [])
 
 
-SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True))
+SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True, allow_inf_nan=False))
 
 
 def _film_rate(source: Source, problems: list[tuple[Where, str]]) -> FrameRate | None:

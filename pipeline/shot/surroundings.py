@@ -5,7 +5,6 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from functools import partial
 from pathlib import Path
 from typing import TypeVar
 
@@ -36,20 +35,27 @@ class Surroundings:
         return found if isinstance(found, cls) else cls()
 
     def file(self, name: str) -> Path:
-        """A file that is there. Raises a finding for pydantic to report at its place."""
+        """A file that is there, its digest noted. Raises a finding for pydantic to report at its place."""
+        path = self._found(name)
+        self.digests[path] = told(lambda: digest_of_file(path))
+        return path
+
+    def _found(self, name: str) -> Path:
         path = self.folder / name
         if not is_there(path):
             raise finding(
                 f"file {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
                 "Put it there or correct the name."
             )
-        self.digests[path] = told(lambda: digest_of_file(path))
         return path
 
     def files(self, name: str) -> tuple[Path, ...]:
-        """A file, or where the last part of its name has a *, all that fit, in the order of their names."""
+        """A file, or where the last part of its name has a *, all that fit, in the order of their names.
+
+        Their digests are for those to note who read them, and hash what they read.
+        """
         if "*" not in name:
-            return (self.file(name),)
+            return (self._found(name),)
         around = self.folder / Path(name).parent
         try:
             found = sorted(path for path in around.glob(Path(name).name) if is_there(path))
@@ -62,8 +68,6 @@ class Surroundings:
             raise finding(
                 f"no file fits {shown(name)}; they are looked for in {shown(around)}. Correct the name."
             )
-        for path in found:
-            self.digests[path] = told(partial(digest_of_file, path))
         return tuple(found)
 
 

@@ -121,3 +121,38 @@ def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> 
     save("w_2.npz")
     with pytest.raises(UsageError, match=r"w_2\.npz: it was changed since the work was planned; run again"):
         Take.from_data(json.loads(json.dumps(take.as_data()))).shot  # noqa: B018
+
+
+def snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:
+    """Plain Snakemake in a folder, as its users call it."""
+    project = Path(__file__).parents[2]
+    command = [sys.executable, "-m", "snakemake", "--snakefile", str(project / "Snakefile"), "--cores", "1"]
+    command += [
+        "--workflow-profile",
+        str(project / "profiles/default"),
+        "--until",
+        "simulate_0000_P010_preview_0001_0003",
+    ]
+    command += ["--config", "shot=P010", "quality=preview", *config]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+
+
+def test_plain_snakemake_runs_code_with_permission_alone(tmp_path: Path) -> None:
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots/P010.yaml").write_text(SHOT)
+    (tmp_path / "shots/mine.py").write_text("def lift(points, time, dt):\n    return points + [0, dt, 0]\n")
+    for config, says in (
+        ((), "mine.py: the shot would run this Python file"),
+        (("allow_code=false",), "(for snakemake, --config allow_code=true)"),
+        (
+            ("allow_code=1",),
+            "allow_code is 1; it says whether shots may run their Python files. Write true or",
+        ),
+    ):
+        refused = snakemake(tmp_path, *config)
+        assert refused.returncode == 1 and says in refused.stderr, refused.stderr
+        assert "Traceback" not in refused.stderr and "/pipeline/" not in refused.stderr, refused.stderr
+    done = snakemake(tmp_path, "allow_code=true")
+    assert done.returncode == 0, done.stderr
+    first, last = (read_npz(tmp_path / f"renders/P010/meshes/P010.000{n}.npz")["vertices"] for n in (1, 3))
+    np.testing.assert_allclose(last - first, np.tile([0.0, 2 / 24, 0.0], (len(first), 1)), atol=1e-7)

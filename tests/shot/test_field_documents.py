@@ -69,6 +69,20 @@ def test_fields_are_added_up_like_others(folder: Path) -> None:
 WRONG = [
     ("formula: [-y, x, sinn(t)]", "6:22: sinn is no function here. Did you mean 'sin'?"),
     ("formula: [x, y, 1e400]", "6:21: this number is too large; 1e100 is the largest"),
+    ("formula: [x, y, 3 + 1 / 0]", "6:25: 1 / 0 is inf; a formula must be finite. Write another."),
+    ("formula: [x, y, x / (2 - 2) + log(0)]", "6:35: log(0) is -inf; a formula must be finite."),
+    ("sampled: {file: w_01.npz, array: u}", "array u is asked for; in .npz it is velocity. Leave array out."),
+    ("sampled: {file: fast.npz}", "holds 1e+200; samples must be finite, and up to 1e12."),
+    (
+        "python: {file: broken.py, function: f}",
+        "broken.py: it is no Python (line 2): expected ':'. Mend it there.",
+    ),
+    (
+        "within: {region: {mesh: t.obj}, flows: [{vortex: }]}",
+        "6:23: {folder}/t.obj: 3 edges have a face on one side only; a closed surface is needed: fill",
+    ),
+    ("within: {region: {mesh: {file: t.obj, scal: 2}}, flows: [{vortex: }]}", "Did you mean 'scale'?"),
+    ("within: {region: {mesh: gone.obj}, flows: [{vortex: }]}", "6:23: file gone.obj is not there"),
     ("formula: [x, .nan, y]", "6:18: this is no number; write one plainly, such as 0.05"),
     ("formula: [x, -1e400, y]", "6:18: this number is too large; 1e100 is the largest"),
     ("formula: [x, y * 1e400, 0]", "6:22: this number is too large; 1e100 is the largest"),
@@ -107,7 +121,10 @@ WRONG = [
     ("python: {file: gone.py, function: f}", "file gone.py is not there"),
     ("python: {file: /proc/self/mem, function: f}", "/proc/self/mem: it cannot be read (Input/output error)"),
     ("attraction: {mesh: /proc/self/mem}", "/proc/self/mem: it cannot be read (Input/output error)"),
-    ("sampled: {file: /proc/self/me*}", "/proc/self/mem: it cannot be read (Input/output error)"),
+    (
+        "sampled: {file: /proc/self/me*}",
+        "/proc/self/mem: no suffix is no format of fields; use .vti, .vtr, .npz",
+    ),
     (f"sampled: {{file: {'n' * 5000}.npz}}", "file nnnn"),
     (f"python: {{file: {'n' * 5000}, function: f}}", "is not there; it is looked for beside the shot file"),
     ('attraction: {mesh: "a\\0b.obj"}', "file 'a\\x00b.obj' is not there"),
@@ -120,10 +137,12 @@ WRONG = [
 @pytest.mark.parametrize(("flow", "says"), WRONG, ids=[flow[:60] for flow, _ in WRONG])
 def test_what_is_wrong_is_told_in_one_line_with_its_place(flow: str, says: str, folder: Path) -> None:
     np.savez(folder / "bad.npz", x=GRID, z=GRID, velocity=np.ones((3, 3, 3, 3)))
+    np.savez(folder / "fast.npz", x=GRID, y=GRID, z=GRID, velocity=np.full((3, 3, 3, 3), 1e200))
+    (folder / "broken.py").write_text("x = 1\ndef f(points)\n    return points\n")
     with pytest.raises(ShotError) as told:
         shot_of(folder, flow)
     (message,) = told.value.messages
-    assert says in message, message
+    assert says.replace("{folder}", str(folder)) in message, message
     assert message.startswith(f"{folder / 'a.yaml'}:6:") and message.isprintable() and len(message) < 700
 
 

@@ -29,7 +29,7 @@ two directions, its weights add up to at most 1.25 without their signs: exactly 
 
 @dataclass(frozen=True)
 class SampledFiles:
-    """Which files, and what their contents were: equal contents, equal field, wherever they lie.
+    """What files held when they were read: equal contents, equal field, wherever they lie.
 
     digest    SHA-256 of their contents
     array     the name of the velocities in VTK files; None: the file's only vectors
@@ -37,13 +37,15 @@ class SampledFiles:
     """
 
     digest: str
-    array: str | None = None
-    interval: float = 1.0
-    paths: tuple[Path, ...] = field(default=(), compare=False)
+    array: str | None
+    interval: float
+    samples: Samples = field(compare=False, repr=False)
 
-    @cached_property
-    def samples(self) -> Samples:
-        return read_samples(self.paths, self.array, self.interval, self.digest)
+    @classmethod
+    def of(cls, paths: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> SampledFiles:
+        """Raises what `read_samples` raises."""
+        samples = read_samples(paths, array, interval)
+        return cls(samples.digest, array, interval, samples)
 
 
 @dataclass(frozen=True)
