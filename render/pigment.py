@@ -96,7 +96,7 @@ class Pigment:
     def row(self) -> NDArray[np.float32]:
         """(TEXELS, 3): the colours of phases from 0 to 1."""
         phases = (np.arange(TEXELS) + 0.5) / TEXELS
-        colours = np.array(self.colours)
+        colours = np.array(self.colours, dtype=np.float64)
         if self.pattern == "gradient":
             at = np.linspace(0.0, 1.0, len(colours))
             row = np.stack([np.interp(phases, at, part) for part in colours.T], axis=1)

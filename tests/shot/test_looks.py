@@ -1,0 +1,72 @@
+"""Looks in shot files: what can be said, and how what is wrong is told; what they leave alone."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import ShotError
+from pipeline.shot import Shot, read_shot
+from render.look import LOOKS
+from render.pigment import PATTERNS, Pigment
+
+HEAD = "title: T\nframes: 1-24\nsubject: {solid: %s}\nresample: off\nlook: %s\n"
+TWO = "colours: [[0.8, 0.7, 0.6], [0.1, 0.1, 0.1]]"
+
+
+def shot_of(folder: Path, look: str, subject: str = "icosphere") -> Shot:
+    return read_shot(folder / "a.yaml", HEAD % (subject, look))
+
+
+@pytest.mark.parametrize("pattern", PATTERNS)
+def test_every_pattern_can_be_written(pattern: str, tmp_path: Path) -> None:
+    said = f"{{material: glaze, pigment: {{{pattern}: {{{TWO}, scale: 0.4, axis: x, seed: 7}}}}}}"
+    look = shot_of(tmp_path, said).picture.look
+    assert look.pigment is not None and look.model == LOOKS["glaze"].model
+    assert (look.pigment.pattern, look.pigment.seed) == (pattern, 7)
+    assert look.pigment.axis == (1.0, 0.0, 0.0)
+    assert look.pigment.colours == ((0.8, 0.7, 0.6), (0.1, 0.1, 0.1))
+
+
+def test_what_a_layer_does_not_say_has_the_default_of_the_code(tmp_path: Path) -> None:
+    said = f"{{material: clay, pigment: {{layers: {{{TWO}}}}}}}"
+    assert shot_of(tmp_path, said).picture.look.pigment == Pigment(
+        "layers", ((0.8, 0.7, 0.6), (0.1, 0.1, 0.1))
+    )
+
+
+def test_glass_and_smoke_take_their_own_numbers(tmp_path: Path) -> None:
+    assert shot_of(tmp_path, "{material: honey, refraction: 1.6}").picture.look.refraction == 1.6
+    assert shot_of(tmp_path, "{material: smoke, density: 3}").picture.look.density == 3.0
+
+
+@pytest.mark.parametrize(
+    ("look", "told"),
+    [
+        ("hony", "a.yaml:5:1: look: 'hony' is no look. Did you mean 'honey'?"),
+        (f"{{material: clay, pigment: {{mable: {{{TWO}}}}}}}", "Did you mean 'marble'?"),
+        (f"{{material: clay, pigment: {{marble: {{{TWO}, shar: 1}}}}}}", "Did you mean 'share'?"),
+        (f"{{material: clay, pigment: {{layers: {{{TWO}, scale: 0}}}}}}", "must be above 0"),
+        ("{material: clay, pigment: {layers: {colours: [[1, 1, 1]]}}}", "must have at least 2"),
+        ("{material: clay, pigment: {}}", "pigment names 0 patterns"),
+        (f"{{material: clay, colour: [1, 1, 1], pigment: {{layers: {{{TWO}}}}}}}", "Remove one of them"),
+        (f"{{material: glass, pigment: {{layers: {{{TWO}}}}}}}", "light goes through glass"),
+        ("{material: clay, density: 2}", "take smoke"),
+    ],
+)
+def test_mistakes_are_told_at_their_line(look: str, told: str, tmp_path: Path) -> None:
+    with pytest.raises(ShotError) as error:
+        shot_of(tmp_path, look)
+    assert "a.yaml:5:" in str(error.value) and told in str(error.value)
+
+
+def test_light_does_not_go_through_a_sheet(tmp_path: Path) -> None:
+    with pytest.raises(ShotError, match="a sheet is open"):
+        shot_of(tmp_path, "glass", "sheet")
+
+
+def test_a_pigment_is_no_part_of_the_motion(tmp_path: Path) -> None:
+    plain = shot_of(tmp_path, "clay")
+    veined = shot_of(tmp_path, f"{{material: clay, pigment: {{marble: {{{TWO}}}}}}}")
+    assert veined.motion == plain.motion and veined.picture != plain.picture
