@@ -1,7 +1,8 @@
 """The workflow: one rule for each job of a plan.
 
 `flowsculpt` hands over a frozen plan in `config["plan"]`. Called directly, `snakemake --cores 2` plans the
-film itself; `--config shot=A020_lorenz frames=10-20x2 quality=preview` plans frames of one shot.
+film itself; `--config shot=A020_lorenz frames=10-20x2 quality=preview` plans frames of one shot,
+`--config edit=showreel` the film of another edit.
 Parameters, not file times, decide what is stale, and each run's plan has its own name: a job stands
 in a plan because it must run.
 """

@@ -6,7 +6,6 @@ import time
 from collections import Counter
 from collections.abc import Callable
 from contextlib import nullcontext
-from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -16,7 +15,7 @@ from pipeline.cli.progress import STAGES, Bars
 from pipeline.cli.say import answer, complain, err
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
-from pipeline.production.workflow import FILM, Studio
+from pipeline.production.workflow import FILM, Studio, find_edit
 from render.engine import VARIANTS
 from render.quality import QUALITIES
 
@@ -84,18 +83,21 @@ def render(
 
 def film(
     common: Common,
-    edit: Annotated[Path, typer.Argument(help="The edit: title, and the shots in their order.")] = FILM,
+    edit: Annotated[
+        str, typer.Argument(help="An edit: its name in shots/, or the path of its file.")
+    ] = FILM.stem,
     quality: Quality = "draft",
     variant: Variant = None,
     settings: Settings = None,
     allow_code: AllowCode = False,
 ) -> None:
-    """Render every shot of the edit and cut them into renders/film/QUALITY/film.mp4.
+    """Render every shot of an edit and cut them into renders/film/QUALITY/EDIT.mp4.
 
-    What is `--set` is set in every shot.
+    Without a name it is shots/film.yaml; `flowsculpt film showreel` is shots/showreel.yaml. What is `--set`
+    is set in every shot.
     """
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
-    _make(common, lambda: studio.film(quality, edit))
+    _make(common, lambda: studio.film(quality, find_edit(edit)))
 
 
 def turntable(

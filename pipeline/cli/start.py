@@ -14,14 +14,14 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain
 from pipeline.errors import FlowsculptError
 from pipeline.flow.python_file import python_flows
-from pipeline.production.workflow import FILM, find_shot, shot_names
+from pipeline.production.workflow import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import Film, Shot, read_film, read_shot
 
 
 def validate(
     common: Common,
     shots: Annotated[
-        list[str] | None, typer.Argument(metavar="SHOT…", help="By default every shot, and the film.")
+        list[str] | None, typer.Argument(metavar="SHOT…", help="Shots and edits; by default all.")
     ] = None,
     settings: Settings = None,
 ) -> None:
@@ -41,10 +41,12 @@ def validate(
             facts.append({"file": name, "errors": str(error).splitlines()})
 
     said = tuple(settings or ())
-    for shot in shots or shot_names():
-        check(shot, partial(read_shot, settings=said), partial(find_shot, shot))
-    if not shots and FILM.is_file():
-        check("film", partial(read_film, settings=said), lambda: FILM)
+    edits = edit_names()
+    for name in shots or [*shot_names(), *edits]:
+        if name in edits:
+            check(name, partial(read_film, settings=said), partial(find_edit, name))
+        else:
+            check(name, partial(read_shot, settings=said), partial(find_shot, name))
     complaints = dict.fromkeys(line for failure in failed for line in str(failure).splitlines())
     if complaints:
         complain("\n".join(complaints))

@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import AnyArray, Faces, Floats, Points
 from pipeline.errors import UsageError
+from pipeline.mesh.tiling import cut_into, positive, square_grid, welded
 from pipeline.mesh.triangles import TriangleMesh
 
 ORIGIN = (0.0, 0.0, 0.0)
@@ -24,18 +25,18 @@ def box(
     edge_length  the sides are cut into squares no larger than this; without it, one square a side
     """
     extents = np.broadcast_to(np.asarray(size, np.float64), 3)
-    _positive("size", extents)
-    counts = [_count(side, edge_length) for side in extents]
+    positive("size", extents)
+    counts = [cut_into(side, edge_length) for side in extents]
     parts = []
     for axis in range(3):
         u, v = (axis + 1) % 3, (axis + 2) % 3
-        grid, faces = _grid(counts[u], counts[v])
+        grid, faces = square_grid(counts[u], counts[v])
         for side in (1.0, -1.0):
             points = np.empty((len(grid), 3))
             points[:, u], points[:, v] = grid.T - 0.5
             points[:, axis] = 0.5 * side
             parts.append((points, faces if side > 0 else faces[:, ::-1]))
-    points, faces = _welded(parts)
+    points, faces = welded(parts)
     return TriangleMesh(points * extents + np.asarray(centre, np.float64), faces)
 
 
@@ -44,8 +45,8 @@ def sheet(
 ) -> TriangleMesh:
     """A flat rectangle in the plane y = 0 that faces upwards, with a boundary. `size` is along x and z."""
     extents = np.asarray(size, np.float64)
-    _positive("size", extents)
-    grid, faces = _grid(_count(extents[1], edge_length), _count(extents[0], edge_length))
+    positive("size", extents)
+    grid, faces = square_grid(cut_into(extents[1], edge_length), cut_into(extents[0], edge_length))
     points = np.zeros((len(grid), 3))
     points[:, 2], points[:, 0] = (grid.T - 0.5) * extents[::-1, None]
     return TriangleMesh(points + np.asarray(centre, np.float64), faces)
@@ -55,10 +56,10 @@ def icosphere(frequency: int = 8, radius: float = 1.0, centre: ArrayLike = ORIGI
     """A geodesic sphere: every edge of an icosahedron cut into `frequency` parts; 10 n² + 2 vertices."""
     if frequency < 1:
         raise UsageError(f"frequency {frequency} must be at least 1; 16 gives a sphere of 2562 vertices")
-    _positive("radius", np.array([radius]))
+    positive("radius", np.array([radius]))
     corners, triangles = _icosahedron()
     steps, pattern = _triangle_grid(frequency)
-    points, faces = _welded([(steps @ corners[t], pattern) for t in triangles])
+    points, faces = welded([(steps @ corners[t], pattern) for t in triangles])
     points *= radius / np.linalg.norm(points, axis=1, keepdims=True)
     return TriangleMesh(points + np.asarray(centre, np.float64), faces)
 
@@ -67,7 +68,7 @@ def torus(
     radius: float = 1.0, tube_radius: float = 0.4, edge_length: float = 0.1, centre: ArrayLike = ORIGIN
 ) -> TriangleMesh:
     """A ring around the y axis; `radius` reaches from there to the middle of the tube."""
-    _positive("radius and tube_radius", np.array([radius, tube_radius, edge_length]))
+    positive("radius and tube_radius", np.array([radius, tube_radius, edge_length]))
     if tube_radius >= radius:
         raise UsageError(
             f"tube_radius {tube_radius:g} must be below radius {radius:g}, or the ring meets itself"
@@ -86,7 +87,7 @@ def rod(
     centre: ArrayLike = ORIGIN,
 ) -> TriangleMesh:
     """A bar along the y axis, to be pulled and twisted. `length` is over all, `caps` "round" or "flat"."""
-    _positive("length, radius and edge_length", np.array([length, radius, edge_length]))
+    positive("length, radius and edge_length", np.array([length, radius, edge_length]))
     if caps not in ("round", "flat"):
         raise UsageError(f"caps {caps!r} must be 'round' or 'flat'")
     if caps == "round" and length < 2 * radius:
@@ -150,17 +151,6 @@ def _zipped(low: AnyArray, low_angle: Floats, high: AnyArray, high_angle: Floats
     return np.array(faces, np.int32)
 
 
-def _grid(m: int, n: int) -> tuple[Points, Faces]:
-    """(m + 1)(n + 1) points of the unit square and its triangles, whose diagonals alternate."""
-    i, j = (part.reshape(-1) for part in np.meshgrid(np.arange(m), np.arange(n), indexing="ij"))
-    a, b = i * (n + 1) + j, (i + 1) * (n + 1) + j
-    quads = np.column_stack([a, b, b + 1, a + 1])
-    quads[(i + j) % 2 == 1] = np.roll(quads[(i + j) % 2 == 1], 1, axis=1)
-    faces = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    u, v = np.meshgrid(np.arange(m + 1) / m, np.arange(n + 1) / n, indexing="ij")
-    return np.column_stack([u.reshape(-1), v.reshape(-1)]), faces.astype(np.int32)
-
-
 def _triangle_grid(n: int) -> tuple[Points, Faces]:
     """Barycentric points of a triangle cut into n² smaller ones, and their corners."""
     rows = [(i, j) for i in range(n + 1) for j in range(n + 1 - i)]
@@ -185,27 +175,3 @@ def _icosahedron() -> tuple[Points, Faces]:
         u, u1, w, w1 = 1 + k, 1 + (k + 1) % 5, 6 + k, 6 + (k + 1) % 5
         faces += [(0, u, u1), (u, w, u1), (u1, w, w1), (11, w1, w)]
     return points, np.array(faces, np.int32)
-
-
-def _welded(parts: Sequence[tuple[Points, Faces]]) -> tuple[Points, Faces]:
-    """Join patches whose borders coincide, to within rounding, on points of about unit size."""
-    points = np.concatenate([p for p, _ in parts])
-    starts = np.cumsum([0, *(len(p) for p, _ in parts[:-1])])
-    faces = np.concatenate([f + s for (_, f), s in zip(parts, starts, strict=True)])
-    _, first, joined = np.unique(np.round(points * 2**30), axis=0, return_index=True, return_inverse=True)
-    order = np.argsort(np.argsort(first))
-    return points[np.sort(first)], order[joined.reshape(-1)][faces].astype(np.int32)
-
-
-def _count(side: float, edge_length: float | None) -> int:
-    if edge_length is None:
-        return 1
-    _positive("edge_length", np.array([edge_length]))
-    return max(1, math.ceil(side / edge_length - 1e-9))
-
-
-def _positive(name: str, values: Points) -> None:
-    if not (np.isfinite(values).all() and (values > 0).all()):
-        raise UsageError(
-            f"{name} {', '.join(f'{v:g}' for v in values)} must be positive lengths in scene units"
-        )

@@ -20,8 +20,9 @@ def movie_bits(quality_name: str) -> int:
 
 @dataclass(frozen=True)
 class Cut:
-    """A film's cards, and its rate; its shots are the plan's takes, in order. Lengths in frames."""
+    """A film's name, cards and rate; its shots are the plan's takes, in order. Lengths in frames."""
 
+    name: str
     title: str
     subtitle: str
     credits: tuple[str, ...]
@@ -30,11 +31,14 @@ class Cut:
     rate: str
 
     @classmethod
-    def of(cls, film: Film) -> Cut:
+    def of(cls, film: Film, name: str) -> Cut:
+        """`name` is what its file is called."""
+
         def frames(seconds: float) -> int:
             return round(seconds * float(film.rate.fps))
 
         return cls(
+            name=name,
             title=film.title,
             subtitle=film.subtitle,
             credits=film.credits,
@@ -59,13 +63,15 @@ class Cut:
         return self.title_frames + shots + self.credits_frames
 
     def path(self, quality_name: str) -> Path:
-        return layout.film(quality_name)
+        return layout.film(quality_name, self.name)
 
     def key(self, quality_name: str, frame_keys: Sequence[Key], exposures: Sequence[float]) -> Key:
+        """Of all that its file holds; what it is called is not in it."""
+        shown = {name: value for name, value in self.as_data().items() if name != "name"}
         return key_of(
             "film",
             code_key(MOVIE_CODE, ("av", "imageio", "OpenImageIO")),
-            self.as_data(),
+            shown,
             list(frame_keys),
             list(exposures),
             movie_bits(quality_name),

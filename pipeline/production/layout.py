@@ -53,5 +53,6 @@ class Folders:
         return self.home / quality / (f"{self.name}.{frames}.mp4" if frames else f"{self.name}.mp4")
 
 
-def film(quality: str) -> Path:
-    return Path("renders") / "film" / quality / "film.mp4"
+def film(quality: str, name: str) -> Path:
+    """The film of an edit, which is called as the edit is."""
+    return Path("renders") / "film" / quality / f"{name}.mp4"

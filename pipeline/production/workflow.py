@@ -26,7 +26,9 @@ from pipeline.production.store import Store
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
 from pipeline.shot import Film, read_film
+from pipeline.shot.edits import is_edit
 from pipeline.shot.layers import DEFAULTS, rests_on
+from pipeline.shot.shot import Clip
 from pipeline.shot.surroundings import is_there, shown
 from render.look import LOOKS
 from render.quality import QUALITIES
@@ -90,14 +92,17 @@ class Studio:
         return planner.plan()
 
     def film(self, quality: str, path: Path = FILM) -> Plan:
-        """The film of an edit: its shots' frames, their movies, and all of them cut together."""
+        """The film of an edit: its shots' frames, their movies, and all of them cut together.
+
+        It is called as the file of the edit is.
+        """
         film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
         planner = self._planner()
-        takes = [self.take(shot.path, quality) for shot in film.shots if shot.path is not None]
+        takes = [self._clip(clip, quality) for clip in film.clips]
         for take in takes:
             planner.pictures(take)
             planner.movie(take)
-        planner.film(Cut.of(film), takes)
+        planner.film(Cut.of(film, path.stem), takes)
         return planner.plan()
 
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
@@ -145,6 +150,11 @@ class Studio:
         chosen = variant or variant_for(self.root, script.name, self.variant)
         return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
 
+    def _clip(self, clip: Clip, quality: str) -> Take:
+        """The pictures of a shot that an edit shows, in its order."""
+        assert clip.shot.path is not None, "the shots of an edit are read from files"
+        return replace(self.take(clip.shot.path, quality), requested=tuple(clip.frames))
+
     def _planner(self) -> Planner:
         return Planner(self.store, self.cores)
 
@@ -153,8 +163,8 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
     """The plan a Snakefile runs, its frozen file, and the folder for what its jobs print.
 
     `config["plan"]` names one; without it the main process makes one of `config`'s shot, frames and
-    quality (by default the film at draft) and holds the root's lock, and the processes of its jobs take
-    the latest.
+    quality, or of its edit (by default the film at draft), and holds the root's lock, and the processes of
+    its jobs take the latest.
     """
     root = Path.cwd()
     latest = PLANS / "latest"
@@ -169,7 +179,7 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
         plan = (
             studio.pictures([str(config["shot"])], quality, frames)
             if "shot" in config
-            else studio.film(quality)
+            else studio.film(quality, find_edit(str(config.get("edit", FILM.stem))))
         )
         _HELD.append(acquire(root))
         plan.restore_links(studio.store)
@@ -203,19 +213,57 @@ def find_shot(name: str) -> Path:
         raise UsageError(
             f"{path}: a shot is named by letters, digits, _, - and ., as in A010_cube; rename it"
         )
+    if is_edit(path):
+        raise UsageError(
+            f"{shown(path)} is an edit, not a shot; flowsculpt film {shown(name)} makes its film"
+        )
     if is_there(path):
         return path
     if path == Path(name):
         raise MissingInputError(f"{shown(name)}: no such shot file; flowsculpt new makes one")
-    known = shot_names()
+    raise MissingInputError(
+        f"{shown(path)}: no such shot; {_near(name, shot_names(), 'flowsculpt new makes one')}"
+    )
+
+
+def find_edit(name: str) -> Path:
+    """The file of an edit: a path, or a name in `shots/`.
+
+    Raises MissingInputError with the nearest names, UsageError for a shot, and for a name that a film cannot
+    be called by.
+    """
+    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
+    if not re.fullmatch(NAME, path.stem):
+        raise UsageError(
+            f"{path}: an edit is named by letters, digits, _, - and ., as in showreel; rename it"
+        )
+    hint = _near(path.stem, edit_names(), "an edit lists the names of shots under shots:")
+    if not is_there(path):
+        raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
+    if path.stem in shot_names() and path.absolute() == (SHOTS / path.name).absolute():
+        raise UsageError(
+            f"{shown(path)} is a shot, not an edit; flowsculpt render {path.stem} renders it, "
+            f"and as for edits, {hint}"
+        )
+    return path
+
+
+def _near(name: str, known: list[str], otherwise: str) -> str:
     near = difflib.get_close_matches(name, known, n=1) or known[:6]
-    hint = f"did you mean {', '.join(near)}?" if near else "there are none; flowsculpt new makes one"
-    raise MissingInputError(f"{shown(path)}: no such shot; {hint}")
+    return f"did you mean {', '.join(near)}?" if near else f"there are none; {otherwise}"
 
 
 def shot_names() -> list[str]:
     """The shots of the working folder."""
-    return sorted(path.stem for path in SHOTS.glob("*.yaml") if path.name not in (FILM.name, DEFAULTS))
+    edits = {FILM.stem, *edit_names()}
+    return sorted(
+        path.stem for path in SHOTS.glob("*.yaml") if path.stem not in edits and path.name != DEFAULTS
+    )
+
+
+def edit_names() -> list[str]:
+    """The edits of the working folder; `film` among them whatever stands in it."""
+    return sorted(path.stem for path in SHOTS.glob("*.yaml") if path == FILM or is_edit(path))
 
 
 def _shot_around(mesh: Path, look: str | None) -> str:

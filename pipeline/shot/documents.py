@@ -158,13 +158,25 @@ class ShotDocument(Document):
 CardSeconds = Annotated[float, Field(ge=0, le=60)]
 
 
+class ClipDocument(Document):
+    """A shot of which the film shows a part."""
+
+    shot: str
+    frames: str
+
+
 class FilmDocument(Document):
     """Shots are names of files beside the film's, without their ending, in the order of the edit."""
 
     title: str
     subtitle: str = ""
     credits: list[str] = Field(default_factory=list)
-    shots: list[str] = Field(min_length=1)
+    shots: list[
+        Annotated[
+            Annotated[str, Tag("by name")] | Annotated[ClipDocument, Tag("spelt out")],
+            Discriminator(_named_or_spelt_out),
+        ]
+    ] = Field(min_length=1)
     rate: Rate = 24
     title_seconds: CardSeconds = 3.0
     credits_seconds: CardSeconds = 3.0

@@ -61,6 +61,8 @@ class SolidDocument(Document):
     radius: Positive | None = None
     length: Positive | None = None
     tube_radius: Positive | None = None
+    spacing: Positive | None = None
+    thickness: Positive | None = None
     caps: Literal["round", "flat"] | None = None
 
     def build(self) -> Solid:

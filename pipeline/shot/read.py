@@ -9,9 +9,9 @@ from typing import Any, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
+from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.flow import Sequence
-from pipeline.frames import FrameRate
+from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.bspline import PIECES
 from pipeline.shot import brackets, checks, keys, point_documents
 from pipeline.shot.clock import Clock
@@ -23,6 +23,7 @@ from pipeline.shot.documents import (
     ShotDocument,
     StageDocument,
 )
+from pipeline.shot.edits import is_edit
 from pipeline.shot.fields import DEGREE, Document
 from pipeline.shot.layers import DEFAULTS, layered
 from pipeline.shot.messages import findings
@@ -30,7 +31,7 @@ from pipeline.shot.motion import Motion
 from pipeline.shot.net import ControlNet, NetOfFile
 from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.resampling import ResampleDocument
-from pipeline.shot.shot import CameraPath, Film, Picture, Shot
+from pipeline.shot.shot import CameraPath, Clip, Film, Picture, Shot
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import Model, Subject
 from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
@@ -103,45 +104,68 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
     path, settings = Path(path), tuple(settings)
     source = Source.read(path)
     problems: list[tuple[Where, str]] = []
-    shots: list[Shot] = []
+    clips: list[Clip] = []
     failed: list[FlowsculptError] = []
     rate = _film_rate(source, problems)
-    names = source.get("shots")
-    for index, name in enumerate(names if isinstance(names, list) else []):
+    entries = source.get("shots")
+    for index, entry in enumerate(entries if isinstance(entries, list) else []):
+        name, where = _named(entry, ("shots", index))
         if not isinstance(name, str):
             continue
         file = path.parent / f"{name}.yaml"
         if not is_there(file):
-            known = sorted(f.stem for f in path.parent.glob("*.yaml") if f != path and f.name != DEFAULTS)
-            hint = suggestion(name, known) if known else "There are none."
-            failed.append(
-                MissingInputError(f"{source.place(('shots', index))}: there is no shot {shown(file)}. {hint}")
+            known = sorted(
+                f.stem for f in path.parent.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS
             )
+            hint = suggestion(name, known) if known else "There are none."
+            failed.append(MissingInputError(f"{source.place(where)}: there is no shot {shown(file)}. {hint}"))
             continue
         try:
-            shots.append(read_shot(file, settings=settings))
+            shot = read_shot(file, settings=settings)
         except (ShotError, MissingInputError) as error:
             failed.append(error)
             continue
-        if rate and shots[-1].rate != rate:
+        if rate and shot.rate != rate:
             problems.append(
                 (
-                    ("shots", index),
-                    f"{name} plays at {shots[-1].rate} frames per second and the film at {rate}; "
+                    where,
+                    f"{name} plays at {shot.rate} frames per second and the film at {rate}; "
                     "all shots of a film share its rate. Change one of them.",
                 )
             )
+        try:
+            clips.append(_clip(shot, entry))
+        except UsageError as error:
+            problems.append((("shots", index, "frames"), str(error)))
     document = _parsed(source, FilmDocument, problems, [], failed)
     return Film(
         title=document.title,
         subtitle=document.subtitle,
         credits=tuple(document.credits),
-        shots=tuple(shots),
+        clips=tuple(clips),
         rate=FrameRate.of(document.rate),
         title_seconds=float(document.title_seconds),
         credits_seconds=float(document.credits_seconds),
         path=path,
     )
+
+
+def _named(entry: Any, where: Where) -> tuple[Any, Where]:
+    """The shot that an entry of an edit names, and where."""
+    return (entry.get("shot"), (*where, "shot")) if isinstance(entry, dict) else (entry, where)
+
+
+def _clip(shot: Shot, entry: Any) -> Clip:
+    """Raises UsageError where the entry's frames are no range, or not in the shot."""
+    if not isinstance(entry, dict) or not isinstance(entry.get("frames"), str):
+        return Clip(shot, shot.frames)
+    frames = FrameRange.parse(entry["frames"])
+    outside = frames.outside(shot.frames)
+    if outside:
+        raise UsageError(
+            f"frames {outside} are not in {shot.name}, which has {shot.frames}; show frames among those"
+        )
+    return Clip(shot, frames)
 
 
 def with_speed(clock: Clock, written: Any) -> tuple[Clock, list[tuple[Where, str]]]:

@@ -83,17 +83,38 @@ class Shot:
 
 
 @dataclass(frozen=True)
+class Clip:
+    """A shot as an edit shows it: those of its frames, in that order."""
+
+    shot: Shot
+    frames: FrameRange
+
+
+@dataclass(frozen=True)
 class Film:
-    """The edit: shots in order, and the words around them.
+    """The edit: clips of shots in order, and the words around them.
 
     title_seconds, credits_seconds  how long those cards stand; 0 leaves them out
     """
 
     title: str
-    shots: tuple[Shot, ...]
+    clips: tuple[Clip, ...]
     rate: FrameRate
     subtitle: str = ""
     credits: tuple[str, ...] = ()
     title_seconds: float = 3.0
     credits_seconds: float = 3.0
     path: Path | None = field(default=None, metadata=NOT_DATA)
+
+    @property
+    def shots(self) -> tuple[Shot, ...]:
+        """Those of the clips, one each."""
+        return tuple(clip.shot for clip in self.clips)
+
+    @property
+    def seconds(self) -> float:
+        """How long the film is, cards included."""
+        shown = self.rate.seconds(sum(len(clip.frames) for clip in self.clips))
+        return (
+            shown + (self.title_seconds if self.title else 0) + (self.credits_seconds if self.credits else 0)
+        )

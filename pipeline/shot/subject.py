@@ -22,6 +22,7 @@ from pipeline.mesh import (
     sheet,
     torus,
 )
+from pipeline.mesh.bars import Bars, lattice
 from pipeline.mesh.lattice import Lattice
 from pipeline.mesh.polygon_solids import one_sided_sheet, six_sided_box
 from pipeline.mesh.true_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
@@ -93,6 +94,11 @@ def _box(size: float | tuple[float, float, float]) -> TrueSurface:
 SOLIDS: Mapping[str, SolidKind] = {
     "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge), _box, six_sided_box),
     "icosphere": SolidKind({"radius": 1.0}, _icosphere, Sphere),
+    "lattice": SolidKind(
+        {"size": (2.0, 2.0, 2.0), "spacing": 0.6, "thickness": 0.15},
+        lambda edge, size, spacing, thickness: lattice(size, spacing, thickness, edge),
+        Bars,
+    ),
     "rod": SolidKind(
         {"length": 3.0, "radius": 0.5, "caps": "round"},
         lambda edge, length, radius, caps: rod(length, radius, edge, caps),
@@ -135,7 +141,7 @@ class Solid(Subject):
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         values = [value for _, value in self.measures]
-        largest = float(max(np.ravel([value for value in values if not isinstance(value, str)])))
+        largest = float(max(np.hstack([value for value in values if not isinstance(value, str)])))
         edge = MIDDLE * max_edge_length if max_edge_length else COARSE * largest
         return SOLIDS[self.solid].make(max(edge, FINE * largest), *values)
 

@@ -1,0 +1,137 @@
+"""Edits by name: which file is one, what its film is called, and which part of a shot it shows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
+from pipeline.production.edit import Cut
+from pipeline.production.plan import Plan
+from pipeline.production.workflow import Studio, edit_names, find_edit, find_shot, plan_of, shot_names
+from pipeline.shot import read_film
+from pipeline.shot.edits import is_edit
+from render.movie import probe_movie
+
+REEL = """\
+title: Reel
+shots:
+  - {shot: T010_tiny, frames: 2-4}
+  - T010_tiny
+  - {shot: T010_tiny, frames: "6,5"}
+title_seconds: 0.25
+credits_seconds: 0
+"""
+
+
+@pytest.fixture
+def there(studio, monkeypatch):
+    """The working folder of a studio with a second edit, stood in."""
+    (studio.path / "shots" / "reel.yaml").write_text(REEL)
+    monkeypatch.chdir(studio.path)
+    return studio
+
+
+def test_an_edit_is_told_from_a_shot_even_where_it_is_no_good_yaml(there):
+    Path("shots/broken.yaml").write_text("title: [\nshots: [T010_tiny\n")
+    assert edit_names() == ["broken", "film", "reel"]
+    assert shot_names() == ["T010_tiny"]
+    assert not is_edit(Path("shots/T010_tiny.yaml")) and not is_edit(Path("shots/none.yaml"))
+
+
+@pytest.mark.parametrize(
+    ("name", "kind", "says"),
+    [
+        ("rel", MissingInputError, "shots/rel.yaml: no such edit; did you mean reel?"),
+        ("shots/reels.yaml", MissingInputError, "shots/reels.yaml: no such edit; did you mean reel?"),
+        ("T010_tiny", UsageError, "shots/T010_tiny.yaml is a shot, not an edit; flowsculpt render T010_tiny"),
+        ("shots/T010_tiny.yaml", UsageError, "is a shot, not an edit"),
+        ("T010_tinny", MissingInputError, "no such edit; did you mean film, reel?"),
+        ("a b", UsageError, "an edit is named by letters"),
+    ],
+)
+def test_what_is_no_edit_is_told_with_the_nearest_that_is(there, name, kind, says):
+    with pytest.raises(FlowsculptError) as error:
+        find_edit(name)
+    assert type(error.value) is kind
+    assert says in str(error.value)
+
+
+def test_a_name_and_a_path_find_the_same_edit(there):
+    assert find_edit("reel") == find_edit("shots/reel.yaml") == Path("shots/reel.yaml")
+
+
+@pytest.mark.parametrize("name", ["reel", "shots/reel.yaml", "film"])
+def test_an_edit_is_no_shot_to_render(there, name):
+    with pytest.raises(UsageError, match="is an edit, not a shot; flowsculpt film"):
+        find_shot(name)
+
+
+def test_each_edit_has_a_film_of_its_own(there):
+    studio = Studio(there.path, cores=2)
+    assert "renders/film/preview/film.mp4" in studio.film("preview", find_edit("film")).targets
+    reel = studio.film("preview", find_edit("reel"))
+    assert "renders/film/preview/reel.mp4" in reel.targets
+    assert "renders/film/preview/film.mp4" not in reel.targets
+    (film,) = [job for job in reel.jobs if job.task == "film"]
+    shown = [int(Path(frame).name.split(".")[1]) for frame in film.inputs]
+    assert shown == [2, 3, 4, 1, 2, 3, 4, 5, 6, 6, 5]
+    assert len(film.frames) == 6 + len(shown)
+
+
+def test_only_the_part_that_an_edit_shows_is_rendered(there):
+    Path("shots/reel.yaml").write_text("title: R\nshots: [{shot: T010_tiny, frames: 2-4}]\n")
+    plan = Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    assert sorted(n for job in plan.jobs if job.task == "render" for n in job.frames) == [2, 3, 4]
+
+
+def test_an_edit_of_another_name_and_the_same_cut_has_the_same_key(there):
+    Path("shots/other.yaml").write_text(Path("shots/film.yaml").read_text())
+    films = [read_film(path) for path in ("shots/film.yaml", "shots/other.yaml")]
+    keys = {Cut.of(film, name).key("draft", ["a"], [0.0]) for film, name in zip(films, "ab", strict=True)}
+    assert len(keys) == 1
+
+
+def test_the_length_of_a_film_is_that_of_its_clips_and_cards(there):
+    assert read_film("shots/reel.yaml").seconds == pytest.approx(0.25 + (3 + 6 + 2) / 24)
+
+
+@pytest.mark.parametrize(
+    ("entry", "says"),
+    [
+        (
+            "{shot: T010_tiny, frames: 5-9}",
+            r"reel\.yaml:2:27: frames 7-9 are not in T010_tiny, which has 1-6",
+        ),
+        ("{shot: T010_tiny, frames: a-b}", r"reel\.yaml:2:27: 'a-b' is not a frame range"),
+        ("{shot: T010_tiny, frame: 1-2}", r"frame is not known under shots.*Did you mean 'frames'"),
+    ],
+)
+def test_a_part_that_cannot_be_is_told_with_its_place(there, entry, says):
+    Path("shots/reel.yaml").write_text(f"title: R\nshots: [{entry}]\n")
+    with pytest.raises(ShotError, match=says):
+        read_film("shots/reel.yaml")
+
+
+def test_a_clip_of_a_shot_that_is_not_there_is_a_missing_input(there):
+    Path("shots/reel.yaml").write_text("title: R\nshots: [{shot: T010_tinny, frames: 1-2}]\n")
+    with pytest.raises(MissingInputError, match=r"reel\.yaml:2:\d+: .*Did you mean 'T010_tiny'"):
+        read_film("shots/reel.yaml")
+
+
+def test_plain_snakemake_plans_the_edit_that_it_is_given(there):
+    plan, _, _ = plan_of({"edit": "reel", "quality": "preview"}, cores=2, main=True)
+    assert isinstance(plan, Plan)
+    assert "renders/film/preview/reel.mp4" in plan.targets
+
+
+def test_the_command_makes_the_film_of_an_edit_beside_the_main_one(finished):
+    (finished.path / "shots" / "reel.yaml").write_text(REEL)
+    before = (finished.path / "renders/film/preview/film.mp4").read_bytes()
+    done = finished.run("film", "reel", "-q", "preview")
+    assert done.code == 0, done.err
+    assert "renders/film/preview/reel.mp4" in done.out
+    assert probe_movie(finished.path / "renders/film/preview/reel.mp4").frames == 6 + 11
+    assert (finished.path / "renders/film/preview/film.mp4").read_bytes() == before
+    assert "reel" in finished.run("validate").out
