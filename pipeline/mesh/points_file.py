@@ -118,7 +118,7 @@ def _xyz(path: Path) -> PointSet:
     uneven = next((k for k, row in enumerate(rows) if len(row) < 3 or len(row) != len(rows[0])), None)
     if uneven is not None:
         raise ValueError(f"point {uneven} has {len(rows[uneven])} numbers; all need the same, three at least")
-    table = np.array(rows, np.float64).reshape(len(rows), -1)
+    table = np.array(rows, np.float64).reshape(len(rows), len(rows[0]) if rows else 3)
     columns = range(3, table.shape[1])
     return PointSet(table[:, :3].copy(), {f"column_{k + 1}": table[:, k].copy() for k in columns})
 
@@ -131,6 +131,8 @@ def _archive(path: Path) -> PointSet:
         known = ", ".join(sorted(arrays)) or "nothing"
         raise MeshError(f"{path}: it holds no array {' or '.join(_POINTS)}. There are: {known}.")
     points = arrays.pop(name).astype(np.float64)
+    if points.ndim not in (2, 3):
+        raise MeshError(f"{path}: its {name} have shape {points.shape}; they must be (N, 3)")
     numbers = {n: a for n, a in arrays.items() if a.shape == points.shape[:1] and a.dtype.kind in "fiu"}
     return PointSet(points, {n.removeprefix(_ATTRIBUTE): a for n, a in numbers.items()})
 

@@ -44,7 +44,7 @@ def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, see
 
     The places are those of the additive recurrence by the generalised golden ratio (Roberts, *The
     unreasonable effectiveness of quasirandom sequences*, 2018), which fills a box evenly however many are
-    taken, each moved by up to a quarter of what is between two of them, for its rows would show.
+    taken, each moved by up to 0.4 of what is between two of them, for its rows would show.
     """
     random = np.random.default_rng(seed)
     low, extent = bounds[0], bounds[1] - bounds[0]
@@ -55,7 +55,7 @@ def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, see
         return there
 
     share = max(float(inside(places(0, _PROBES)).mean()), 1.0 / _PROBES)
-    reach = 0.25 * float((extent.prod() * share / count) ** (1.0 / 3.0))
+    reach = 0.4 * float((extent.prod() * share / count) ** (1.0 / 3.0))
     batch = int(count / share) + _PROBES
     found: list[Points] = []
     taken = 0

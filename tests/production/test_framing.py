@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.framing import View, envelope, frame_all, smooth, turned
+from pipeline.production.framing import Balls, View, envelope, frame_all, smooth, turned
 
 ASPECT = 16 / 9
 VIEW = View(azimuth=0.4, elevation=0.25, field_of_view=np.radians(26), margin=0.08)
@@ -82,3 +82,29 @@ def test_the_smoothed_envelope_never_cuts_a_peak(values, radius):
 
 def test_smoothing_leaves_a_constant_track_alone():
     assert np.allclose(smooth(np.full(20, 2.5), 6), 2.5)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.floats(-3, 3), st.integers(1, 30))
+def test_balls_stay_within_the_margins_and_above_the_floor_all_around(seed, azimuth, frames):
+    """No point of a ball's surface leaves the picture: looked at in directions all around."""
+    clouds = blobs(seed, frames)
+    radii = np.random.default_rng(seed).uniform(0.01, 1.5, len(clouds[0]))
+    around = np.random.default_rng(1).normal(size=(60, 3))
+    around /= np.linalg.norm(around, axis=1, keepdims=True)
+    views = [View(azimuth, 0.3, np.radians(26), 0.08)] * frames
+    framings = frame_all(views, lambda i: Balls(clouds[i], radii), ASPECT)
+    for framing, cloud in zip(framings, clouds, strict=True):
+        skin = (cloud[:, None] + radii[:, None, None] * around).reshape(-1, 3)
+        x, y, depth = framing.camera.project(skin, ASPECT).T
+        assert depth.min() > 0
+        assert max(np.abs(x).max(), np.abs(y).max()) <= 1 - 2 * 0.08 + 1e-9
+        assert framing.placement.origin[1] <= skin[:, 1].min() + 1e-9
+
+
+def test_one_ball_fills_the_safe_area_and_stands_on_the_floor():
+    framing = frame_all([VIEW] * 5, lambda i: Balls(np.zeros((1, 3)), np.array([2.0])), ASPECT)[2]
+    assert framing.placement.origin[1] == pytest.approx(-2)
+    distance = np.linalg.norm(np.subtract(framing.camera.origin, framing.camera.target))
+    high = np.tan(np.radians(13)) / ASPECT * (1 - 2 * 0.08)
+    assert 2 / distance == pytest.approx(np.sin(np.arctan(high)))  # the ball touches the plane of the margin

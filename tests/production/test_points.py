@@ -1,0 +1,90 @@
+"""Clouds and nets go through the same production as surfaces."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.mesh.bspline import PIECES
+from pipeline.production.script import Script
+from pipeline.production.take import Take
+from render.image import read_exr, read_header
+
+CLOUD = """\
+title: Motes
+frames: 1-6
+subject: {cloud: {solid: icosphere, radius: 1}, count: 300, radius: 0.06}
+flows:
+  - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 4: 36, 6: 60}}}
+"""
+NET = CLOUD.replace("cloud: {solid: icosphere, radius: 1}, count: 300, radius: 0.06", "net: {solid: tube}")
+NAME = "T010_tiny"
+
+
+def take_of(text: str) -> Take:
+    script = Script(text, Path(f"{NAME}.yaml"))
+    return Take(script, quality_name="preview", variant="none", requested=(1,))
+
+
+def test_a_late_key_leaves_early_frames_of_points_alone() -> None:
+    for text in (CLOUD, NET):
+        before, after = take_of(text), take_of(text.replace("6: 60", "6: 90"))
+        assert [before.mesh_key(n) == after.mesh_key(n) for n in range(1, 7)] == [True] * 4 + [False] * 2
+
+
+def test_how_finely_a_net_is_cut_changes_pictures_and_cameras_but_no_mesh() -> None:
+    before, after = take_of(NET), take_of(NET + "smooth: {tessellate: 3}\n")
+    assert before.shot.picture.tessellate == PIECES
+    assert before.mesh_key(6) == after.mesh_key(6)
+    assert before.normals_key(6) != after.normals_key(6)
+    assert before.cameras_key != after.cameras_key
+
+
+def test_other_points_make_other_frames() -> None:
+    def key(old: str, new: str) -> str:
+        return take_of(CLOUD.replace(old, new)).mesh_key(1)
+
+    same = key("count: 300", "count: 300, seed: 0")  # what nothing said means
+    others = {key("300", "301"), key("300", "300, seed: 1"), key("0.06", "0.05"), key("s: 1}", "s: 2}")}
+    assert same == take_of(CLOUD).mesh_key(1)
+    assert len(others | {same}) == 5
+
+
+def test_a_cloud_is_simulated_rendered_resumed_and_turned(studio) -> None:
+    studio.shot.write_text(CLOUD)
+    assert studio.run("simulate", NAME, "-f", "1-3").code == 0
+    done = studio.run("render", NAME, "-f", "4", "-q", "preview")
+    assert done.code == 0, done.err
+    home = studio.path / "renders" / NAME
+    with np.load(home / "meshes" / f"{NAME}.0004.npz") as mesh:
+        assert mesh["faces"].shape == (0, 3)
+        assert {"attribute:radius", "attribute:identity", "births"} <= set(mesh.files)
+        points = mesh["vertices"]
+    with np.load(home / "normals" / f"{NAME}.0004.npz") as drawn:
+        assert set(drawn.files) == {"vertices", "radii", "source_vertex", "material"}
+        assert np.array_equal(drawn["vertices"], points.astype(np.float32))
+    matte = read_exr(home / "preview" / "raw" / f"{NAME}.0004.exr")[0]["matte"]
+    assert matte.max() > 0.99
+    assert max(matte[0].max(), matte[-1].max(), matte[:, 0].max(), matte[:, -1].max()) == 0
+    assert read_header(home / "preview" / "frames" / f"{NAME}.0004.exr")["resample"] == "off"
+    turned = studio.run("--json", "turntable", NAME, "--at", "4", "--frames", "2", "-q", "preview")
+    assert turned.code == 0, turned.err
+    states = json.loads(studio.run("--json", "status").out)
+    assert NAME in json.dumps(states)
+
+
+def test_a_net_is_rendered_as_its_smooth_surface(studio) -> None:
+    studio.shot.write_text(NET + "smooth: {tessellate: 4}\n")
+    done = studio.run("render", NAME, "-f", "6", "-q", "preview")
+    assert done.code == 0, done.err
+    home = studio.path / "renders" / NAME
+    with np.load(home / "meshes" / f"{NAME}.0006.npz") as mesh:
+        assert mesh["net"].tolist() == [12, 8, 0, 1]
+        assert len(mesh["vertices"]) == 12 * 8
+    with np.load(home / "normals" / f"{NAME}.0006.npz") as drawn:
+        assert len(drawn["vertices"]) == (9 * 4 + 1) * (8 * 4)
+        assert np.abs(np.linalg.norm(drawn["normals"], axis=1) - 1).max() < 1e-6
+    matte = read_exr(home / "preview" / "raw" / f"{NAME}.0006.exr")[0]["matte"]
+    assert matte.max() > 0.99
