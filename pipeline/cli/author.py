@@ -14,7 +14,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.disk import disk_faults
-from pipeline.production.workflow import FILM, NAME, SHOTS, find_shot, shot_names
+from pipeline.production.workflow import NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.beginning import SCHEMA, shot_of_flow, shot_of_shot
 from pipeline.shot.catalogue import DOCUMENTS
@@ -121,7 +121,7 @@ def _beginning(source: str, name: str) -> tuple[str, dict[Path, Callable[[Path],
     if source in DOCUMENTS:
         beside = staging_of(source).beside
         return shot_of_flow(source, name), {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {}
-    known = [shot for shot in shot_names() if shot != FILM.stem]
+    known = shot_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
         raise UsageError(
             f"there is no flow and no shot {source!r} to begin from. {suggestion(source, [*known, *STAGED])}"

@@ -93,11 +93,8 @@ class Bars(TrueSurface):
         middle = np.stack([self.middles(k)[self._nearest_crossing(points, k)] for k in range(3)], axis=1)
         along_bar = np.abs(points) <= 0.5 * np.array(self.size)
         across_bar = np.abs(points - middle) <= 0.5 * self.thickness
-        others = [(1, 2), (2, 0), (0, 1)]
-        inside: AnyArray = np.any(
-            [along_bar[:, k] & across_bar[:, others[k]].all(axis=1) for k in range(3)], axis=0
-        )
-        return inside
+        inside = [along_bar[:, k] & np.delete(across_bar, k, axis=1).all(axis=1) for k in range(3)]
+        return np.asarray(np.any(inside, axis=0))
 
     def _found(self, points: Points) -> tuple[Points, Vectors]:
         points = np.asarray(points, np.float64)

@@ -94,6 +94,15 @@ def test_no_point_of_the_mesh_is_nearer_than_the_nearest(bars: tuple[int, int, i
     assert np.array_equal(shape(on), on)
 
 
+@pytest.mark.parametrize("bars", [(2, 3, 1), (2, 2, 2)])
+def test_what_it_encloses_is_as_much_as_its_mesh_holds(bars: tuple[int, int, int]) -> None:
+    shape = of(bars)
+    points = np.random.default_rng(2).uniform(-0.5, 0.5, (200_000, 3)) * shape.size
+    held = shape.encloses(points).mean() * math.prod(shape.size)
+    assert held == pytest.approx(volume(meshed(shape)), rel=0.02)
+    assert shape.encloses(meshed(shape).vertices * (1 - 1e-9)).all()
+
+
 def test_vertices_stay_bit_for_bit_and_normals_are_the_faces_own() -> None:
     shape = of((3, 2, 1))
     mesh = meshed(shape, 0.05)
