@@ -7,14 +7,14 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
 from pipeline.flow import Sequence
 from pipeline.frames import FrameRate
 from pipeline.shot import brackets, checks, keys
 from pipeline.shot.clock import Clock
-from pipeline.shot.curves import NumberField, number
+from pipeline.shot.curves import number
 from pipeline.shot.documents import (
     FilmDocument,
     LookDocument,
@@ -29,6 +29,7 @@ from pipeline.shot.motion import Motion
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Film, Picture, Shot
 from pipeline.shot.source import Source, Where
+from pipeline.shot.speed import with_speed
 from pipeline.shot.subject import Model, Solid, Subject
 from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
 from render.lights import LIGHTS, LightRig
@@ -135,23 +136,6 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
         credits_seconds=float(document.credits_seconds),
         path=path,
     )
-
-
-def with_speed(clock: Clock, written: Any) -> tuple[Clock, list[tuple[Where, str]]]:
-    """The clock with the speed as it is written, and what is wrong with it between half frames.
-
-    Without it where it is no good; what is not looked at here is told elsewhere.
-    """
-    try:
-        speed = SPEED.validate_python(written, context={"clock": clock})
-        retimed = dataclasses.replace(clock, speed=number(speed, clock))
-    except (ValidationError, AssertionError):
-        return clock, []
-    fault = retimed.speed_fault()
-    return (clock, [(("speed",), fault)]) if fault else (retimed, [])
-
-
-SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True, allow_inf_nan=False))
 
 
 def _film_rate(source: Source, problems: list[tuple[Where, str]]) -> FrameRate | None:

@@ -58,7 +58,6 @@ def test_every_source_a_key_names_is_there(sources):
 
 
 STANDS_BESIDE = {
-    "pipeline",
     "pipeline.arrays",
     "pipeline.errors",
     "pipeline.mesh._kernels_patches",
@@ -78,6 +77,7 @@ STANDS_BESIDE = {
             "field_documents",
             "fields",
             "flows",
+            "formulas",
             "generated",
             "keys",
             "layers",
@@ -85,7 +85,9 @@ STANDS_BESIDE = {
             "read",
             "regions",
             "settings",
+            "shot",
             "source",
+            "speed",
             "surroundings",
         )
     ),
