@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pydantic import ConfigDict, TypeAdapter, ValidationError
+from pydantic import ValidationError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.flow import Sequence
@@ -16,7 +16,7 @@ from pipeline.mesh.bspline import PIECES
 from pipeline.shot import brackets, checks, keys, point_documents
 from pipeline.shot.clock import Clock
 from pipeline.shot.cloud import CloudOfFile
-from pipeline.shot.curves import NumberField, number
+from pipeline.shot.curves import number
 from pipeline.shot.documents import (
     FilmDocument,
     ModelDocument,
@@ -33,6 +33,7 @@ from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import CameraPath, Clip, Film, Picture, Shot
 from pipeline.shot.source import Source, Where
+from pipeline.shot.speed import with_speed
 from pipeline.shot.subject import Model, Subject
 from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
 from render.lights import LIGHTS, LightRig
@@ -166,23 +167,6 @@ def _clip(shot: Shot, entry: Any) -> Clip:
             f"frames {outside} are not in {shot.name}, which has {shot.frames}; show frames among those"
         )
     return Clip(shot, frames)
-
-
-def with_speed(clock: Clock, written: Any) -> tuple[Clock, list[tuple[Where, str]]]:
-    """The clock with the speed as it is written, and what is wrong with it between half frames.
-
-    Without it where it is no good; what is not looked at here is told elsewhere.
-    """
-    try:
-        speed = SPEED.validate_python(written, context={"clock": clock})
-        retimed = dataclasses.replace(clock, speed=number(speed, clock))
-    except (ValidationError, AssertionError):
-        return clock, []
-    fault = retimed.speed_fault()
-    return (clock, [(("speed",), fault)]) if fault else (retimed, [])
-
-
-SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True, allow_inf_nan=False))
 
 
 def _film_rate(source: Source, problems: list[tuple[Where, str]]) -> FrameRate | None:

@@ -77,6 +77,7 @@ STANDS_BESIDE = {
             "field_documents",
             "fields",
             "flows",
+            "formulas",
             "generated",
             "keys",
             "layers",
@@ -86,6 +87,7 @@ STANDS_BESIDE = {
             "settings",
             "shot",
             "source",
+            "speed",
             "surroundings",
         )
     ),
