@@ -105,7 +105,7 @@ def _seconds(first: float, fps: float) -> tuple[Callable[[Any], Any], Callable[[
 
 def _draw(panel: Axes, track: Track) -> None:
     unit = f"   {track.unit}" if track.unit else ""
-    panel.text(0.0, 1.04, track.name, transform=panel.transAxes, size=8.5, weight="medium", va="bottom")
+    panel.text(0.0, 1.04, track.name, transform=panel.transAxes, size=8.5, va="bottom")
     panel.annotate(unit, (1.0, 1.04), xycoords="axes fraction", size=8, color=GREY, va="bottom", ha="right")
     several = track.values.shape[1] > 1
     for k, pen in enumerate(PENS if several else PENS[-1:]):

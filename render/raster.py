@@ -34,12 +34,16 @@ SHADOW_LIFT = 0.04
 
 
 class Shape(NamedTuple):
-    """A surface: vertices (V, 3), normals (V, 3), faces (F, 3), and what it is made of."""
+    """A surface: vertices (V, 3), normals (V, 3), faces (F, 3), and what it is made of.
+
+    colours (V, 3) take the place of the look's, where it has a pigment (see `pigmented`).
+    """
 
     vertices: NDArray[np.floating]
     normals: NDArray[np.floating]
     faces: NDArray[np.int32]
     look: Look
+    colours: Floats | None = None
 
 
 @dataclass(frozen=True)
@@ -64,6 +68,16 @@ class _Hits(NamedTuple):
     mask: NDArray[np.bool_]
     points: Floats
     normals: Floats
+    colours: Floats
+
+
+def pigmented(look: Look, material: NDArray[np.floating]) -> Floats | None:
+    """(V, 3): the colours of a look's pigment where vertices came from; None for a look of one colour."""
+    if look.pigment is None:
+        return None
+    phases, row = look.pigment.phases(material), look.pigment.row()
+    inside = phases % 1.0 if look.pigment.repeats else np.clip(phases, 0.0, 1.0)
+    return np.asarray(row[np.minimum((inside * len(row)).astype(int), len(row) - 1)], np.float64)
 
 
 def preview(subject: Shape, around: Set, camera: Camera, size: tuple[int, int], display: str) -> Preview:
@@ -133,15 +147,21 @@ def _visible(shape: Shape, camera: Camera, depth: Floats) -> _Hits:
     points = (np.asarray(shape.vertices, np.float64)[corners] * mixed).sum(axis=1)
     normals = _unit((np.asarray(shape.normals, np.float64)[corners] * mixed).sum(axis=1))
     facing = np.einsum("ij,ij->i", normals, camera.origin - points)
-    return _Hits(mask, points, np.where(facing[:, None] < 0.0, -normals, normals))
+    if shape.colours is None:
+        colours = np.broadcast_to(np.array(shape.look.colour), points.shape)
+    else:
+        colours = (shape.colours[corners] * mixed).sum(axis=1)
+    return _Hits(mask, points, np.where(facing[:, None] < 0.0, -normals, normals), colours)
 
 
 def _lit(look: Look, hits: _Hits, around: Set, camera: Camera, shadow: _Shadow) -> Floats:
     """(N, 3): the light that comes from the points that are seen."""
-    colour, n = np.array(look.colour), hits.normals
+    colour, n = hits.colours, hits.normals
     eye = _unit(camera.origin - hits.points)
-    body = np.zeros(3) if look.model == "metal" else colour
-    coat = {"diffuse": np.zeros(3), "metal": colour}.get(look.model, np.full(3, 0.05))
+    body = np.zeros_like(colour) if look.model == "metal" else colour
+    coat = np.full_like(colour, {"diffuse": 0.0, "smoke": 0.0}.get(look.model, 0.05))
+    if look.model == "metal":
+        coat = colour
     sky = around.lights.sky
     light = body * (np.array(sky.horizon) * (0.6 + 0.4 * n[:, 1:2]))
     mirrored = 2.0 * np.einsum("ij,ij->i", n, eye)[:, None] * n - eye

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Floats
+from pipeline.arrays import AnyArray, Floats
+from pipeline.mesh import icosphere
 from pipeline.production.framing import Framing
 from pipeline.production.npz import read_npz
 from pipeline.production.store import Store
@@ -18,10 +19,14 @@ from pipeline.production.take import Take
 from pipeline.production.ways import Ways, ways_at
 from render.colour import quantise
 from render.image import write_png
+from render.look import Look
 from render.movie import write_movie
-from render.raster import Preview, Set, Shape, preview, with_lines
+from render.raster import Preview, Set, Shape, pigmented, preview, with_lines
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}
+
+MOST_BALLS = 20_000
+"""Points of a cloud that are drawn; where there are more, some of them, and larger."""
 
 LINE = 1 / 600
 """How wide a streamline is, over the picture."""
@@ -70,13 +75,28 @@ class Sketch:
     ) -> NDArray[np.float32]:
         arrays = read_npz(self.store.path("normals", self.take.normals_key(number)))
         picture = self.take.shot.picture
-        subject = Shape(arrays["vertices"], arrays["normals"], arrays["faces"], picture.look)
+        subject = _shape(arrays, picture.look)
         around = Set(picture.lights, picture.stage, framing.placement)
         shown: Preview = preview(subject, around, framing.camera, size, display)
         if not self.flow:
             return shown.picture
         ways = ways_at(self.take.shot.motion, number, arrays["vertices"].astype(np.float64))
         return with_lines(shown, ways.points, *inks(ways), framing.camera, max(1.0, LINE * size[0]))
+
+
+def _shape(arrays: Mapping[str, AnyArray], look: Look) -> Shape:
+    """What pictures of a frame are made from, as a shape; of a cloud a small ball for each point."""
+    colours = pigmented(look, arrays["material"])
+    if "radii" not in arrays:
+        return Shape(arrays["vertices"], arrays["normals"], arrays["faces"], look, colours)
+    every = -(-len(arrays["vertices"]) // MOST_BALLS)
+    points, radii = arrays["vertices"][::every], arrays["radii"][::every] * every ** (1 / 3)
+    ball = icosphere(2)
+    around, many = ball.vertices, len(ball.vertices)
+    vertices = (points[:, None] + radii[:, None, None] * around).reshape(-1, 3)
+    faces = (ball.faces + many * np.arange(len(points), dtype=np.int32)[:, None, None]).reshape(-1, 3)
+    shaded = None if colours is None else colours[::every].repeat(many, axis=0)
+    return Shape(vertices, np.tile(around, (len(points), 1)), faces.astype(np.int32), look, shaded)
 
 
 def inks(ways: Ways) -> tuple[Floats, Floats]:

@@ -24,7 +24,6 @@ from pipeline.shot.documents import (
     CameraDocument,
     FilmDocument,
     LightsDocument,
-    ModelDocument,
     QualitiesDocument,
     QualityDocument,
     ShotDocument,
@@ -33,11 +32,10 @@ from pipeline.shot.documents import (
 )
 from pipeline.shot.flows import FlowDocument, VelocityDocument
 from pipeline.shot.generated import FlowParameters
-from pipeline.shot.looks import LookDocument
-from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.regions import (
     BoxDocument,
     HalfSpaceDocument,
+    MeshDocument,
     RegionDocument,
     RoundDocument,
     SphereDocument,
@@ -50,6 +48,7 @@ from pipeline.shot.resampling import (
     ResampleDocument,
 )
 from pipeline.shot.resampling import RegionDocument as CreasesDocument
+from pipeline.shot.subject_hints import SUBJECT_HINTS
 
 _MADE_OF = {
     "within": Sense("in a region alone"),
@@ -59,6 +58,7 @@ _MADE_OF = {
 }
 
 HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
+    **SUBJECT_HINTS,
     ShotDocument: {
         "title": Sense("what the shot is called"),
         "extends": Sense("the shot beside this file that says what this one does not"),
@@ -86,18 +86,6 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "title_seconds": Sense("how long the title stands; 0 leaves it out", "s"),
         "credits_seconds": Sense("how long the credits stand; 0 leaves them out", "s"),
     },
-    SolidDocument: {
-        "solid": Sense("its name"),
-        "size": Sense("its sides", "units"),
-        "radius": Sense("from the middle to the surface, or of a torus to the middle of its tube", "units"),
-        "length": Sense("from end to end", "units"),
-        "tube_radius": Sense("of the tube of a torus; below its radius", "units"),
-        "caps": Sense("the ends of a rod"),
-    },
-    ModelDocument: {
-        "model": Sense("an OBJ, PLY, STL, OFF or GLB beside the shot file"),
-        "scale": Sense("factor on all coordinates"),
-    },
     ResampleDocument: {
         "max_edge_length": Sense("edges longer than this are split", "units"),
         "min_edge_length": Sense("shorter edges collapse; below half the maximum, by default 40%", "units"),
@@ -115,11 +103,11 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "collapse": Sense("of polyhedra: short edges, or small faces"),
     },
     ActiveLengthDocument: {
-        "formula": Sense("over x, y, z, frame and time", "units"),
+        "formula": Sense("over x, y, z, frame and t, seconds", "units"),
         "curvature": Sense("as long as the surface is flat"),
         "camera": Sense("of a constant size in a picture"),
     },
-    ActiveAngleDocument: {"formula": Sense("over x, y, z, frame and time", "degrees")},
+    ActiveAngleDocument: {"formula": Sense("over x, y, z, frame and t, seconds", "degrees")},
     CreasesDocument: {"formula": Sense("over x, y and z: edges stay hard where it holds at rest")},
     CurvatureDocument: {
         "tolerance": Sense("how far the middle of an edge may lie beside the surface", "units"),
@@ -133,13 +121,6 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "coarsest": Sense("nor longer", "units"),
         "field_of_view": Sense("horizontal", "degrees"),
         "width": Sense("of the picture", "pixels"),
-    },
-    LookDocument: {
-        "material": Sense("the look to begin with"),
-        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
-        "roughness": Sense("0.03 is a mirror's gloss, 0.5 is matt"),
-        "sheen": Sense("of satin: how much lighter it is where it turns away"),
-        "metallic": Sense("of satin: how much the highlight takes the colour"),
     },
     SmoothDocument: {"tessellate": Sense("into how many pieces each edge is cut; 1 is off")},
     CameraDocument: {
@@ -177,8 +158,8 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "left": Sense("handle of a bezier way: [time, value] away from the key, the time negative"),
         "right": Sense("handle of a bezier way: [time, value] away from the key"),
     },
-    OverTime: {"formula": Sense("over frame and seconds")},
-    OverTimeTriple: {"formula": Sense("three of them, over frame and seconds")},
+    OverTime: {"formula": Sense("over frame and t, seconds")},
+    OverTimeTriple: {"formula": Sense("three of them, over frame and t, seconds")},
     VelocityDocument: _MADE_OF,
     FlowDocument: {
         **_MADE_OF,
@@ -210,9 +191,15 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "half_space": Sense("all below a plane"),
         "capsule": Sense("all within a radius of a piece of a line; round ends"),
         "cylinder": Sense("the same with flat ends"),
+        "mesh": Sense("all that the closed surface in a file holds"),
         "falloff": Sense("over which its weight falls to 0, outside", "units"),
         "fall": Sense("the form of that"),
         "invert": Sense("outside instead of inside"),
+    },
+    MeshDocument: {
+        "file": Sense("an OBJ, PLY, STL, OFF or GLB beside the shot file"),
+        "centre": Sense("where its origin lies", "units"),
+        "scale": Sense("factor on its coordinates"),
     },
     SphereDocument: {"centre": Sense("its middle", "units"), "radius": Sense("its size", "units")},
     BoxDocument: {

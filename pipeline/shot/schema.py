@@ -37,6 +37,9 @@ def shot_schema(said: Collection[str] = ()) -> Schema:
         "required": [name for name in schema.pop("required") if name not in said],
         "properties": {name: need for name, need in needs.items() if need and name not in said},
     }
+    if "resample" not in said:
+        points = {"anyOf": [{"required": [kind]} for kind in ("cloud", "net")]}
+        alone |= {"if": {"properties": {"subject": {"not": points}}}, "then": {"required": ["resample"]}}
     return {**schema, "if": {"not": {"required": ["extends"]}}, "then": alone}
 
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.production.preview import inks
+from pipeline.production.preview import _shape, inks
 from pipeline.production.ways import PIECES, ways_at
 from pipeline.shot import Motion, read_shot
+from render.look import LOOKS
 
 BOX = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 
@@ -52,6 +53,15 @@ def test_lines_begin_around_the_subject_wherever_it_is() -> None:
     ways = ways_at(motion("translation: {rate: [0, 1, 0]}"), 3, away)
     middle = ways.points[:, PIECES // 2]
     assert np.abs(middle[:, 0] - 5.0).max() < 0.3 and np.ptp(middle[:, 1]) > 1.0
+
+
+def test_a_cloud_is_drawn_as_balls() -> None:
+    points = np.array([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)])
+    arrays = {"vertices": points, "radii": np.array([0.5, 1.0]), "material": points}
+    shape = _shape(arrays, LOOKS["clay"])
+    away = np.linalg.norm(shape.vertices.reshape(2, -1, 3) - points[:, None], axis=2)
+    np.testing.assert_allclose(away, np.ones(away.shape) * [[0.5], [1.0]])
+    assert shape.faces.max() == len(shape.vertices) - 1 and len(shape.normals) == len(shape.vertices)
 
 
 def test_colours_tell_the_speed_and_both_ends_fade() -> None:

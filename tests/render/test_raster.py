@@ -1,6 +1,7 @@
 """The quick preview: what is in front is seen, lit from the right side, and lines know what hides them."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -8,7 +9,8 @@ import pytest
 from render.camera import Camera
 from render.lights import LIGHTS
 from render.look import LOOKS
-from render.raster import Preview, Set, Shape, preview, with_lines
+from render.pigment import Pigment
+from render.raster import Preview, Set, Shape, pigmented, preview, with_lines
 from render.stage import STAGES, Placement
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
@@ -83,6 +85,18 @@ def test_lines_are_seen_before_a_surface_and_hardly_behind():
         assert least < change.max() <= most + 1e-6
         assert (np.abs(drawn - 0.5).max(axis=2) > 0).any(axis=1).sum() <= 4, "as wide as it is to be"
     assert (grey.picture == 0.5).all()
+
+
+def test_a_pigment_colours_the_surface_where_its_points_came_from():
+    pigment = Pigment("layers", ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), scale=1.0)
+    look = replace(LOOKS["clay"], pigment=pigment)
+    material = np.array([(0.0, 0.5, 0.0), (0.0, 1.5, 0.0)])
+    np.testing.assert_allclose(pigmented(look, material), [(1, 0, 0), (0, 0, 1)], atol=1e-3)
+    assert pigmented(LOOKS["clay"], material) is None
+    shape = square(0.0)._replace(look=look, colours=pigmented(look, material[[0, 0, 1, 1]]))
+    picture = preview(shape, BARE, CAMERA, SIZE, "srgb").picture
+    low, high = picture[23, 32], picture[13, 32]
+    assert low[0] > low[2] + 0.1 and high[2] > high[0] + 0.1
 
 
 @pytest.mark.parametrize("look", LOOKS)

@@ -17,7 +17,7 @@ resample: {max_edge_length: {keys: {1: 0.5, 25: 0.3}}, hard_angle: {ease: linear
 flows:
   - sum:
       - rotation: {speed: {ease: linear, keys: {1: 0, 13: 90, "1s": 0}}}
-      - vortex: {centre: {formula: [cos(seconds), "0", frame]}, strength: 2}
+      - vortex: {centre: {formula: [cos(t), "0", frame]}, strength: 2}
   - within:
       region: {sphere: {radius: {keys: {1: 1, 25: 2}}}, falloff: 0.5}
       flows: [{twist: {amount: {keys: {5: 0, 20: {value: 90, ease: constant}, 25: 60}}}}]

@@ -1,0 +1,84 @@
+"""What is said under `subject` and `look`, in a line each, as `hints` has the rest."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from pydantic import BaseModel
+
+from pipeline.flow.parameters import Sense
+from pipeline.shot.documents import ModelDocument
+from pipeline.shot.looks import (
+    LookDocument,
+    MarbleDocument,
+    PatternDocument,
+    PigmentDocument,
+    SpecklesDocument,
+)
+from pipeline.shot.point_documents import CloudDocument, NetDocument, NetSolidDocument, SolidDocument
+
+SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
+    SolidDocument: {
+        "solid": Sense("its name"),
+        "size": Sense("its sides", "units"),
+        "radius": Sense("from the middle to the surface, or of a torus to the middle of its tube", "units"),
+        "length": Sense("from end to end", "units"),
+        "tube_radius": Sense("of the tube of a torus; below its radius", "units"),
+        "caps": Sense("the ends of a rod"),
+    },
+    ModelDocument: {
+        "model": Sense("an OBJ, PLY, STL, OFF or GLB beside the shot file"),
+        "scale": Sense("factor on all coordinates"),
+    },
+    CloudDocument: {
+        "cloud": Sense("points that are drawn as spheres: a file of them, or a solid that they fill"),
+        "radius": Sense("of the spheres, or the name of an attribute of the file", "units"),
+        "scale": Sense("factor on the coordinates of a file"),
+        "count": Sense("how many points, of a solid"),
+        "fill": Sense("within the solid, or on its surface"),
+        "seed": Sense("another one strews the points otherwise"),
+    },
+    NetDocument: {
+        "net": Sense("control points of a smooth surface: a file, rows of points, or a solid"),
+        "scale": Sense("factor on the coordinates of a file"),
+        "rows": Sense("how many, of a solid"),
+        "columns": Sense("how many points a row has, of a file or a solid"),
+        "closed": Sense("which ends follow each other"),
+    },
+    NetSolidDocument: {
+        "solid": Sense("its name"),
+        "size": Sense("its sides", "units"),
+        "radius": Sense("of a tube, or of a torus to the middle of its tube", "units"),
+        "length": Sense("from end to end", "units"),
+        "tube_radius": Sense("of the tube of a torus; below its radius", "units"),
+    },
+    LookDocument: {
+        "material": Sense("the look to begin with"),
+        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
+        "roughness": Sense("0.03 is a mirror's gloss, 0.5 is matt"),
+        "sheen": Sense("of satin: how much lighter it is where it turns away"),
+        "metallic": Sense("of satin: how much the highlight takes the colour"),
+        "refraction": Sense("of glass: its index, 1.5 for window glass and honey"),
+        "density": Sense("of smoke: how often light is scattered through half of the subject"),
+        "pigment": Sense("a pattern that replaces the colour and moves with the material"),
+    },
+    PigmentDocument: {
+        "layers": Sense("bands along an axis"),
+        "gradient": Sense("from colour to colour along an axis"),
+        "rings": Sense("bands about an axis"),
+        "marble": Sense("veins in a ground"),
+        "speckles": Sense("dots in a ground"),
+    },
+    PatternDocument: {
+        "colours": Sense("two to sixteen, linear Rec.709"),
+        "scale": Sense("how large the pattern is", "units"),
+        "axis": Sense("along or about which it lies: x, y, z or a vector"),
+        "centre": Sense("where it begins", "units"),
+        "softness": Sense("of the borders between colours"),
+        "turbulence": Sense("how much noise bends it"),
+        "octaves": Sense("of that noise: how fine it goes"),
+        "seed": Sense("another one, another pattern"),
+    },
+    MarbleDocument: {"share": Sense("how much of the ground the veins take")},
+    SpecklesDocument: {"share": Sense("the radius of the largest speckle, in cells")},
+}
