@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -113,8 +112,9 @@ class Pigment:
         half = max(self.softness, 1e-6) / 2.0
         before = _smooth(0.5 - within / (2.0 * half))[:, None]  # half way at the border itself
         after = _smooth(0.5 - (1.0 - within) / (2.0 * half))[:, None]
-        wrap: Literal["wrap", "clip"] = "wrap" if self.repeats else "clip"
-        own, last, following = (np.take(colours, band + step, axis=0, mode=wrap) for step in (0, -1, 1))
+        ends = colours[[-1, 0]] if self.repeats else colours[[0, -1]]  # before and after them
+        around = np.concatenate([ends[:1], colours, ends[1:]])
+        own, last, following = around[band + 1], around[band], around[band + 2]
         return np.asarray(own + before * (last - own) + after * (following - own))
 
     def _upon_ground(self, phases: Phases, colours: NDArray[np.float64]) -> NDArray[np.float64]:
