@@ -32,9 +32,10 @@ figures: .venv/ready-dev
 	$(BIN)/python -m examples
 	$(BIN)/python -m examples.flows
 
-# All pictures of the docs: the figures, and the README's moving one from the draft film.
+# All pictures of the docs: the figures, the README's moving one from the draft film, a still of every shot.
 pictures: figures film
 	$(BIN)/python docs/pictures/make.py
+	$(BIN)/python docs/pictures/gallery.py
 
 setup: .venv/ready
 
