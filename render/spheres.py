@@ -1,8 +1,7 @@
 """Points as spheres, made of as many triangles as the picture shows and no more.
 
-One mesh of small geodesic spheres is lit, seen and matted as every other surface, by every variant. A shape
-a sphere would be exact but costs a virtual call each; Mitsuba's `ellipsoids` come out of its LLVM variants
-as speckled boxes.
+One mesh of small geodesic spheres is lit, seen and matted as every other surface, by every variant. Mitsuba's
+`ellipsoids`, which need no triangles, come out of its LLVM variant as speckled boxes, and have no matte.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ TOLERANCE = 0.15
 
 FINEST = 24
 MOST_FACES = 8_000_000
-"""Of all spheres together: about 2 GB while a picture is made. Beyond, all of them become coarser."""
+"""Of all spheres together: about 1.6 GB while a picture is made. Beyond, all of them become coarser."""
 
 _EDGE = math.atan(2.0)
 """The angle that an edge of the icosahedron spans, radians."""

@@ -187,3 +187,14 @@ def test_a_shot_that_extends_a_solid_may_be_a_cloud_instead(folder: Path) -> Non
     (folder / "base.yaml").write_text(f"{HEAD}subject: {{solid: box, size: [1, 1, 1]}}\nresample: off\n")
     (folder / "b.yaml").write_text(f"extends: base\nsubject: {{cloud: {BALL}, count: 5, radius: 1}}\n")
     assert isinstance(read_shot(folder / "b.yaml").motion.subject, CloudInSolid)
+
+
+def test_the_documented_points_are_good(folder: Path) -> None:
+    page = (Path(__file__).parents[2] / "docs" / "shot-files.md").read_text("utf-8")
+    lines = page.split("## Points")[1].split("```yaml\n")[1].split("```")[0].splitlines()
+    kinds = []
+    for line in lines:
+        subject = line.partition(": ")[2].partition("  #")[0]
+        rows = subject.partition("net: [")[1]
+        kinds.append(type(read(folder, f"{{net: {ROWS}}}" if rows else subject).motion.subject))
+    assert kinds == [CloudInSolid, CloudOfFile, NetOfSolid, NetOfFile, NetOfRows]

@@ -1,0 +1,48 @@
+"""What clouds cost: spheres as triangles, built into a scene and rendered.
+
+    python -m benchmarks.clouds 20000 preview
+
+One line: spheres, quality, triangles, seconds of building and of rendering, peak memory of the process.
+"""
+
+from __future__ import annotations
+
+import resource
+import sys
+
+import numpy as np
+
+from render.camera import Camera
+from render.engine import choose
+from render.frame import render_frame
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.quality import QUALITIES
+from render.spheres import Spheres
+from render.stage import STAGES, Placement
+
+CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
+
+
+def main(count: int, quality: str) -> None:
+    """Render one frame of a normally distributed cloud, its spheres the smaller the more there are."""
+    centres = 0.4 * np.random.default_rng(1).normal(size=(count, 3)) + (0.0, 1.0, 0.0)
+    cloud = Spheres(centres.astype(np.float32), np.full(count, 0.2 * count ** (-1 / 3), np.float32))
+    layers = render_frame(
+        cloud,
+        LOOKS["clay"],
+        LIGHTS["studio"],
+        STAGES["cyclorama"],
+        Placement(),
+        CAMERA,
+        QUALITIES[quality],
+        1,
+        choose(threads=2),
+    )
+    seconds = " + ".join(f"{layers.seconds[part]:.1f}" for part in ("building", "rendering"))
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
+    print(f"{count} {quality}: {layers.facts['surface_faces']} triangles, {seconds} s, {peak} MiB")
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2])
