@@ -125,6 +125,16 @@ def _impossible(name: str, given: dict[str, Any]) -> Iterator[Problem]:
         yield ("subject",), f"{error}"
 
 
+def tolerance(source: Source) -> Iterator[Problem]:
+    """Only sub-steps whose error is estimated have a tolerance."""
+    if source.get("tolerance") is not None and source.get("integrator") != "adaptive":
+        yield (
+            ("tolerance",),
+            "tolerance is for the error that integrator: adaptive estimates, and rk4 estimates none. "
+            "Write integrator: adaptive, or take it out.",
+        )
+
+
 def model(source: Source) -> Iterator[Problem]:
     """The one problem that is a missing input: the model file is not there, or cannot be read."""
     name = source.get("subject", "model")
