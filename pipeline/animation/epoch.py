@@ -12,7 +12,7 @@ from pipeline.shot import Motion, Resampling
 
 def step_into(motion: Motion, flow: Flow, frame: int) -> Step:
     """What moves the surface into `frame`."""
-    return Step(flow, *motion.step(frame), frame)
+    return Step(motion.bounded(flow, frame), *motion.step(frame), frame)
 
 
 class Epoch:

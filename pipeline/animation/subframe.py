@@ -26,5 +26,6 @@ def at_moment(motion: Motion, frame: MeshFrame, moment: float) -> TriangleMesh:
             f"moment {moment:g} is more than a frame from frame {frame.number}; take a nearer one"
         )
     time, dt = motion.clock.between(frame.number, moment)
-    moved = displaced(motion.flow, frame.mesh.vertices, time, dt, frame.number)
+    flow = motion.bounded(motion.flow, frame.number + (moment > frame.number))
+    moved = displaced(flow, frame.mesh.vertices, time, dt, frame.number)
     return TriangleMesh(moved, frame.mesh.faces, creases=frame.mesh.creases)

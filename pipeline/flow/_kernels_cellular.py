@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
 from pipeline.arrays import Floats
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow._kernels_block import EQUATION, LEAVES, Velocity, add_each
@@ -45,10 +47,14 @@ def taylor_green(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 @kernel(EQUATION, forceinline=True)
 def double_gyre(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     """centre 0:3, 1 / height 3, π · speed 4, swing now 5"""
-    px, py, swing = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]) + 0.5, p[o + 5]
+    across, py, swing = p[o + 3] * (x - p[o]) + 1.0, p[o + 3] * (y - p[o + 1]) + 0.5, p[o + 5]
+    across -= 4.0 * np.floor(0.25 * across)
+    mirrored = across > 2.0
+    px = 3.0 - across if mirrored else across - 1.0
     bent, slope = px + swing * (px * px - 1.0) + 1.0, 1.0 + 2.0 * swing * px
     u = -p[o + 4] * math.sin(math.pi * bent) * math.cos(math.pi * py)
-    return u, p[o + 4] * math.cos(math.pi * bent) * math.sin(math.pi * py) * slope, 0.0
+    v = p[o + 4] * math.cos(math.pi * bent) * math.sin(math.pi * py) * slope
+    return (-u if mirrored else u), v, 0.0
 
 
 @kernel(EQUATION, forceinline=True)

@@ -37,6 +37,10 @@ class Flow(ABC):
         """What acts one after another within this step: `displace` is all of it in order."""
         yield Part(self, time, dt)
 
+    def striding(self, stride: float) -> Flow:
+        """The same flow, of which no sub-step along velocities takes a point further than `stride` units."""
+        return self
+
     @property
     def name(self) -> str:
         """What error messages call it."""

@@ -8,9 +8,10 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError
+from pipeline.flow.course import Course
 from pipeline.flow.flow import Flow
 from pipeline.flow.guard import displaced, failure
-from pipeline.flow.velocity import Course, Streamlines
+from pipeline.flow.velocity import Streamlines
 
 LARGEST_COURSE = 1 << 20
 """Numbers in the tables of one kernel call: 8 MB."""
@@ -30,6 +31,36 @@ class Step:
         return displaced(self.flow, points, self.time, self.dt, self.frame)
 
 
+@dataclass(frozen=True)
+class Leg:
+    """Steps along streamlines, followed by one compiled call; points that need finer ones go step by step."""
+
+    course: Course
+    steps: tuple[Step, ...]
+
+    def apply(self, points: Points) -> Points:
+        """Points (N, 3) through all of it. Raises FrameError."""
+        moved = self.course.follow(points)
+        lost = ~np.isfinite(moved).all(axis=1)
+        if lost.any():
+            alone = points[lost]
+            for step in self.steps:
+                try:
+                    alone = step.flow.displace(alone, step.time, step.dt)
+                except FrameError as error:
+                    raise error.of(step.frame) from None
+            moved[lost] = alone
+        return moved
+
+    def fits(self, more: Leg) -> bool:
+        """Whether one call can follow both."""
+        size = len(self.course.tables) + len(more.course.tables)
+        return size <= LARGEST_COURSE and self.course.halved == more.course.halved
+
+    def joined(self, more: Leg) -> Leg:
+        return Leg(Course.joined([self.course, more.course]), self.steps + more.steps)
+
+
 class History:
     """The steps of a shot since its rest frame, to carry rest points through all of them at once.
 
@@ -42,7 +73,7 @@ class History:
 
     def __init__(self) -> None:
         self._steps: list[Step] = []
-        self._legs: list[Course | Step] = []
+        self._legs: list[Leg | Step] = []
 
     def __len__(self) -> int:
         """How many frames it spans."""
@@ -58,8 +89,8 @@ class History:
         self._steps.append(step)
         for leg in legs:
             last = self._legs[-1] if self._legs else None
-            if isinstance(leg, Course) and isinstance(last, Course) and _fits(last, leg):
-                self._legs[-1] = Course.joined([last, leg])
+            if isinstance(leg, Leg) and isinstance(last, Leg) and last.fits(leg):
+                self._legs[-1] = last.joined(leg)
             else:
                 self._legs.append(leg)
 
@@ -72,7 +103,7 @@ class History:
         try:
             with np.errstate(all="ignore"):  # what has left the numbers is told below, by frame
                 for leg in self._legs:
-                    points = leg.follow(points) if isinstance(leg, Course) else leg.apply(points)
+                    points = leg.apply(points)
             if not np.isfinite(points).all():
                 self._walk(rest_points)
         except FrameError as error:
@@ -85,12 +116,10 @@ class History:
             points = step.apply(points)
 
 
-def _leg(step: Step) -> Course | Step:
+def _leg(step: Step) -> Leg | Step:
+    if not isinstance(step.flow, Streamlines):
+        return step
     try:
-        return step.flow.course(step.time, step.dt) if isinstance(step.flow, Streamlines) else step
+        return Leg(step.flow.course(step.time, step.dt), (step,))
     except (FlowsculptError, ArithmeticError) as error:
         raise failure(error, step.flow, step.frame) from error
-
-
-def _fits(course: Course, more: Course) -> bool:
-    return len(course.tables) + len(more.tables) <= LARGEST_COURSE

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.arrays import Points
@@ -19,7 +21,8 @@ def trouble(flow: Flow, place: Points, time: float, dt: float) -> str | None:
         return None
     here = np.array(place)
     formulas = any(isinstance(leaf, Formula) for leaf, _ in flow.field.leaves(here, time))
-    for h in flow.course(time, dt).lengths if formulas else ():
+    plain = replace(flow, tolerance=None, stride=None)
+    for h in plain.course(time, dt).spans[:, 0] if formulas else ():
         slopes: list[Points] = [np.zeros(3)]
         for share in (0.0, 0.5, 0.5, 1.0):
             at, moment = here + share * h * slopes[-1], time + share * h

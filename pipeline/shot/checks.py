@@ -145,6 +145,16 @@ def _impossible(where: Where, name: str, given: dict[str, Any]) -> Iterator[Prob
         yield where, f"{error}"
 
 
+def tolerance(source: Source) -> Iterator[Problem]:
+    """Only sub-steps whose error is estimated have a tolerance."""
+    if source.get("tolerance") is not None and source.get("integrator") != "adaptive":
+        yield (
+            ("tolerance",),
+            "tolerance is for the error that integrator: adaptive estimates, and rk4 estimates none. "
+            "Write integrator: adaptive, or take it out.",
+        )
+
+
 def files(source: Source) -> Iterator[Problem]:
     """The one problem that is a missing input: the subject's file is not there, or cannot be read."""
     for kind in ("model", "cloud", "net"):

@@ -136,6 +136,9 @@ class ShotDocument(Document):
     resample: Resample = Field("off", validate_default=False)
     flows: list[FlowDocument] = Field(default_factory=list)
     substeps: Count | None = None
+    integrator: Annotated[str, one_of(("rk4", "adaptive"), "integrator")] = "rk4"
+    tolerance: Positive | None = None
+    stride: Positive | None = None
     speed: NumberField = 1.0
     look: Annotated[
         Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any
 
 from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
@@ -23,6 +24,8 @@ from pipeline.shot.compositions import (
 )
 from pipeline.shot.fields import Document
 from pipeline.shot.surroundings import finding
+
+Follow = Callable[[VelocityField], Streamlines]
 
 
 class Entry(Document):
@@ -103,14 +106,15 @@ class FlowDocument(Flows):
     reversed: Annotated[ReversedDocument[FlowDocument] | None, BARE] = None
     repeated: Annotated[RepeatedDocument[FlowDocument] | None, BARE] = None
 
-    def build(self, clock: Clock, substeps: int | None) -> Flow:
+    def build(self, clock: Clock, follow: Follow) -> Flow:
+        """`follow` is how the shot integrates velocities."""
         chosen = self.chosen
         if isinstance(chosen, list):
-            return Streamlines(Sum(tuple(entry.build(clock) for entry in chosen)), substeps)
+            return follow(Sum(tuple(entry.build(clock) for entry in chosen)))
         if isinstance(chosen, Composition | BlendDocument):
-            flows = [entry.build(clock, substeps) for entry in chosen.flows]
+            flows = [entry.build(clock, follow) for entry in chosen.flows]
             if isinstance(chosen, BlendDocument):
                 return chosen.of_flows(flows, clock)
             return chosen.of_flow(Sequence(tuple(flows)), clock)
         flow: Flow | VelocityField = chosen.build(clock)
-        return Streamlines(flow, substeps) if isinstance(flow, VelocityField) else flow
+        return follow(flow) if isinstance(flow, VelocityField) else flow

@@ -14,7 +14,7 @@ from pipeline.flow.guard import deciding
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.polygons import PolygonMesh
 from pipeline.mesh.triangles import TriangleMesh
-from pipeline.resample import Thresholds
+from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.hardness import Region
 from pipeline.resample.shape import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
@@ -94,12 +94,17 @@ def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
     return data
 
 
+DEFAULT_STRIDE = 0.5
+"""Of an edge: what lies between two ends of it is not stepped over."""
+
+
 @dataclass(frozen=True)
 class Motion:
     """All that decides the mesh of every frame.
 
     resampling  None: it is off, and vertices only move
     speed       at which time runs for the flow, over the time of the frames
+    stride      how far a sub-step along velocities may take a vertex, in edges of the maximum length
     """
 
     frames: FrameRange
@@ -108,6 +113,7 @@ class Motion:
     flow: Flow
     resampling: Resampling | None
     speed: Number = 1.0
+    stride: float = DEFAULT_STRIDE
 
     @property
     def clock(self) -> Clock:
@@ -131,6 +137,18 @@ class Motion:
         return (
             self.resampling if now is self.resampling.thresholds else replace(self.resampling, thresholds=now)
         )
+
+    def bounded(self, flow: Flow, frame: int) -> Flow:
+        """A flow as it moves the surface into that frame: its sub-steps are no longer than `stride`.
+
+        The maximum length is that of the frame; where it depends on curvature or the camera, the coarsest. Of
+        a formula none is known: it bounds nothing, and nothing does without resampling.
+        """
+        resampling = self.resampling_at(frame)
+        longest = None if resampling is None else resampling.thresholds.max_edge_length
+        if isinstance(longest, Curvature | DistanceToCamera):
+            longest = longest.coarsest
+        return flow.striding(self.stride * longest) if isinstance(longest, float) else flow
 
     def mesh_at_rest(self) -> TriangleMesh:
         """The subject's mesh, as fine as the first frame is to be.
@@ -176,7 +194,7 @@ class Motion:
     def step_data(self, frame: int) -> Any:
         """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
         try:
-            acting = deciding(self.flow, *self.step(frame))
+            acting = deciding(self.bounded(self.flow, frame), *self.step(frame))
         except FrameError as error:  # of the speed
             acting = {"fails": str(error)}
         now = self.resampling_at(frame)

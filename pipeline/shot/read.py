@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
-from pipeline.flow import Sequence
+from pipeline.flow import Sequence, Streamlines
+from pipeline.flow.velocity import DEFAULT_TOLERANCE
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.bspline import PIECES
 from pipeline.shot import brackets, checks, keys, point_documents
@@ -27,7 +29,7 @@ from pipeline.shot.edits import is_edit
 from pipeline.shot.fields import DEGREE, Document
 from pipeline.shot.layers import DEFAULTS, layered
 from pipeline.shot.messages import findings
-from pipeline.shot.motion import Motion
+from pipeline.shot.motion import DEFAULT_STRIDE, Motion
 from pipeline.shot.net import ControlNet, NetOfFile
 from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.resampling import ResampleDocument
@@ -75,6 +77,7 @@ def read_shot(
         checks.clear_look,
         point_documents.resampled,
         point_documents.points,
+        checks.tolerance,
     ):
         problems += check(source)
     missing = list(checks.files(source))
@@ -208,7 +211,8 @@ def _parsed(
 
 def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
     resample = document.resample
-    flows = tuple(entry.build(clock, document.substeps) for entry in document.flows)
+    follow = partial(Streamlines, substeps=document.substeps, tolerance=_tolerance(document))
+    flows = tuple(entry.build(clock, follow) for entry in document.flows)
     return Motion(
         frames=clock.frames,
         rate=clock.rate,
@@ -216,7 +220,15 @@ def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
         flow=Sequence(flows),
         resampling=resample.build(clock) if isinstance(resample, ResampleDocument) else None,
         speed=number(document.speed, clock),
+        stride=DEFAULT_STRIDE if document.stride is None else float(document.stride),
     )
+
+
+def _tolerance(document: ShotDocument) -> float | None:
+    """None where sub-steps are not chosen by their error."""
+    if document.integrator != "adaptive":
+        return None
+    return DEFAULT_TOLERANCE if document.tolerance is None else float(document.tolerance)
 
 
 def _subject(document: ShotDocument, source: Source) -> Subject:

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from dataclasses import fields
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.flow import Streamlines
@@ -93,6 +96,37 @@ def test_volume_shrinks_at_a_constant_rate(field: Attractor, rate: float) -> Non
         for i, a in enumerate(h * np.eye(3))
     )
     np.testing.assert_allclose(divergence, rate, rtol=1e-5)
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.sampled_from(sorted(ATTRACTORS)), st.integers(0, 10_000), st.floats(0.3, 2.0))
+def test_the_gradient_stays_below_the_steepness_within_reach(name: str, seed: int, factor: float) -> None:
+    """With the parameters of the paper, and others; among the places are the corners of the reach."""
+    kind = ATTRACTORS[name][0]
+    own = [
+        parameter.name for parameter in fields(kind) if len(parameter.name) <= 5 and parameter.name != "scale"
+    ]
+    field = kind(**{name: factor * getattr(kind(), name) for name in own}, scale=3.0, time_scale=0.7)
+    reach = min(field.reach, 50.0) / field.scale
+    rng, h = np.random.default_rng(seed), 1e-5
+    points = np.concatenate([rng.uniform(-reach, reach, (40, 3)), reach * rng.choice([-1.0, 1.0], (8, 3))])
+    gradient = np.stack(
+        [
+            (field.velocity(points + a, 0.0) - field.velocity(points - a, 0.0)) / (2 * h)
+            for a in h * np.eye(3)
+        ],
+        axis=2,
+    )
+    assert np.linalg.norm(gradient, ord=2, axis=(1, 2)).max() <= field.steepness(0.0) * (1 + 1e-6)
+
+
+@each
+def test_an_attractor_lies_within_its_reach(name: str) -> None:
+    field, axes = ATTRACTORS[name][0](), slice(1 if name == "chua" else 3)  # which is linear in y and z
+    moved = 0.1 * np.random.default_rng(6).normal(size=(60, 3)) + [0.1, 0.0, 0.1]
+    for _ in range(40):
+        moved = Streamlines(field).displace(moved, 0.0, 8.0 / field.steepness(0.0))
+        assert np.abs(moved[:, axes]).max() * field.scale <= field.reach
 
 
 def test_known_fixed_points_stay() -> None:

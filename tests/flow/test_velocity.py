@@ -149,6 +149,32 @@ def test_the_steepness_bounds_the_gradient(field: VelocityField, points: Points)
     assert steepest <= field.steepness(0.0) * (1 + 1e-6)
 
 
+@settings(max_examples=40, deadline=None)
+@given(st.integers(0, 10_000), st.floats(-0.45, 0.45), st.floats(0.0, 3.0))
+def test_two_gyres_and_their_mirror_images_are_nowhere_steeper_than_they_say(
+    seed: int, swing: float, time: float
+) -> None:
+    field = DoubleGyre(OFF, 2.0, 0.6, swing)
+    places = np.random.default_rng(seed).uniform(-12, 12, (100, 3))
+    inside = (
+        np.abs((places[:, 0] - OFF[0]) / 2.0 % 2.0 - 1.0) > 1e-4
+    )  # not across a wall, where it has a kink
+    steepest = np.linalg.norm(jacobian(field, places[inside], at=time), ord=2, axis=(1, 2)).max()
+    assert steepest <= field.steepness(time) * (1 + 1e-6)
+
+
+def test_nothing_crosses_the_walls_of_two_gyres_and_beyond_they_are_mirrored() -> None:
+    places = np.random.default_rng(4).uniform(-1, 1, (50, 3))
+    field = DoubleGyre(speed=0.5)
+    beside = places * [-1, 1, 1] + [2.0, 0, 0]
+    expected = field.velocity(places, 0.4) * [-1, 1, 1]
+    np.testing.assert_allclose(field.velocity(beside, 0.4), expected, atol=1e-13)
+    further = places + np.array([4.0, 0, 0])
+    np.testing.assert_allclose(field.velocity(further, 0.4), field.velocity(places, 0.4), atol=1e-13)
+    wall = places * [0, 1, 1] + [1.0, 0, 0]
+    np.testing.assert_allclose(field.velocity(wall, 0.4)[:, 0], 0.0, atol=1e-14)
+
+
 @each_field
 def test_a_field_that_says_so_keeps_volume_and_no_other_does(field: VelocityField, points: Points) -> None:
     divergence = np.abs(np.trace(jacobian(field, 0.5 * points, at=0.3), axis1=1, axis2=2)).max()

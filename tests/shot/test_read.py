@@ -220,6 +220,12 @@ BROKEN = [
      "a.yaml:5:35: resample.renew is 0; it must be at least 1"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, crease: rest",
      "a.yaml:5:35: crease is not known under resample. Did you mean 'creases'?"),
+    ("camera:", "integrator: adaptiv\ncamera:",
+     "a.yaml:11:1: integrator: 'adaptiv' is no integrator. Did you mean 'adaptive'?"),
+    ("camera:", "tolerance: 0.001\ncamera:",
+     "a.yaml:11:1: tolerance is for the error that integrator: adaptive estimates, and rk4 estimates none. "
+     "Write integrator: adaptive, or take it out."),
+    ("camera:", "stride: 0\ncamera:", "a.yaml:11:1: stride is 0; it must be above 0"),
     ("camera:", "substeps: 0\ncamera:", "a.yaml:11:1: substeps is 0; it must be at least 1"),
     ("rate: 24", "rate: 1e-320",
      "a.yaml:3:1: frame rate 1e-320 is not from 0.1 to 1000, in frames per second; 24 is usual"),
@@ -262,6 +268,42 @@ BROKEN = [
      "a.yaml:11:19: quality.final.samples: 100 samples do not divide into passes of 16. "
      "Write up to 16, or a multiple of it."),
 ]  # fmt: skip
+
+
+def test_a_shot_says_how_its_velocities_are_followed(tmp_path: Path) -> None:
+    def motion(text: str) -> Motion:
+        return read_shot(written(tmp_path, GOOD.replace("camera:", f"{text}\ncamera:"))).motion
+
+    def settings_of(motion: Motion) -> tuple[Any, ...]:
+        assert isinstance(motion.flow, Sequence)
+        first = motion.bounded(motion.flow, 5)
+        assert isinstance(first, Sequence) and isinstance(first.flows[0], Streamlines)
+        return first.flows[0].substeps, first.flows[0].tolerance, first.flows[0].stride
+
+    assert settings_of(motion("")) == settings_of(motion("integrator: rk4")) == (None, None, 0.125)
+    assert settings_of(motion("integrator: adaptive")) == (None, 1e-5, 0.125)
+    assert settings_of(motion("integrator: adaptive\ntolerance: 0.001\nstride: 2")) == (None, 1e-3, 0.5)
+    assert settings_of(motion("substeps: 3\nstride: 0.1")) == (3, None, 0.025)
+    plain, adaptive = motion(""), motion("integrator: adaptive")
+    assert plain.step_data(9) != adaptive.step_data(9) and plain.start_data() == adaptive.start_data()
+
+
+@pytest.mark.parametrize(
+    ("lengths", "stride"),
+    [
+        ("{keys: {1: 0.2, 49: 0.4}, ease: linear}", 0.1 * (1 + 12 / 48)),
+        ("{curvature: {tolerance: 0.01, finest: 0.1, coarsest: 0.3}}", 0.15),
+        ("{camera: {position: [0, 0, 6], pixels: 8, finest: 0.1, coarsest: 0.2}}", 0.1),
+        ("{formula: 0.2 + 0.1*abs(y)}", None),
+    ],
+)
+def test_strides_are_shares_of_the_longest_edge_of_their_frame(
+    tmp_path: Path, lengths: str, stride: float | None
+) -> None:
+    motion = read_shot(written(tmp_path, GOOD.replace("0.25}", f"{lengths}}}"))).motion
+    flow = motion.bounded(motion.flow, 13)
+    assert isinstance(flow, Sequence) and isinstance(flow.flows[0], Streamlines)
+    assert flow.flows[0].stride == pytest.approx(stride)
 
 
 @pytest.mark.parametrize(("good", "bad", "message"), BROKEN, ids=[bad[:30] for _, bad, _ in BROKEN])

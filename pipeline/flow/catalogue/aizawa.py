@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.attractor import Attractor
@@ -24,6 +24,8 @@ class Aizawa(Attractor):
     Source: Langford, *Numerical Studies of Torus Bifurcations*, in Küpper et al., *Numerical Methods for
     Bifurcation Problems* (1984), whose system it is; named after Aizawa since.
     """
+
+    reach: ClassVar[float] = 1.7
 
     a: Annotated[Number, Sense("a")] = 0.95
     b: Annotated[Number, Sense("b")] = 0.7
@@ -45,6 +47,11 @@ class Aizawa(Attractor):
         return 0.0, 0.0, 0.7
 
     def _gradient(self, time: float) -> float:
-        """|x| and |y| stay below 1.7, |z| below 2."""
-        b, d, e = (abs(number_at(number, time)) for number in (self.b, self.d, self.e))
-        return math.hypot(2.0 + b, d) + 3.4 * (1.0 + 2.0 * e)
+        """The turning, and the root of the sum of squares of the rest, row by row."""
+        a, d, e, f = (abs(number_at(number, time)) for number in (self.a, self.d, self.e, self.f))
+        x, z = self.reach, self.reach + 0.7
+        rising = self.reach + abs(0.7 - number_at(self.b, time))
+        radius = math.sqrt(2.0) * x
+        across = 2.0 * radius * (1.0 + e * z) + 3.0 * f * z * x * x
+        along = max(a, z * z) + e * radius * radius + f * x**3
+        return math.hypot(rising, d) + math.hypot(radius, across, along)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from abc import abstractmethod
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pipeline.flow.catalogue.directions import ORIGIN
 from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
@@ -16,8 +17,12 @@ from pipeline.flow.velocity import Term
 class Attractor(Term):
     """Every point follows a system of three equations. It stands upright: its z is our y, its y our −z.
 
-    Far from the attractor many systems fly apart: keep the subject about as large as the attractor is.
+    Far from the attractor many systems fly apart: keep the subject about as large as the attractor is. The
+    gradient grows with the distance; its bound holds up to `reach` of its own units from the centre along
+    each axis, which is a little further than the attractor goes.
     """
+
+    reach: ClassVar[float] = math.inf
 
     centre: Annotated[Place, Sense("of the attractor", "units")] = ORIGIN
     scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 1.0
@@ -29,7 +34,7 @@ class Attractor(Term):
 
     @abstractmethod
     def _gradient(self, time: float) -> float:
-        """A bound of its Jacobian's norm on and about the attractor, in its own units; far away is more."""
+        """A bound of its Jacobian's norm within `reach` of the middle, in its own units; far away is more."""
 
     def _middle(self, time: float) -> Vector:
         """What lies at `centre`, in its own coordinates."""

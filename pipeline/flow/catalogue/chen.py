@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.attractor import Attractor
@@ -23,6 +24,8 @@ class Chen(Attractor):
     Source: Chen & Ueta, *Yet Another Chaotic Attractor*, Int. J. Bifurcation and Chaos 9 (1999).
     """
 
+    reach: ClassVar[float] = 27.0
+
     a: Annotated[Number, Sense("a")] = 35.0
     b: Annotated[Number, Sense("b")] = 3.0
     c: Annotated[Number, Sense("c")] = 28.0
@@ -40,4 +43,7 @@ class Chen(Attractor):
         return 0.0, 0.0, 2.0 * number_at(self.c, time) - number_at(self.a, time)
 
     def _gradient(self, time: float) -> float:
-        return abs(number_at(self.a, time)) + 2.0 * abs(number_at(self.c, time))
+        """The root of the sum of squares, where c − a − z is −c in the middle."""
+        a, b, c = (number_at(number, time) for number in (self.a, self.b, self.c))
+        reach = self.reach
+        return math.hypot(math.sqrt(2.0) * a, abs(c) + reach, c, math.sqrt(3.0) * reach, b)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.attractor import Attractor
@@ -24,6 +24,8 @@ class Chua(Attractor):
     Systems I 41 (1994).
     """
 
+    reach: ClassVar[float] = 0.8
+
     alpha: Annotated[Number, Sense("α")] = 10.0
     beta: Annotated[Number, Sense("β")] = 16.0
     c: Annotated[Number, Sense("c of the cubic")] = -0.143
@@ -38,7 +40,7 @@ class Chua(Attractor):
         return (number_at(self.alpha, time), number_at(self.beta, time), number_at(self.c, time))
 
     def _gradient(self, time: float) -> float:
-        """|x| stays below 0.8, with room beside the attractor."""
+        """It changes with x alone; along y and z the reach has no end."""
         alpha = number_at(self.alpha, time)
-        bend = alpha * (1.92 + abs(number_at(self.c, time)))
+        bend = alpha * (3.0 * self.reach**2 + abs(number_at(self.c, time)))
         return math.hypot(bend, alpha, number_at(self.beta, time), 2.0)

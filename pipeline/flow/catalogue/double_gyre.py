@@ -23,7 +23,7 @@ class DoubleGyre(Term):
         f = ε sin(2π t/T) x² + (1 − 2 ε sin(2π t/T)) x    u = −∂ψ/∂y    v = ∂ψ/∂x
 
     Points that the border passes change sides: it mixes. Nothing crosses the frame of the two; beyond it, to
-    the left and right, cells grow ever narrower, and steeper than the sub-steps allow for.
+    the left and right, their mirror images follow (the formula's own cells grow ever narrower and steeper).
 
     Source: Shadden, Lekien & Marsden, *Definition and properties of Lagrangian coherent structures*,
     Physica D 212 (2005), §5.
@@ -44,7 +44,7 @@ class DoubleGyre(Term):
         return (*place_at(self.centre, time), 1.0 / scale, speed, self._swing(time))
 
     def steepness(self, time: float) -> float:
-        """Within the two gyres."""
+        """Everywhere: with F = 1 + 2 ε the steepest of f, π² F² of the waves, and 2 π ε where f bends."""
         rate = math.pi * abs(number_at(self.speed, time)) / number_at(self.scale, time)
         swing = abs(self._swing(time))
         return rate * (math.pi * (1.0 + 2.0 * swing) ** 2 + 2.0 * swing)

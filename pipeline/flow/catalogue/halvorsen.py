@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.attractor import Attractor
@@ -23,6 +23,8 @@ class Halvorsen(Attractor):
     Source: Sprott, *Chaos and Time-Series Analysis* (2003), appendix A.5, who names it after Halvorsen.
     """
 
+    reach: ClassVar[float] = 11.0
+
     a: Annotated[Number, Sense("a: how strongly it is held together")] = 1.4
     scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 10.0
     time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.1
@@ -38,5 +40,5 @@ class Halvorsen(Attractor):
         return -3.5, -3.5, -3.5
 
     def _gradient(self, time: float) -> float:
-        """No coordinate leaves −14 … 7."""
-        return abs(number_at(self.a, time)) + 28.0
+        """The diagonal, what is a turn of the axes, and what grows with a coordinate."""
+        return abs(number_at(self.a, time)) + 4.0 + (3.0 + 2.0 * self.reach)

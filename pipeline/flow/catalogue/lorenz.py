@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.attractor import Attractor
@@ -25,6 +26,8 @@ class Lorenz(Attractor):
     Source: Lorenz, *Deterministic Nonperiodic Flow*, J. Atmos. Sci. 20 (1963). P3, P33.
     """
 
+    reach: ClassVar[float] = 27.0
+
     sigma: Annotated[Number, Sense("σ")] = 10.0
     rho: Annotated[Number, Sense("ρ")] = 28.0
     beta: Annotated[Number, Sense("β")] = 8.0 / 3.0
@@ -42,5 +45,7 @@ class Lorenz(Attractor):
         return 0.0, 0.0, number_at(self.rho, time) - 1.0
 
     def _gradient(self, time: float) -> float:
-        """|x| stays below 20."""
-        return abs(number_at(self.sigma, time)) + abs(number_at(self.rho, time)) + 20.0
+        """The root of the sum of squares, with ρ − z = 1 in the middle; and never less than for |x| < 20."""
+        sigma, rho, beta = (number_at(number, time) for number in (self.sigma, self.rho, self.beta))
+        bound = math.hypot(math.sqrt(2.0) * sigma, 1.0 + self.reach, 1.0, math.sqrt(3.0) * self.reach, beta)
+        return max(bound, abs(sigma) + abs(rho) + 20.0)

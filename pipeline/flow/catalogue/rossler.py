@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Annotated
+from typing import Annotated, ClassVar
 
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.attractor import Attractor
@@ -22,6 +23,8 @@ class Rossler(Attractor):
     Source: Rössler, *An Equation for Continuous Chaos*, Physics Letters A 57 (1976).
     """
 
+    reach: ClassVar[float] = 23.0
+
     a: Annotated[Number, Sense("a")] = 0.2
     b: Annotated[Number, Sense("b")] = 0.2
     c: Annotated[Number, Sense("c: how far it spirals before it folds")] = 5.7
@@ -36,5 +39,5 @@ class Rossler(Attractor):
         return (number_at(self.a, time), number_at(self.b, time), number_at(self.c, time))
 
     def _gradient(self, time: float) -> float:
-        """z stays below 4 c."""
-        return 1.0 + abs(number_at(self.a, time)) + 5.0 * abs(number_at(self.c, time))
+        a, c = number_at(self.a, time), number_at(self.c, time)
+        return math.hypot(math.sqrt(3.0), a, self.reach, self.reach + abs(c))

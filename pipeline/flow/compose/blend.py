@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pipeline.arrays import Points
@@ -51,6 +51,9 @@ class Blend(Weighed):
         first = self.first.acting(time, dt) if weight != 1 else None
         return {"blend": weight, "from": first, "to": self.second.acting(time, dt) if weight != 0 else None}
 
+    def striding(self, stride: float) -> Blend:
+        return replace(self, first=self.first.striding(stride), second=self.second.striding(stride))
+
     @property
     def name(self) -> str:
         return f"blend of {self.first.name or 'nothing'} and {self.second.name or 'nothing'}"
@@ -72,6 +75,9 @@ class Within(Weighed):
 
     def acting(self, time: float, dt: float) -> Any:
         return {"within": self.region.acting(time + dt / 2), "flow": self.flow.acting(time, dt)}
+
+    def striding(self, stride: float) -> Within:
+        return replace(self, flow=self.flow.striding(stride))
 
     @property
     def name(self) -> str:

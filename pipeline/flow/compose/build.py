@@ -6,6 +6,7 @@ A sequence is composed flow by flow, so that each of its fields keeps its integr
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from pipeline.flow.choreography import Number
 from pipeline.flow.compose.blend import Blend, Within
@@ -37,10 +38,9 @@ def blended(first: Flow, second: Flow, weight: Number) -> Flow:
     ]
     if not fields or not all(flow is None or isinstance(flow, Streamlines) for flow in (one, other)):
         return Blend(first, second, weight)
-    counts = {flow.substeps for flow in (one, other) if isinstance(flow, Streamlines)}
-    if len(counts) > 1:
-        return Blend(first, second, weight)
-    return Streamlines(Sum(tuple(fields)), counts.pop())
+    sum_of = Sum(tuple(fields))
+    joined = {replace(flow, field=sum_of) for flow in (one, other) if isinstance(flow, Streamlines)}
+    return joined.pop() if len(joined) == 1 else Blend(first, second, weight)
 
 
 def _only(flow: Flow) -> Flow | None:
@@ -56,5 +56,5 @@ def _composed(
     if isinstance(flow, Sequence):
         return Sequence(tuple(_composed(part, field, other) for part in flow.flows))
     if isinstance(flow, Streamlines):
-        return Streamlines(field(flow.field), flow.substeps)
+        return replace(flow, field=field(flow.field))
     return other(flow)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pipeline.arrays import Points
@@ -43,6 +43,9 @@ class Sequence(Ordered):
         for flow in self.flows if dt >= 0 else reversed(self.flows):
             yield from flow.parts(time, dt)
 
+    def striding(self, stride: float) -> Sequence:
+        return Sequence(tuple(flow.striding(stride) for flow in self.flows))
+
     @property
     def name(self) -> str:
         return ", ".join(flow.name for flow in self.flows)
@@ -57,6 +60,9 @@ class Reversed(Ordered):
 
     def parts(self, time: float, dt: float) -> Iterator[Part]:
         yield from self.flow.parts(self.duration - time, -dt)
+
+    def striding(self, stride: float) -> Reversed:
+        return replace(self, flow=self.flow.striding(stride))
 
     @property
     def name(self) -> str:
@@ -88,6 +94,9 @@ class Repeated(Ordered):
             )
         for start, length in _rounds(time / self.period, dt / self.period):
             yield from self.flow.parts(start * self.period, length * self.period)
+
+    def striding(self, stride: float) -> Repeated:
+        return replace(self, flow=self.flow.striding(stride))
 
     @property
     def name(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, ClassVar
 
 import numpy as np
@@ -70,20 +70,31 @@ class Placed(Flow):
 
     The frame brings the flow to the points; where it moves, it does not carry them along. It is taken at the
     middle of each step.
+
+    stride  how far a sub-step along velocities may take a point, if not without bound
     """
 
     flow: Flow
     frame: Frame | Mirror
+    stride: float | None = None
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         origin, axes = self.frame.at(time + dt / 2)
         back: Floats = np.linalg.inv(axes).astype(np.float64)
         inside = transformed(back, points - origin)
-        return transformed(axes, self.flow.displace(inside, time, dt)) + origin
+        return transformed(axes, self._inside(axes).displace(inside, time, dt)) + origin
 
     def acting(self, time: float, dt: float) -> Any:
         origin, axes = self.frame.at(time + dt / 2)
-        return {"placed": [origin.tolist(), axes.tolist()], "flow": self.flow.acting(time, dt)}
+        return {"placed": [origin.tolist(), axes.tolist()], "flow": self._inside(axes).acting(time, dt)}
+
+    def striding(self, stride: float) -> Placed:
+        return replace(self, stride=stride)
+
+    def _inside(self, axes: Floats) -> Flow:
+        """The flow, with the stride as long as it is in the frame."""
+        scale = float(np.linalg.norm(axes[:, 0]))
+        return self.flow if self.stride is None else self.flow.striding(self.stride / scale)
 
     @property
     def name(self) -> str:
