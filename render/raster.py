@@ -71,6 +71,13 @@ class _Hits(NamedTuple):
     colours: Floats
 
 
+def prepare() -> None:
+    """Compile the kernels, so that the first preview need not wait for it."""
+    corners, depth = np.eye(3), np.full((2, 2), np.inf)
+    fill(corners, np.array([[0, 1, 2]], np.int32), depth, np.full((2, 2), -1, np.int32), np.zeros((2, 2, 2)))
+    draw_lines(np.zeros((1, 2, 3)), np.zeros((1, 4)), 1.0, 0.0, depth, np.zeros((2, 2, 3)))
+
+
 def pigmented(look: Look, material: NDArray[np.floating]) -> Floats | None:
     """(V, 3): the colours of a look's pigment where vertices came from; None for a look of one colour."""
     if look.pigment is None:

@@ -17,7 +17,7 @@ from pipeline.errors import FlowsculptError
 from pipeline.kernels import cache_folder, compile_all
 from pipeline.production.state import FrameStates, states
 from pipeline.production.workflow import Studio, find_shot, shot_names
-from render import colour, engine
+from render import colour, engine, raster
 from render.quality import QUALITIES
 
 
@@ -67,6 +67,7 @@ def doctor(
     if prepare and not common.dry_run:
         compile_all()
         colour.prepare()
+        raster.prepare()
     renderer = engine.facts()
     there = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
     usage = shutil.disk_usage(there)
