@@ -24,7 +24,7 @@ class Chua(Attractor):
     Systems I 41 (1994).
     """
 
-    reach: ClassVar[float] = 0.8
+    reach: ClassVar[float] = 1.0
 
     alpha: Annotated[Number, Sense("α")] = 10.0
     beta: Annotated[Number, Sense("β")] = 16.0
