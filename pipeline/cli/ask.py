@@ -15,8 +15,9 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain, out
 from pipeline.errors import FlowsculptError
 from pipeline.kernels import cache_folder, compile_all
+from pipeline.production.folder import find_shot, shot_names
 from pipeline.production.state import FrameStates, states
-from pipeline.production.workflow import Studio, find_shot, shot_names
+from pipeline.production.workflow import Studio
 from render import colour, engine, raster
 from render.quality import QUALITIES
 

@@ -13,9 +13,10 @@ import typer
 from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES, Bars
 from pipeline.cli.say import answer, complain, err
+from pipeline.production.folder import FILM, find_edit
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
-from pipeline.production.workflow import FILM, Studio, find_edit
+from pipeline.production.workflow import Studio
 from render.engine import VARIANTS
 from render.quality import QUALITIES
 

@@ -11,9 +11,10 @@ from pipeline.cli.make import AllowCode, Frames, Settings, carried_out, tell_pla
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer
 from pipeline.errors import UsageError
+from pipeline.production.folder import find_shot
 from pipeline.production.layout import Folders
 from pipeline.production.preview import Sketch
-from pipeline.production.workflow import Studio, find_shot
+from pipeline.production.workflow import Studio
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
 from render.plot import Track, plot_tracks

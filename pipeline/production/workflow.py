@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import re
 from collections.abc import Mapping, Sequence
@@ -16,6 +15,7 @@ from pipeline.errors import MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.mesh.io import FORMATS
 from pipeline.production.edit import Cut
+from pipeline.production.folder import FILM, find_edit, find_shot
 from pipeline.production.layout import LOGS, PLANS
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
@@ -26,17 +26,10 @@ from pipeline.production.store import Store
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
 from pipeline.shot import Film, read_film
-from pipeline.shot.edits import is_edit
-from pipeline.shot.layers import DEFAULTS, rests_on
+from pipeline.shot.layers import rests_on
 from pipeline.shot.shot import Clip
-from pipeline.shot.surroundings import is_there, shown
 from render.look import LOOKS
 from render.quality import QUALITIES
-
-SHOTS = Path("shots")
-FILM = SHOTS / "film.yaml"
-NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
-"""What shots may be called: it becomes part of file names, on any system."""
 
 
 @dataclass(frozen=True)
@@ -201,69 +194,6 @@ def _allowed(value: Any) -> bool:
 
 _HELD: list[BaseFileLock] = []
 """The locks this process holds until it ends."""
-
-
-def find_shot(name: str) -> Path:
-    """The file of a shot: a path, or a name in `shots/`.
-
-    Raises MissingInputError with the nearest names, UsageError for a name that frames cannot be called by.
-    """
-    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
-    if not re.fullmatch(NAME, path.stem):
-        raise UsageError(
-            f"{path}: a shot is named by letters, digits, _, - and ., as in A010_cube; rename it"
-        )
-    if is_edit(path):
-        raise UsageError(
-            f"{shown(path)} is an edit, not a shot; flowsculpt film {shown(name)} makes its film"
-        )
-    if is_there(path):
-        return path
-    if path == Path(name):
-        raise MissingInputError(f"{shown(name)}: no such shot file; flowsculpt new makes one")
-    raise MissingInputError(
-        f"{shown(path)}: no such shot; {_near(name, shot_names(), 'flowsculpt new makes one')}"
-    )
-
-
-def find_edit(name: str) -> Path:
-    """The file of an edit: a path, or a name in `shots/`.
-
-    Raises MissingInputError with the nearest names, UsageError for a shot, and for a name that a film cannot
-    be called by.
-    """
-    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
-    if not re.fullmatch(NAME, path.stem):
-        raise UsageError(
-            f"{path}: an edit is named by letters, digits, _, - and ., as in showreel; rename it"
-        )
-    hint = _near(path.stem, edit_names(), "an edit lists the names of shots under shots:")
-    if not is_there(path):
-        raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
-    if path.stem in shot_names() and path.absolute() == (SHOTS / path.name).absolute():
-        raise UsageError(
-            f"{shown(path)} is a shot, not an edit; flowsculpt render {path.stem} renders it, "
-            f"and as for edits, {hint}"
-        )
-    return path
-
-
-def _near(name: str, known: list[str], otherwise: str) -> str:
-    near = difflib.get_close_matches(name, known, n=1) or known[:6]
-    return f"did you mean {', '.join(near)}?" if near else f"there are none; {otherwise}"
-
-
-def shot_names() -> list[str]:
-    """The shots of the working folder."""
-    edits = {FILM.stem, *edit_names()}
-    return sorted(
-        path.stem for path in SHOTS.glob("*.yaml") if path.stem not in edits and path.name != DEFAULTS
-    )
-
-
-def edit_names() -> list[str]:
-    """The edits of the working folder; `film` among them whatever stands in it."""
-    return sorted(path.stem for path in SHOTS.glob("*.yaml") if path == FILM or is_edit(path))
 
 
 def _shot_around(mesh: Path, look: str | None) -> str:

@@ -1,4 +1,4 @@
-"""From files to shots and films: everything wrong with a file is told at once, with line and column."""
+"""From a file to a shot: everything wrong with a file is told at once, with line and column."""
 
 from __future__ import annotations
 
@@ -6,44 +6,36 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
-from pydantic import ValidationError
-
-from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.velocity import DEFAULT_TOLERANCE
-from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.bspline import PIECES
 from pipeline.shot import brackets, checks, keys, point_documents
 from pipeline.shot.clock import Clock
 from pipeline.shot.cloud import CloudOfFile
 from pipeline.shot.curves import number
 from pipeline.shot.documents import (
-    FilmDocument,
     ModelDocument,
     ShotDocument,
     StageDocument,
 )
-from pipeline.shot.edits import is_edit
 from pipeline.shot.fields import DEGREE, Document
-from pipeline.shot.layers import DEFAULTS, layered
-from pipeline.shot.messages import findings
+from pipeline.shot.layers import layered
 from pipeline.shot.motion import DEFAULT_STRIDE, Motion
 from pipeline.shot.net import ControlNet, NetOfFile
+from pipeline.shot.parse import parsed
 from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.resampling import ResampleDocument
-from pipeline.shot.shot import CameraPath, Clip, Film, Picture, Shot
-from pipeline.shot.source import Source, Where
+from pipeline.shot.shot import CameraPath, Picture, Shot
+from pipeline.shot.source import Source
 from pipeline.shot.speed import with_speed
 from pipeline.shot.subject import Model, Subject
-from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
+from pipeline.shot.surroundings import Surroundings, digest_of_file
 from render.lights import LIGHTS, LightRig
 from render.look import LOOKS
 from render.quality import QUALITIES
 from render.stage import STAGES, Stage
-
-D = TypeVar("D", bound=Document)
 
 
 def read_shot(
@@ -83,7 +75,7 @@ def read_shot(
     missing = list(checks.files(source))
     surroundings = Surroundings(source.path.parent, allow_code)
     context = {"clock": clock, "surroundings": surroundings}
-    document = _parsed(source, ShotDocument, problems, missing, context=context)
+    document = parsed(source, ShotDocument, problems, missing, context=context)
     assert clock is not None, "without problems there is a clock"
     motion = _motion(document, clock, source)
     subject, read = motion.subject, dict(surroundings.digests)
@@ -98,115 +90,6 @@ def read_shot(
         path=Path(path),
         files=tuple(sorted(read.items())),
     )
-
-
-def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
-    """The film of a YAML file, with all its shots read, and settings put in each of them.
-
-    Raises ShotError with everything wrong in all of the files, and MissingInputError where one is not there.
-    """
-    path, settings = Path(path), tuple(settings)
-    source = Source.read(path)
-    problems: list[tuple[Where, str]] = []
-    clips: list[Clip] = []
-    failed: list[FlowsculptError] = []
-    rate = _film_rate(source, problems)
-    entries = source.get("shots")
-    for index, entry in enumerate(entries if isinstance(entries, list) else []):
-        name, where = _named(entry, ("shots", index))
-        if not isinstance(name, str):
-            continue
-        file = path.parent / f"{name}.yaml"
-        if not is_there(file):
-            known = sorted(
-                f.stem for f in path.parent.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS
-            )
-            hint = suggestion(name, known) if known else "There are none."
-            failed.append(MissingInputError(f"{source.place(where)}: there is no shot {shown(file)}. {hint}"))
-            continue
-        try:
-            shot = read_shot(file, settings=settings)
-        except (ShotError, MissingInputError) as error:
-            failed.append(error)
-            continue
-        if rate and shot.rate != rate:
-            problems.append(
-                (
-                    where,
-                    f"{name} plays at {shot.rate} frames per second and the film at {rate}; "
-                    "all shots of a film share its rate. Change one of them.",
-                )
-            )
-        try:
-            clips.append(_clip(shot, entry))
-        except UsageError as error:
-            problems.append((("shots", index, "frames"), str(error)))
-    document = _parsed(source, FilmDocument, problems, [], failed)
-    return Film(
-        title=document.title,
-        subtitle=document.subtitle,
-        credits=tuple(document.credits),
-        clips=tuple(clips),
-        rate=FrameRate.of(document.rate),
-        title_seconds=float(document.title_seconds),
-        credits_seconds=float(document.credits_seconds),
-        path=path,
-    )
-
-
-def _named(entry: Any, where: Where) -> tuple[Any, Where]:
-    """The shot that an entry of an edit names, and where."""
-    return (entry.get("shot"), (*where, "shot")) if isinstance(entry, dict) else (entry, where)
-
-
-def _clip(shot: Shot, entry: Any) -> Clip:
-    """Raises UsageError where the entry's frames are no range, or not in the shot."""
-    if not isinstance(entry, dict) or not isinstance(entry.get("frames"), str):
-        return Clip(shot, shot.frames)
-    frames = FrameRange.parse(entry["frames"])
-    outside = frames.outside(shot.frames)
-    if outside:
-        raise UsageError(
-            f"frames {outside} are not in {shot.name}, which has {shot.frames}; show frames among those"
-        )
-    return Clip(shot, frames)
-
-
-def _film_rate(source: Source, problems: list[tuple[Where, str]]) -> FrameRate | None:
-    rate, found = checks.read_rate(source)
-    problems += found
-    return rate
-
-
-def _parsed(
-    source: Source,
-    kind: type[D],
-    problems: list[tuple[Where, str]],
-    missing: list[tuple[Where, str]],
-    failed: list[FlowsculptError] | None = None,
-    context: Mapping[str, Any] | None = None,
-) -> D:
-    """The file as a document, or all problems together; only missing files make a MissingInputError."""
-    wrong, document = [*source.problems, *problems], None
-    try:
-        document = kind.model_validate(source.data, context=dict(context or {}))
-    except ValidationError as error:
-        wrong += findings(error, source, kind)
-    told = {where for where, _ in wrong}
-    absent = [f"{source.place(where)}: {text}" for where, text in missing if where not in told]
-    others = failed or []
-    absent += [str(error) for error in others if isinstance(error, MissingInputError)]
-    lines = [
-        f"{source.place(where)}: {text}"
-        for where, text in sorted(wrong, key=lambda problem: source.order(problem[0]))
-    ]
-    lines += [line for error in others if isinstance(error, ShotError) for line in error.messages]
-    if lines:
-        raise ShotError(*dict.fromkeys([*lines, *absent]))
-    if absent:
-        raise MissingInputError("\n".join(absent))
-    assert document is not None
-    return document
 
 
 def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:

@@ -8,8 +8,9 @@ import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
 from pipeline.production.edit import Cut
+from pipeline.production.folder import edit_names, find_edit, find_shot, shot_names
 from pipeline.production.plan import Plan
-from pipeline.production.workflow import Studio, edit_names, find_edit, find_shot, plan_of, shot_names
+from pipeline.production.workflow import Studio, plan_of
 from pipeline.shot import read_film
 from pipeline.shot.edits import is_edit
 from render.movie import probe_movie
