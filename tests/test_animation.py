@@ -166,7 +166,7 @@ def test_geometric_normals_are_not_kept(motion: Motion) -> None:
     *_, last = animate(resampled(motion, normals="geometric"))
     assert "normal" not in last.mesh.attributes
     *_, last = animate(resampled(motion, placement="curved"))
-    assert set(last.mesh.attributes) == {"identity"}
+    assert set(last.mesh.attributes) == {"identity", "material"}
 
 
 def test_the_creases_at_rest_stay_creases(motion: Motion) -> None:

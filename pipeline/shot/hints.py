@@ -22,6 +22,7 @@ from pipeline.shot.compositions import (
 from pipeline.shot.curves import Key, Keyed, OverTime, OverTimeTriple
 from pipeline.shot.documents import (
     CameraDocument,
+    ClipDocument,
     FilmDocument,
     LightsDocument,
     QualitiesDocument,
@@ -68,6 +69,9 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "subject": Sense("what flows: a solid by name, or a model from a file"),
         "resample": Sense("how fine the surface is kept while it flows; off compares"),
         "flows": Sense("what moves the subject, one after another within each frame"),
+        "integrator": Sense("how velocities are followed: rk4, or adaptive where they are steep somewhere"),
+        "tolerance": Sense("how far a sub-step of the adaptive integrator may err", "units"),
+        "stride": Sense("how far a sub-step may take a vertex", "maximum edges"),
         "substeps": Sense("into how many steps a frame is cut; by itself as many as the flow needs"),
         "speed": Sense("at which the flow's time runs: 1 as it is, 0 stands still, below 0 backwards"),
         "look": Sense("the material, by name or spelt out"),
@@ -76,6 +80,10 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "lights": Sense("the rig, by name or spelt out"),
         "stage": Sense("what the subject stands on, by name or spelt out"),
         "quality": Sense("what this shot needs otherwise at some quality"),
+    },
+    ClipDocument: {
+        "shot": Sense("its name"),
+        "frames": Sense("those that are shown, as in 10-40, or 10-40x2 for every second"),
     },
     FilmDocument: {
         "title": Sense("what the film is called; on its first card"),

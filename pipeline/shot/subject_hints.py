@@ -24,6 +24,8 @@ SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "radius": Sense("from the middle to the surface, or of a torus to the middle of its tube", "units"),
         "length": Sense("from end to end", "units"),
         "tube_radius": Sense("of the tube of a torus; below its radius", "units"),
+        "spacing": Sense("of a lattice: between the middles of its bars", "units"),
+        "thickness": Sense("of a lattice's bars", "units"),
         "caps": Sense("the ends of a rod"),
     },
     ModelDocument: {

@@ -36,7 +36,7 @@ from pipeline.flow.catalogue import (
     Twist,
     Vortex,
 )
-from pipeline.flow.compose import Frame, Limited, Mirrored, Placed, Within
+from pipeline.flow.compose import Frame, Limited, Mirror, Placed, Within
 from pipeline.flow.course import Course
 from pipeline.flow.history import History, Step
 from pipeline.flow.regions import Sphere
@@ -241,7 +241,7 @@ def test_compositions_hand_the_stride_on() -> None:
     for flow in (
         Sequence((inner,)),
         Reversed(inner, 1.0),
-        Mirrored(inner),
+        Placed(inner, Mirror()),
         Within(inner, ball),
         Placed(inner, Frame(scale=2.0)),
     ):
