@@ -37,7 +37,12 @@ def test_a_whole_shot_runs_on_what_set_up_has_compiled(studio):
     assert done.stdout == ""
 
 
-PREPARE = "kernels.compile_all()"
+PREPARE = """
+import {module}
+kernels.DECLARED[:] = [(d, types) for d, types in kernels.DECLARED if d.py_func.__module__ == {module!r}]
+kernels.BLOCK_KERNELS.clear()
+kernels.compile_all()
+"""
 
 CALL = """
 import numpy as np
@@ -51,8 +56,8 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
     module = "pipeline.flow._kernels_deform"
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     said = []
-    for step in (PREPARE, CALL.format(module=module)):
-        code = f"from pipeline import kernels\nkernels.kernel_modules = lambda: [{module!r}]\n{step}"
+    for step in (PREPARE, CALL):
+        code = f"from pipeline import kernels\nkernels.kernel_modules = lambda: [{module!r}]\n{step.format(module=module)}"
         done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         said.append(done.stdout.strip())
