@@ -57,7 +57,12 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     said = []
     for step in (PREPARE, CALL):
-        code = f"from pipeline import kernels\nkernels.kernel_modules = lambda: [{module!r}]\n{step.format(module=module)}"
+        lines = [
+            "from pipeline import kernels",
+            f"kernels.kernel_modules = lambda: [{module!r}]",
+            step.format(module=module),
+        ]
+        code = "\n".join(lines)
         done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         said.append(done.stdout.strip())
