@@ -57,13 +57,14 @@ def execute(plan: Path, root: Path, cores: int) -> bool:
         try:
             return process.wait() == 0
         except BaseException:
-            end_family(psutil.Process(process.pid))
+            end_family(process.pid)
             raise
 
 
-def end_family(parent: psutil.Process) -> None:
-    """End a process and all that it started: asked first, then killed."""
+def end_family(pid: int) -> None:
+    """End a process, if it is still there, and all that it started: asked first, then killed."""
     with contextlib.suppress(psutil.NoSuchProcess):
+        parent = psutil.Process(pid)
         family = [*parent.children(recursive=True), parent]
         for member in family:
             with contextlib.suppress(psutil.NoSuchProcess):
@@ -114,7 +115,7 @@ def _leave_with(parent: int) -> None:
     """End this process and its jobs once the process that started it is gone, however it went."""
     while os.getppid() == parent:
         time.sleep(0.5)
-    end_family(psutil.Process())
+    end_family(os.getpid())
 
 
 def main(plan: str, cores: str) -> int:
