@@ -7,19 +7,22 @@ import psutil
 
 from pipeline.production.scheduler import end_family
 
-PARENT = (
-    "import subprocess, sys; c = subprocess.Popen([sys.executable, '-c', 'input()'], stdin=subprocess.PIPE)"
-)
+PARENT = """
+import subprocess, sys
+child = subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE)
+print(child.pid, flush=True)
+child.wait()
+"""
 
 
 def test_a_process_ends_with_all_that_it_started() -> None:
-    code = f"{PARENT}; print(c.pid, flush=True); c.wait()"
-    parent = subprocess.Popen([sys.executable, "-c", code], stdout=subprocess.PIPE, text=True)
+    parent = subprocess.Popen([sys.executable, "-c", PARENT], stdout=subprocess.PIPE, text=True)
     assert parent.stdout is not None
     child = psutil.Process(int(parent.stdout.readline()))
     end_family(parent.pid)
     parent.stdout.close()
-    assert parent.wait(10) != 0
+    parent.wait(10)
+    assert not psutil.pid_exists(parent.pid)
     assert not child.is_running() or child.status() == psutil.STATUS_ZOMBIE
 
 
