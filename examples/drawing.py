@@ -14,6 +14,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh
+from render import plot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -21,38 +22,23 @@ if TYPE_CHECKING:
 
 PICTURES = Path(__file__).resolve().parent.parent / "docs" / "pictures"
 
-PAPER, INK, GREY, FAINT = "#ffffff", "#23282d", "#8a9299", "#e4e6e8"
+PAPER, INK, GREY, FAINT = "#ffffff", plot.INK, plot.GREY, plot.FAINT
 WARM, COOL, OCHRE, LEAF = "#c4553b", "#2c6e91", "#d39a2d", "#5b8a5a"
 """Warm is what grows or goes wrong, cool what shrinks or goes right; the others come third and fourth."""
 
 _STYLE: Any = {
+    **plot.STYLE,
     "figure.facecolor": PAPER,
     "savefig.facecolor": PAPER,
-    "font.family": "DejaVu Sans",
     "font.size": 9,
-    "text.color": INK,
-    "axes.edgecolor": GREY,
     "axes.labelcolor": INK,
-    "axes.linewidth": 0.7,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
     "axes.titlesize": 9.5,
     "axes.titlelocation": "left",
     "axes.titlepad": 8,
-    "axes.axisbelow": True,
-    "axes.grid": True,
-    "grid.color": FAINT,
-    "grid.linewidth": 0.6,
-    "xtick.color": GREY,
-    "ytick.color": GREY,
-    "xtick.labelcolor": INK,
-    "ytick.labelcolor": INK,
     "xtick.major.width": 0.7,
     "ytick.major.width": 0.7,
     "legend.frameon": False,
     "lines.linewidth": 1.8,
-    "lines.solid_capstyle": "round",
-    "svg.hashsalt": "flowsculpt",
 }
 
 

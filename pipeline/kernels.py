@@ -85,16 +85,17 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
     numba.config.CACHE_DIR = str(cache_folder())
 
     def decorate(function: F) -> F:
-        dispatcher = numba.njit(cache=True, **options)(function)
+        dispatcher: F = numba.njit(cache=True, **options)(function)
         DECLARED.append((dispatcher, signature))
-        return dispatcher  # type: ignore[no-any-return]
+        return dispatcher
 
     return decorate
 
 
 def higher_kernel(function: F) -> F:
     """A kernel that takes kernels: written out in each that calls it, and filed with that one."""
-    return numba.njit(inline="always")(function)  # type: ignore[no-any-return]
+    inlined: F = numba.njit(inline="always")(function)
+    return inlined
 
 
 DECLARED: list[tuple[Any, Any]] = []

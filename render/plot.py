@@ -25,7 +25,7 @@ ENDINGS = (".svg", ".png", ".pdf")
 WIDE, PANEL, HEAD, FOOT = 9.6, 1.25, 0.7, 0.5
 """Inches: the page, a panel with its name, the title and what is below the panels."""
 
-_STYLE: Any = {
+STYLE: Any = {
     "font.family": "DejaVu Sans",
     "font.size": 8.5,
     "text.color": INK,
@@ -44,6 +44,7 @@ _STYLE: Any = {
     "lines.solid_capstyle": "round",
     "svg.hashsalt": "flowsculpt",
 }
+"""One type and one set of lines, for pages of curves and for the figures of the docs."""
 
 
 class Track(NamedTuple):
@@ -67,7 +68,7 @@ def plot_tracks(title: str, tracks: Sequence[Track], fps: float, path: Path) -> 
         raise BadInputError("a page of no curves is not possible")
     import matplotlib as mpl
 
-    with mpl.rc_context(_STYLE), appearing(path) as temporary:
+    with mpl.rc_context(STYLE), appearing(path) as temporary:
         figure = _page(title, tracks, fps)
         kind = path.suffix.lower().lstrip(".")
         metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})

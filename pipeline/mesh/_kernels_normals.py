@@ -108,7 +108,8 @@ def number_fans(
 
 @kernel(numba.float64(MATRIX, numba.int64))
 def _length(rows: Floats, i: int) -> float:
-    return np.sqrt(rows[i, 0] ** 2 + rows[i, 1] ** 2 + rows[i, 2] ** 2)  # type: ignore[no-any-return]
+    length: float = np.sqrt(rows[i, 0] ** 2 + rows[i, 1] ** 2 + rows[i, 2] ** 2)
+    return length
 
 
 @kernel((FACES, MATRIX, MATRIX, MATRIX))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from typing import Any
 
 import numpy as np
 
@@ -154,7 +155,7 @@ class HalfedgeMesh:
 class _Columns:
     """How named attributes of any shape and type lie side by side in one float64 matrix."""
 
-    def __init__(self, layout: Mapping[str, tuple[tuple[int, ...], np.dtype[AnyArray]]]) -> None:  # type: ignore[type-var]
+    def __init__(self, layout: Mapping[str, tuple[tuple[int, ...], np.dtype[Any]]]) -> None:
         self._layout = dict(layout)
         mixes = [np.full(_width(shape), float(kind.kind == "f")) for shape, kind in self._layout.values()]
         self.blends: Floats = np.concatenate([*mixes, np.empty(0)])
