@@ -19,8 +19,8 @@ from render.frame import render_frame
 from render.lights import LIGHTS, LightRig
 from render.look import LOOKS, Look
 from render.quality import Quality
-from render.scene import Surface
 from render.stage import Stage
+from render.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

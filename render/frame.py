@@ -20,9 +20,10 @@ from render.engine import Engine
 from render.lights import LightRig
 from render.look import Look
 from render.quality import PASS_SAMPLES, Quality
-from render.scene import Rendering, Surface, build_scene
+from render.scene import Rendering, build_scene
 from render.spheres import Spheres
 from render.stage import Placement, Stage
+from render.surface import Surface
 
 Layer = NDArray[np.float32]
 

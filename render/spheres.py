@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from render.camera import Camera
 from render.errors import BadInputError
-from render.scene import Surface
+from render.surface import Surface
 
 TOLERANCE = 0.15
 """Pixels that the outline of a sphere may lie beside a circle."""

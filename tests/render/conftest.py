@@ -15,8 +15,8 @@ from render.frame import Layers, render_frame
 from render.lights import LIGHTS
 from render.look import LOOKS
 from render.quality import Quality
-from render.scene import Surface
 from render.stage import STAGES, Placement
+from render.surface import Surface
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 TINY = Quality(48, 27, samples=4, depth=3, guides=4)

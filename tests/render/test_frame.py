@@ -23,8 +23,8 @@ from render.frame import Layers, render_frame, seed_of, without_sparkles
 from render.lights import LIGHTS, LightRig, Sky, Sun
 from render.look import LOOKS, Look
 from render.quality import QUALITIES, Quality
-from render.scene import Surface
 from render.stage import STAGES, Placement
+from render.surface import Surface
 
 Rendered = Callable[..., Layers]
 
@@ -281,7 +281,7 @@ from render.frame import render_frame
 from render.lights import LIGHTS
 from render.look import LOOKS
 from render.quality import Quality
-from render.scene import Surface
+from render.surface import Surface
 from render.stage import STAGES, Placement
 
 arrays = np.load(sys.argv[1])

@@ -16,7 +16,7 @@ from render.look import LOOKS, Look
 from render.noise import fractal_noise
 from render.pigment import PATTERNS, TEXELS, Pigment
 from render.plain import from_plain, to_plain
-from render.scene import Surface
+from render.surface import Surface
 
 Rendered = Callable[..., Layers]
 

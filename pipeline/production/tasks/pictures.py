@@ -13,8 +13,8 @@ from render.engine import choose
 from render.frame import Layers, render_frame
 from render.image import read_exr, write_exr
 from render.plain import to_plain
-from render.scene import Surface
 from render.spheres import Spheres
+from render.surface import Surface
 
 
 def render(context: Context) -> bool:

@@ -1,0 +1,68 @@
+"""What a frame shows: triangles with normals, split where they are to look sharp."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.errors import BadInputError
+from render.look import Look
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """What is rendered: vertices split at creases, with their normals.
+
+    vertices    float32 (V, 3), scene units
+    normals     float32 (V, 3), unit length
+    faces       int32 (F, 3), counter-clockwise seen from outside
+    attributes  by name, float32 (V, k)
+    material    float32 (V, 3), where its points were before anything moved them; pigments need it
+    """
+
+    vertices: NDArray[np.float32]
+    normals: NDArray[np.float32]
+    faces: NDArray[np.int32]
+    attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
+    material: NDArray[np.float32] | None = None
+
+    def check(self) -> None:
+        """Raises BadInputError for what Mitsuba would render wrongly, or crash on, without a word."""
+        count = len(self.vertices)
+        if not count or not len(self.faces):
+            raise BadInputError("the surface is empty; it needs at least one triangle")
+        for name, array in (("vertices", self.vertices), ("normals", self.normals)):
+            if array.shape != (count, 3):
+                raise BadInputError(f"the surface's {name} have shape {array.shape}; not ({count}, 3)")
+            bad = np.flatnonzero(~np.isfinite(array).all(axis=1))
+            if len(bad):
+                raise BadInputError(
+                    f"the surface's {name} are not finite at vertex {bad[0]} and {len(bad) - 1} others; "
+                    "the flow must keep them finite"
+                )
+        if self.faces.ndim != 2 or self.faces.shape[1] != 3:
+            raise BadInputError(f"the surface's faces have shape {self.faces.shape}; they must be (F, 3)")
+        if self.faces.min() < 0 or self.faces.max() >= count:
+            raise BadInputError(
+                f"a face names vertex {int(self.faces.max())} or {int(self.faces.min())}; there are {count}"
+            )
+        for name, array in self.attributes.items():
+            if array.ndim != 2 or len(array) != count or not np.isfinite(array).all():
+                raise BadInputError(f"attribute {name!r} must be finite and have shape ({count}, k)")
+        if self.material is not None and (
+            self.material.shape != (count, 3) or not np.isfinite(self.material).all()
+        ):
+            raise BadInputError(f"the surface's material must be finite and have shape ({count}, 3)")
+
+    def phases(self, look: Look) -> NDArray[np.float64]:
+        """(V,): of the look's pigment, 0 where it has none."""
+        if look.pigment is None:
+            return np.zeros(len(self.vertices))
+        if self.material is None:
+            raise BadInputError(
+                "look has a pigment, and the surface does not say where its points were; give it material"
+            )
+        return look.pigment.phases(self.material)
