@@ -51,7 +51,10 @@ FRAMING_CODE = (
 PICTURE_CODE = (
     *(
         f"render/{name}.py"
-        for name in ("frame", "scene", "material", "pigment", "noise", "spheres", "stage", "camera", "image")
+        for name in (
+            *("frame", "scene", "mitsuba_mesh", "surface", "spheres", "material", "pigment", "noise"),
+            *("lamps", "stage", "camera", "sensor", "image"),
+        )
     ),
     "pipeline/production/framing.py",
     "pipeline/production/tasks/pictures.py",
