@@ -109,6 +109,15 @@ def _strands(panel: Axes, places: AnyArray, seen: AnyArray) -> None:
     panel.add_collection(LineCollection(list(pieces), colors=colours, linewidths=0.25 + 0.9 * age))
 
 
+def _fit(panel: Axes) -> None:
+    """Show all of what has no bounds of its own, as large as others are."""
+    (strands,) = panel.collections
+    points = np.concatenate([path.vertices for path in strands.get_paths()])
+    low, high = points.min(axis=0), points.max(axis=0)
+    middle, half = (low + high) / 2, 1.05 * (high - low).max() / 2
+    panel.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
+
+
 def _block(panel: Axes, flow: Any, seen: AnyArray) -> None:
     """The lines on the faces of a block, as they were and as they are."""
     amount = AMOUNTS[flow.name]
@@ -168,10 +177,13 @@ def _draw(flow: VelocityField | Deformation) -> None:
     panel = figure.add_axes((0.0, 0.0, 1.0, 1.0))
     panel.set(xlim=(-REACH, REACH), ylim=(-REACH, REACH), aspect="equal")
     panel.set_axis_off()
+    seen = view(0.0, 0.0) if isinstance(flow, DoubleGyre) else view()
     if isinstance(flow, Deformation):
-        _block(panel, flow, view())
+        _block(panel, flow, seen)
     else:
-        _strands(panel, ways(flow), view())
+        _strands(panel, ways(flow), seen)
+    if isinstance(flow, Attractor):
+        _fit(panel)
     save(figure, f"flows/{shot_name(type(flow))}.png")
 
 
