@@ -1,6 +1,6 @@
-"""From linear light to a display: the ACES 2.0 view by a baked table. One of two rooms that know OpenImageIO.
+"""From linear light to a display: a view by a baked table. One of three rooms that know OpenImageIO.
 
-OpenColorIO computes the view exactly but slowly (over a second for 1920×1080), so it is asked once, on a
+OpenColorIO computes a view exactly but slowly (over a second for 1920×1080), so it is asked once, on a
 cube of 65³ colours, and pictures are looked up in it. The cube's axes are logarithmic. What surfaces
 reflect comes out within one step of 255; only pure, very bright blues and reds beyond any paint, where the
 view folds sharply, differ by up to seven.
@@ -22,12 +22,10 @@ from numpy.typing import NDArray
 from render._kernels_view import look_up
 from render.dither import dither_pattern
 from render.errors import BadInputError
+from render.view import ACES, ColourView
 
-CONFIG = "ocio://default"
-SCENE_SPACE = "lin_rec709_scene"
-VIEW = "ACES 2.0 - SDR 100 nits (Rec.709)"
-DISPLAYS = {"rec709": "Rec.1886 Rec.709 - Display", "srgb": "sRGB - Display"}
-"""rec709 for movies, srgb for pictures on a page."""
+DISPLAYS = ("rec709", "srgb")
+"""For movies, and for pictures on a page."""
 
 _SIDE = 65
 _TOE = 2.0**-6
@@ -36,17 +34,16 @@ _BRIGHTEST = 2.0**6
 
 
 def to_display(
-    light: NDArray[np.float32], exposure: float = 0.0, display: str = "rec709"
+    light: NDArray[np.float32], exposure: float = 0.0, display: str = "rec709", view: ColourView = ACES
 ) -> NDArray[np.float32]:
     """Linear Rec.709 (H, W, 3) as display values 0 … 1 of the same shape; `exposure` in stops.
 
-    Raises BadInputError for a display that is not one of DISPLAYS.
+    Raises BadInputError for a display that is not one of DISPLAYS, or a view that cannot be computed.
     """
-    if display not in DISPLAYS:
-        raise BadInputError(f"display is {display!r}; it can be {', '.join(DISPLAYS)}")
+    cube = _cube(view, view.display(display))
     flat = np.ascontiguousarray(light, dtype=np.float32).reshape(-1, 3)
     shown = np.empty_like(flat)
-    look_up(flat, 2.0**exposure, _TOE, _BRIGHTEST, _cube(display), shown)
+    look_up(flat, 2.0**exposure, _TOE, _BRIGHTEST, cube, shown)
     return shown.reshape(light.shape)
 
 
@@ -68,23 +65,27 @@ def prepare() -> None:
         to_display(np.zeros((1, 1, 3), np.float32), display=display)
 
 
-def view_exactly(light: NDArray[np.float32], display: str = "rec709") -> NDArray[np.float32]:
-    """The view as OpenColorIO computes it, slowly; the cube is baked with it and tested against it."""
+def view_exactly(
+    light: NDArray[np.float32], display: str = "rec709", view: ColourView = ACES
+) -> NDArray[np.float32]:
+    """A view as OpenColorIO computes it, slowly; cubes are baked with it and tested against it."""
+    return _shown(light, view, view.display(display))
+
+
+def _shown(light: NDArray[np.float32], view: ColourView, display: str) -> NDArray[np.float32]:
     picture = oiio.ImageBuf(np.ascontiguousarray(light, dtype=np.float32))
     shown = oiio.ImageBufAlgo.ociodisplay(
-        picture, DISPLAYS[display], VIEW, fromspace=SCENE_SPACE, colorconfig=CONFIG
+        picture, display, view.view, fromspace=view.space, colorconfig=view.config
     )
     if shown.has_error:
-        raise BadInputError(f"OpenColorIO cannot show {display!r}: {shown.geterror()}")
+        raise BadInputError(f"OpenColorIO cannot show {view.view!r} on {display!r}: {shown.geterror()}")
     return np.asarray(shown.get_pixels(oiio.FLOAT), dtype=np.float32)
 
 
 @cache
-def _cube(display: str) -> NDArray[np.float32]:
+def _cube(view: ColourView, display: str) -> NDArray[np.float32]:
     """The baked cube (65, 65, 65, 3), indexed by red, green, blue; kept in the user's cache."""
-    recipe = (
-        f"{oiio.__version__} {CONFIG} {SCENE_SPACE} {VIEW} {DISPLAYS[display]} {_SIDE} {_TOE} {_BRIGHTEST}"
-    )
+    recipe = f"{oiio.__version__} {sorted(view.recipe.items())} {display} {_SIDE} {_TOE} {_BRIGHTEST}"
     name = hashlib.blake2b(recipe.encode(), digest_size=12).hexdigest()
     file = platformdirs.user_cache_path("flowsculpt") / "views" / f"{name}.npy"
     try:
@@ -93,16 +94,16 @@ def _cube(display: str) -> NDArray[np.float32]:
             return np.asarray(cube)
     except (OSError, ValueError, EOFError):
         pass
-    cube = _bake(display)
+    cube = _bake(view, display)
     _keep(file, cube)
     return cube
 
 
-def _bake(display: str) -> NDArray[np.float32]:
+def _bake(view: ColourView, display: str) -> NDArray[np.float32]:
     axis = _TOE * (2.0 ** (np.linspace(0.0, 1.0, _SIDE) * np.log2(1.0 + _BRIGHTEST / _TOE)) - 1.0)
     red, green, blue = np.meshgrid(axis, axis, axis, indexing="ij")
     colours = np.stack([red, green, blue], axis=-1).reshape(_SIDE * _SIDE, _SIDE, 3)
-    return view_exactly(colours.astype(np.float32), display).reshape(_SIDE, _SIDE, _SIDE, 3)
+    return _shown(colours.astype(np.float32), view, display).reshape(_SIDE, _SIDE, _SIDE, 3)
 
 
 def _keep(file: Path, cube: NDArray[np.float32]) -> None:

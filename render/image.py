@@ -103,6 +103,24 @@ def write_png(path: Path, picture: Displayed, header: Header | None = None) -> N
     _write(path, "png", spec, np.ascontiguousarray(picture))
 
 
+def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = None) -> None:
+    """Write display values (H, W, 3) of 8 bits, hardly compressed, colours at full resolution.
+
+    Raises RenderEnvironmentError.
+    """
+    if picture.ndim != 3 or picture.dtype != np.uint8:
+        raise BadInputError(
+            f"a JPEG cannot hold {picture.dtype} of shape {picture.shape}; quantise it to 8 bits"
+        )
+    height, width, channels = picture.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec.attribute("compression", "jpeg:95")
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    spec.attribute("oiio:ColorSpace", "srgb_rec709_display")
+    spec.attribute("ImageDescription", json.dumps(dict(header or {}), sort_keys=True))
+    _write(path, "jpeg", spec, np.ascontiguousarray(picture))
+
+
 def read_png(path: Path) -> NDArray[Any]:
     """Display values (H, W, C), uint8 or uint16 as the file has them. Raises as `read_exr` does."""
     with _opened(path) as file:

@@ -19,6 +19,7 @@ from render.colour import to_display
 from render.lights import LightRig, Softbox
 from render.look import Look
 from render.stage import Placement, Stage
+from render.view import ACES, ColourView
 
 Floats = NDArray[np.float64]
 
@@ -48,11 +49,12 @@ class Shape(NamedTuple):
 
 @dataclass(frozen=True)
 class Set:
-    """What stands around the subject: the lights, the stage, and where both are."""
+    """What stands around the subject: the lights, the stage, and where both are; and how it is shown."""
 
     lights: LightRig
     stage: Stage
     placement: Placement
+    view: ColourView = ACES
 
 
 class Preview(NamedTuple):
@@ -100,7 +102,7 @@ def preview(subject: Shape, around: Set, camera: Camera, size: tuple[int, int], 
     for shape in shapes:
         hits = _visible(shape, camera, depth)
         light[hits.mask] = _lit(shape.look, hits, around, camera, shadow)
-    shown = to_display(light.astype(np.float32), around.lights.exposure, display)
+    shown = to_display(light.astype(np.float32), around.lights.exposure, display, around.view)
     blocks = shown.reshape(size[1], FINER, size[0], FINER, 3).mean(axis=(1, 3))
     return Preview(blocks.astype(np.float32), depth[FINER // 2 :: FINER, FINER // 2 :: FINER].copy())
 

@@ -58,6 +58,7 @@ for command in (
     start.validate,
     make.simulate,
     make.render,
+    make.stills,
     make.film,
     make.turntable,
     preview.preview,

@@ -1,11 +1,12 @@
-"""Commands that make files: simulate, render, film, turntable."""
+"""Commands that make files: simulate, render, stills, film, turntable."""
 
 from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Annotated, Any
 
 import typer
@@ -16,6 +17,7 @@ from pipeline.cli.say import answer, complain, err
 from pipeline.production.folder import FILM, find_edit
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
+from pipeline.production.take import FORMS
 from pipeline.production.workflow import Studio
 from render.engine import VARIANTS
 from render.quality import QUALITIES
@@ -80,6 +82,29 @@ def render(
     """
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
     _make(common, lambda: studio.pictures(shots, quality, frames))
+
+
+def stills(
+    common: Common,
+    shots: Shots,
+    frames: Frames = None,
+    quality: Quality = "final",
+    form: Annotated[
+        str,
+        typer.Option("--as", help=f"One of {', '.join(FORMS)}: 8 bits, 16 bits, or 8 bits compressed."),
+    ] = "png",
+    variant: Variant = None,
+    settings: Settings = None,
+    allow_code: AllowCode = False,
+) -> None:
+    """Write frames of shots as pictures that any program shows, rendering what is missing.
+
+    They are seen through the shot's view and exposure and lie in renders/SHOT/QUALITY/FORM.
+    `flowsculpt stills A010_cube -f 40` is a final still. The frames themselves, linear EXR with all layers,
+    are in renders/SHOT/QUALITY/frames and raw.
+    """
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+    _make(common, lambda: studio.stills(shots, form, quality, frames))
 
 
 def film(
@@ -167,6 +192,7 @@ def _intended(plan: Plan) -> str:
 
 def _achieved(outcome: Outcome, seconds: float) -> str:
     films = [target for target in outcome.plan.targets if target.endswith(".mp4")]
+    films = films or _folders(outcome.plan.targets)
     if outcome.unfinished:
         return f"Not finished after {seconds:.0f} s; what is done stays done."
     shown = ", ".join(films) or f"{len(outcome.plan.targets)} files"
@@ -174,6 +200,14 @@ def _achieved(outcome: Outcome, seconds: float) -> str:
         again = f" ({outcome.restored} links restored)" if outcome.restored else ""
         return f"Nothing to be done{again}: {shown}"
     return f"Done in {seconds:.0f} s ({outcome.made('render')} frames rendered): {shown}"
+
+
+def _folders(targets: Sequence[str]) -> list[str]:
+    """Where stills lie, where they are what was asked for."""
+    stills = [Path(target) for target in targets if Path(target).parent.name in FORMS]
+    if len(stills) == 1:
+        return [stills[0].as_posix()]
+    return list(dict.fromkeys(f"{still.parent.as_posix()}/" for still in stills))
 
 
 def _failure(event: dict[str, Any]) -> str:

@@ -30,6 +30,9 @@ STAGES = {
     "finish": "finishing",
     "assemble": "assembling",
     "film": "cutting the film",
+    "png": "writing PNG",
+    "png16": "writing PNG",
+    "jpeg": "writing JPEG",
 }
 
 

@@ -65,14 +65,17 @@ class Cut:
     def path(self, quality_name: str) -> Path:
         return layout.film(quality_name, self.name)
 
-    def key(self, quality_name: str, frame_keys: Sequence[Key], exposures: Sequence[float]) -> Key:
-        """Of all that its file holds; what it is called is not in it."""
+    def key(self, quality_name: str, frame_keys: Sequence[Key], shown_as: Sequence[Any]) -> Key:
+        """Of all that its file holds; what it is called is not in it.
+
+        shown_as  of each shot, what is between its light and the picture
+        """
         shown = {name: value for name, value in self.as_data().items() if name != "name"}
         return key_of(
             "film",
             code_key(MOVIE_CODE, ("av", "imageio", "OpenImageIO")),
             shown,
             list(frame_keys),
-            list(exposures),
+            list(shown_as),
             movie_bits(quality_name),
         )

@@ -61,8 +61,12 @@ PICTURE_CODE = (
 )
 FINISH_CODE = ("render/denoise.py", "render/image.py", "pipeline/production/tasks/pictures.py")
 MOVIE_CODE = (
-    *(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "movie", "titles")),
+    *(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "movie", "titles", "view")),
     "pipeline/production/tasks/movies.py",
+)
+STILL_CODE = (
+    *(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "image", "view")),
+    "pipeline/production/tasks/stills.py",
 )
 
 

@@ -58,6 +58,22 @@ class Planner:
             outputs = [take.folders.frame(take.quality_name, n) for n in batch]
             self._add(take, "finish", batch, inputs, outputs)
 
+    def stills(self, take: Take, form: str) -> None:
+        """Ask for the frames of a take as a display shows them."""
+        self.pictures(take)
+        keys = take.all_picture_keys(self.store)
+        self._targets += [take.still_path(form, n) for n in take.requested]
+        absent = []
+        for number in take.requested:
+            key = take.still_key(form, keys[number].frame) if keys else None
+            if key is not None and self.store.holds(form, key):
+                self._link(form, key, take.still_path(form, number))
+            else:
+                absent.append(number)
+        for batch in batches(absent, self.cores):
+            inputs = [take.folders.frame(take.quality_name, n) for n in batch]
+            self._add(take, form, batch, inputs, [take.still_path(form, n) for n in batch])
+
     def movie(self, take: Take) -> None:
         """Ask for the movie of a take, whose frames are there or have been asked for."""
         self._enter(take)
@@ -176,5 +192,5 @@ def film_key(cut: Cut, takes: Sequence[Take], store: Store) -> Key | None:
         if keys is None:
             return None
         frames += [keys[n].frame for n in take.requested]
-    exposures = [take.shot.picture.lights.exposure for take in takes]
-    return cut.key(takes[0].quality_name, frames, exposures)
+    shown = [take.shot.picture.shown_as() for take in takes]
+    return cut.key(takes[0].quality_name, frames, shown)

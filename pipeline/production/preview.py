@@ -76,7 +76,7 @@ class Sketch:
         arrays = read_npz(self.store.path("normals", self.take.normals_key(number)))
         picture = self.take.shot.picture
         subject = _shape(arrays, picture.look)
-        around = Set(picture.lights, picture.stage, framing.placement)
+        around = Set(picture.lights, picture.stage, framing.placement, picture.view)
         shown: Preview = preview(subject, around, framing.camera, size, display)
         if not self.flow:
             return shown.picture

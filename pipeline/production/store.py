@@ -31,6 +31,9 @@ SUFFIXES = {
     "raw": ".exr",
     "frame": ".exr",
     "movie": ".mp4",
+    "png": ".png",
+    "png16": ".png",
+    "jpeg": ".jpg",
 }
 
 

@@ -23,6 +23,7 @@ from pipeline.production.keys import (
     NORMALS_CODE,
     PICTURE_CODE,
     SIMULATION_CODE,
+    STILL_CODE,
     Key,
     code_key,
     key_of,
@@ -30,7 +31,7 @@ from pipeline.production.keys import (
 from pipeline.production.layout import Folders
 from pipeline.production.poses import Pose, Turntable
 from pipeline.production.script import Script
-from pipeline.production.store import Store
+from pipeline.production.store import SUFFIXES, Store
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot
 from pipeline.shot.data import as_data
@@ -39,6 +40,9 @@ from render.errors import BadInputError
 from render.frame import seed_of
 from render.plain import to_plain
 from render.quality import Quality
+
+FORMS = ("png", "png16", "jpeg")
+"""Of single frames as a display shows them; a task of the workflow has the name of each."""
 
 
 @dataclass(frozen=True)
@@ -111,6 +115,10 @@ class Take:
         if kind == "raw":
             return self.folders.raw(self.quality_name, number)
         return self.folders.frame(self.quality_name, number)
+
+    def still_path(self, form: str, number: int) -> Path:
+        """Where a frame is shown as a display shows it."""
+        return self.folders.still(self.quality_name, form, number, SUFFIXES[form])
 
     @property
     def label(self) -> str:
@@ -229,13 +237,16 @@ class Take:
     def seed(self, number: int) -> int:
         return seed_of(self.folders.name, number)
 
+    def still_key(self, form: str, frame_key: Key) -> Key:
+        return key_of(form, code_key(STILL_CODE, ("OpenImageIO",)), frame_key, self.shot.picture.shown_as())
+
     def movie_key(self, frame_keys: list[Key]) -> Key:
         return key_of(
             "movie",
             code_key(MOVIE_CODE, ("av", "imageio", "OpenImageIO")),
             frame_keys,
             str(self.shot.motion.rate),
-            self.shot.picture.lights.exposure,
+            self.shot.picture.shown_as(),
             movie_bits(self.quality_name),
         )
 

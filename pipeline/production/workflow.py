@@ -11,7 +11,7 @@ from typing import Any
 
 from filelock import BaseFileLock
 
-from pipeline.errors import MissingInputError, UsageError
+from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.io import FORMATS
 from pipeline.production.edit import Cut
@@ -23,7 +23,7 @@ from pipeline.production.poses import Turntable
 from pipeline.production.run import acquire
 from pipeline.production.script import Script
 from pipeline.production.store import Store
-from pipeline.production.take import Take
+from pipeline.production.take import FORMS, Take
 from pipeline.production.variants import variant_for
 from pipeline.shot import Film, read_film
 from pipeline.shot.layers import rests_on
@@ -76,6 +76,15 @@ class Studio:
             if keys and all(self.store.holds("frame", keys[n].frame) for n in rest):
                 planner.pictures(whole)
                 planner.movie(whole)
+        return planner.plan()
+
+    def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of shots as a display shows them, in files of a form."""
+        if form not in FORMS:
+            raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
+        planner = self._planner()
+        for shot in shots:
+            planner.stills(self.take(find_shot(shot), quality, frames), form)
         return planner.plan()
 
     def surfaces(self, take: Take) -> Plan:

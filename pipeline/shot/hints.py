@@ -50,6 +50,7 @@ from pipeline.shot.resampling import (
 )
 from pipeline.shot.resampling import RegionDocument as CreasesDocument
 from pipeline.shot.subject_hints import SUBJECT_HINTS
+from pipeline.shot.views import ViewDocument
 
 _MADE_OF = {
     "within": Sense("in a region alone"),
@@ -79,7 +80,14 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "camera": Sense("from where the subject is seen; distance and aim are found by framing"),
         "lights": Sense("the rig, by name or spelt out"),
         "stage": Sense("what the subject stands on, by name or spelt out"),
+        "view": Sense("how light is shown: a view of an OpenColorIO config; ACES 2.0 by default"),
         "quality": Sense("what this shot needs otherwise at some quality"),
+    },
+    ViewDocument: {
+        "config": Sense("of OpenColorIO: ocio://default or another that it has built in, or a file"),
+        "view": Sense("its name in the config"),
+        "display": Sense("its name in the config; by default Rec.709 for movies and sRGB for pictures"),
+        "space": Sense("what the config calls linear Rec.709, where it is not found by itself"),
     },
     ClipDocument: {
         "shot": Sense("its name"),

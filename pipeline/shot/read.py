@@ -134,6 +134,7 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
         ),
         lights=_lights(document.lights),
         stage=_stage(document.stage),
+        view=document.view.build(),
         tessellate=document.smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
         qualities={
             name: dataclasses.replace(quality, **_given(getattr(document.quality, name)))

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from pipeline.flow.choreography import Number, number_at
 from pipeline.frames import FrameRange, FrameRate
@@ -17,6 +18,7 @@ from render.lights import LightRig
 from render.look import Look
 from render.quality import QUALITIES, Quality
 from render.stage import Stage
+from render.view import ACES, ColourView
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,7 @@ class CameraPath:
 class Picture:
     """All that decides how the meshes of a shot look.
 
+    view        how its light is shown
     tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
     qualities   those of `render.quality.QUALITIES`, as this shot needs them
     """
@@ -54,8 +57,13 @@ class Picture:
     camera: CameraPath
     lights: LightRig
     stage: Stage
+    view: ColourView = ACES
     tessellate: int = 1
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
+
+    def shown_as(self) -> dict[str, Any]:
+        """Plain data of what is between its light and the pictures of a display."""
+        return {"exposure": self.lights.exposure, "view": self.view.recipe}
 
 
 @dataclass(frozen=True)

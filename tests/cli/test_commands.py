@@ -24,6 +24,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "validate",
         "simulate",
         "render",
+        "stills",
         "film",
         "turntable",
         "preview",
@@ -37,7 +38,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "film", "turntable", "preview")
+MAKING = ("simulate", "render", "stills", "film", "turntable", "preview")
 TELLING = ("validate", "curves", "flows", "schema", "status", "doctor")
 
 
@@ -263,3 +264,19 @@ def test_doctor_says_which_renderer_is_in_use(studio):
     facts = json.loads(studio.run("--json", "doctor").out)
     assert re.search("llvm_ad_rgb|scalar_rgb", facts["renderer"])
     assert facts["faster"] == "" if "llvm" in facts["renderer"] else "libLLVM" in facts["faster"]
+
+
+def test_stills_are_pictures_that_any_program_shows(studio):
+    done = studio.run("stills", NAME, "-f", "2,4", "-q", "preview", "--as", "jpeg")
+    folder = studio.path / "renders" / NAME / "preview" / "jpeg"
+    assert done.code == 0 and "renders/T010_tiny/preview/jpeg/" in done.out
+    assert sorted(file.name for file in folder.iterdir()) == [f"{NAME}.0002.jpg", f"{NAME}.0004.jpg"]
+    again = studio.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16")
+    assert again.code == 0 and "(0 frames rendered)" in again.out
+    deep = read_png(studio.path / "renders" / NAME / "preview" / "png16" / f"{NAME}.0002.png")
+    shown = read_png(folder / f"{NAME}.0002.jpg")
+    assert deep.dtype == "uint16" and deep.shape == shown.shape == (270, 480, 3)
+    assert abs(deep / 257.0 - shown).mean() < 1.0
+    assert studio.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16").out.startswith("Nothing")
+    unknown = studio.run("stills", NAME, "--as", "jpg")
+    assert unknown.code == 2 and "Did you mean 'jpeg'?" in unknown.err

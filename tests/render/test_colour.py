@@ -10,6 +10,7 @@ import pytest
 from render import colour
 from render.colour import DISPLAYS, quantise, to_display, view_exactly
 from render.errors import BadInputError
+from render.view import ACES
 
 
 def scene_colours(purest: float) -> np.ndarray:
@@ -62,12 +63,12 @@ def test_an_unknown_display_is_named() -> None:
 
 def test_a_damaged_cache_is_baked_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path)
-    monkeypatch.setattr(colour, "_bake", lambda display: np.full((65, 65, 65, 3), 0.25, np.float32))
+    monkeypatch.setattr(colour, "_bake", lambda view, display: np.full((65, 65, 65, 3), 0.25, np.float32))
     (tmp_path / "views").mkdir()
-    fresh = colour._cube.__wrapped__("srgb")
+    fresh = colour._cube.__wrapped__(ACES, ACES.still)
     file = next((tmp_path / "views").glob("*.npy"))
     file.write_bytes(file.read_bytes()[:1000])
-    assert np.array_equal(colour._cube.__wrapped__("srgb"), fresh)
+    assert np.array_equal(colour._cube.__wrapped__(ACES, ACES.still), fresh)
     assert file.stat().st_size > 1000
 
 

@@ -26,6 +26,9 @@ PLACES = {
     "finish": "pictures",
     "assemble": "movies",
     "film": "movies",
+    "png": "stills",
+    "png16": "stills",
+    "jpeg": "stills",
 }
 """The module that holds each task: a task imports only what it needs."""
 

@@ -94,7 +94,7 @@ def _card(card: TitleCard, size: tuple[int, int], count: int) -> Iterator[Frame]
 def _shown(context: Context, take: Take, numbers: list[int]) -> Iterator[Frame]:
     """Finished frames as a display shows them. A frame that cannot be read to its end is forgotten."""
     keys = context.picture_keys(take, numbers)
-    exposure = take.shot.picture.lights.exposure
+    picture = take.shot.picture
 
     def read(number: int) -> Layers:
         target = take.folders.frame(take.quality_name, number)
@@ -102,7 +102,9 @@ def _shown(context: Context, take: Take, numbers: list[int]) -> Iterator[Frame]:
 
     try:
         for number in numbers:
-            yield quantise(to_display(read(number)["beauty"], exposure), bits=16)
+            yield quantise(
+                to_display(read(number)["beauty"], picture.lights.exposure, view=picture.view), bits=16
+            )
     except FrameError:
         context.survey(numbers, read)
         raise

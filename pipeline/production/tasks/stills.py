@@ -1,0 +1,44 @@
+"""From pictures to files that any program shows: each frame seen through the view."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from pipeline.production.tasks.context import Context
+from render.colour import quantise, to_display
+from render.image import read_exr, write_jpeg, write_png
+
+
+def png(context: Context) -> bool:
+    """PNG of 8 bits."""
+    return _stills(context, "png", 8, write_png)
+
+
+def png16(context: Context) -> bool:
+    """PNG of 16 bits, for grading on a display's terms."""
+    return _stills(context, "png16", 16, write_png)
+
+
+def jpeg(context: Context) -> bool:
+    """JPEG, for mail and pages."""
+    return _stills(context, "jpeg", 8, write_jpeg)
+
+
+def _stills(context: Context, form: str, bits: int, write_still: Callable[..., None]) -> bool:
+    take = context.take
+    keys = context.picture_keys(take, context.job.frames)
+    picture = take.shot.picture
+
+    def work(number: int) -> bool:
+        frame = take.folders.frame(take.quality_name, number)
+        key = take.still_key(form, keys[number].frame)
+
+        def write(path: Path) -> None:
+            layers, _ = context.read("frame", keys[number].frame, frame, read_exr)
+            shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
+            write_still(path, quantise(shown, bits), {"shot": take.name, "frame": number, "key": key})
+
+        return context.make(form, key, take.still_path(form, number), write)
+
+    return context.each(context.job.frames, work)
