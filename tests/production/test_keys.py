@@ -95,6 +95,7 @@ STANDS_BESIDE = {
             "source",
             "speed",
             "surroundings",
+            "views",
         )
     ),
 }

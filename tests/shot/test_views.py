@@ -86,14 +86,14 @@ def test_the_files_of_a_config_decide_and_not_where_they_lie(folder, tmp_path_fa
 @pytest.mark.parametrize(
     ("said", "message"),
     [
-        ("view: {vew: x}", "a.yaml:5:8: vew is not known under view. Did you mean 'view'?"),
+        ("view: {wiew: x}", "a.yaml:5:8: wiew is not known under view. Did you mean 'view'?"),
         (
             "view: {view: Plane, config: studio.ocio, space: LINEAR}",
             "has no view 'Plane'. Did you mean 'Plain'?",
         ),
         ("view: {display: sRGB}", "ocio://default has no display 'sRGB'. Did you mean 'sRGB - Display'?"),
         ("view: {config: studio.ocio}", "does not say which of its spaces is linear Rec.709"),
-        ("view: {config: studio.ocio, space: linaer}", "has no space 'linaer'."),
+        ("view: {config: studio.ocio, space: LINEER}", "has no space 'LINEER'."),
         ("view: {config: none.ocio}", "file none.ocio is not there"),
         ("view: {config: a.yaml}", "a.yaml is no OpenColorIO config with a display"),
         ("view: {config: ocio://nonsense}", "ocio://nonsense is no OpenColorIO config with a display"),
