@@ -120,7 +120,7 @@ WRONG = [
     ("{margin: {formula: t}}",
      "5:10: camera.margin is 0.5 at frame 13; it must stay at 0 or above and below 0.5. Mend what leads "
      "there."),
-    ("{margin: titel}", "5:10: camera.margin: 'titel' is no safe area. Did you mean 'title'?"),
+    ("{margin: titles}", "5:10: camera.margin: 'titles' is no safe area. Did you mean 'title'?"),
     ("{aperture: 0}", "5:10: camera.aperture is 0; it must be above 0"),
     ("{aperture: {formula: 1 - t}}",
      "5:10: camera.aperture is 0 at frame 25; it must stay above 0. Mend what leads there."),
@@ -128,7 +128,7 @@ WRONG = [
      "5:39: camera.focal_length.keys.49 is -1; it must be above 0"),
     ("{dolly: 0}", "5:10: camera.dolly is 0; it must be above 0"),
     ("{follow: 2}", "5:10: camera.follow is 2; it must be at most 1"),
-    ("{focus: subjet}", "5:10: camera.focus: 'subjet' is no thing to focus on. Did you mean 'subject'?"),
+    ("{focus: subjects}", "5:10: camera.focus: 'subjects' is no thing to focus on. Did you mean 'subject'?"),
     ("{focus: {keys: {1: 2, 49: [1, 2, 3]}}}",
      "5:31: camera.focus.keys.49 is a list; it must be a number. Write it plainly, without quotes or units."),
     ("{focal: 85}", "5:10: focal is not known under camera. Did you mean 'focus'?"),
