@@ -20,6 +20,8 @@ class Camera:
     up               the direction that points up in the picture
     field_of_view    horizontal, radians
     near, far        clipping distances, scene units
+    lens_radius      of its opening, scene units; 0 is sharp everywhere
+    focus_distance   along the lens, to the plane that is sharp, scene units
     """
 
     origin: Triple
@@ -28,9 +30,12 @@ class Camera:
     field_of_view: float = math.radians(26.0)
     near: float = 1e-2
     far: float = 1e4
+    lens_radius: float = 0.0
+    focus_distance: float = 1.0
 
     def __post_init__(self) -> None:
-        numbers = (*self.origin, *self.target, *self.up, self.field_of_view, self.near, self.far)
+        lens = (self.field_of_view, self.near, self.far, self.lens_radius, self.focus_distance)
+        numbers = (*self.origin, *self.target, *self.up, *lens)
         if not all(math.isfinite(number) for number in numbers):
             raise BadInputError("a camera's numbers must all be finite")
         if not 0.0 < self.field_of_view < math.pi:
@@ -39,6 +44,8 @@ class Camera:
             )
         if not 0.0 < self.near < self.far:
             raise BadInputError(f"near is {self.near} and far is {self.far}; 0 < near < far must hold")
+        if self.lens_radius < 0.0:
+            raise BadInputError(f"lens_radius is {self.lens_radius}; it must be at least 0")
         direction = np.subtract(self.target, self.origin)
         if np.linalg.norm(np.cross(direction, self.up)) <= 1e-9 * np.linalg.norm(direction):
             raise BadInputError(
@@ -50,6 +57,11 @@ class Camera:
         forward = _unit(np.subtract(self.target, self.origin))
         right = _unit(np.cross(forward, self.up))
         return np.stack([right, np.cross(right, forward), forward])
+
+    @property
+    def blurs(self) -> bool:
+        """Whether anything is out of focus: then no layer is free of noise."""
+        return self.lens_radius > 0.0
 
     def project(self, points: ArrayLike, aspect: float) -> NDArray[np.float64]:
         """Where points (N, 3) fall: (N, 3) of x and y, −1 … 1 from edge to edge, and depth along the lens.

@@ -15,7 +15,8 @@ def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
 
     `effort` is a Quality's `denoise`: "balanced" takes half the time of "high" and is hard to tell from it
     at small sizes. A pinhole's first hit has no noise but at edges, so the guides count as clean:
-    that keeps creases crisp. Raises RenderEnvironmentError where the denoiser cannot run.
+    that keeps creases crisp. Behind a lens that blurs they have noise too, and the denoiser is told so.
+    Raises RenderEnvironmentError where the denoiser cannot run.
     """
     beauty = np.maximum(layers["beauty"], np.float32(0.0))
     try:
@@ -24,7 +25,7 @@ def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
             albedo=layers["albedo"],
             normal=layers["normal"],
             hdr=True,
-            clean_aux=True,
+            clean_aux=not layers.facts.get("lens_radius", 0.0),
             quality=effort,
         )
     except RuntimeError as error:

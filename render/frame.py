@@ -97,7 +97,15 @@ def render_frame(
     if isinstance(surface, Spheres):
         surface = surface.surface(camera, quality.width)
     beauty, guides = build_scene(
-        surface, look, lights, stage, placement, camera, (quality.width, quality.height), quality.depth
+        surface,
+        look,
+        lights,
+        stage,
+        placement,
+        camera,
+        (quality.width, quality.height),
+        quality.depth,
+        quality.crop,
     )
     built = time.perf_counter()
     passes = [*_passes("guides", guides, quality.guides), *_passes("beauty", beauty, quality.samples)]
@@ -115,6 +123,7 @@ def render_frame(
         "samples": quality.samples,
         "guides": quality.guides,
         "depth": quality.depth,
+        "lens_radius": camera.lens_radius,
         "surface_vertices": len(surface.vertices),
         "surface_faces": len(surface.faces),
         **engine.facts(),

@@ -10,6 +10,10 @@ PASS_SAMPLES = 16
 """Samples a pixel in one pass; a square, as the multijitter sampler wants."""
 
 
+Crop = tuple[int, int, int, int]
+"""The pixels that are rendered, from the upper left of the picture: x0, y0, x1, y1; these two are outside."""
+
+
 @dataclass(frozen=True)
 class Quality:
     """What a picture costs and what it is good for.
@@ -18,6 +22,7 @@ class Quality:
     samples         paths a pixel; multijitter rounds up to a rectangle: 4, 6, 9, 16, 64
     guides          samples a pixel of the AOVs, which are free of noise but for their edges
     depth           vertices a path may have: 2 is direct light alone
+    crop            the part of the picture that is rendered; None is all of it
     denoise         "off", or the denoiser's effort: "fast", "balanced" or "high"
     """
 
@@ -27,6 +32,7 @@ class Quality:
     depth: int
     guides: int = 16
     denoise: str = "high"
+    crop: Crop | None = None
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "samples", "guides"):
@@ -42,6 +48,13 @@ class Quality:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("off", "fast", "balanced", "high"):
             raise BadInputError(f"denoise is {self.denoise!r}; it can be off, fast, balanced or high")
+
+        if self.crop is not None:
+            x0, y0, x1, y1 = self.crop
+            if not (0 <= x0 < x1 <= self.width and 0 <= y0 < y1 <= self.height):
+                raise BadInputError(
+                    f"crop {x0},{y0},{x1},{y1} is no part of {self.width} × {self.height} pixels"
+                )
 
     @property
     def aspect(self) -> float:

@@ -14,14 +14,16 @@ from numpy.typing import NDArray
 from render import lamps
 from render import material as materials
 from render.camera import Camera
+from render.inside import refuse_inside
 from render.lights import LightRig
 from render.look import Look
 from render.mitsuba_mesh import SUBJECT, SURROUNDINGS, mesh
+from render.quality import Crop
 from render.sensor import sensor
 from render.stage import Placement, Stage
 from render.surface import Surface
 
-_CHANGING = ("to_world", "medium.scale")
+_CHANGING = ("to_world", "medium.scale", "aperture_radius", "focus_distance")
 """How the names of values end that differ from frame to frame."""
 
 BLOCK_SIZE = 16
@@ -46,20 +48,23 @@ def build_scene(
     camera: Camera,
     size: tuple[int, int],
     depth: int,
+    crop: Crop | None = None,
 ) -> tuple[Rendering, Rendering]:
-    """What to render for the beauty and for the AOVs. `size` is width and height in pixels.
+    """What to render for the beauty and for the AOVs. `size` is width and height in pixels,
+    of which `crop` is rendered.
 
     Lamps are hidden from the lens in the beauty, but AOVs would show them: where a lamp stands in the
     picture they get a scene of their own without it. Raises BadInputError for a surface or a look that
-    cannot be rendered.
+    cannot be rendered, and for a camera inside of the sculpture.
     """
     surface.check()
+    refuse_inside(surface, camera)
     subject = _subject(surface, look, materials.material(look, surface.attributes), placement.size)
     shapes = {"subject": subject}
     to_scene = placement.matrix()
     if stage.kind == "cyclorama":
         shapes["stage"] = _cyclorama(stage, to_scene)
-    common = {"type": "scene", "sensor": sensor(camera, size), **shapes}
+    common = {"type": "scene", "sensor": sensor(camera, size, crop), **shapes}
     lit = {**common, **lamps.emitters(lights, to_scene)}
     scene = _load(lit)
     bare = scene

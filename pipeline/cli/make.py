@@ -18,6 +18,7 @@ from pipeline.production.folder import FILM, find_edit
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
 from pipeline.production.take import FORMS
+from pipeline.production.window import windowed
 from pipeline.production.workflow import Studio
 from render.engine import VARIANTS
 from render.quality import QUALITIES
@@ -49,6 +50,18 @@ AllowCode = Annotated[
 Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
 
 
+Crop = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X0,Y0,X1,Y1",
+        help="Render a part: its left, upper, right and lower edge, in shares of the picture or in pixels.",
+    ),
+]
+Scale = Annotated[
+    str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
+]
+
+
 def simulate(
     common: Common,
     shots: Shots,
@@ -72,14 +85,18 @@ def render(
     frames: Frames = None,
     quality: Quality = "draft",
     variant: Variant = None,
+    crop: Crop = None,
+    scale: Scale = None,
     settings: Settings = None,
     allow_code: AllowCode = False,
 ) -> None:
     """Render shots, or a range of their frames, and assemble the movie.
 
     Only what is missing or stale is made: `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six
-    frames, and nothing when called again.
+    frames, and nothing when called again. Parts and scaled pictures have folders of their own, such as
+    preview.scale50; a part shows what the whole picture does there, with other noise.
     """
+    quality = windowed(quality, crop, scale)
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
     _make(common, lambda: studio.pictures(shots, quality, frames))
 
@@ -93,6 +110,8 @@ def stills(
         str,
         typer.Option("--as", help=f"One of {', '.join(FORMS)}: 8 bits, 16 bits, or 8 bits compressed."),
     ] = "png",
+    crop: Crop = None,
+    scale: Scale = None,
     variant: Variant = None,
     settings: Settings = None,
     allow_code: AllowCode = False,
@@ -103,6 +122,7 @@ def stills(
     `flowsculpt stills A010_cube -f 40` is a final still. The frames themselves, linear EXR with all layers,
     are in renders/SHOT/QUALITY/frames and raw.
     """
+    quality = windowed(quality, crop, scale)
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
     _make(common, lambda: studio.stills(shots, form, quality, frames))
 

@@ -10,12 +10,13 @@ from typing import Any
 from pipeline.frames import FrameRate
 from pipeline.production import layout
 from pipeline.production.keys import MOVIE_CODE, Key, code_key, key_of
+from pipeline.production.window import base_of
 from pipeline.shot import Film
 
 
 def movie_bits(quality_name: str) -> int:
     """Bits a sample: 10 where gradients must stay smooth, 8 where everything must play it."""
-    return 10 if quality_name == "final" else 8
+    return 10 if base_of(quality_name) == "final" else 8
 
 
 @dataclass(frozen=True)

@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.shot.cameras import Lens, View
 from render.camera import Camera
 from render.plain import from_plain, to_plain
 from render.stage import Placement
@@ -26,6 +27,17 @@ STEADINESS = 10
 FOOTING = 1
 """Frames to either side over which the floor is smoothed: few, so that the sculpture stands, not hovers."""
 
+HALF_A_SCULPTURE = 100.0
+"""Millimetres that count as the sculpture's half-size, where a shot does not say what a unit is: lenses then
+blur a small one and its enlarged copy alike."""
+
+UPRIGHT = 1e-6
+"""The cosine of an elevation from which on the vertical does not tell which way is up in the picture."""
+
+NEAR, FAR = 1e-2, 1e4
+"""Where cameras begin and cease to see, scene units; in scenes that are too small or too large for these, a
+tenth of the distance of the target, and a hundred times that."""
+
 STAGE_HALF_WIDTH = 1.5
 """Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
 
@@ -35,32 +47,6 @@ class Balls(NamedTuple):
 
     points: Points
     radii: Floats
-
-
-@dataclass(frozen=True)
-class View:
-    """From where a frame is seen. Angles in radians; azimuth 0 looks from +z, a quarter turn from +x.
-
-    margin is the part of the picture's width or height kept free at every side.
-    """
-
-    azimuth: float
-    elevation: float
-    field_of_view: float
-    margin: float
-
-    @property
-    def axes(self) -> Floats:
-        """(3, 3): rows right, up and back, the camera's axes."""
-        sin_a, cos_a = np.sin(self.azimuth), np.cos(self.azimuth)
-        sin_e, cos_e = np.sin(self.elevation), np.cos(self.elevation)
-        return np.array(
-            [
-                [cos_a, 0.0, -sin_a],
-                [-sin_e * sin_a, cos_e, -sin_e * cos_a],
-                [cos_e * sin_a, sin_e, cos_e * cos_a],
-            ]
-        )
 
 
 @dataclass(frozen=True)
@@ -79,29 +65,50 @@ class Framing:
 
 
 def frame_all(
-    views: Sequence[View], points_of: Callable[[int], Points | Balls], aspect: float, still: bool = False
+    views: Sequence[View], points_of: Callable[[int], Points | Balls], aspect: float, follow: float = 1.0
 ) -> list[Framing]:
     """Frame a sequence: `points_of(i)` gives (N, 3) vertices, or balls, that `views[i]` sees.
 
     aspect  width to height
+    follow  1 goes along with the sculpture; 0 holds the distance, the aim and the floor for the whole
+            sequence, as a turntable wants them; in between, partly
 
-    `still` holds the distance, the aim and the floor for the whole sequence, as a turntable wants them.
+    What a view says itself is taken as it is: a target, a distance, a position. The stage stands around the
+    sculpture all the same, and is as large as it.
     """
-    centres = np.empty((len(views), 3))
-    floors = np.empty(len(views))
+    centres, floors = _survey(views, points_of)
+    middles = _between(centres.mean(axis=0), smooth(centres, STEADINESS), follow)
+    ground = _between(floors.min(), smooth(envelope(floors, FOOTING, np.min), FOOTING), follow)
+    aims = np.array([m if v.target is None else v.target for v, m in zip(views, middles, strict=True)])
+    sides = [_side(view, aim) for view, aim in zip(views, aims, strict=True)]
+    reach, around = np.empty(len(views)), np.empty(len(views))
+    for i, view in enumerate(views):
+        points = points_of(i)
+        reach[i] = fitting_distance(points, aims[i], sides[i], view, aspect)
+        by_itself = view.target is not None
+        around[i] = fitting_distance(points, middles[i], sides[i], view, aspect) if by_itself else reach[i]
+    half_widths = np.array([np.tan(view.field_of_view / 2) for view in views])
+    distances = _between(reach.max(), _beyond(reach), follow)
+    sizes = _between((around * half_widths).max(), _beyond(around) * half_widths, follow) / STAGE_HALF_WIDTH
+    framings = []
+    for i, view in enumerate(views):
+        turn = view.azimuth if view.position is None else _bearing(views[0], aims[0])[0]
+        x, _, z = middles[i]
+        placement = Placement(origin=_plain([x, ground[i], z]), size=float(sizes[i]), turn=turn)
+        framings.append(Framing(_camera(view, aims[i], sides[i], distances[i], sizes[i]), placement))
+    return framings
+
+
+def _survey(views: Sequence[View], points_of: Callable[[int], Points | Balls]) -> tuple[Points, Floats]:
+    """(T, 3): the middle of what each view sees, by the bounds it has there; and (T,) its lowest height."""
+    centres, floors = np.empty((len(views), 3)), np.empty(len(views))
     for i, view in enumerate(views):
         points, radii = _balls(points_of(i))
-        seen, around = points @ view.axes.T, np.expand_dims(radii, -1)
-        centres[i] = ((seen - around).min(axis=0) + (seen + around).max(axis=0)) / 2 @ view.axes
+        axes = _axes(view.azimuth + view.orbit, view.elevation)
+        seen, around = points @ axes.T, np.expand_dims(radii, -1)
+        centres[i] = ((seen - around).min(axis=0) + (seen + around).max(axis=0)) / 2 @ axes
         floors[i] = (points[:, 1] - radii).min()
-    targets = _held(centres, np.mean) if still else smooth(centres, STEADINESS)
-    reach = np.array([fitting_distance(points_of(i), targets[i], v, aspect) for i, v in enumerate(views)])
-    if still:
-        distances, ground = _held(reach, np.max), _held(floors, np.min)
-    else:
-        distances = smooth(envelope(reach, STEADINESS, np.max), STEADINESS)
-        ground = smooth(envelope(floors, FOOTING, np.min), FOOTING)
-    return [_framing(*row) for row in zip(views, targets, distances, ground, strict=True)]
+    return centres, floors
 
 
 def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
@@ -115,13 +122,17 @@ def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArr
     return np.asarray((points - pivot) @ turn.T + pivot)
 
 
-def fitting_distance(points: Points | Balls, target: Floats, view: View, aspect: float) -> float:
+def fitting_distance(
+    points: Points | Balls, target: Floats, axes: Floats, view: View, aspect: float
+) -> float:
     """The least distance from `target` at which all points, or balls, lie within the margins of the picture.
+
+    axes  (3, 3): rows right, up and back, the camera's
 
     A ball lies beside a plane through the lens if its centre is its radius away from it.
     """
     points, radii = _balls(points)
-    right, up, back = ((points - target) @ view.axes.T).T
+    right, up, back = ((points - target) @ axes.T).T
     wide = np.tan(view.field_of_view / 2) * (1 - 2 * view.margin)
     high = wide / aspect
     sideways = back + (np.abs(right) + radii * np.hypot(1.0, wide)) / wide
@@ -149,19 +160,80 @@ def smooth(track: Floats, radius: int) -> Floats:
     return smoothed
 
 
-def _held(track: Floats, choose: Callable[..., Floats]) -> Floats:
-    """One value for all frames."""
-    return np.broadcast_to(choose(track, axis=0), track.shape)
+def _beyond(track: Floats) -> Floats:
+    """A calm track that is nowhere below another."""
+    return smooth(envelope(track, STEADINESS, np.max), STEADINESS)
 
 
-def _framing(view: View, target: Floats, distance: float, floor: float) -> Framing:
-    origin = target + distance * view.axes[2]
-    camera = Camera(
-        origin=_plain(origin), target=_plain(target), up=(0.0, 1.0, 0.0), field_of_view=view.field_of_view
+def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
+    """From one value for all frames, at 0, to a track that follows, at 1."""
+    if follow == 1.0:
+        return moving
+    return np.asarray(held + follow * (moving - held))
+
+
+def _bearing(view: View, aim: Floats) -> tuple[float, float]:
+    """Azimuth and elevation from which a view sees its aim; from the front where it stands in it."""
+    if view.position is None:
+        return view.azimuth + view.orbit, view.elevation
+    x, y, z = np.subtract(view.position, aim)
+    return float(np.arctan2(x, z)), float(np.arctan2(y, np.hypot(x, z)))
+
+
+def _axes(azimuth: float, elevation: float) -> Floats:
+    """(3, 3): rows right, up and back of a camera that is not rolled."""
+    sin_a, cos_a = np.sin(azimuth), np.cos(azimuth)
+    sin_e, cos_e = np.sin(elevation), np.cos(elevation)
+    return np.array(
+        [
+            [cos_a, 0.0, -sin_a],
+            [-sin_e * sin_a, cos_e, -sin_e * cos_a],
+            [cos_e * sin_a, sin_e, cos_e * cos_a],
+        ]
     )
-    size = distance * np.tan(view.field_of_view / 2) / STAGE_HALF_WIDTH
-    placement = Placement(origin=_plain([target[0], floor, target[2]]), size=float(size), turn=view.azimuth)
-    return Framing(camera, placement)
+
+
+def _side(view: View, aim: Floats) -> Floats:
+    """(3, 3): the axes of a view's camera, rolled."""
+    right, up, back = _axes(*_bearing(view, aim))
+    if view.roll == 0.0:
+        return np.stack([right, up, back])
+    cos, sin = np.cos(view.roll), np.sin(view.roll)
+    return np.stack([cos * right - sin * up, cos * up + sin * right, back])
+
+
+def _camera(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera:
+    """The camera of a view at the distance that framing found; `size` is the sculpture's half-size."""
+    if view.position is None:
+        away = distance * view.dolly if view.distance is None else view.distance
+        origin = aim + away * axes[2]
+    else:
+        origin = np.array(view.position)
+        away = float(np.linalg.norm(origin - aim))
+    is_upright = view.roll == 0.0 and np.hypot(axes[2][0], axes[2][2]) > UPRIGHT
+    return Camera(
+        origin=_plain(origin),
+        target=_plain(aim if away > 0.0 else origin - axes[2]),
+        up=(0.0, 1.0, 0.0) if is_upright else _plain(axes[1]),
+        field_of_view=view.field_of_view,
+        near=min(NEAR, away / 10.0) if away > 0.0 else NEAR,
+        far=max(FAR, 100.0 * away),
+        **_blur(view.lens, origin, axes[2], away, size),
+    )
+
+
+def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: float) -> dict[str, float]:
+    """How wide a lens opens and how far away it is sharp, scene units; nothing of one sharp everywhere."""
+    if lens is None:
+        return {}
+    unit = HALF_A_SCULPTURE / size if lens.unit is None else lens.unit
+    if lens.focus is None:
+        sharp = away
+    elif isinstance(lens.focus, float):
+        sharp = lens.focus
+    else:
+        sharp = float((origin - lens.focus) @ back)
+    return {"lens_radius": float(lens.focal_length / lens.aperture / 2.0 / unit), "focus_distance": sharp}
 
 
 def _plain(values: Iterable[float]) -> tuple[float, float, float]:

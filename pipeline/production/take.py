@@ -15,7 +15,7 @@ from typing import Any
 
 from pipeline.frames import FrameRange
 from pipeline.production.edit import movie_bits
-from pipeline.production.framing import Framing, View
+from pipeline.production.framing import Framing
 from pipeline.production.keys import (
     FINISH_CODE,
     FRAMING_CODE,
@@ -32,8 +32,10 @@ from pipeline.production.layout import Folders
 from pipeline.production.poses import Pose, Turntable
 from pipeline.production.script import Script
 from pipeline.production.store import SUFFIXES, Store
+from pipeline.production.window import base_of, quality_named
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot
+from pipeline.shot.cameras import View
 from pipeline.shot.data import as_data
 from pipeline.shot.net import ControlNet
 from render.errors import BadInputError
@@ -90,7 +92,12 @@ class Take:
 
     @property
     def quality(self) -> Quality:
-        return self.shot.picture.qualities[self.quality_name]
+        return quality_named(self.quality_name, self.shot.picture.qualities)
+
+    @property
+    def aspect(self) -> float:
+        """Width to height of the whole picture, whatever part of it is rendered and how small."""
+        return self.shot.picture.qualities[base_of(self.quality_name)].aspect
 
     @property
     def motion_folders(self) -> Folders:
@@ -183,7 +190,8 @@ class Take:
             code_key(FRAMING_CODE),
             [self.mesh_key(n) for n in shown],
             [[n, pose.mesh, pose.spin, to_plain(self.view(n))] for n, pose in self.poses.items()],
-            self.quality.aspect,
+            self.aspect,
+            self.follow,
             self._net_pieces,
         )
 
@@ -195,9 +203,12 @@ class Take:
 
     def view(self, number: int) -> View:
         """From where a picture is seen; a turntable stands still."""
-        path = self.shot.picture.camera
-        azimuth, elevation, field_of_view = path.at(self.shot.motion.clock.time(self.poses[number].mesh))
-        return View(azimuth, elevation, field_of_view, path.margin)
+        return self.shot.picture.camera.at(self.shot.motion.clock.time(self.poses[number].mesh))
+
+    @property
+    def follow(self) -> float:
+        """How far the camera goes along with the sculpture; a turntable's does not."""
+        return 0.0 if self.turntable else self.shot.picture.camera.follow
 
     def framings(self, store: Store) -> dict[int, Framing] | None:
         """Every picture's camera and stage, where the store has them."""

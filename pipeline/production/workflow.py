@@ -25,6 +25,7 @@ from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.production.take import FORMS, Take
 from pipeline.production.variants import variant_for
+from pipeline.production.window import base_of
 from pipeline.shot import Film, read_film
 from pipeline.shot.layers import rests_on
 from pipeline.shot.shot import Clip
@@ -136,7 +137,7 @@ class Studio:
 
     def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
         """The pictures of a shot file at one quality, all or a range."""
-        if quality not in QUALITIES:
+        if base_of(quality) not in QUALITIES:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))

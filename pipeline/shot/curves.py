@@ -96,7 +96,7 @@ NOT_BELOW_0 = Bounds(0.0, math.inf, "at 0 or above")
 A_SHARE = Bounds(-1e-12, 1.0 + 1e-12, "from 0 to 1")
 
 
-def _stays(bounds: Bounds) -> AfterValidator:
+def stays(bounds: Bounds) -> AfterValidator:
     """A validator: in the course of the shot the values stay finite, and within bounds.
 
     The clock is in the context of the validation; without one nothing is looked at.
@@ -141,7 +141,8 @@ NotNegative = Annotated[Real, Field(ge=0)]
 # A constant, keys or a formula. Spelt out for each kind: a generic alias would lose the kind within Keyed.
 
 
-def _form(value: Any) -> str:
+def form(value: Any) -> str:
+    """By which a union of what is plain, a list, keys and a formula is told apart."""
     if isinstance(value, dict):
         return "formula" if "formula" in value else "keyed"
     return "list" if isinstance(value, list) else "plain"
@@ -152,40 +153,40 @@ NumberField = Annotated[
     | Annotated[Real, Tag("list")]
     | Annotated[Keyed[Real], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
-    Discriminator(_form),
-    _stays(ANYWHERE),
+    Discriminator(form),
+    stays(ANYWHERE),
 ]
 PositiveField = Annotated[
     Annotated[Positive, Tag("plain")]
     | Annotated[Positive, Tag("list")]
     | Annotated[Keyed[Positive], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
-    Discriminator(_form),
-    _stays(ABOVE_0),
+    Discriminator(form),
+    stays(ABOVE_0),
 ]
 NotNegativeField = Annotated[
     Annotated[NotNegative, Tag("plain")]
     | Annotated[NotNegative, Tag("list")]
     | Annotated[Keyed[NotNegative], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
-    Discriminator(_form),
-    _stays(NOT_BELOW_0),
+    Discriminator(form),
+    stays(NOT_BELOW_0),
 ]
 WeightField = Annotated[
     Annotated[Share, Tag("plain")]
     | Annotated[Share, Tag("list")]
     | Annotated[Keyed[Share], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
-    Discriminator(_form),
-    _stays(A_SHARE),
+    Discriminator(form),
+    stays(A_SHARE),
 ]
 PlaceField = Annotated[
     Annotated[Triple, Tag("plain")]
     | Annotated[Triple, Tag("list")]
     | Annotated[Keyed[Triple], Tag("keyed")]
     | Annotated[OverTimeTriple, Tag("formula")],
-    Discriminator(_form),
-    _stays(ANYWHERE),
+    Discriminator(form),
+    stays(ANYWHERE),
 ]
 
 

@@ -9,7 +9,8 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.patches import MOST_PIECES
-from pipeline.shot.curves import NumberField, PositiveField
+from pipeline.shot.camera_document import CameraDocument
+from pipeline.shot.curves import NumberField
 from pipeline.shot.fields import Colour, Count, Document, Positive, Told, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.looks import LookDocument
@@ -56,15 +57,6 @@ Resample = Annotated[
 
 class SmoothDocument(Document):
     tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = None
-
-
-class CameraDocument(Document):
-    """Angles in degrees."""
-
-    azimuth: NumberField = -30.0
-    elevation: NumberField = 14.0
-    field_of_view: PositiveField = 26.0
-    margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
 
 
 class LightsDocument(Document):

@@ -10,6 +10,7 @@ from collections.abc import Mapping
 from pydantic import BaseModel
 
 from pipeline.flow.parameters import Sense
+from pipeline.shot.camera_document import CameraDocument
 from pipeline.shot.compositions import (
     BlendDocument,
     Composition,
@@ -21,7 +22,6 @@ from pipeline.shot.compositions import (
 )
 from pipeline.shot.curves import Key, Keyed, OverTime, OverTimeTriple
 from pipeline.shot.documents import (
-    CameraDocument,
     ClipDocument,
     FilmDocument,
     LightsDocument,
@@ -140,10 +140,22 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     },
     SmoothDocument: {"tessellate": Sense("into how many pieces each edge is cut; 1 is off")},
     CameraDocument: {
-        "azimuth": Sense("0 looks from the front, positive from the right", "degrees"),
+        "azimuth": Sense("0 looks from the front, positive from the right; the set turns along", "degrees"),
         "elevation": Sense("above the horizon", "degrees"),
+        "orbit": Sense("how fast the camera goes around the set, which stands", "degrees/s"),
         "field_of_view": Sense("horizontal", "degrees"),
-        "margin": Sense("the share of the picture left empty on each side"),
+        "focal_length": Sense("of the lens, in place of the field of view", "mm"),
+        "sensor_width": Sense("of the film or sensor behind the lens; full frame by default", "mm"),
+        "margin": Sense("the share of the picture left empty on each side; or action, or title"),
+        "follow": Sense("1 goes along with the sculpture, 0 stands still as the whole shot needs it"),
+        "dolly": Sense("factor on the distance that framing finds: below 1 is closer"),
+        "distance": Sense("from the target, in place of the one that framing finds", "units"),
+        "target": Sense("what is looked at, in place of the sculpture's middle", "units"),
+        "position": Sense("where the camera stands, in place of all that framing finds", "units"),
+        "roll": Sense("about the lens, clockwise as the camera looks", "degrees"),
+        "aperture": Sense("f-number; the smaller, the more is out of focus; without it all is sharp"),
+        "focus": Sense("what is sharp: subject, a distance from the lens, or a place", "units"),
+        "unit": Sense("what a scene unit is; by default a sculpture is about 200 mm large", "mm"),
     },
     LightsDocument: {"rig": Sense("the lights by name"), "exposure": Sense("brighter or darker", "stops")},
     StageDocument: {

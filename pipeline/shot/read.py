@@ -11,7 +11,7 @@ from typing import Any
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.velocity import DEFAULT_TOLERANCE
 from pipeline.mesh.bspline import PIECES
-from pipeline.shot import brackets, checks, keys, point_documents
+from pipeline.shot import brackets, camera_document, checks, keys, point_documents
 from pipeline.shot.clock import Clock
 from pipeline.shot.cloud import CloudOfFile
 from pipeline.shot.curves import number
@@ -20,14 +20,14 @@ from pipeline.shot.documents import (
     ShotDocument,
     StageDocument,
 )
-from pipeline.shot.fields import DEGREE, Document
+from pipeline.shot.fields import Document
 from pipeline.shot.layers import layered
 from pipeline.shot.motion import DEFAULT_STRIDE, Motion
 from pipeline.shot.net import ControlNet, NetOfFile
 from pipeline.shot.parse import parsed
 from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.resampling import ResampleDocument
-from pipeline.shot.shot import CameraPath, Picture, Shot
+from pipeline.shot.shot import Picture, Shot
 from pipeline.shot.source import Source
 from pipeline.shot.speed import with_speed
 from pipeline.shot.subject import Model, Subject
@@ -67,6 +67,7 @@ def read_shot(
         brackets.splits,
         checks.solid,
         checks.clear_look,
+        camera_document.camera,
         point_documents.resampled,
         point_documents.points,
         checks.tolerance,
@@ -123,15 +124,9 @@ def _subject(document: ShotDocument, source: Source) -> Subject:
 
 
 def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
-    camera = document.camera
     return Picture(
         look=LOOKS[document.look] if isinstance(document.look, str) else document.look.build(),
-        camera=CameraPath(
-            azimuth=number(camera.azimuth, clock, DEGREE),
-            elevation=number(camera.elevation, clock, DEGREE),
-            field_of_view=number(camera.field_of_view, clock, DEGREE),
-            margin=float(camera.margin),
-        ),
+        camera=document.camera.build(clock),
         lights=_lights(document.lights),
         stage=_stage(document.stage),
         view=document.view.build(),

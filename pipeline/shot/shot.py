@@ -10,8 +10,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from pipeline.flow.choreography import Number, number_at
 from pipeline.frames import FrameRange, FrameRate
+from pipeline.shot.cameras import CameraPath
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.motion import Motion
 from render.lights import LightRig
@@ -19,29 +19,6 @@ from render.look import Look
 from render.quality import QUALITIES, Quality
 from render.stage import Stage
 from render.view import ACES, ColourView
-
-
-@dataclass(frozen=True)
-class CameraPath:
-    """Where the camera looks from in the course of the shot; framing finds the distance and the target.
-
-    azimuth, elevation  radians, constant or keyed: 0 looks along −z, positive azimuth from the right
-    field_of_view       radians, horizontal
-    margin              share of the picture left empty on each side
-    """
-
-    azimuth: Number
-    elevation: Number
-    field_of_view: Number
-    margin: float
-
-    def at(self, time: float) -> tuple[float, float, float]:
-        """Azimuth, elevation and field of view, radians, at a time in seconds."""
-        return (
-            number_at(self.azimuth, time),
-            number_at(self.elevation, time),
-            number_at(self.field_of_view, time),
-        )
 
 
 @dataclass(frozen=True)

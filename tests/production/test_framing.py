@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.framing import Balls, View, envelope, frame_all, smooth, turned
+from pipeline.production.framing import Balls, envelope, frame_all, smooth, turned
+from pipeline.shot.cameras import View
 
 ASPECT = 16 / 9
 VIEW = View(azimuth=0.4, elevation=0.25, field_of_view=np.radians(26), margin=0.08)
@@ -60,7 +61,7 @@ def test_an_edit_late_in_the_shot_leaves_early_cameras_alone():
 def test_a_turntable_holds_its_camera_still():
     cloud = blobs(5, 1)[0]
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    framings = frame_all([VIEW] * 12, lambda i: turned(cloud, angles[i]), ASPECT, still=True)
+    framings = frame_all([VIEW] * 12, lambda i: turned(cloud, angles[i]), ASPECT, follow=0.0)
     assert len(set(framings)) == 1
 
 

@@ -82,7 +82,7 @@ def frame_camera(context: Context) -> bool:
 
     def write(path: Path) -> None:
         views = [take.view(number) for number, _ in poses]
-        framings = frame_all(views, points_of, take.quality.aspect, still=take.turntable is not None)
+        framings = frame_all(views, points_of, take.aspect, take.follow)
         data = {str(n): framing.as_data() for (n, _), framing in zip(poses, framings, strict=True)}
         path.write_text(json.dumps(data))
 

@@ -1,0 +1,102 @@
+"""A part of a picture, or a smaller one: what `--crop` and `--scale` ask for.
+
+Such pictures are a quality of their own, whose name says what they are: `final.scale50.crop0-0-480-270`. It
+names their folder and, through the pixels that it means, their keys, so that they never mix with whole ones.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+from dataclasses import replace
+
+from pipeline.errors import UsageError
+from render.quality import QUALITIES, Crop, Quality
+
+LEAST, MOST = 1.0, 400.0
+"""Per cent that a picture may be scaled by."""
+
+_NAME = re.compile(r"(\w+)(?:\.scale(\d+(?:\.\d+)?))?(?:\.crop(\d+)-(\d+)-(\d+)-(\d+))?")
+
+
+def windowed(quality: str, crop: str | None = None, scale: str | None = None) -> str:
+    """The name of a quality's part or scaled picture, as `--crop` and `--scale` say it.
+
+    Raises UsageError, with what is wrong, for what is no part of a picture.
+    """
+    if quality not in QUALITIES:
+        return quality  # which is told where it is looked up
+    name = quality
+    if scale is not None and (per_cent := _per_cent(scale)) != 100.0:
+        name += f".scale{per_cent:g}"
+    if crop is not None:
+        whole = quality_named(name, QUALITIES)
+        name += ".crop" + "-".join(map(str, _pixels(crop, whole.width, whole.height)))
+    return name
+
+
+def base_of(name: str) -> str:
+    """The quality that a name is a part or a scaled picture of."""
+    match = _NAME.fullmatch(name)
+    return match[1] if match else name
+
+
+def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
+    """Of a name that `windowed` gave, by the qualities of a shot."""
+    match = _NAME.fullmatch(name)
+    assert match, "names are made by `windowed`, or looked up before"
+    base, scale, *crop = match.groups()
+    quality = qualities[base]
+    if scale is not None:
+        size = (max(1, round(side * float(scale) / 100.0)) for side in (quality.width, quality.height))
+        width, height = size
+        quality = replace(quality, width=width, height=height)
+    if crop[0] is not None:
+        x0, y0, x1, y1 = map(int, crop)
+        quality = replace(quality, crop=(x0, y0, x1, y1))
+    return quality
+
+
+def _per_cent(text: str) -> float:
+    """`50%` or `0.5`"""
+    try:
+        number = float(text.removesuffix("%")) * (1.0 if text.endswith("%") else 100.0)
+    except ValueError:
+        number = math.nan
+    if not LEAST <= number <= MOST:
+        raise UsageError(
+            f"--scale {text} is no size of a picture, which goes from {LEAST:g}% to {MOST:g}%. Write 50%, or "
+            "0.5."
+        )
+    return float(f"{number:.4g}")
+
+
+def _pixels(text: str, width: int, height: int) -> Crop:
+    """`x0,y0,x1,y1` in shares of the picture, where none is above 1, or in pixels of it.
+
+    Parts of a pixel count as whole ones.
+    """
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 4 or not all(math.isfinite(number) for number in numbers):
+        raise UsageError(
+            f"--crop {text} is no part of a picture; write the left, upper, right and lower edge, in pixels "
+            "or in shares of the picture: --crop 0.25,0.25,0.75,0.75"
+        )
+    if max(numbers) <= 1.0:
+        numbers = [number * side for number, side in zip(numbers, (width, height) * 2, strict=True)]
+    x0, y0 = (math.floor(number + 1e-6) for number in numbers[:2])
+    x1, y1 = (math.ceil(number - 1e-6) for number in numbers[2:])
+    if x1 <= x0 or y1 <= y0:
+        raise UsageError(
+            f"--crop {text} is {max(0, x1 - x0)} × {max(0, y1 - y0)} pixels large; the right edge must lie "
+            "beyond the left one, and the lower beyond the upper. Mend them."
+        )
+    if x0 < 0 or y0 < 0 or x1 > width or y1 > height:
+        raise UsageError(
+            f"--crop {text} goes beyond the picture, which has {width} × {height} pixels. Keep within."
+        )
+    return x0, y0, x1, y1

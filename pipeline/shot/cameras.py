@@ -1,0 +1,121 @@
+"""Where a camera is in the course of a shot, and how it looks. Angles are radians, lenses in millimetres."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
+from pipeline.flow.retiming import elapsed
+
+FULL_FRAME = 36.0
+"""Millimetres across the picture of a still camera's film."""
+
+
+class Lens(NamedTuple):
+    """A lens that blurs what is out of focus.
+
+    focal_length  millimetres
+    aperture      its f-number: the focal length over the width of the opening
+    unit          millimetres in a scene unit; None where the sculpture's size says it
+    focus         what is sharp: None, the target; a distance along the lens, scene units; or a place
+    """
+
+    focal_length: float
+    aperture: float
+    unit: float | None = None
+    focus: float | Vector | None = None
+
+
+class View(NamedTuple):
+    """From where a frame is seen. Angles in radians; azimuth 0 looks from +z, a quarter turn from +x.
+
+    margin    the part of the picture's width or height kept free at every side
+    roll      of the camera, clockwise as it looks
+    orbit     how far the camera has gone around from the azimuth, which the stage faces
+    dolly     factor on the distance that framing finds
+    distance  from the target, scene units; None where framing finds it
+    target    what is looked at; None where framing finds it
+    position  of the camera; None where all this says it
+    """
+
+    azimuth: float
+    elevation: float
+    field_of_view: float
+    margin: float
+    roll: float = 0.0
+    orbit: float = 0.0
+    dolly: float = 1.0
+    distance: float | None = None
+    target: Vector | None = None
+    position: Vector | None = None
+    lens: Lens | None = None
+
+
+@dataclass(frozen=True)
+class CameraPath:
+    """Where the camera is in the course of the shot; framing finds what is None here.
+
+    azimuth, elevation  radians, constant or keyed: 0 looks along −z, positive azimuth from the right
+    field_of_view       radians, horizontal; acts where there is no focal length
+    margin              share of the picture left empty on each side
+    focal_length        millimetres, on a picture `sensor_width` of them wide
+    orbit               radians a second around the set; the azimuth turns the set along
+    follow              1 goes along with the sculpture, 0 stands as the whole shot needs it
+    aperture            f-number; None is sharp everywhere
+    focus, unit         as in `Lens`
+    """
+
+    azimuth: Number
+    elevation: Number
+    field_of_view: Number
+    margin: Number
+    focal_length: Number | None = None
+    sensor_width: float = FULL_FRAME
+    roll: Number = 0.0
+    orbit: Number = 0.0
+    dolly: Number = 1.0
+    distance: Number | None = None
+    target: Place | None = None
+    position: Place | None = None
+    follow: float = 1.0
+    aperture: Number | None = None
+    focus: Number | Place | None = None
+    unit: float | None = None
+
+    def at(self, time: float) -> View:
+        """What is seen at a time in seconds."""
+        return View(
+            number_at(self.azimuth, time),
+            number_at(self.elevation, time),
+            self._field_of_view(time),
+            number_at(self.margin, time),
+            roll=number_at(self.roll, time),
+            orbit=elapsed(self.orbit, time),
+            dolly=number_at(self.dolly, time),
+            distance=None if self.distance is None else number_at(self.distance, time),
+            target=None if self.target is None else place_at(self.target, time),
+            position=None if self.position is None else place_at(self.position, time),
+            lens=self._lens(time),
+        )
+
+    def _field_of_view(self, time: float) -> float:
+        if self.focal_length is None:
+            return number_at(self.field_of_view, time)
+        return 2.0 * math.atan(self.sensor_width / 2.0 / number_at(self.focal_length, time))
+
+    def _lens(self, time: float) -> Lens | None:
+        if self.aperture is None:
+            return None
+        if self.focal_length is None:
+            focal_length = self.sensor_width / 2.0 / math.tan(number_at(self.field_of_view, time) / 2.0)
+        else:
+            focal_length = number_at(self.focal_length, time)
+        return Lens(focal_length, number_at(self.aperture, time), self.unit, self._focus(time))
+
+    def _focus(self, time: float) -> float | Vector | None:
+        if self.focus is None or isinstance(self.focus, float | tuple):
+            return self.focus
+        values = self.focus.at(time)
+        return values[0] if len(values) == 1 else place_at(self.focus, time)

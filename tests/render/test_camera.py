@@ -1,0 +1,131 @@
+"""Lenses that blur, parts of pictures, and cameras where none can be."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.mesh import icosphere
+from render.camera import Camera
+from render.denoise import denoise
+from render.errors import BadInputError
+from render.frame import Layers
+from render.inside import refuse_inside, turns
+from render.quality import Quality
+from render.sensor import sensor
+from render.surface import Surface
+
+CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))
+SMALL = Quality(64, 36, samples=16, depth=3, guides=16)
+
+
+def width_of_the_outline(layers: Layers) -> float:
+    """How many pixels of the middle row the subject covers partly."""
+    row = layers["matte"][18]
+    return float(((row > 0.02) & (row < 0.98)).sum())
+
+
+def test_what_lies_in_the_plane_of_focus_is_sharp_and_the_rest_is_not(
+    rendered: Callable[..., Layers],
+) -> None:
+    def outline(focus: float) -> float:
+        camera = dataclasses.replace(CAMERA, lens_radius=0.4, focus_distance=focus)
+        return width_of_the_outline(rendered(camera=camera, quality=SMALL))
+
+    sharp = width_of_the_outline(rendered(camera=CAMERA, quality=SMALL))
+    assert outline(8.0) <= sharp + 2
+    assert outline(3.0) > sharp + 8
+
+
+def test_a_lens_of_no_width_is_a_pinhole() -> None:
+    assert not CAMERA.blurs
+    assert dataclasses.replace(CAMERA, lens_radius=0.1).blurs
+    with pytest.raises(BadInputError, match="lens_radius is -1"):
+        dataclasses.replace(CAMERA, lens_radius=-1.0)
+
+
+def test_the_denoiser_is_told_that_layers_behind_a_wide_lens_have_noise(
+    rendered: Callable[..., Layers], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    told = []
+    real = denoise.__globals__["pyoidn"].denoise
+    monkeypatch.setattr("pyoidn.denoise", lambda *a, **k: told.append(k["clean_aux"]) or real(*a, **k))
+    for radius in (0.0, 0.4):
+        denoise(rendered(camera=dataclasses.replace(CAMERA, lens_radius=radius)))
+    assert told == [True, False]
+
+
+@pytest.mark.parametrize(
+    ("distance", "message"), [(-2.0, "lies 2 units behind the lens"), (0.0, "lies within")]
+)
+def test_a_focus_that_no_lens_has_is_told(
+    rendered: Callable[..., Layers], distance: float, message: str
+) -> None:
+    camera = dataclasses.replace(CAMERA, lens_radius=0.1, focus_distance=distance)
+    with pytest.raises(BadInputError, match=message):
+        rendered(camera=camera)
+
+
+def test_a_part_shows_what_the_whole_picture_shows_there(rendered: Callable[..., Layers]) -> None:
+    whole = rendered(camera=CAMERA, quality=SMALL)
+    part = rendered(camera=CAMERA, quality=dataclasses.replace(SMALL, crop=(20, 6, 51, 33)))
+    assert part.size == (31, 27)
+    for name in ("position", "normal", "matte"):
+        near = np.abs(part[name] - whole[name][6:33, 20:51])
+        assert np.median(near) < 0.01 and near.mean() < 0.06
+    assert part["beauty"].mean() == pytest.approx(whole["beauty"][6:33, 20:51].mean(), rel=0.03)
+
+
+def test_a_part_is_the_same_to_the_last_bit_again(rendered: Callable[..., Layers]) -> None:
+    quality = Quality(48, 27, samples=4, depth=3, guides=4, crop=(5, 3, 30, 20))
+    one, other = (rendered(quality=quality) for _ in range(2))
+    assert all(np.array_equal(one[name], other[name]) for name in one.arrays)
+
+
+@pytest.mark.parametrize("crop", [(0, 0, 0, 5), (5, 0, 4, 5), (0, 0, 49, 5), (-1, 0, 5, 5)])
+def test_a_part_must_be_one(crop: tuple[int, int, int, int]) -> None:
+    with pytest.raises(BadInputError, match="is no part of 48 × 27 pixels"):
+        Quality(48, 27, samples=4, depth=3, crop=crop)
+
+
+def test_a_sharp_whole_picture_is_described_as_ever(engine: object) -> None:
+    description = sensor(CAMERA, (48, 27))
+    assert description["type"] == "perspective"
+    assert set(description["film"]) == {
+        "type", "width", "height", "pixel_format", "component_format", "rfilter"
+    }  # fmt: skip
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.tuples(st.floats(-1.5, 1.5), st.floats(-0.5, 2.5), st.floats(-1.5, 1.5)))
+def test_a_closed_surface_winds_once_around_what_is_inside(point: tuple[float, float, float]) -> None:
+    sphere = _sphere()
+    away = float(np.linalg.norm(np.subtract(point, (0.0, 1.0, 0.0))))
+    if 0.95 < away < 1.01:
+        return  # between the sphere and its facets
+    assert turns(sphere, np.array(point)) == pytest.approx(1.0 if away < 1.0 else 0.0, abs=1e-4)
+
+
+def test_a_camera_inside_of_the_sculpture_is_told(rendered: Callable[..., Layers]) -> None:
+    with pytest.raises(BadInputError, match=r"stands inside of the sculpture, at 0, 1, 0.5"):
+        rendered(camera=Camera((0.0, 1.0, 0.5), (0.0, 1.0, 0.0)))
+
+
+def test_a_camera_may_look_out_of_an_open_vessel() -> None:
+    sphere = _sphere()
+    lid = (sphere.vertices[sphere.faces][:, :, 1] > 1.7).all(axis=1)
+    bowl = dataclasses.replace(sphere, faces=sphere.faces[~lid])
+    refuse_inside(bowl, Camera((0.0, 0.5, 0.3), (0.0, 1.0, 0.0)))
+    with pytest.raises(BadInputError):
+        refuse_inside(sphere, Camera((0.0, 0.5, 0.3), (0.0, 1.0, 0.0)))
+
+
+def _sphere() -> Surface:
+    mesh = icosphere(3)
+    vertices = (mesh.vertices + np.array([0.0, 1.0, 0.0])).astype(np.float32)
+    return Surface(vertices, mesh.vertices.astype(np.float32), mesh.faces)
