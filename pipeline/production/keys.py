@@ -52,7 +52,8 @@ PICTURE_CODE = (
     *(
         f"render/{name}.py"
         for name in (
-            *("frame", "scene", "mitsuba_mesh", "surface", "spheres", "material", "pigment", "noise"),
+            *("frame", "passes", "shutter", "aovs", "scene", "mitsuba_mesh", "surface", "spheres"),
+            *("material", "pigment", "noise"),
             *("lamps", "stage", "camera", "sensor", "image"),
         )
     ),
