@@ -42,6 +42,8 @@ ALWAYS = {
 EXTRA = {
     "velocity": Aov("XYZ", "half", "of the subject, scene units per second"),
     "motion": Aov("XY", "half", "pixels right and up from this frame to the next, as the camera sees it"),
+    "before": Aov("XYZ", "half", "of the subject, from here to where it was a frame earlier, scene units"),
+    "after": Aov("XYZ", "half", "of the subject, from here to where it is a frame later, scene units"),
     "rest": Aov("XYZ", "float", "place before anything moved it"),
     "noise": Aov("Y", "half", "standard error of the beauty's luminance"),
     "samples": Aov("N", "float", "paths of light"),
@@ -50,7 +52,13 @@ EXTRA = {
 
 AOVS = {**ALWAYS, **EXTRA}
 
-_NEEDED = {"velocity": "velocities", "motion": "the next frame", "rest": "where points were at rest"}
+_NEEDED = {
+    "velocity": "velocities",
+    "motion": "the next frame",
+    "before": "the frame before",
+    "after": "the next frame",
+    "rest": "where points were at rest",
+}
 
 MARKS = tuple(_NEEDED)
 """What the vertices of the subject bring along."""
@@ -59,9 +67,10 @@ MARKS = tuple(_NEEDED)
 def marks_of(
     moment: Moment, following: Moment | None, aovs: Collection[str], size: tuple[int, int]
 ) -> dict[str, NDArray[np.float32]]:
-    """By name (N, 3) of the points of a moment: what `aovs` asks of them, unused channels 0.
+    """By name (N, 3) of the points of a moment: what `aovs` asks of them: motion, its third channel
+    0, the material as rest, and attributes of these names.
 
-    following  the same points at the next frame, seen from there; for motion. Velocity is an attribute.
+    following  the same points at the next frame, seen from there; for motion
     size       width and height in pixels
 
     Raises BadInputError where something is missing.

@@ -42,6 +42,7 @@ NORMALS_CODE = (
         for name in ("normals", "_kernels_normals", "patches", "_kernels_patches", "bspline", "lattice")
     ),
     "pipeline/resample/hardness.py",
+    "pipeline/production/shading.py",
     "pipeline/production/tasks/meshes.py",
 )
 FRAMING_CODE = (
@@ -58,6 +59,7 @@ PICTURE_CODE = (
         )
     ),
     "pipeline/production/framing.py",
+    "pipeline/production/movement.py",
     "pipeline/production/tasks/pictures.py",
 )
 FINISH_CODE = ("render/denoise.py", "render/image.py", "pipeline/production/tasks/pictures.py")

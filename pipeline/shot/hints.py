@@ -49,6 +49,7 @@ from pipeline.shot.resampling import (
     ResampleDocument,
 )
 from pipeline.shot.resampling import RegionDocument as CreasesDocument
+from pipeline.shot.shutter import ShutterDocument
 from pipeline.shot.subject_hints import SUBJECT_HINTS
 
 _MADE_OF = {
@@ -79,7 +80,13 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "camera": Sense("from where the subject is seen; distance and aim are found by framing"),
         "lights": Sense("the rig, by name or spelt out"),
         "stage": Sense("what the subject stands on, by name or spelt out"),
+        "shutter": Sense("how long light comes in for a frame: motion blur"),
+        "aovs": Sense("layers beside the beauty: names, or names with half or float"),
         "quality": Sense("what this shot needs otherwise at some quality"),
+    },
+    ShutterDocument: {
+        "angle": Sense("for which it is open; 360 is a whole frame, 0 no blur", "degrees"),
+        "phase": Sense("at which it opens, before the frame; by itself half the angle", "degrees"),
     },
     ClipDocument: {
         "shot": Sense("its name"),

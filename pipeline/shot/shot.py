@@ -13,6 +13,7 @@ from pipeline.flow.choreography import Number, number_at
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.motion import Motion
+from pipeline.shot.shutter import PictureLayers, Shutter
 from render.lights import LightRig
 from render.look import Look
 from render.quality import QUALITIES, Quality
@@ -48,6 +49,7 @@ class Picture:
 
     tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
     qualities   those of `render.quality.QUALITIES`, as this shot needs them
+    layers      what comes with the beauty beyond what the denoiser needs
     """
 
     look: Look
@@ -56,6 +58,8 @@ class Picture:
     stage: Stage
     tessellate: int = 1
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
+    shutter: Shutter = field(default_factory=Shutter)
+    layers: PictureLayers = field(default_factory=PictureLayers)
 
 
 @dataclass(frozen=True)

@@ -92,6 +92,7 @@ STANDS_BESIDE = {
             "regions",
             "settings",
             "shot",
+            "shutter",
             "source",
             "speed",
             "surroundings",
