@@ -6,31 +6,27 @@ sum make a frame the same to the last bit however often and with however many th
 
 from __future__ import annotations
 
-import hashlib
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from render.aovs import marks_of, stage_motion
 from render.camera import Camera
 from render.engine import Engine
 from render.lights import LightRig
 from render.look import Look
-from render.quality import PASS_SAMPLES, Quality
-from render.scene import Rendering, build_scene
+from render.passes import Layer, Passes, seed_of, without_sparkles
+from render.quality import Quality
+from render.scene import build_scene
+from render.shutter import Moment, Shutter, subframes
 from render.spheres import Spheres
 from render.stage import Placement, Stage
 from render.surface import Surface
 
-Layer = NDArray[np.float32]
-
-SPARKLE_FACTOR = 3.0
-"""A pixel of one pass may be this much brighter than the third brightest of its eight neighbours."""
-
-_LUMA = np.array([0.2126, 0.7152, 0.0722])
+__all__ = ["Layer", "Layers", "render_frame", "seed_of", "without_sparkles"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,12 +65,6 @@ class Layers:
         return width, height
 
 
-def seed_of(*parts: str | int) -> int:
-    """One 32-bit seed from a shot's name, a frame, a pass; Mitsuba repeats neighbouring plain seeds."""
-    text = "\x1f".join(str(part) for part in parts)
-    return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "little")
-
-
 def render_frame(
     surface: Surface | Spheres,
     look: Look,
@@ -86,95 +76,91 @@ def render_frame(
     seed: int,
     engine: Engine,
     on_pass: Callable[[int, int], None] | None = None,
+    *,
+    aovs: Collection[str] = (),
+    shutter: Shutter | None = None,
+    following: Moment | None = None,
 ) -> Layers:
     """Render one frame with `engine`, which is started here if it was not yet.
 
+    aovs       the layers wanted beyond those that all pictures have: names of `aovs.EXTRA`. Velocity takes
+               the surface's attribute of that name, rest its material
+    shutter    while it is open, the picture is the mean of sub-frames: see `shutter.subframes`
+    following  the same points at the next frame, for the layer motion
+
     `on_pass(done, total)` is called after each pass; what it raises ends the frame.
-    Raises BadInputError for a surface that is empty, not finite or badly indexed.
+    Raises BadInputError for a surface that is empty, not finite or badly indexed, and for a layer that lacks
+    what it is made from.
     """
     engine.start()
-    begun = time.perf_counter()
-    if isinstance(surface, Spheres):
-        surface = surface.surface(camera, quality.width)
-    beauty, guides = build_scene(
-        surface,
-        look,
-        lights,
-        stage,
-        placement,
-        camera,
-        (quality.width, quality.height),
-        quality.depth,
-        quality.crop,
-    )
-    built = time.perf_counter()
-    passes = [*_passes("guides", guides, quality.guides), *_passes("beauty", beauty, quality.samples)]
-    sums: dict[str, NDArray[np.float64]] = {}
-    for number, (layer, rendering, samples) in enumerate(passes):
-        picture = _render(rendering, samples, seed_of(seed, number, layer))
-        if layer == "beauty":
-            picture = without_sparkles(picture[..., :3])
-        sums[layer] = sums[layer] + picture if layer in sums else picture
-        if on_pass is not None:
-            on_pass(number + 1, len(passes))
-    seconds = {"building": built - begun, "rendering": time.perf_counter() - built}
+    clock = Clock()
+    size = quality.width, quality.height
+    own = Moment(surface, placement, camera)
+    marks = marks_of(own, following, aovs, size)
+    way = 0.0 if shutter is None else shutter.longest_way(size)
+    count = subframes(way, quality.samples)
+    offsets = [0.0] if shutter is None else shutter.offsets(count)
+    passes = Passes(quality, count, aovs, seed, on_pass)
+    clock.spent("preparing")
+    for offset in offsets:
+        moment = own if shutter is None or offset == 0.0 else shutter.at(offset)
+        shown = moment.dyed(marks).surface(quality.width)
+        scenes = build_scene(
+            shown,
+            look,
+            lights,
+            stage,
+            moment.placement,
+            moment.camera,
+            size,
+            quality.depth,
+            aovs,
+            quality.crop,
+        )
+        clock.spent("building")
+        passes.render(scenes, {name: shown.attributes[name] for name in marks})
+        clock.spent("rendering")
+    layers = passes.layers()
+    if "motion" in layers and following is not None and stage.kind != "none":
+        layers["motion"] = _with_stage(layers, own, following, size)
     facts = {
         "seed": seed,
         "samples": quality.samples,
         "guides": quality.guides,
         "depth": quality.depth,
         "lens_radius": camera.lens_radius,
-        "surface_vertices": len(surface.vertices),
-        "surface_faces": len(surface.faces),
+        "surface_vertices": len(shown.vertices),
+        "surface_faces": len(shown.faces),
+        **({} if shutter is None else _facts_of(shutter, way, count)),
         **engine.facts(),
     }
-    return Layers(_named(sums, passes), facts, seconds)
+    return Layers(layers, facts, clock.seconds)
 
 
-def without_sparkles(light: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(H, W, 3) radiance of one pass, lone bright pixels dimmed to the bound that SPARKLE_FACTOR sets.
+class Clock:
+    """Seconds by what they were spent on, since it was made."""
 
-    A highlight or a thin bright line has at least three bright neighbours at every pixel and passes
-    unchanged; a path that found a lamp by luck has none.
-    """
-    luminance = light @ _LUMA
-    height, width = luminance.shape
-    padded = np.pad(luminance, 1, mode="edge")
-    around = [padded[y : y + height, x : x + width] for y in range(3) for x in range(3) if (y, x) != (1, 1)]
-    third = np.partition(np.stack(around), 5, axis=0)[5]
-    bound = SPARKLE_FACTOR * third + 1e-3
-    return np.asarray(light * (bound / np.maximum(luminance, bound))[..., None], dtype=np.float64)
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = {}
+        self._last = time.perf_counter()
 
-
-def _render(rendering: Rendering, samples: int, seed: int) -> NDArray[np.float64]:
-    import drjit as dr
-    import mitsuba as mi
-
-    picture = np.array(
-        mi.render(rendering.scene, integrator=rendering.integrator, spp=samples, seed=seed), dtype=np.float64
-    )
-    dr.flush_malloc_cache()
-    return picture
+    def spent(self, what: str) -> None:
+        """All since the last call."""
+        now = time.perf_counter()
+        self.seconds[what] = self.seconds.get(what, 0.0) + now - self._last
+        self._last = now
 
 
-def _passes(layer: str, rendering: Rendering, samples: int) -> list[tuple[str, Rendering, int]]:
-    """Whole passes of equal weight; a last one that is smaller would count too much."""
-    each = min(samples, PASS_SAMPLES)
-    return [(layer, rendering, each)] * (samples // each)
-
-
-def _named(
-    sums: Mapping[str, NDArray[np.float64]], passes: list[tuple[str, Rendering, int]]
-) -> dict[str, Layer]:
-    """Averages by name. Mitsuba's AOVs: albedo 3, depth 1, position 3, normal 3, a phase and the matte."""
-    count = {layer: sum(1 for name, _, _ in passes if name == layer) for layer in sums}
-    aovs = sums["guides"] / count["guides"]
-    parts = {
-        "beauty": sums["beauty"] / count["beauty"],
-        "albedo": np.clip(aovs[..., 0:3], 0.0, 1.0),
-        "normal": aovs[..., 7:10],
-        "position": aovs[..., 4:7],
-        "depth": aovs[..., 3],
-        "matte": np.clip(aovs[..., 11], 0.0, 1.0),
+def _facts_of(shutter: Shutter, way: float, count: int) -> dict[str, Any]:
+    return {
+        "shutter": [shutter.opens, shutter.closes],
+        "subframes": count,
+        "pixels_between_subframes": round(way / count, 3),
     }
-    return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in parts.items()}
+
+
+def _with_stage(layers: Mapping[str, Layer], own: Moment, following: Moment, size: tuple[int, int]) -> Layer:
+    """The motion of the subject, and of the stage where it is seen."""
+    there = np.clip(1.0 - layers["matte"], 0.0, 1.0) * (layers["depth"] > 0.0)
+    motion = stage_motion(layers["position"].astype(np.float64), own, following, size)
+    return np.asarray(layers["motion"] + there[..., None] * motion, dtype=np.float32)

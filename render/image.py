@@ -16,6 +16,7 @@ import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 from numpy.typing import NDArray
 
+from render.aovs import AOVS
 from render.appear import appearing, cannot_write
 from render.errors import BadInputError, CorruptImageError, MissingImageError
 from render.frame import Layers
@@ -24,21 +25,14 @@ Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
 
 PREFIX = "flowsculpt:"
-_COMPONENTS = {
-    "beauty": "RGB",
-    "denoised": "RGB",
-    "albedo": "RGB",
-    "normal": "XYZ",
-    "position": "XYZ",
-    "depth": "Z",
-    "matte": "A",
-}
-_EXACT = ("position", "depth")
-"""Layers kept in float32; half floats do for all others."""
+_LETTERS = {"denoised": "RGB", **{name: aov.letters for name, aov in AOVS.items()}}
+_PRECISION = {"half": oiio.HALF, "float": oiio.FLOAT}
 
 
-def write_exr(path: Path, layers: Layers, header: Header) -> None:
+def write_exr(path: Path, layers: Layers, header: Header, precision: Mapping[str, str] | None = None) -> None:
     """Write all layers into one EXR; `header` becomes `flowsculpt:` entries beside the layers' own facts.
+
+    precision  by layer half or float, where it is to be another than `AOVS` says
 
     Header values are whatever JSON can say: strings, numbers, lists (matrices), dicts. The beauty's
     channels are R, G, B; others are named like albedo.R or position.X.
@@ -48,7 +42,7 @@ def write_exr(path: Path, layers: Layers, header: Header) -> None:
     for layer, array in layers.arrays.items():
         flat = array.reshape(*array.shape[:2], -1)
         names += _channel_names(layer, flat.shape[2])
-        formats += [oiio.FLOAT if layer in _EXACT else oiio.HALF] * flat.shape[2]
+        formats += [_PRECISION[_precision(layer, precision or {})]] * flat.shape[2]
         planes.append(flat)
     width, height = layers.size
     spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
@@ -161,8 +155,12 @@ def _ink_width(text: str, size: int, font: str) -> int:
     return int(box.xend - box.xbegin)
 
 
+def _precision(layer: str, wanted: Mapping[str, str]) -> str:
+    return wanted[layer] if layer in wanted else AOVS[layer].precision if layer in AOVS else "half"
+
+
 def _channel_names(layer: str, count: int) -> list[str]:
-    letters = _COMPONENTS.get(layer, "XYZW")[:count]
+    letters = _LETTERS.get(layer, "XYZW")[:count]
     if len(letters) != count:
         raise BadInputError(f"layer {layer!r} has {count} channels; it can have up to {len(letters)}")
     return list(letters) if layer == "beauty" else [f"{layer}.{letter}" for letter in letters]

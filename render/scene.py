@@ -5,6 +5,7 @@ An engine must have been started (`render.engine.Engine.start`) before anything 
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,6 +14,7 @@ from numpy.typing import NDArray
 
 from render import lamps
 from render import material as materials
+from render.aovs import MARKS
 from render.camera import Camera
 from render.inside import refuse_inside
 from render.lights import LightRig
@@ -38,6 +40,32 @@ class Rendering:
     scene: Any
     integrator: Any
 
+    def set(self, shape: str, attribute: str, values: NDArray[np.float32]) -> None:
+        """Give the vertices of a shape other values (V, k) of an attribute that they have."""
+        import mitsuba as mi
+
+        parameters = mi.traverse(self.scene)
+        parameters[f"{shape}.vertex_{attribute}"] = np.ascontiguousarray(values, dtype=np.float32).ravel()
+        parameters.update()
+
+
+@dataclass(frozen=True, eq=False)
+class Scenes:
+    """What there is to render for one picture.
+
+    beauty  light; with the noise layer, Mitsuba's moments of it
+    guides  albedo 3, depth 1, position 3, normal 3, a phase and the matte
+    dyed    the albedo of the subject dyed with DYE, where layers need it
+    """
+
+    beauty: Rendering
+    guides: Rendering
+    dyed: Rendering | None
+
+
+DYE = "dye"
+"""The vertex attribute (V, 3) that dyes the subject of the scene for what vertices bring along."""
+
 
 def build_scene(
     surface: Surface,
@@ -48,9 +76,10 @@ def build_scene(
     camera: Camera,
     size: tuple[int, int],
     depth: int,
+    aovs: Collection[str] = (),
     crop: Crop | None = None,
-) -> tuple[Rendering, Rendering]:
-    """What to render for the beauty and for the AOVs. `size` is width and height in pixels,
+) -> Scenes:
+    """What to render for the beauty and for the layers. `size` is width and height in pixels,
     of which `crop` is rendered.
 
     Lamps are hidden from the lens in the beauty, but AOVs would show them: where a lamp stands in the
@@ -72,8 +101,24 @@ def build_scene(
         bare = _load({**common, "subject": _subject(surface, look, materials.guide(look))})
     elif lamps.any_in_view(lights, to_scene, camera, size):
         bare = _load(common)
-    beauty = _integrator(_beauty(materials.path(look, depth), lights))
-    return Rendering(scene, beauty), Rendering(bare, _integrator(_aovs()))
+    beauty = _beauty(materials.path(look, depth), lights)
+    if "noise" in aovs:
+        beauty = {"type": "moment", "block_size": BLOCK_SIZE, "path": beauty}
+    return Scenes(
+        Rendering(scene, _integrator(beauty)),
+        Rendering(bare, _integrator(_aovs())),
+        _dyed(common, surface) if any(name in MARKS for name in aovs) else None,
+    )
+
+
+def _dyed(common: dict[str, Any], surface: Surface) -> Rendering:
+    """The scene in which the subject's albedo is what its vertices bring along: DYE, which is set later."""
+    plain = Surface(surface.vertices, surface.normals, surface.faces, {DYE: np.zeros_like(surface.vertices)})
+    colour = {"type": "mesh_attribute", "name": f"vertex_{DYE}"}
+    material = {"type": "twosided", "material": {"type": "diffuse", "reflectance": colour}}
+    subject = mesh("subject", plain, material, np.array([0.0, SUBJECT]))
+    albedo = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
+    return Rendering(_load({**common, "subject": subject}), _integrator(albedo))
 
 
 def _integrator(description: dict[str, Any]) -> Any:

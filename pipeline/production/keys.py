@@ -42,6 +42,7 @@ NORMALS_CODE = (
         for name in ("normals", "_kernels_normals", "patches", "_kernels_patches", "bspline", "lattice")
     ),
     "pipeline/resample/hardness.py",
+    "pipeline/production/shading.py",
     "pipeline/production/tasks/meshes.py",
 )
 FRAMING_CODE = (
@@ -52,11 +53,13 @@ PICTURE_CODE = (
     *(
         f"render/{name}.py"
         for name in (
-            *("frame", "scene", "mitsuba_mesh", "surface", "spheres", "material", "pigment", "noise"),
+            *("frame", "passes", "shutter", "aovs", "scene", "mitsuba_mesh", "surface", "spheres"),
+            *("material", "pigment", "noise"),
             *("lamps", "stage", "camera", "sensor", "inside", "image"),
         )
     ),
     "pipeline/production/framing.py",
+    "pipeline/production/movement.py",
     "pipeline/production/tasks/pictures.py",
 )
 FINISH_CODE = ("render/denoise.py", "render/image.py", "pipeline/production/tasks/pictures.py")

@@ -52,6 +52,10 @@ class Folders:
         """A frame as a display shows it, in a folder for each form."""
         return self._frame(self.home / quality / form, number, suffix)
 
+    def statistics(self, quality: str, number: int) -> Path:
+        """What rendering a picture took: not the same twice, and so beside the picture and not in it."""
+        return self._frame(self.home / quality / "statistics", number, ".json")
+
     def movie(self, quality: str, frames: str | None = None) -> Path:
         """The film of all frames, or of a range: `<shot>.10-20x2.mp4`."""
         return self.home / quality / (f"{self.name}.{frames}.mp4" if frames else f"{self.name}.mp4")

@@ -29,6 +29,7 @@ from pipeline.production.keys import (
     key_of,
 )
 from pipeline.production.layout import Folders
+from pipeline.production.movement import STEP, acting
 from pipeline.production.poses import Pose, Turntable
 from pipeline.production.script import Script
 from pipeline.production.store import SUFFIXES, Store
@@ -221,8 +222,37 @@ class Take:
             store.discard("cameras", self.cameras_key)
             return None
 
-    def picture_keys(self, number: int, framing: Framing) -> PictureKeys:
-        picture, pose = self.shot.picture, self.poses[number]
+    def open_at(self, number: int) -> tuple[float, float] | None:
+        """When the shutter opens for a picture and closes, in frames from its moment; None: it shows one."""
+        motion = self.shot.motion
+        return self.shot.picture.shutter.open_at(motion.clock.time(self.poses[number].mesh))
+
+    def moments_beside(self, number: int) -> tuple[float, ...]:
+        """How far a picture looks beyond its own moment, in frames, each way or none."""
+        layers = self.shot.picture.layers.extra
+        steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
+        return (
+            *(self.open_at(number) or ()),
+            *(offset for name in layers for offset in steps.get(name, ())),
+        )
+
+    def follows_flow(self, number: int) -> bool:
+        """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
+        return self.turntable is None and bool(self.moments_beside(number))
+
+    def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
+        """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
+        layers, offsets = self.shot.picture.layers, self.moments_beside(number)
+        if not (layers.precision or offsets):
+            return []
+        around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
+        turn = self.turntable.frames if self.turntable else None
+        flow = acting(self.shot.motion, number, offsets) if self.follows_flow(number) else []
+        opened = self.open_at(number)
+        return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
+
+    def picture_keys(self, number: int, framings: Mapping[int, Framing]) -> PictureKeys:
+        picture, pose, framing = self.shot.picture, self.poses[number], framings[number]
         raw = key_of(
             "raw",
             code_key(PICTURE_CODE, ("mitsuba", "drjit", "OpenImageIO")),
@@ -235,6 +265,7 @@ class Take:
             to_plain(self.quality),
             self.variant,
             self.seed(number),
+            *self._beside(number, framings),
         )
         return PictureKeys(
             raw, key_of("frame", code_key(FINISH_CODE, ("pyoidn", "OpenImageIO")), raw, self.quality.denoise)
@@ -243,7 +274,7 @@ class Take:
     def all_picture_keys(self, store: Store) -> dict[int, PictureKeys] | None:
         """The keys of every picture of the take, once its cameras are known."""
         framings = self.framings(store)
-        return {n: self.picture_keys(n, framings[n]) for n in self.poses} if framings else None
+        return {n: self.picture_keys(n, framings) for n in self.poses} if framings else None
 
     def seed(self, number: int) -> int:
         return seed_of(self.folders.name, number)

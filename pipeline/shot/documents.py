@@ -16,6 +16,7 @@ from pipeline.shot.flows import FlowDocument
 from pipeline.shot.looks import LookDocument
 from pipeline.shot.point_documents import CloudDocument, NetDocument, SolidDocument
 from pipeline.shot.resampling import ResampleDocument
+from pipeline.shot.shutter import LayersField, ShutterDocument
 from pipeline.shot.views import ViewDocument
 from render.lights import LIGHTS
 from render.look import LOOKS
@@ -148,6 +149,8 @@ class ShotDocument(Document):
         Annotated[str, one_of(STAGES, "stage"), Tag("by name")] | Annotated[StageDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
     ] = "cyclorama"
+    shutter: ShutterDocument | None = None
+    aovs: LayersField = Field(default_factory=list)
     view: ViewDocument = ViewDocument()
     quality: QualitiesDocument = QualitiesDocument()
 

@@ -49,6 +49,7 @@ from pipeline.shot.resampling import (
     ResampleDocument,
 )
 from pipeline.shot.resampling import RegionDocument as CreasesDocument
+from pipeline.shot.shutter import ShutterDocument
 from pipeline.shot.subject_hints import SUBJECT_HINTS
 from pipeline.shot.views import ViewDocument
 
@@ -80,6 +81,8 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "camera": Sense("from where the subject is seen; distance and aim are found by framing"),
         "lights": Sense("the rig, by name or spelt out"),
         "stage": Sense("what the subject stands on, by name or spelt out"),
+        "shutter": Sense("how long light comes in for a frame: motion blur"),
+        "aovs": Sense("layers beside the beauty: names, or names with half or float"),
         "view": Sense("how light is shown: a view of an OpenColorIO config; ACES 2.0 by default"),
         "quality": Sense("what this shot needs otherwise at some quality"),
     },
@@ -88,6 +91,10 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "view": Sense("its name in the config"),
         "display": Sense("its name in the config; by default Rec.709 for movies and sRGB for pictures"),
         "space": Sense("what the config calls linear Rec.709, where it is not found by itself"),
+    },
+    ShutterDocument: {
+        "angle": Sense("for which it is open; 360 is a whole frame, 0 no blur", "degrees"),
+        "phase": Sense("at which it opens, before the frame; by itself half the angle", "degrees"),
     },
     ClipDocument: {
         "shot": Sense("its name"),

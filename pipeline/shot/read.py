@@ -28,6 +28,7 @@ from pipeline.shot.parse import parsed
 from pipeline.shot.point_documents import SolidDocument
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.shot import Picture, Shot
+from pipeline.shot.shutter import PictureLayers, Shutter
 from pipeline.shot.source import Source
 from pipeline.shot.speed import with_speed
 from pipeline.shot.subject import Model, Subject
@@ -135,6 +136,8 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
             name: dataclasses.replace(quality, **_given(getattr(document.quality, name)))
             for name, quality in QUALITIES.items()
         },
+        shutter=document.shutter.build(clock) if document.shutter else Shutter(),
+        layers=PictureLayers.of(document.aovs),
     )
 
 

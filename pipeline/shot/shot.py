@@ -14,6 +14,7 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.cameras import CameraPath
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.motion import Motion
+from pipeline.shot.shutter import PictureLayers, Shutter
 from render.lights import LightRig
 from render.look import Look
 from render.quality import QUALITIES, Quality
@@ -28,6 +29,7 @@ class Picture:
     view        how its light is shown
     tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
     qualities   those of `render.quality.QUALITIES`, as this shot needs them
+    layers      what comes with the beauty beyond what the denoiser needs
     """
 
     look: Look
@@ -37,6 +39,8 @@ class Picture:
     view: ColourView = ACES
     tessellate: int = 1
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
+    shutter: Shutter = field(default_factory=Shutter)
+    layers: PictureLayers = field(default_factory=PictureLayers)
 
     def shown_as(self) -> dict[str, Any]:
         """Plain data of what is between its light and the pictures of a display."""

@@ -94,6 +94,7 @@ STANDS_BESIDE = {
             "regions",
             "settings",
             "shot",
+            "shutter",
             "source",
             "speed",
             "surroundings",

@@ -9,17 +9,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, animate, material_of
-from pipeline.arrays import AnyArray, Floats
+from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
-from pipeline.mesh.bspline import bspline_surface, bspline_values
-from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.patches import spread, tessellate
+from pipeline.mesh.bspline import bspline_surface
 from pipeline.production.framing import Balls, frame_all, turned
 from pipeline.production.npz import read_npz, write_npz
+from pipeline.production.shading import Shading, radii
 from pipeline.production.store import CorruptFileError
 from pipeline.production.tasks.context import Context
-from pipeline.shot.cloud import RADIUS
 
 
 def simulate(context: Context) -> bool:
@@ -58,8 +55,7 @@ def smooth_normals(context: Context) -> bool:
         target = take.motion_folders.normals(number)
 
         def write(path: Path) -> None:
-            frame = read_mesh_frame(context, number)
-            write_npz(path, _spheres(frame) if _is_cloud(frame) else _shaded(context, frame))
+            write_npz(path, shading_of(context, number).arrays())
 
         return context.make("normals", take.normals_key(number), target, write)
 
@@ -74,11 +70,11 @@ def frame_camera(context: Context) -> bool:
     def points_of(index: int) -> Balls:
         pose = poses[index][1]
         frame = read_mesh_frame(context, pose.mesh)
-        points, radii = frame.mesh.vertices, _radii(frame)
+        points, around = frame.mesh.vertices, radii(frame)
         if frame.lattice is not None:
             points = bspline_surface(points, frame.lattice, take.shot.picture.tessellate).vertices
-            radii = np.zeros(len(points))
-        return Balls(turned(points, pose.spin), radii)
+            around = np.zeros(len(points))
+        return Balls(turned(points, pose.spin), around)
 
     def write(path: Path) -> None:
         views = [take.view(number) for number, _ in poses]
@@ -99,41 +95,10 @@ def frame_camera(context: Context) -> bool:
     return True
 
 
-def _is_cloud(frame: MeshFrame) -> bool:
-    return not len(frame.mesh.faces)
-
-
-def _radii(frame: MeshFrame) -> Floats:
-    """(V,) of the spheres around vertices: none where there are faces."""
-    return frame.mesh.attributes[RADIUS] if _is_cloud(frame) else np.zeros(len(frame.mesh.vertices))
-
-
-def _spheres(frame: MeshFrame) -> dict[str, AnyArray]:
-    points = frame.mesh.vertices
-    return {
-        "vertices": points.astype(np.float32),
-        "radii": _radii(frame).astype(np.float32),
-        "source_vertex": np.arange(len(points), dtype=np.int32),
-        "material": material_of(frame.mesh).astype(np.float32),
-    }
-
-
-def _shaded(context: Context, frame: MeshFrame) -> dict[str, AnyArray]:
-    mesh, pieces = frame.mesh, context.take.shot.picture.tessellate
-    if frame.lattice is not None:
-        shaded = bspline_surface(mesh.vertices, frame.lattice, pieces)
-        material = bspline_values(material_of(mesh), frame.lattice, pieces)
-    else:
-        split = split_at_creases(mesh, context.take.thresholds(frame.number).hard_angles(mesh))
-        shaded = tessellate(split, pieces)
-        material = spread(material_of(mesh), split, shaded)
-    return {
-        "vertices": shaded.vertices.astype(np.float32),
-        "normals": shaded.normals.astype(np.float32),
-        "faces": shaded.faces,
-        "source_vertex": shaded.source_vertex,
-        "material": material.astype(np.float32),
-    }
+def shading_of(context: Context, number: int) -> Shading:
+    """How a mesh frame from the store is rendered. Raises as `read_mesh_frame` does."""
+    take = context.take
+    return Shading.of(read_mesh_frame(context, number), take.thresholds(number), take.shot.picture.tessellate)
 
 
 def read_mesh_frame(context: Context, number: int) -> MeshFrame:

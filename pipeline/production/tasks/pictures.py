@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import json
+import math
+import resource
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.production.disk import disk_faults
 from pipeline.production.framing import Framing, turned
+from pipeline.production.keys import Key
+from pipeline.production.movement import Movement, Shown, flowing, framing_at, turning
 from pipeline.production.npz import read_npz
 from pipeline.production.take import PictureKeys
 from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.meshes import shading_of
 from render.denoise import denoise
 from render.engine import choose
 from render.frame import Layers, render_frame
 from render.image import read_exr, write_exr
 from render.plain import to_plain
+from render.shutter import Moment, Shutter
 from render.spheres import Spheres
 from render.surface import Surface
 
@@ -27,20 +42,27 @@ def render(context: Context) -> bool:
 
     def work(number: int) -> bool:
         framing = framings[number]
+        begun = time.perf_counter()
 
         def write(path: Path) -> None:
+            own, shutter, following = _moments(context, number, framings)
             layers = render_frame(
-                _surface(context, number),
+                own.subject,
                 picture.look,
                 picture.lights,
                 picture.stage,
-                framing.placement,
-                framing.camera,
+                own.placement,
+                own.camera,
                 take.quality,
                 take.seed(number),
                 engine,
+                aovs=picture.layers.extra,
+                shutter=shutter,
+                following=following,
             )
-            write_exr(path, layers, _header(context, number, framing, keys[number]))
+            header = _header(context, number, framing, keys[number])
+            write_exr(path, layers, header, dict(picture.layers.precision))
+            _tell_statistics(context, number, keys[number].raw, layers, time.perf_counter() - begun)
 
         target = take.folders.raw(take.quality_name, number)
         return context.make("raw", keys[number].raw, target, write)
@@ -60,7 +82,9 @@ def finish(context: Context) -> bool:
         def write(path: Path) -> None:
             layers, header = context.read("raw", keys[number].raw, raw, read_exr)
             quiet = layers["beauty"] if effort == "off" else denoise(layers, effort)
-            write_exr(path, Layers({"beauty": quiet}, layers.facts), {**header, "key": keys[number].frame})
+            finished = Layers({"beauty": quiet}, layers.facts)
+            header = {**header, "key": keys[number].frame}
+            write_exr(path, finished, header, dict(take.shot.picture.layers.precision))
 
         target = take.folders.frame(take.quality_name, number)
         return context.make("frame", keys[number].frame, target, write)
@@ -68,19 +92,81 @@ def finish(context: Context) -> bool:
     return context.each(context.job.frames, work)
 
 
-def _surface(context: Context, number: int) -> Surface | Spheres:
-    """What a picture shows, turned as its pose says."""
+def _moments(
+    context: Context, number: int, framings: Mapping[int, Framing]
+) -> tuple[Moment, Shutter | None, Moment | None]:
+    """What a picture shows, while its shutter is open, and at the next one; of these what it asks for."""
     take = context.take
-    pose = take.poses[number]
+    pose, framing = take.poses[number], framings[number]
     path = take.motion_folders.normals(pose.mesh)
     arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
-    vertices = turned(arrays["vertices"], pose.spin)
-    if "radii" in arrays:
-        return Spheres(vertices.astype("float32"), arrays["radii"], material=arrays["material"])
-    normals = turned(arrays["normals"], pose.spin, about_origin=True)
-    return Surface(
-        vertices.astype("float32"), normals.astype("float32"), arrays["faces"], material=arrays["material"]
+    normals = arrays.get("normals")
+    shown = (
+        turned(arrays["vertices"], pose.spin),
+        None if normals is None else turned(normals, pose.spin, about_origin=True),
     )
+    if not take.moments_beside(number):
+        return Moment(_subject(arrays, shown, {}), framing.placement, framing.camera), None, None
+    movement = _movement(context, number, arrays)
+    attributes = _attributes(movement, take.shot.picture.layers.extra)
+
+    def at(offset: float) -> Moment:
+        there = framing_at(framings, number, offset)
+        return Moment(_subject(arrays, movement.at(offset), attributes), there.placement, there.camera)
+
+    own = Moment(_subject(arrays, shown, attributes), framing.placement, framing.camera)
+    opened = take.open_at(number)
+    following = at(1.0) if "motion" in take.shot.picture.layers.extra else None
+    return own, None if opened is None else Shutter(*opened, at), following
+
+
+def _movement(context: Context, number: int, arrays: Mapping[str, AnyArray]) -> Movement:
+    take = context.take
+    pose, motion = take.poses[number], take.shot.motion
+    if take.turntable is not None:
+        turn = 2.0 * math.pi / take.turntable.frames
+        return turning(arrays["vertices"], arrays.get("normals"), pose.spin, turn, float(motion.rate.fps))
+    shading = shading_of(context, pose.mesh)
+    return flowing(motion, shading)
+
+
+def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray]:
+    """What vertices bring along for the layers asked for."""
+    ways: dict[str, Callable[[], AnyArray]] = {
+        "velocity": movement.velocity,
+        "before": partial(movement.way, -1.0),
+        "after": partial(movement.way, 1.0),
+    }
+    return {name: ways[name]().astype(np.float32) for name in layers if name in ways}
+
+
+def _subject(
+    arrays: Mapping[str, AnyArray], shown: Shown, attributes: Mapping[str, AnyArray]
+) -> Surface | Spheres:
+    """What is rendered of a frame's arrays, its vertices and normals being those shown."""
+    points, normals = shown
+    vertices, material = points.astype(np.float32), arrays["material"]
+    if normals is None:
+        return Spheres(vertices, arrays["radii"], attributes, material)
+    return Surface(vertices, normals.astype(np.float32), arrays["faces"], attributes, material)
+
+
+def _tell_statistics(context: Context, number: int, key: Key, layers: Layers, seconds: float) -> None:
+    """What this picture took: it differs from run to run, and pictures do not, so it stands beside them."""
+    stages = {name: round(value, 4) for name, value in layers.seconds.items()}
+    told = {
+        "key": key,
+        "seconds": {**stages, "reading and writing": round(seconds - sum(layers.seconds.values()), 4)},
+        "vertices": layers.facts["surface_vertices"],
+        "faces": layers.facts["surface_faces"],
+        "subframes": layers.facts.get("subframes", 1),
+        "threads": context.job.threads,
+        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+    }
+    path = context.root / context.take.folders.statistics(context.take.quality_name, number)
+    with disk_faults(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(told, indent=1) + "\n")
 
 
 def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
@@ -94,7 +180,12 @@ def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) 
         "key": keys.raw,
         "mesh_key": take.mesh_key(take.poses[number].mesh),
         "seed": take.seed(number),
+        "pose": to_plain(take.poses[number]),
+        "normals_key": take.normals_key(take.poses[number].mesh),
         "look": to_plain(take.shot.picture.look),
+        "lights": to_plain(replace(take.shot.picture.lights, exposure=0.0)),
+        "stage": to_plain(take.shot.picture.stage),
+        "settings": to_plain(take.quality),
         **framing.as_data(),
         **(resampling.settings() if resampling else {"resample": "off"}),
     }

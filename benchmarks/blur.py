@@ -1,0 +1,83 @@
+"""What motion blur costs: the same frame with the same samples, in sub-frames and in one.
+
+    python -m benchmarks.blur 70 daily
+
+A geodesic sphere, its edges cut into so many parts, slides through the picture ever faster, so that it takes
+1, 2, 4, 8 and 16 sub-frames where the samples can be divided so. One line each: pixels that it moves while
+the shutter is open, sub-frames, seconds, and how many times those of the frame that stands still, which is
+rendered before and after.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.mesh.solids import icosphere
+from render.camera import Camera
+from render.engine import choose
+from render.frame import Layers, render_frame
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.quality import QUALITIES
+from render.shutter import Moment, Shutter
+from render.stage import STAGES, Placement
+from render.surface import Surface
+
+CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
+
+PIXELS = (0.8, 1.6, 3.2, 6.4, 12.8)
+"""While the shutter is open."""
+
+
+def main(frequency: int, quality: str) -> None:
+    """Print the table."""
+    ball = icosphere(frequency)
+    normals, points = ball.vertices.astype(np.float32), ball.vertices + np.array([0.0, 1.0, 0.0])
+    surface, engine = Surface(points.astype(np.float32), normals, ball.faces), choose(threads=2)
+
+    def rendered(shutter: Shutter | None) -> tuple[float, Layers]:
+        begun = time.perf_counter()
+        layers = render_frame(
+            surface,
+            LOOKS["clay"],
+            LIGHTS["studio"],
+            STAGES["cyclorama"],
+            Placement(),
+            CAMERA,
+            QUALITIES[quality],
+            1,
+            engine,
+            shutter=shutter,
+        )
+        return time.perf_counter() - begun, layers
+
+    rendered(None)  # what is compiled is compiled now
+    before = rendered(None)[0]
+    blurred = {pixels: rendered(_sliding(surface, pixels, QUALITIES[quality].width)) for pixels in PIXELS}
+    still = min(before, rendered(None)[0])
+    print(f"{len(points)} vertices, {quality}, standing still: {still:.2f} s")
+    for pixels, (seconds, layers) in blurred.items():
+        print(
+            f"{pixels} pixels, {layers.facts['subframes']} sub-frames: {seconds:.2f} s, {seconds / still:.2f}"
+        )
+
+
+def _sliding(surface: Surface, pixels: float, width: int) -> Shutter:
+    """A shutter of half a frame, in which the nearest point moves so many pixels."""
+    right = CAMERA.axes()[0]
+
+    def at(offset: float) -> Moment:
+        moved = (surface.vertices + way * offset * right).astype(np.float32)
+        return Moment(replace(surface, vertices=moved), Placement(), CAMERA)
+
+    way = 1.0
+    way = pixels / Shutter(-0.25, 0.25, at).longest_way((width, width * 9 // 16))
+    return Shutter(-0.25, 0.25, at)
+
+
+if __name__ == "__main__":
+    main(int(sys.argv[1]), sys.argv[2])
