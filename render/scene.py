@@ -21,7 +21,7 @@ from render.sensor import sensor
 from render.stage import Placement, Stage
 from render.surface import Surface
 
-_CHANGING = ("to_world", "medium.scale")
+_CHANGING = ("to_world", "medium.scale", "sun_direction", "sun_scale", "sky_scale")
 """How the names of values end that differ from frame to frame."""
 
 BLOCK_SIZE = 16
@@ -108,7 +108,7 @@ def _keep_out_of_kernels(scene: Any) -> None:
 
 
 def _beauty(path: dict[str, Any], lights: LightRig) -> dict[str, Any]:
-    return {**path, "hide_emitters": not lights.sky.visible, "block_size": BLOCK_SIZE}
+    return {**path, "hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
 
 
 def _aovs() -> dict[str, Any]:

@@ -53,7 +53,7 @@ PICTURE_CODE = (
         f"render/{name}.py"
         for name in (
             *("frame", "scene", "mitsuba_mesh", "surface", "spheres", "material", "pigment", "noise"),
-            *("lamps", "stage", "camera", "sensor", "image"),
+            *("lamps", "daylight", "environment", "stage", "camera", "sensor", "image"),
         )
     ),
     "pipeline/production/framing.py",

@@ -10,11 +10,12 @@ from pydantic_core import PydanticCustomError
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.curves import NumberField, PositiveField
-from pipeline.shot.fields import Colour, Count, Document, Positive, Told, one_of
+from pipeline.shot.fields import Count, Document, Positive, Told, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.looks import LookDocument
 from pipeline.shot.point_documents import CloudDocument, NetDocument, SolidDocument
 from pipeline.shot.resampling import ResampleDocument
+from pipeline.shot.sets import LightsDocument, StageDocument
 from render.lights import LIGHTS
 from render.look import LOOKS
 from render.quality import PASS_SAMPLES
@@ -64,18 +65,6 @@ class CameraDocument(Document):
     elevation: NumberField = 14.0
     field_of_view: PositiveField = 26.0
     margin: Annotated[float, Field(ge=0, lt=0.5)] = 0.08
-
-
-class LightsDocument(Document):
-    """A rig of the registry; exposure in stops."""
-
-    rig: Annotated[str, one_of(LIGHTS, "light rig")] = "studio"
-    exposure: Annotated[float, Field(ge=-20, le=20)] = 0.0
-
-
-class StageDocument(Document):
-    kind: Annotated[str, one_of(STAGES, "stage")] = "cyclorama"
-    colour: Colour | None = None
 
 
 def _in_passes(samples: int) -> int:

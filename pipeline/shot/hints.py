@@ -24,12 +24,10 @@ from pipeline.shot.documents import (
     CameraDocument,
     ClipDocument,
     FilmDocument,
-    LightsDocument,
     QualitiesDocument,
     QualityDocument,
     ShotDocument,
     SmoothDocument,
-    StageDocument,
 )
 from pipeline.shot.flows import FlowDocument, VelocityDocument
 from pipeline.shot.generated import FlowParameters
@@ -49,6 +47,7 @@ from pipeline.shot.resampling import (
     ResampleDocument,
 )
 from pipeline.shot.resampling import RegionDocument as CreasesDocument
+from pipeline.shot.set_hints import SET_HINTS
 from pipeline.shot.subject_hints import SUBJECT_HINTS
 
 _MADE_OF = {
@@ -60,6 +59,7 @@ _MADE_OF = {
 
 HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     **SUBJECT_HINTS,
+    **SET_HINTS,
     ShotDocument: {
         "title": Sense("what the shot is called"),
         "extends": Sense("the shot beside this file that says what this one does not"),
@@ -136,11 +136,6 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "elevation": Sense("above the horizon", "degrees"),
         "field_of_view": Sense("horizontal", "degrees"),
         "margin": Sense("the share of the picture left empty on each side"),
-    },
-    LightsDocument: {"rig": Sense("the lights by name"), "exposure": Sense("brighter or darker", "stops")},
-    StageDocument: {
-        "kind": Sense("a seamless floor and wall, or nothing but the sky"),
-        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
     },
     QualitiesDocument: {
         "preview": Sense("480×270, for looking while working"),
