@@ -10,7 +10,7 @@ a shot leaves early pictures alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,7 +18,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Points
 from render.camera import Camera
 from render.plain import from_plain, to_plain
-from render.stage import Placement
+from render.stage import Placement, Stage
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""
@@ -102,6 +102,11 @@ def frame_all(
         distances = smooth(envelope(reach, STEADINESS, np.max), STEADINESS)
         ground = smooth(envelope(floors, FOOTING, np.min), FOOTING)
     return [_framing(*row) for row in zip(views, targets, distances, ground, strict=True)]
+
+
+def with_room(framing: Framing, stage: Stage) -> Framing:
+    """The same with the camera where the stage's own pieces are in the picture too."""
+    return replace(framing, camera=stage.seen_by(framing.camera, framing.placement))
 
 
 def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:

@@ -53,7 +53,17 @@ PICTURE_CODE = (
         f"render/{name}.py"
         for name in (
             *("frame", "scene", "mitsuba_mesh", "surface", "spheres", "material", "pigment", "noise"),
-            *("lamps", "daylight", "environment", "stage", "camera", "sensor", "image"),
+            *(
+                "lamps",
+                "daylight",
+                "environment",
+                "stage",
+                "scenery",
+                "set_pieces",
+                "camera",
+                "sensor",
+                "image",
+            ),
         )
     ),
     "pipeline/production/framing.py",

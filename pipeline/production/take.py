@@ -177,6 +177,7 @@ class Take:
             [[n, pose.mesh, pose.spin, to_plain(self.view(n))] for n, pose in self.poses.items()],
             self.quality.aspect,
             self._net_pieces,
+            self.shot.picture.stage.room,
         )
 
     @property

@@ -47,6 +47,10 @@ SET_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     },
     StageDocument: {
         "kind": Sense("what the subject stands on, by name"),
-        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
+        "colour": Sense("of floor and wall, linear Rec.709: red, green, blue from 0 to 1"),
+        "roughness": Sense("of a coat on the floor: 0.05 mirrors, 0.4 shimmers; matt by itself"),
+        "width": Sense("of the plinth, in half-sizes of the subject; 1.7"),
+        "height": Sense("of the plinth, in half-sizes of the subject; 1.6"),
+        "round": Sense("a turned plinth instead of a square one"),
     },
 }

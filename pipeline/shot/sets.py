@@ -214,6 +214,23 @@ class StageDocument(Document):
 
     kind: Annotated[str, one_of(STAGES, "stage")] = "cyclorama"
     colour: Colour | None = None
+    roughness: Annotated[float, Field(ge=0, le=1)] | None = None
+    width: Annotated[float, Field(ge=0.2, le=10)] | None = None
+    height: Annotated[float, Field(ge=0.2, le=10)] | None = None
+    round: bool | None = None
+
+    @model_validator(mode="after")
+    def _has_what_it_says(self) -> StageDocument:
+        heeded = {"plinth": ("colour", "roughness", "width", "height", "round"), "none": ()}
+        for name in ("colour", "roughness", "width", "height", "round"):
+            if getattr(self, name) is not None and name not in heeded.get(self.kind, ("colour", "roughness")):
+                fitting = " or ".join(
+                    kind for kind in STAGES if name in heeded.get(kind, ("colour", "roughness"))
+                )
+                raise finding(
+                    f"stage has {name}, which {self.kind} does not heed. Remove it, or take {fitting}."
+                )
+        return self
 
     def build(self) -> Stage:
         given: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"kind", "colour"})

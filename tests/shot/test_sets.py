@@ -14,7 +14,7 @@ from pipeline.shot import Shot, read_shot
 from render.daylight import Daylight, sun_position
 from render.lights import LIGHTS
 from render.plain import to_plain
-from render.stage import STAGES
+from render.stage import STAGES, Stage
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: box}\nresample: off\n"
 
@@ -92,6 +92,13 @@ def test_the_sun_stands_by_the_hour_or_by_angles(tmp_path: Path) -> None:
     assert shot_of(tmp_path, "lights: {sun: {}}").picture.lights == LIGHTS["daylight"]
 
 
+def test_a_stage_says_how_its_floor_and_its_plinth_are(tmp_path: Path) -> None:
+    said = "stage: {kind: plinth, colour: [0.1, 0.2, 0.3], width: 2, height: 1, round: true, roughness: 0.1}"
+    assert shot_of(tmp_path, said).picture.stage == Stage(
+        "plinth", (0.1, 0.2, 0.3), width=2.0, height=1.0, round=True, roughness=0.1
+    )
+
+
 def test_the_sun_alone_is_hard_light(tmp_path: Path) -> None:
     lights = shot_of(tmp_path, "lights: {sun: {elevation: 40}, intensity: {sky: 0}}").picture.lights
     assert lights.daylight is not None and (lights.daylight.sun, lights.daylight.sky) == (1.0, 0.0)
@@ -147,6 +154,9 @@ BOX = "radiance: 9, position: [0, 4, 4]"
         ("lights: {hdri: nowhere.exr}", "a.yaml:5:10: file nowhere.exr is not there"),
         ("lights: {visible: false}", "lights has visible, which is for hdri"),
         ("stage: plynth", "'plynth' is no stage."),
+        ("stage: {kind: ground, width: 3}", "stage has width, which ground does not heed. Remove it, or"),
+        ("stage: {kind: none, colour: [0, 0, 0]}", "stage has colour, which none does not heed."),
+        ("stage: {kind: plinth, height: 0}", "stage.height is 0; it must be at least 0.2"),
         ("stage: {colour: [1, 1, 2]}", "is 2; it must be at most 1"),
     ],
 )  # fmt: skip

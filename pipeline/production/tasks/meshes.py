@@ -15,7 +15,7 @@ from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
 from pipeline.mesh.bspline import bspline_surface, bspline_values
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.patches import spread, tessellate
-from pipeline.production.framing import Balls, frame_all, turned
+from pipeline.production.framing import Balls, frame_all, turned, with_room
 from pipeline.production.npz import read_npz, write_npz
 from pipeline.production.store import CorruptFileError
 from pipeline.production.tasks.context import Context
@@ -83,6 +83,7 @@ def frame_camera(context: Context) -> bool:
     def write(path: Path) -> None:
         views = [take.view(number) for number, _ in poses]
         framings = frame_all(views, points_of, take.quality.aspect, still=take.turntable is not None)
+        framings = [with_room(framing, take.shot.picture.stage) for framing in framings]
         data = {str(n): framing.as_data() for (n, _), framing in zip(poses, framings, strict=True)}
         path.write_text(json.dumps(data))
 
