@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render import daylight, environment
 from render.camera import Camera
 from render.lights import LightRig, Sky, Softbox, Sun
 
@@ -17,7 +18,16 @@ def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
     """Everything that shines, by the name it has in the scene. to_scene: (4, 4), from stage units"""
     softboxes = {f"softbox{index}": _softbox(each, to_scene) for index, each in enumerate(lights.softboxes)}
     suns = {f"sun{index}": _sun(each, to_scene) for index, each in enumerate(lights.suns)}
-    return {**softboxes, **suns, "sky": _sky(lights.sky)}
+    return {**softboxes, **suns, "sky": _around(lights)}
+
+
+def _around(lights: LightRig) -> dict[str, Any]:
+    """What shines from all sides; daylight and pictures of places stand still in the scene."""
+    if lights.daylight:
+        return daylight.emitter(lights.daylight)
+    if lights.environment:
+        return environment.emitter(lights.environment)
+    return _sky(lights.sky)
 
 
 def any_in_view(

@@ -18,11 +18,15 @@ T = TypeVar("T")
 Triple = tuple[float, float, float]
 """A point, a direction or a linear Rec.709 colour."""
 
+NOT_PLAIN = {"plain": False}
+"""`field(metadata=NOT_PLAIN)`: something that decides nothing, such as where a file of known content lies."""
+
 
 def to_plain(value: Any) -> Any:
     """Dataclasses as dicts by field name, tuples as lists; anything else unchanged."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {field.name: to_plain(getattr(value, field.name)) for field in dataclasses.fields(value)}
+        fields = [field for field in dataclasses.fields(value) if field.metadata.get("plain", True)]
+        return {field.name: to_plain(getattr(value, field.name)) for field in fields}
     if isinstance(value, list | tuple):
         return [to_plain(item) for item in value]
     if isinstance(value, dict):

@@ -7,7 +7,7 @@ looks up.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -91,6 +91,7 @@ def pigmented(look: Look, material: NDArray[np.floating]) -> Floats | None:
 
 def preview(subject: Shape, around: Set, camera: Camera, size: tuple[int, int], display: str) -> Preview:
     """A picture of a surface on its stage, `size` (width, height) pixels."""
+    around = replace(around, lights=around.lights.plainly())
     width, height = FINER * size[0], FINER * size[1]
     shapes = [subject]
     if around.stage.kind != "none":

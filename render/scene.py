@@ -12,20 +12,23 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render import lamps
+from render import lamps, scenery
 from render import material as materials
 from render.aovs import MARKS
 from render.camera import Camera
 from render.inside import refuse_inside
 from render.lights import LightRig
 from render.look import Look
-from render.mitsuba_mesh import SUBJECT, SURROUNDINGS, mesh
+from render.mitsuba_mesh import SUBJECT, mesh
 from render.quality import Crop
 from render.sensor import sensor
 from render.stage import Placement, Stage
 from render.surface import Surface
 
-_CHANGING = ("to_world", "medium.scale", "aperture_radius", "focus_distance")
+_CHANGING = (
+    *("to_world", "medium.scale", "aperture_radius", "focus_distance"),
+    *("sun_direction", "sun_scale", "sky_scale"),
+)
 """How the names of values end that differ from frame to frame."""
 
 BLOCK_SIZE = 16
@@ -89,18 +92,17 @@ def build_scene(
     surface.check()
     refuse_inside(surface, camera)
     subject = _subject(surface, look, materials.material(look, surface.attributes), placement.size)
-    shapes = {"subject": subject}
     to_scene = placement.matrix()
-    if stage.kind == "cyclorama":
-        shapes["stage"] = _cyclorama(stage, to_scene)
-    common = {"type": "scene", "sensor": sensor(camera, size, crop), **shapes}
+    around = scenery.shapes(stage, placement, camera, size)
+    common = {"type": "scene", "sensor": sensor(camera, size, crop), "subject": subject, **around}
     lit = {**common, **lamps.emitters(lights, to_scene)}
     scene = _load(lit)
     bare = scene
+    guides = scenery.guides(stage, placement, camera, size)
     if look.is_clear:
-        bare = _load({**common, "subject": _subject(surface, look, materials.guide(look))})
-    elif lamps.any_in_view(lights, to_scene, camera, size):
-        bare = _load(common)
+        guides["subject"] = _subject(surface, look, materials.guide(look))
+    if guides or lamps.any_in_view(lights, to_scene, camera, size):
+        bare = _load({**common, **guides})
     beauty = _beauty(materials.path(look, depth), lights)
     if "noise" in aovs:
         beauty = {"type": "moment", "block_size": BLOCK_SIZE, "path": beauty}
@@ -158,7 +160,7 @@ def _keep_out_of_kernels(scene: Any) -> None:
 
 
 def _beauty(path: dict[str, Any], lights: LightRig) -> dict[str, Any]:
-    return {**path, "hide_emitters": not lights.sky.visible, "block_size": BLOCK_SIZE}
+    return {**path, "hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
 
 
 def _aovs() -> dict[str, Any]:
@@ -171,13 +173,3 @@ def _subject(surface: Surface, look: Look, material: dict[str, Any], size: float
     filling = None if size is None else materials.medium(look, size)
     marks = np.stack([surface.phases(look), np.full(len(surface.vertices), SUBJECT)], axis=1)
     return mesh("subject", surface, material, marks, filling)
-
-
-def _cyclorama(stage: Stage, to_scene: NDArray[np.float64]) -> Any:
-    vertices, normals, faces = stage.mesh()
-    linear = to_scene[:3, :3]
-    moved = (vertices.astype(np.float64) @ linear.T + to_scene[:3, 3]).astype(np.float32)
-    turned = (normals.astype(np.float64) @ linear.T / np.linalg.norm(linear[:, 1])).astype(np.float32)
-    material = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(stage.colour)}}
-    two_sided = {"type": "twosided", "material": material}
-    return mesh("stage", Surface(moved, turned, faces), two_sided, np.array([0.0, SURROUNDINGS]))

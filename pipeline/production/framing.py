@@ -10,7 +10,7 @@ a shot leaves early pictures alone.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -19,7 +19,7 @@ from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.shot.cameras import Lens, View
 from render.camera import Camera
 from render.plain import from_plain, to_plain
-from render.stage import Placement
+from render.stage import Placement, Stage
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""
@@ -109,6 +109,11 @@ def _survey(views: Sequence[View], points_of: Callable[[int], Points | Balls]) -
         centres[i] = ((seen - around).min(axis=0) + (seen + around).max(axis=0)) / 2 @ axes
         floors[i] = (points[:, 1] - radii).min()
     return centres, floors
+
+
+def with_room(framing: Framing, stage: Stage) -> Framing:
+    """The same with the camera where the stage's own pieces are in the picture too."""
+    return replace(framing, camera=stage.seen_by(framing.camera, framing.placement))
 
 
 def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:

@@ -55,7 +55,8 @@ PICTURE_CODE = (
         for name in (
             *("frame", "passes", "shutter", "aovs", "scene", "mitsuba_mesh", "surface", "spheres"),
             *("material", "pigment", "noise"),
-            *("lamps", "stage", "camera", "sensor", "inside", "image"),
+            *("lamps", "daylight", "environment", "stage", "scenery", "set_pieces"),
+            *("camera", "sensor", "inside", "image"),
         )
     ),
     "pipeline/production/framing.py",

@@ -194,6 +194,7 @@ class Take:
             self.aspect,
             self.follow,
             self._net_pieces,
+            self.shot.picture.stage.room,
         )
 
     @property

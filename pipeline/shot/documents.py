@@ -11,11 +11,12 @@ from pipeline.frames import FASTEST, SLOWEST
 from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.camera_document import CameraDocument
 from pipeline.shot.curves import NumberField
-from pipeline.shot.fields import Colour, Count, Document, Positive, Told, one_of
+from pipeline.shot.fields import Count, Document, Positive, Told, one_of
 from pipeline.shot.flows import FlowDocument
 from pipeline.shot.looks import LookDocument
 from pipeline.shot.point_documents import CloudDocument, NetDocument, SolidDocument
 from pipeline.shot.resampling import ResampleDocument
+from pipeline.shot.sets import LightsDocument, StageDocument
 from pipeline.shot.shutter import LayersField, ShutterDocument
 from pipeline.shot.views import ViewDocument
 from render.lights import LIGHTS
@@ -58,18 +59,6 @@ Resample = Annotated[
 
 class SmoothDocument(Document):
     tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = None
-
-
-class LightsDocument(Document):
-    """A rig of the registry; exposure in stops."""
-
-    rig: Annotated[str, one_of(LIGHTS, "light rig")] = "studio"
-    exposure: Annotated[float, Field(ge=-20, le=20)] = 0.0
-
-
-class StageDocument(Document):
-    kind: Annotated[str, one_of(STAGES, "stage")] = "cyclorama"
-    colour: Colour | None = None
 
 
 def _in_passes(samples: int) -> int:

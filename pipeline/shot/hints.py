@@ -24,12 +24,10 @@ from pipeline.shot.curves import Key, Keyed, OverTime, OverTimeTriple
 from pipeline.shot.documents import (
     ClipDocument,
     FilmDocument,
-    LightsDocument,
     QualitiesDocument,
     QualityDocument,
     ShotDocument,
     SmoothDocument,
-    StageDocument,
 )
 from pipeline.shot.flows import FlowDocument, VelocityDocument
 from pipeline.shot.generated import FlowParameters
@@ -49,6 +47,7 @@ from pipeline.shot.resampling import (
     ResampleDocument,
 )
 from pipeline.shot.resampling import RegionDocument as CreasesDocument
+from pipeline.shot.set_hints import SET_HINTS
 from pipeline.shot.shutter import ShutterDocument
 from pipeline.shot.subject_hints import SUBJECT_HINTS
 from pipeline.shot.views import ViewDocument
@@ -62,6 +61,7 @@ _MADE_OF = {
 
 HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     **SUBJECT_HINTS,
+    **SET_HINTS,
     ShotDocument: {
         "title": Sense("what the shot is called"),
         "extends": Sense("the shot beside this file that says what this one does not"),
@@ -163,11 +163,6 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "aperture": Sense("f-number; the smaller, the more is out of focus; without it all is sharp"),
         "focus": Sense("what is sharp: subject, a distance from the lens, or a place", "units"),
         "unit": Sense("what a scene unit is; by default a sculpture is about 200 mm large", "mm"),
-    },
-    LightsDocument: {"rig": Sense("the lights by name"), "exposure": Sense("brighter or darker", "stops")},
-    StageDocument: {
-        "kind": Sense("a seamless floor and wall, or nothing but the sky"),
-        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
     },
     QualitiesDocument: {
         "preview": Sense("480×270, for looking while working"),

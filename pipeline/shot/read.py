@@ -11,15 +11,11 @@ from typing import Any
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.velocity import DEFAULT_TOLERANCE
 from pipeline.mesh.bspline import PIECES
-from pipeline.shot import brackets, camera_document, checks, keys, point_documents
+from pipeline.shot import brackets, camera_document, checks, keys, point_documents, sets
 from pipeline.shot.clock import Clock
 from pipeline.shot.cloud import CloudOfFile
 from pipeline.shot.curves import number
-from pipeline.shot.documents import (
-    ModelDocument,
-    ShotDocument,
-    StageDocument,
-)
+from pipeline.shot.documents import ModelDocument, ShotDocument
 from pipeline.shot.fields import Document
 from pipeline.shot.layers import layered
 from pipeline.shot.motion import DEFAULT_STRIDE, Motion
@@ -33,10 +29,8 @@ from pipeline.shot.source import Source
 from pipeline.shot.speed import with_speed
 from pipeline.shot.subject import Model, Subject
 from pipeline.shot.surroundings import Surroundings, digest_of_file
-from render.lights import LIGHTS, LightRig
 from render.look import LOOKS
 from render.quality import QUALITIES
-from render.stage import STAGES, Stage
 
 
 def read_shot(
@@ -72,6 +66,7 @@ def read_shot(
         point_documents.resampled,
         point_documents.points,
         checks.tolerance,
+        sets.dimmed,
     ):
         problems += check(source)
     missing = list(checks.files(source))
@@ -128,8 +123,8 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
     return Picture(
         look=LOOKS[document.look] if isinstance(document.look, str) else document.look.build(),
         camera=document.camera.build(clock),
-        lights=_lights(document.lights),
-        stage=_stage(document.stage),
+        lights=sets.lights_of(document.lights),
+        stage=sets.stage_of(document.stage),
         view=document.view.build(),
         tessellate=document.smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
         qualities={
@@ -139,18 +134,6 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
         shutter=document.shutter.build(clock) if document.shutter else Shutter(),
         layers=PictureLayers.of(document.aovs),
     )
-
-
-def _lights(value: Any) -> LightRig:
-    if isinstance(value, str):
-        return LIGHTS[value]
-    return dataclasses.replace(LIGHTS[value.rig], exposure=float(value.exposure))
-
-
-def _stage(value: str | StageDocument) -> Stage:
-    if isinstance(value, str):
-        return STAGES[value]
-    return dataclasses.replace(STAGES[value.kind], **_given(value, "kind"))
 
 
 def _given(document: Document, *registry: str) -> dict[str, Any]:

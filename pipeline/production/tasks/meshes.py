@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
 from pipeline.mesh.bspline import bspline_surface
-from pipeline.production.framing import Balls, frame_all, turned
+from pipeline.production.framing import Balls, frame_all, turned, with_room
 from pipeline.production.npz import read_npz, write_npz
 from pipeline.production.shading import Shading, radii
 from pipeline.production.store import CorruptFileError
@@ -79,6 +79,7 @@ def frame_camera(context: Context) -> bool:
     def write(path: Path) -> None:
         views = [take.view(number) for number, _ in poses]
         framings = frame_all(views, points_of, take.aspect, take.follow)
+        framings = [with_room(framing, take.shot.picture.stage) for framing in framings]
         data = {str(n): framing.as_data() for (n, _), framing in zip(poses, framings, strict=True)}
         path.write_text(json.dumps(data))
 

@@ -1,0 +1,172 @@
+"""What stands around the subject: seamless, in its place, and never before the subject."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.production.framing import View, frame_all, with_room
+from render.camera import Camera
+from render.errors import BadInputError
+from render.frame import Layers
+from render.lights import LIGHTS
+from render.quality import Quality
+from render.set_pieces import CHROME, GREY, ball, chart, chart_colours, spots
+from render.stage import STAGES, Placement, Stage
+
+Rendered = Callable[..., Layers]
+ASPECT = 16 / 9
+FRONT = Camera((0.0, 2.4, 7.6), (0.0, 0.7, 0.0))
+
+
+@pytest.mark.parametrize("stage", [*STAGES.values(), Stage("plinth", round=True), Stage(roughness=0.2)])
+def test_every_stage_renders_and_is_no_part_of_the_matte(
+    stage: Stage, rendered: Rendered, picture: Layers
+) -> None:
+    layers = rendered(stage=stage)
+    assert np.isfinite(layers["beauty"]).all()
+    assert np.array_equal(layers["matte"], picture["matte"])
+    assert layers["beauty"][layers["matte"] == 1.0].mean() > 0.1
+
+
+@pytest.mark.parametrize(
+    "stage", [Stage("ground"), Stage("plinth"), Stage("plinth", round=True), Stage("plinth", width=0.3)]
+)
+def test_normals_agree_with_the_faces(stage: Stage) -> None:
+    for vertices, normals, faces in (stage.backdrop(), stage.plinth()):
+        assert np.linalg.norm(normals, axis=1) == pytest.approx(1.0, abs=1e-5)
+        corners = vertices[faces].astype(np.float64)
+        across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        area = np.linalg.norm(across, axis=1, keepdims=True)
+        assert area.min() > 0.0
+        assert np.einsum("ijk,ik->ij", normals[faces], across / area).min() > math.cos(math.radians(46.0))
+
+
+def test_a_plinth_carries_the_subject_and_stands_on_the_floor() -> None:
+    for is_round in (False, True):
+        stage = Stage("plinth", width=1.2, height=0.9, round=is_round)
+        vertices, _, faces = stage.plinth()
+        assert vertices[:, 1].max() == 0.0
+        assert vertices[:, 1].min() == pytest.approx(-0.9)
+        assert stage.backdrop()[0][:, 1].min() == pytest.approx(-0.9)
+        assert np.ptp(vertices[:, 0]) == pytest.approx(1.2, abs=1e-5)
+        area = 1.2**2 * (math.pi / 4 if is_round else 1.0)
+        corners = vertices[faces].astype(np.float64)
+        volume = np.einsum("ij,ij->i", corners[:, 0], np.cross(corners[:, 1], corners[:, 2])).sum() / 6.0
+        foot = area * 0.9 / 3.0  # the open foot, seen from the origin
+        assert volume + foot == pytest.approx(area * 0.9, rel=0.02)
+        assert len(stage.mesh()[0]) == len(vertices) + len(stage.backdrop()[0])
+
+
+def test_the_ground_is_level_near_the_subject_and_reaches_the_height_of_the_eye() -> None:
+    vertices, _, _ = Stage("ground").backdrop()
+    radius = np.hypot(vertices[:, 0], vertices[:, 2])
+    assert np.abs(vertices[radius < 41.0, 1]).max() < 1e-6
+    assert vertices[radius > 399.0, 1] == pytest.approx(4.0)
+
+
+views = st.builds(
+    View,
+    st.floats(-3.0, 3.0),
+    st.floats(-0.3, 1.2),
+    st.floats(math.radians(10.0), math.radians(70.0)),
+    st.floats(0.05, 0.2),
+)
+sizes = st.tuples(*[st.floats(0.2, 4.0)] * 3)
+
+
+@given(views, sizes)
+def test_pieces_stand_in_the_lower_corners_below_the_subject(view: View, size: tuple[float, ...]) -> None:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
+    (framing,) = frame_all([view], lambda _: corners, ASPECT)
+    plain = framing.camera.project(corners, ASPECT)
+    framing = with_room(framing, STAGES["turntable"])
+    camera = framing.camera
+    lowest = camera.project(corners, ASPECT)[:, 1].min()
+    grey, chrome, board = spots(camera, framing.placement, ASPECT)
+    seen = [
+        camera.project(shape.vertices, ASPECT) for shape in (ball(grey), ball(chrome), chart(board, camera))
+    ]
+    for each in seen:
+        assert np.abs(each[:, :2]).max() < 1.0
+        assert each[:, 2].min() > 0.0
+        if view.margin >= 0.08 and view.field_of_view < math.radians(40.0):
+            assert each[:, 1].max() < lowest + 0.01
+    assert seen[0][:, 0].max() < seen[1][:, 0].min() < 0.0 < seen[2][:, 0].min()
+    assert np.abs(plain[:, :2]).max() < 1.0
+
+
+@given(views, sizes)
+def test_a_plinth_leaves_the_subject_in_the_picture(view: View, size: tuple[float, ...]) -> None:
+    corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
+    (framing,) = frame_all([view], lambda _: corners, ASPECT)
+    seen = with_room(framing, STAGES["plinth"]).camera.project(corners, ASPECT)
+    assert np.abs(seen[:, :2]).max() < 1.0
+    assert with_room(framing, STAGES["cyclorama"]) == framing
+
+
+def test_the_chart_has_the_published_colours() -> None:
+    colours = chart_colours()
+    assert colours.shape == (4, 6, 3)
+    # ISO 17321's neutrals: reflectances 0.90, 0.59, 0.36, 0.20, 0.09, 0.03
+    assert colours[3, :, 1] == pytest.approx([0.9, 0.58, 0.35, 0.195, 0.09, 0.034], abs=0.012)
+    assert colours[2, 2].argmax() == 0 and colours[2, 1].argmax() == 1 and colours[2, 0].argmax() == 2
+
+
+def test_albedos_of_the_pieces_are_what_they_reflect(rendered: Rendered) -> None:
+    quality = Quality(480, 270, samples=1, depth=2, guides=4)
+    layers = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)
+    grey, chrome, board = spots(FRONT, Placement(), ASPECT)
+
+    def there(points: np.ndarray) -> np.ndarray:
+        x, y, _ = FRONT.project(points, ASPECT).T
+        return layers["albedo"][((1.0 - y) / 2.0 * 270).astype(int), ((x + 1.0) / 2.0 * 480).astype(int)]
+
+    assert there(grey.middle[None])[0] == pytest.approx([GREY] * 3, abs=1e-3)
+    assert there(chrome.middle[None])[0] == pytest.approx([CHROME] * 3, abs=1e-3)
+    patches = chart(board, FRONT)
+    middles = patches.vertices.reshape(-1, 4, 3)[1:].mean(axis=1).astype(np.float64)
+    assert there(middles) == pytest.approx(chart_colours().reshape(-1, 3), abs=2e-3)
+
+
+def test_a_chrome_ball_mirrors_what_a_grey_one_scatters(rendered: Rendered) -> None:
+    quality = Quality(480, 270, samples=4, depth=3, guides=1)
+    beauty = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)["beauty"].mean(axis=2)
+    grey, chrome, _ = spots(FRONT, Placement(), ASPECT)
+    bright = []
+    for spot in (grey, chrome):
+        x, y, _ = FRONT.project(spot.middle[None], ASPECT)[0]
+        row, column = int((1.0 - y) * 135), int((x + 1.0) * 240)
+        bright.append(np.percentile(beauty[row - 10 : row + 10, column - 10 : column + 10], [50, 99]))
+    assert bright[1][1] > 2.0 * bright[0][1]
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        lambda: Stage("plynth"),
+        lambda: Stage(width=0.0),
+        lambda: Stage(height=0.1),
+        lambda: Stage(roughness=2),
+    ],
+)
+def test_a_stage_that_cannot_be_is_refused(make: Callable[[], Stage]) -> None:
+    with pytest.raises(BadInputError):
+        make()
+
+
+def test_a_coat_on_the_floor_mirrors_the_subject(rendered: Rendered) -> None:
+    dark = Stage(colour=(0.02, 0.02, 0.02))
+    quality = Quality(48, 27, samples=16, depth=3, guides=4)
+    matt, coated = (
+        rendered(stage=stage, camera=FRONT, quality=quality, lights=LIGHTS["softbox"])
+        for stage in (dark, replace(dark, roughness=0.05))
+    )
+    floor = (slice(24, 27), slice(18, 30))
+    assert coated["beauty"][floor].mean() > 1.3 * matt["beauty"][floor].mean()

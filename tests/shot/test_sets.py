@@ -1,0 +1,179 @@
+"""Lights and stages in shot files: what can be said, and how what is wrong is told."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import OpenImageIO as oiio  # noqa: N813
+import pytest
+
+from pipeline.errors import ShotError
+from pipeline.shot import Shot, read_shot
+from render.daylight import Daylight, sun_position
+from render.lights import LIGHTS
+from render.plain import to_plain
+from render.stage import STAGES, Stage
+
+HEAD = "title: T\nframes: 1-24\nsubject: {solid: box}\nresample: off\n"
+
+
+def shot_of(folder: Path, said: str) -> Shot:
+    return read_shot(folder / "a.yaml", HEAD + said + "\n")
+
+
+def told(folder: Path, said: str) -> str:
+    with pytest.raises(ShotError) as error:
+        shot_of(folder, said)
+    return str(error.value).replace(f"{folder}/", "")
+
+
+def write_map(path: Path, height: int = 8, spoilt: bool = False) -> None:
+    pixels = np.full((height, 16, 3), 0.5, np.float32)
+    if spoilt:
+        pixels[1, 2] = math.nan
+    out = oiio.ImageOutput.create(str(path))
+    out.open(str(path), oiio.ImageSpec(16, height, 3, oiio.FLOAT))
+    out.write_image(pixels)
+    out.close()
+
+
+@pytest.mark.parametrize("name", LIGHTS)
+def test_every_rig_can_be_named_and_spelt_out(name: str, tmp_path: Path) -> None:
+    assert shot_of(tmp_path, f"lights: {name}").picture.lights == LIGHTS[name]
+    assert shot_of(tmp_path, f"lights: {{rig: {name}}}").picture.lights == LIGHTS[name]
+
+
+@pytest.mark.parametrize("name", STAGES)
+def test_every_stage_can_be_named_and_spelt_out(name: str, tmp_path: Path) -> None:
+    assert shot_of(tmp_path, f"stage: {name}").picture.stage == STAGES[name]
+    assert shot_of(tmp_path, f"stage: {{kind: {name}}}").picture.stage == STAGES[name]
+
+
+def test_a_rig_is_turned_dimmed_and_exposed(tmp_path: Path) -> None:
+    said = "lights: {rig: three_point, exposure: 0.5, turn: 90, intensity: {key: 1.5}}"
+    lights = shot_of(tmp_path, said).picture.lights
+    plain = LIGHTS["three_point"].softboxes
+    assert lights.exposure == 0.5
+    assert lights.softboxes[0].radiance == pytest.approx([1.5 * part for part in plain[0].radiance])
+    assert lights.softboxes[1].radiance == plain[1].radiance
+    x, y, z = plain[0].position
+    assert lights.softboxes[0].position == pytest.approx((z, y, -x))
+
+
+def test_one_number_dims_all_lights(tmp_path: Path) -> None:
+    said = "lights: {intensity: 2, softboxes: [{position: [0, 4, 4], radiance: 10}], sky: {zenith: 0.1}}"
+    lights = shot_of(tmp_path, said).picture.lights
+    assert [box.radiance for box in lights.softboxes] == [(20.0, 20.0, 20.0)]
+    assert lights.sky.zenith == lights.sky.nadir == (0.2, 0.2, 0.2)
+
+
+def test_lamps_written_out_stand_alone_or_beside_a_rig(tmp_path: Path) -> None:
+    own = "softboxes: [{position: [0, 4, 4], radiance: [9, 8, 7], width: 2, target: [0, 0, 0]}]"
+    alone = shot_of(tmp_path, f"lights: {{{own}}}").picture.lights
+    beside = shot_of(tmp_path, f"lights: {{rig: gallery, {own}}}").picture.lights
+    assert len(alone.softboxes) == 1 and alone.sky.zenith == (0.0, 0.0, 0.0)
+    assert beside.softboxes == LIGHTS["gallery"].softboxes + alone.softboxes
+    assert beside.sky == LIGHTS["gallery"].sky
+
+
+def test_the_sun_stands_by_the_hour_or_by_angles(tmp_path: Path) -> None:
+    by_hour = shot_of(tmp_path, "lights: {sun: {time: 17.5, latitude: 48, day: 172, turbidity: 4}}")
+    day = by_hour.picture.lights.daylight
+    elevation, clockwise = sun_position(17.5, math.radians(48), 172)
+    assert day is not None and (day.elevation, day.turbidity) == (elevation, 4.0)
+    assert math.cos(day.azimuth) == pytest.approx(-math.cos(clockwise))  # north lies behind the subject
+    assert math.sin(day.azimuth) == pytest.approx(math.sin(clockwise))  # and east to the right
+    angles = shot_of(tmp_path, "lights: {sun: {elevation: 30, azimuth: 40, width: 2, visible: false}}")
+    assert angles.picture.lights.daylight == Daylight(
+        math.radians(30), math.radians(40), width=math.radians(2), visible=False
+    )
+    assert shot_of(tmp_path, "lights: {sun: {}}").picture.lights == LIGHTS["daylight"]
+
+
+def test_a_stage_says_how_its_floor_and_its_plinth_are(tmp_path: Path) -> None:
+    said = "stage: {kind: plinth, colour: [0.1, 0.2, 0.3], width: 2, height: 1, round: true, roughness: 0.1}"
+    assert shot_of(tmp_path, said).picture.stage == Stage(
+        "plinth", (0.1, 0.2, 0.3), width=2.0, height=1.0, round=True, roughness=0.1
+    )
+
+
+def test_the_sun_alone_is_hard_light(tmp_path: Path) -> None:
+    lights = shot_of(tmp_path, "lights: {sun: {elevation: 40}, intensity: {sky: 0}}").picture.lights
+    assert lights.daylight is not None and (lights.daylight.sun, lights.daylight.sky) == (1.0, 0.0)
+
+
+def test_a_map_is_known_by_its_content(tmp_path: Path) -> None:
+    keys = []
+    for name in ("one.exr", "other.exr", "third.exr"):
+        write_map(tmp_path / name, 8)
+        if name == "third.exr":
+            (tmp_path / name).write_bytes((tmp_path / name).read_bytes() + b" ")
+        shot = shot_of(tmp_path, f"lights: {{hdri: {name}, turn: 30, intensity: 2, visible: false}}")
+        around = shot.picture.lights.environment
+        assert around is not None and around.turn == pytest.approx(math.radians(30))
+        assert (around.intensity, around.visible) == (2.0, False)
+        assert shot.files == ((tmp_path / name, around.digest),)
+        keys.append(to_plain(shot.picture.lights))
+    assert keys[0] == keys[1] != keys[2]
+
+
+def test_lights_and_stage_move_no_vertex(tmp_path: Path) -> None:
+    plain = shot_of(tmp_path, "")
+    lit = shot_of(tmp_path, "lights: {sun: {time: 9}}\nstage: none")
+    assert lit.motion == plain.motion and lit.picture != plain.picture
+
+
+BOX = "radiance: 9, position: [0, 4, 4]"
+
+
+@pytest.mark.parametrize(
+    ("said", "message"),
+    [
+        ("lights: three_pint", "a.yaml:5:1: lights: 'three_pint' is no light rig. Did you mean 'three_po"),
+        ("lights: {rig: gallry}", "a.yaml:5:10: lights.rig: 'gallry' is no light rig. Did you mean"),
+        ("lights: {tun: 3}", "a.yaml:5:10: tun is not known under lights. Did you mean 'turn'?"),
+        ("lights: {intensity: {kee: 2}}", "a.yaml:5:22: kee is no light here. Did you mean 'key'?"),
+        ("lights: {sun: {}, intensity: {key: 2}}", "key is no light here."),
+        ("lights: {intensity: -1}", "lights.intensity is -1; it must be at least 0"),
+        ("lights: {softboxes: []}", "it must have at least 1"),
+        (f"lights: {{softboxes: [{{{BOX}, width: 0}}]}}", "width is 0; it must be above 0"),
+        (f"lights: {{softboxes: [{{{BOX}, target: [0, 4, 4]}}]}}", "5:22: a softbox stands at its own"),
+        ("lights: {softboxes: [{radiance: [9, -1, 9], position: [0, 4, 4]}]}", "is -1; it must be at"),
+        ("lights: {softboxes: [{radiance: 9}]}", "position is missing"),
+        ("lights: {softboxes: [{radiance: 9, position: [0, .nan, 4]}]}", "a finite number"),
+        ("lights: {sun: {elevation: -5}}", "lights.sun.elevation is -5; it must be above 0"),
+        ("lights: {sun: {time: 23}}", "below the horizon at 23 h on day 172 at latitude 48°; it must be "
+         "above. Write a time from 4.25 to 19.75."),
+        ("lights: {sun: {time: 12, latitude: -80}}", "It does not rise on that day"),
+        ("lights: {sun: {time: 12, azimuth: 3}}", "sun has azimuth beside time"),
+        ("lights: {sun: {latitude: 3}}", "sun has latitude without time"),
+        ("lights: {sun: {turbidity: 0}}", "turbidity is 0; it must be at least 1"),
+        ("lights: {sun: {}, hdri: a.exr}", "lights has both sun and hdri"),
+        ("lights: {hdri: nowhere.exr}", "a.yaml:5:10: file nowhere.exr is not there"),
+        ("lights: {visible: false}", "lights has visible, which is for hdri"),
+        ("stage: plynth", "'plynth' is no stage."),
+        ("stage: {kind: ground, width: 3}", "stage has width, which ground does not heed. Remove it, or"),
+        ("stage: {kind: none, colour: [0, 0, 0]}", "stage has colour, which none does not heed."),
+        ("stage: {kind: plinth, height: 0}", "stage.height is 0; it must be at least 0.2"),
+        ("stage: {colour: [1, 1, 2]}", "is 2; it must be at most 1"),
+    ],
+)  # fmt: skip
+def test_mistakes_are_told_at_their_line(said: str, message: str, tmp_path: Path) -> None:
+    found = told(tmp_path, said)
+    assert "a.yaml:5:" in found and message in found
+    assert len(found.splitlines()) == 1
+
+
+def test_a_map_that_is_none_is_told_at_its_line(tmp_path: Path) -> None:
+    (tmp_path / "text.exr").write_text("nothing")
+    write_map(tmp_path / "square.exr", 16)
+    write_map(tmp_path / "nan.exr", 8, spoilt=True)
+    for name, fault in {
+        "text": "it cannot be read as a picture",
+        "square": "16 × 16 pixels; a map of all directions is twice as wide as high",
+        "nan": "pixel 2, 1 and 0 others are not finite",
+    }.items():
+        found = told(tmp_path, f"lights: {{hdri: {name}.exr}}")
+        assert found.startswith("a.yaml:5:") and fault in found and len(found.splitlines()) == 1
