@@ -150,7 +150,7 @@ BOX = "radiance: 9, position: [0, 4, 4]"
         ("lights: {sun: {time: 12, azimuth: 3}}", "sun has azimuth beside time"),
         ("lights: {sun: {latitude: 3}}", "sun has latitude without time"),
         ("lights: {sun: {turbidity: 0}}", "turbidity is 0; it must be at least 1"),
-        ("lights: {sun: {}, hdri: a.exr}", "lights has both sun and hdri"),
+        ("lights: {sun: {}, sky: {zenith: 1}}", "lights has both sun and sky"),
         ("lights: {hdri: nowhere.exr}", "a.yaml:5:10: file nowhere.exr is not there"),
         ("lights: {visible: false}", "lights has visible, which is for hdri"),
         ("stage: plynth", "'plynth' is no stage."),
