@@ -11,17 +11,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render import lamps
+from render import absorption, lamps
 from render import material as materials
 from render.camera import Camera
 from render.lights import LightRig
 from render.look import Look
-from render.mitsuba_mesh import SUBJECT, SURROUNDINGS, mesh
+from render.marks import SURROUNDINGS, marks
+from render.mitsuba_mesh import mesh
 from render.sensor import sensor
 from render.stage import Placement, Stage
 from render.surface import Surface
 
-_CHANGING = ("to_world", "medium.scale")
+_CHANGING = ("to_world", "medium.scale", absorption.RATE)
 """How the names of values end that differ from frame to frame."""
 
 BLOCK_SIZE = 16
@@ -54,7 +55,9 @@ def build_scene(
     cannot be rendered.
     """
     surface.check()
-    subject = _subject(surface, look, materials.material(look, surface.attributes), placement.size)
+    told = marks(surface, look)
+    made_of = materials.material(look, surface.attributes, told, placement.size)
+    subject = mesh("subject", surface, made_of, told.values, materials.medium(look, placement.size))
     shapes = {"subject": subject}
     to_scene = placement.matrix()
     if stage.kind == "cyclorama":
@@ -64,7 +67,7 @@ def build_scene(
     scene = _load(lit)
     bare = scene
     if look.is_clear:
-        bare = _load({**common, "subject": _subject(surface, look, materials.guide(look))})
+        bare = _load({**common, "subject": mesh("subject", surface, materials.guide(look), told.values)})
     elif lamps.any_in_view(lights, to_scene, camera, size):
         bare = _load(common)
     beauty = _integrator(_beauty(materials.path(look, depth), lights))
@@ -114,13 +117,6 @@ def _beauty(path: dict[str, Any], lights: LightRig) -> dict[str, Any]:
 def _aovs() -> dict[str, Any]:
     wanted = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
     return {"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE}
-
-
-def _subject(surface: Surface, look: Look, material: dict[str, Any], size: float | None = None) -> Any:
-    """The sculpture; with its half-size, filled with what the look fills it with."""
-    filling = None if size is None else materials.medium(look, size)
-    marks = np.stack([surface.phases(look), np.full(len(surface.vertices), SUBJECT)], axis=1)
-    return mesh("subject", surface, material, marks, filling)
 
 
 def _cyclorama(stage: Stage, to_scene: NDArray[np.float64]) -> Any:

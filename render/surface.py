@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.errors import BadInputError
-from render.look import Look
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,13 +55,3 @@ class Surface:
             self.material.shape != (count, 3) or not np.isfinite(self.material).all()
         ):
             raise BadInputError(f"the surface's material must be finite and have shape ({count}, 3)")
-
-    def phases(self, look: Look) -> NDArray[np.float64]:
-        """(V,): of the look's pigment, 0 where it has none."""
-        if look.pigment is None:
-            return np.zeros(len(self.vertices))
-        if self.material is None:
-            raise BadInputError(
-                "look has a pigment, and the surface does not say where its points were; give it material"
-            )
-        return look.pigment.phases(self.material)

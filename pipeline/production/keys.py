@@ -53,6 +53,7 @@ PICTURE_CODE = (
         f"render/{name}.py"
         for name in (
             *("frame", "scene", "mitsuba_mesh", "surface", "spheres", "material", "pigment", "noise"),
+            *("absorption", "marks"),
             *("lamps", "stage", "camera", "sensor", "image"),
         )
     ),

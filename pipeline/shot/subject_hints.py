@@ -9,6 +9,7 @@ from pydantic import BaseModel
 from pipeline.flow.parameters import Sense
 from pipeline.shot.documents import ModelDocument
 from pipeline.shot.looks import (
+    AbsorptionDocument,
     LookDocument,
     MarbleDocument,
     PatternDocument,
@@ -60,9 +61,16 @@ SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "roughness": Sense("0.03 is a mirror's gloss, 0.5 is matt"),
         "sheen": Sense("of satin: how much lighter it is where it turns away"),
         "metallic": Sense("of satin: how much the highlight takes the colour"),
+        "coat": Sense("of satin: how much of a clear coat lies on it"),
+        "grain": Sense("of brushed metal: what scratches lie across: x, y, z or a vector"),
         "refraction": Sense("of glass: its index, 1.5 for window glass and honey"),
+        "absorption": Sense("of glass: how light that goes through it takes on colour with the distance"),
         "density": Sense("of smoke: how often light is scattered through half of the subject"),
         "pigment": Sense("a pattern that replaces the colour and moves with the material"),
+    },
+    AbsorptionDocument: {
+        "colour": Sense("what is left of white light that went so far: red, green, blue up to 1"),
+        "depth": Sense("how far that is, in halves of the subject's size"),
     },
     PigmentDocument: {
         "layers": Sense("bands along an axis"),
