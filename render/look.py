@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from render.errors import BadInputError
 from render.pigment import Pigment
 from render.plain import Triple
+from render.wireframe import Wireframe
 
-MODELS = ("diffuse", "plastic", "metal", "brushed", "satin", "glass", "smoke")
+MODELS = ("diffuse", "plastic", "metal", "brushed", "satin", "glass", "smoke", "gouraud")
 
 CLEAR = ("glass", "smoke")
 """Models of bodies that light goes through: of closed surfaces only, and of one colour."""
@@ -51,7 +52,8 @@ class Look:
                 "metal" (`colour` is what it reflects), "brushed" (metal, scratched in planes across `grain`),
                 "satin" (a lustrous cloth-like sheen and a soft coat),
                 "glass" (clear, refracts; `colour` is what one passage through its surface lets through),
-                "smoke" (a cloud that fills the surface)
+                "smoke" (a cloud that fills the surface),
+                "gouraud" (drawn, not lit: see `render.gouraud`)
     colour      linear Rec.709 reflectance
     roughness   of the coat or the metal: 0.03 is a mirror's gloss, 0.5 is matt
     sheen       of satin: how much lighter it is where it turns away, 0 … 1
@@ -63,6 +65,7 @@ class Look:
     density     of smoke: how often light is scattered on its way through half of the subject's size
     colour_from name of a vertex attribute (V, 3) that replaces `colour`, or none
     pigment     a pattern that replaces `colour` and moves with the material, or none
+    wireframe   how edges are drawn over it, or none
     """
 
     model: str
@@ -77,6 +80,7 @@ class Look:
     density: float = 2.0
     colour_from: str | None = None
     pigment: Pigment | None = None
+    wireframe: Wireframe | None = None
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
@@ -140,7 +144,8 @@ LOOKS = {
     "marble": Look("plastic", (0.80, 0.79, 0.77), roughness=0.13, pigment=_MARBLE),
     "cream": Look("plastic", (0.82, 0.71, 0.53), roughness=0.22),
     "coffee": Look("plastic", (0.045, 0.016, 0.006), roughness=0.07),
-    "honey": Look("glass", (1.0, 1.0, 1.0), refraction=1.49, absorption=Absorption((0.93, 0.46, 0.05))),
+    "honey": Look("glass", (1.0, 1.0, 1.0), refraction=1.49, absorption=Absorption((0.94, 0.58, 0.1), 0.4)),
     "glass": Look("glass", (1.0, 1.0, 1.0), refraction=1.5, absorption=Absorption((0.80, 0.93, 0.89))),
     "smoke": Look("smoke", (0.95, 0.95, 0.96), density=1.6),
+    "symbolics_1990": Look("gouraud", (0.95, 0.30, 0.03), roughness=0.3),
 }

@@ -11,12 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render import absorption, lamps
+from render import absorption, gouraud, lamps, wireframe
 from render import material as materials
 from render.camera import Camera
 from render.lights import LightRig
 from render.look import Look
-from render.marks import SURROUNDINGS, marks
+from render.marks import SUBJECT, SURROUNDINGS, marks
 from render.mitsuba_mesh import mesh
 from render.sensor import sensor
 from render.stage import Placement, Stage
@@ -55,6 +55,8 @@ def build_scene(
     cannot be rendered.
     """
     surface.check()
+    if look.model == "gouraud":
+        return _drawn(surface, look, placement, camera, size)
     told = marks(surface, look)
     made_of = materials.material(look, surface.attributes, told, placement.size)
     subject = mesh("subject", surface, made_of, told.values, materials.medium(look, placement.size))
@@ -62,6 +64,8 @@ def build_scene(
     to_scene = placement.matrix()
     if stage.kind == "cyclorama":
         shapes["stage"] = _cyclorama(stage, to_scene)
+    if look.wireframe:
+        shapes["wireframe"] = _wires(surface, look.wireframe, camera, size)
     common = {"type": "scene", "sensor": sensor(camera, size), **shapes}
     lit = {**common, **lamps.emitters(lights, to_scene)}
     scene = _load(lit)
@@ -72,6 +76,23 @@ def build_scene(
         bare = _load(common)
     beauty = _integrator(_beauty(materials.path(look, depth), lights))
     return Rendering(scene, beauty), Rendering(bare, _integrator(_aovs()))
+
+
+def _drawn(
+    surface: Surface, look: Look, placement: Placement, camera: Camera, size: tuple[int, int]
+) -> tuple[Rendering, Rendering]:
+    """A look that brings its own light and its own stage."""
+    shapes = gouraud.shapes(surface, look, placement, camera, size)
+    if look.wireframe:
+        shapes["wireframe"] = _wires(surface, look.wireframe, camera, size)
+    scene = _load({"type": "scene", "sensor": sensor(camera, size), **shapes})
+    beauty = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
+    return Rendering(scene, _integrator(beauty)), Rendering(scene, _integrator(_aovs()))
+
+
+def _wires(surface: Surface, drawn: wireframe.Wireframe, camera: Camera, size: tuple[int, int]) -> Any:
+    lines = wireframe.ribbons(surface, drawn, camera, size[0])
+    return mesh("wireframe", lines, drawn.material(), np.array([0.0, SUBJECT]))
 
 
 def _integrator(description: dict[str, Any]) -> Any:

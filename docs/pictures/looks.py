@@ -28,20 +28,21 @@ from render.lights import LIGHTS
 from render.quality import QUALITIES
 from render.stage import STAGES
 from render.surface import Surface
+from render.wireframe import outlines
 
 HERE = Path(__file__).parent
-QUALITY = dataclasses.replace(QUALITIES["draft"], width=320, height=270, samples=16, guides=16)
+QUALITY = dataclasses.replace(QUALITIES["draft"], width=320, height=270, samples=4, guides=4)
 COLUMNS, CAPTION = 4, 30
 SHOT = """
 title: A bar wrung
 frames: 1-12
 subject: {solid: box, size: [1.4, 2.5, 1.4]}
-resample: {max_edge_length: 0.12}
+resample: {max_edge_length: 0.2}
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 12: 82}}}
   - bend: {axis: y, direction: x, length: 3, amount: {ease: linear, keys: {1: 0, 12: 34}}}
 look: %s
-smooth: {tessellate: 3}
+smooth: {tessellate: 4}
 """
 SHEET = {
     "clay": "clay",
@@ -56,6 +57,10 @@ SHEET = {
     "honey": "honey",
     "glass": "glass",
     "smoke": "{material: smoke, density: 10}",
+    "taffy": "taffy",
+    "cream": "cream",
+    "symbolics_1990": "symbolics_1990",
+    "clay, wireframe": "{material: clay, colour: [0.7, 0.7, 0.7], wireframe: {width: 0.6}}",
 }
 """What stands under each picture, and what the shot file says."""
 
@@ -96,7 +101,8 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
         name: array.astype(np.float32)
         for name, array in (("vertices", fine.vertices), ("normals", fine.normals), ("material", material))
     }
-    return Surface(faces=fine.faces, **arrays), framing
+    edges = outlines(fine.faces, shot.picture.tessellate)
+    return Surface(faces=fine.faces, edges=edges, **arrays), framing
 
 
 def _picture(name: str, shot: Shot, surface: Surface, framing: Framing) -> Image.Image:
@@ -112,7 +118,6 @@ def _picture(name: str, shot: Shot, surface: Surface, framing: Framing) -> Image
         seed=1,
         engine=choose(),
     )
-    print(name, {what: round(seconds, 2) for what, seconds in layers.seconds.items()}, flush=True)
     return Image.fromarray(quantise(to_display(denoise(layers), display="srgb")))
 
 

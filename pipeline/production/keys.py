@@ -53,7 +53,7 @@ PICTURE_CODE = (
         f"render/{name}.py"
         for name in (
             *("frame", "scene", "mitsuba_mesh", "surface", "spheres", "material", "pigment", "noise"),
-            *("absorption", "marks"),
+            *("absorption", "marks", "wireframe", "gouraud"),
             *("lamps", "stage", "camera", "sensor", "image"),
         )
     ),

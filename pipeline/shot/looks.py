@@ -11,6 +11,7 @@ from pydantic_core import PydanticCustomError
 from pipeline.shot.fields import Axis, Colour, Document, Positive, Triple, axis, exactly_one, one_of, vector
 from render.look import CLEAR, LOOKS, PLAIN, Absorption, Look
 from render.pigment import PATTERNS, Pigment
+from render.wireframe import Wireframe
 
 HERE = [0.0, 0.0, 0.0]
 Share = Annotated[float, Field(ge=0, le=1)]
@@ -97,6 +98,17 @@ class AbsorptionDocument(Document):
         return Absorption(vector(self.colour), float(self.depth))
 
 
+class WireframeDocument(Document):
+    """See `Wireframe`."""
+
+    colour: Colour | None = None
+    width: Annotated[float, Field(gt=0, le=100)] = 1.0
+
+    def build(self) -> Wireframe:
+        colour = {} if self.colour is None else {"colour": vector(self.colour)}
+        return Wireframe(width=float(self.width), **colour)
+
+
 class LookDocument(Document):
     """A look of the registry with some of its values replaced."""
 
@@ -111,6 +123,7 @@ class LookDocument(Document):
     absorption: AbsorptionDocument | None = None
     density: Annotated[float, Field(gt=0, le=1000)] | None = None
     pigment: PigmentDocument | None = None
+    wireframe: WireframeDocument | None = None
 
     @model_validator(mode="after")
     def _agrees(self) -> LookDocument:
@@ -146,7 +159,7 @@ class LookDocument(Document):
 
     def build(self) -> Look:
         """A colour takes the place of the look's own pattern, and of what it absorbs."""
-        named = {"material", "colour", "grain", "absorption", "pigment"}
+        named = {"material", "colour", "grain", "absorption", "pigment", "wireframe"}
         given: dict[str, Any] = self.model_dump(exclude_none=True, exclude=named)
         if self.colour:
             given |= {"colour": vector(self.colour), "pigment": None, "absorption": None}
@@ -156,4 +169,6 @@ class LookDocument(Document):
             given["absorption"] = self.absorption.build()
         if self.pigment:
             given["pigment"] = self.pigment.build()
+        if self.wireframe:
+            given["wireframe"] = self.wireframe.build()
         return dataclasses.replace(LOOKS[self.material], **given)

@@ -15,6 +15,7 @@ from pipeline.shot.looks import (
     PatternDocument,
     PigmentDocument,
     SpecklesDocument,
+    WireframeDocument,
 )
 from pipeline.shot.point_documents import CloudDocument, NetDocument, NetSolidDocument, SolidDocument
 
@@ -66,7 +67,12 @@ SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "refraction": Sense("of glass: its index, 1.5 for window glass and honey"),
         "absorption": Sense("of glass: how light that goes through it takes on colour with the distance"),
         "density": Sense("of smoke: how often light is scattered through half of the subject"),
+        "wireframe": Sense("the edges of the mesh, drawn over the look"),
         "pigment": Sense("a pattern that replaces the colour and moves with the material"),
+    },
+    WireframeDocument: {
+        "colour": Sense("of the lines; linear Rec.709: red, green, blue from 0 to 1"),
+        "width": Sense("of the lines", "pixels"),
     },
     AbsorptionDocument: {
         "colour": Sense("what is left of white light that went so far: red, green, blue up to 1"),

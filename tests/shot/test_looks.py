@@ -10,6 +10,7 @@ from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
 from render.look import LOOKS, Absorption
 from render.pigment import PATTERNS, Pigment
+from render.wireframe import Wireframe
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: %s}\nresample: off\nlook: %s\n"
 TWO = "colours: [[0.8, 0.7, 0.6], [0.1, 0.1, 0.1]]"
@@ -56,6 +57,12 @@ def test_absorption_is_said_by_colour_and_depth(tmp_path: Path) -> None:
     assert look.colour == LOOKS["honey"].colour
 
 
+def test_edges_are_drawn_over_any_look(tmp_path: Path) -> None:
+    look = shot_of(tmp_path, "{material: glass, wireframe: {colour: [1, 1, 1], width: 2}}").picture.look
+    assert look.wireframe == Wireframe((1.0, 1.0, 1.0), 2.0)
+    assert shot_of(tmp_path, "{material: clay, wireframe: {}}").picture.look.wireframe == Wireframe()
+
+
 def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
     assert shot_of(tmp_path, "{material: brushed, grain: x}").picture.look.grain == (1.0, 0.0, 0.0)
 
@@ -75,6 +82,8 @@ def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
         ("{material: clay, absorption: {colour: [1, 1, 1]}}", "take honey or glass"),
         ("{material: glass, absorption: {color: [1, 1, 1]}}", "Did you mean 'colour'?"),
         ("{material: glass, absorption: {colour: [0, 1, 1]}}", "must be above 0"),
+        ("{material: clay, wireframe: {width: 0}}", "must be above 0"),
+        ("{material: clay, wireframe: {widht: 1}}", "Did you mean 'width'?"),
         (f"{{material: brushed, pigment: {{layers: {{{TWO}}}}}}}", "scratches make the pattern of brushed"),
     ],
 )

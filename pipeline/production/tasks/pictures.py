@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from pipeline.arrays import Indices
 from pipeline.production.framing import Framing, turned
 from pipeline.production.npz import read_npz
 from pipeline.production.take import PictureKeys
 from pipeline.production.tasks.context import Context
+from pipeline.shot.net import ControlNet
+from pipeline.shot.shot import Shot
 from render.denoise import denoise
 from render.engine import choose
 from render.frame import Layers, render_frame
@@ -15,6 +18,7 @@ from render.image import read_exr, write_exr
 from render.plain import to_plain
 from render.spheres import Spheres
 from render.surface import Surface
+from render.wireframe import outlines
 
 
 def render(context: Context) -> bool:
@@ -79,8 +83,19 @@ def _surface(context: Context, number: int) -> Surface | Spheres:
         return Spheres(vertices.astype("float32"), arrays["radii"], material=arrays["material"])
     normals = turned(arrays["normals"], pose.spin, about_origin=True)
     return Surface(
-        vertices.astype("float32"), normals.astype("float32"), arrays["faces"], material=arrays["material"]
+        vertices.astype("float32"),
+        normals.astype("float32"),
+        arrays["faces"],
+        material=arrays["material"],
+        edges=_edges(take.shot, arrays["faces"]),
     )
+
+
+def _edges(shot: Shot, faces: Indices) -> Indices | None:
+    """Those of the mesh that was resampled, however finely it is cut for rendering; of a net all."""
+    if shot.picture.look.wireframe is None or isinstance(shot.motion.subject, ControlNet):
+        return None
+    return outlines(faces, shot.picture.tessellate)
 
 
 def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
