@@ -96,7 +96,7 @@ class Pigment:
         """(V, 3): the colours of points (V, 3) of the undeformed surface."""
         phases = self.phases(points)
         inside = phases % 1.0 if self.repeats else np.clip(phases, 0.0, 1.0)
-        return self.row()[np.minimum((inside * TEXELS).astype(int), TEXELS - 1)].astype(np.float64)
+        return np.asarray(self.row()[np.minimum((inside * TEXELS).astype(int), TEXELS - 1)], dtype=np.float64)
 
     def row(self) -> NDArray[np.float32]:
         """(TEXELS, 3): the colours of phases from 0 to 1."""

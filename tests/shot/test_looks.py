@@ -83,7 +83,7 @@ def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
         ("{material: glass, absorption: {color: [1, 1, 1]}}", "Did you mean 'colour'?"),
         ("{material: glass, absorption: {colour: [0, 1, 1]}}", "must be above 0"),
         ("{material: clay, wireframe: {width: 0}}", "must be above 0"),
-        ("{material: clay, wireframe: {widht: 1}}", "Did you mean 'width'?"),
+        ("{material: clay, wireframe: {widths: 1}}", "Did you mean 'width'?"),
         (f"{{material: brushed, pigment: {{layers: {{{TWO}}}}}}}", "scratches make the pattern of brushed"),
     ],
 )
