@@ -101,11 +101,7 @@ def exposure(daylight: Daylight) -> float:
     """What Mitsuba's units are multiplied by. An engine must have been started."""
     sun, sky = irradiances(daylight)
     facing = float((sun + sky / 2.0) @ _LUMA)
-<<<<<<< HEAD
-    return float(_WANTED / _NOON * (facing / _NOON) ** -_DUSK)
-=======
     return _WANTED / _NOON * math.pow(facing / _NOON, -_DUSK)
->>>>>>> sets
 
 
 def irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -161,9 +157,5 @@ def _from(shining: Any, direction: NDArray[np.float64]) -> NDArray[np.float64]:
     import mitsuba as mi
 
     there = mi.SurfaceInteraction3f()
-<<<<<<< HEAD
-    there.wi = mi.Vector3f(*(-float(x) for x in direction))
-=======
     there.wi = mi.Vector3f(*(-direction).tolist())
->>>>>>> sets
     return np.array(shining.eval(there), dtype=np.float64)

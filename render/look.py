@@ -2,16 +2,46 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from render.errors import BadInputError
 from render.pigment import Pigment
 from render.plain import Triple
+from render.wireframe import Wireframe
 
-MODELS = ("diffuse", "plastic", "metal", "satin", "glass", "smoke")
+MODELS = ("diffuse", "plastic", "metal", "brushed", "satin", "glass", "smoke", "gouraud")
 
 CLEAR = ("glass", "smoke")
 """Models of bodies that light goes through: of closed surfaces only, and of one colour."""
+
+PLAIN = (*CLEAR, "brushed")
+"""Models of one colour: they take no pigment."""
+
+
+@dataclass(frozen=True)
+class Absorption:
+    """How a body takes light that goes through it: what is left falls with the distance (Beer and Lambert).
+
+    colour  linear Rec.709: how much is left after `depth`; above 0
+    depth   in halves of the subject's size
+    """
+
+    colour: Triple
+    depth: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (all(0.0 < part <= 1.0 for part in self.colour) and 0.0 < self.depth <= 1000.0):
+            raise BadInputError(
+                f"absorption has colour {self.colour} and depth {self.depth}; colours lie above 0 and "
+                "up to 1, depths above 0 and up to 1000"
+            )
+
+    @property
+    def rate(self) -> Triple:
+        """Of the exponential decay, in one half of the subject's size."""
+        red, green, blue = (0.0 - math.log(part) / self.depth for part in self.colour)
+        return red, green, blue
 
 
 @dataclass(frozen=True)
@@ -19,17 +49,23 @@ class Look:
     """A material; unless light goes through, the same on both sides of the surface.
 
     model       "diffuse" (chalk), "plastic" (a coloured body under a clear coat),
-                "metal" (`colour` is what it reflects), "satin" (a lustrous cloth-like sheen and a soft coat),
+                "metal" (`colour` is what it reflects), "brushed" (metal, scratched in planes across `grain`),
+                "satin" (a lustrous cloth-like sheen and a soft coat),
                 "glass" (clear, refracts; `colour` is what one passage through its surface lets through),
-                "smoke" (a cloud that fills the surface)
+                "smoke" (a cloud that fills the surface),
+                "gouraud" (drawn, not lit: see `render.gouraud`)
     colour      linear Rec.709 reflectance
     roughness   of the coat or the metal: 0.03 is a mirror's gloss, 0.5 is matt
     sheen       of satin: how much lighter it is where it turns away, 0 … 1
     metallic    of satin: how much the highlight takes the colour, 0 … 1
+    coat        of satin: how much of a clear coat lies on it, 0 … 1
+    grain       of brushed metal: what scratches lie across, an axis of the undeformed subject
     refraction  of glass: its index, 1.5 for window glass and honey
+    absorption  of glass: what it takes from light by the way inside, or none
     density     of smoke: how often light is scattered on its way through half of the subject's size
     colour_from name of a vertex attribute (V, 3) that replaces `colour`, or none
     pigment     a pattern that replaces `colour` and moves with the material, or none
+    wireframe   how edges are drawn over it, or none
     """
 
     model: str
@@ -37,17 +73,21 @@ class Look:
     roughness: float = 0.1
     sheen: float = 0.0
     metallic: float = 0.0
+    coat: float = 0.4
+    grain: Triple = (0.0, 1.0, 0.0)
     refraction: float = 1.5
+    absorption: Absorption | None = None
     density: float = 2.0
     colour_from: str | None = None
     pigment: Pigment | None = None
+    wireframe: Wireframe | None = None
 
     def __post_init__(self) -> None:
         if self.model not in MODELS:
             raise BadInputError(f"look has model {self.model!r}; it can be {', '.join(MODELS)}")
         if not all(0.0 <= part <= 1.0 for part in self.colour):
             raise BadInputError(f"look has colour {self.colour}; reflectances lie between 0 and 1")
-        for name in ("roughness", "sheen", "metallic"):
+        for name in ("roughness", "sheen", "metallic", "coat"):
             if not 0.0 <= getattr(self, name) <= 1.0:
                 raise BadInputError(f"look has {name} {getattr(self, name)}; it must lie between 0 and 1")
         if not (1.0 < self.refraction <= 4.0 and 0.0 < self.density <= 1000.0):
@@ -55,8 +95,12 @@ class Look:
                 f"look has refraction {self.refraction} and density {self.density}; the first lies above 1 "
                 "and up to 4, the second above 0 and up to 1000"
             )
-        if self.is_clear and (self.pigment or self.colour_from):
+        if self.model in PLAIN and (self.pigment or self.colour_from):
             raise BadInputError(f"a look of {self.model} has one colour; leave its pattern out")
+        if self.absorption and self.model != "glass":
+            raise BadInputError(f"a look of {self.model} does not heed absorption; only glass does")
+        if math.hypot(*self.grain) < 1e-12:
+            raise BadInputError("look has grain (0, 0, 0); an axis has a length")
 
     @property
     def is_clear(self) -> bool:
@@ -64,15 +108,44 @@ class Look:
         return self.model in CLEAR
 
 
+_MARBLE = Pigment(
+    "marble",
+    ((0.80, 0.79, 0.77), (0.085, 0.09, 0.105), (0.36, 0.35, 0.34)),
+    scale=0.9,
+    axis=(0.35, 1.0, 0.2),
+    softness=0.75,
+    share=0.2,
+    turbulence=1.05,
+    octaves=5,
+    seed=3,
+)
+_SWIRL = Pigment(
+    "layers",
+    ((0.80, 0.74, 0.66), (0.66, 0.07, 0.12), (0.80, 0.74, 0.66), (0.80, 0.36, 0.42)),
+    scale=0.17,
+    axis=(0.25, 1.0, 0.1),
+    softness=0.1,
+    turbulence=0.6,
+    octaves=1,
+    seed=5,
+)
+"""Both are made for a subject about 2 scene units across."""
+
 LOOKS = {
     "clay": Look("diffuse", (0.73, 0.595, 0.46)),
+    "putty": Look("satin", (0.44, 0.41, 0.36), roughness=0.62, sheen=0.25, coat=0.0),
     "glaze": Look("plastic", (0.38, 0.012, 0.008), roughness=0.055),
+    "ceramic": Look("plastic", (0.34, 0.50, 0.43), roughness=0.04),
     "chrome": Look("metal", (0.80, 0.81, 0.82), roughness=0.04),
+    "brushed": Look("brushed", (0.76, 0.74, 0.71), roughness=0.28),
     "taffy": Look("satin", (0.80, 0.26, 0.34), roughness=0.32, sheen=0.5, metallic=0.2),
+    "swirl": Look("satin", (0.80, 0.74, 0.66), roughness=0.3, sheen=0.3, pigment=_SWIRL),
     "pearl": Look("satin", (0.80, 0.76, 0.74), roughness=0.26, sheen=0.4, metallic=0.45),
+    "marble": Look("plastic", (0.80, 0.79, 0.77), roughness=0.13, pigment=_MARBLE),
     "cream": Look("plastic", (0.82, 0.71, 0.53), roughness=0.22),
     "coffee": Look("plastic", (0.045, 0.016, 0.006), roughness=0.07),
-    "honey": Look("glass", (0.97, 0.62, 0.13), refraction=1.49),
-    "glass": Look("glass", (0.97, 0.985, 0.98), refraction=1.5),
+    "honey": Look("glass", (1.0, 1.0, 1.0), refraction=1.49, absorption=Absorption((0.94, 0.58, 0.1), 0.4)),
+    "glass": Look("glass", (1.0, 1.0, 1.0), refraction=1.5, absorption=Absorption((0.80, 0.93, 0.89))),
     "smoke": Look("smoke", (0.95, 0.95, 0.96), density=1.6),
+    "symbolics_1990": Look("gouraud", (0.95, 0.30, 0.03), roughness=0.3),
 }

@@ -6,35 +6,55 @@ from collections.abc import Collection
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from render import absorption
 from render.errors import BadInputError
 from render.look import Look
+from render.marks import Marks
 from render.pigment import Pigment
 
 _LEAST_DEPTH = {"glass": 10, "smoke": 16}
 """Vertices of a path that light needs to get through; shorter ones leave a body black."""
 
+_ALONG = 0.3
+"""How rough brushed metal is along its scratches, as a share of how rough it is across."""
 
-def material(look: Look, attributes: Collection[str]) -> dict[str, Any]:
-    """What a surface is made of. Raises BadInputError for a look that wants an attribute it does not have."""
+_STREAKED = 0.3
+"""How much less than its colour the deepest scratch reflects."""
+
+
+def material(look: Look, attributes: Collection[str], marks: Marks, size: float) -> dict[str, Any]:
+    """What a surface is made of. Raises BadInputError for a look that wants an attribute it does not have.
+
+    marks  what the surface's texture coordinates mean
+    size   half the subject's, scene units
+    """
     if look.model == "smoke":
         return {"type": "null"}
     colour = _colour(look, attributes)
     if look.model == "glass":
-        return {"type": "dielectric", "int_ior": look.refraction, "specular_transmittance": colour}
-    return {"type": "twosided", "material": _opaque(look, colour)}
+        return {
+            "type": "dielectric",
+            "int_ior": look.refraction,
+            "specular_transmittance": colour,
+            **absorption.textures(look, size),
+        }
+    return {"type": "twosided", "material": _opaque(look, colour, marks)}
 
 
 def guide(look: Look) -> dict[str, Any]:
     """What a body that light goes through is made of for the denoiser: without this it would be black."""
-    plain = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(look.colour)}}
+    left = look.absorption.colour if look.absorption else (1.0, 1.0, 1.0)
+    colour = [part * share for part, share in zip(look.colour, left, strict=True)]
+    plain = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
     return {"type": "twosided", "material": plain}
 
 
 def medium(look: Look, size: float) -> dict[str, Any] | None:
     """What fills the surface, or nothing. size: half the subject's, scene units"""
     if look.model != "smoke":
-        return None
+        return absorption.medium(look, size)
     albedo = {"type": "rgb", "value": list(look.colour)}
     return {"type": "homogeneous", "albedo": albedo, "scale": look.density / size}
 
@@ -42,7 +62,7 @@ def medium(look: Look, size: float) -> dict[str, Any] | None:
 def path(look: Look, depth: int) -> dict[str, Any]:
     """How light is followed: far enough to get through."""
     depth = max(depth, _LEAST_DEPTH.get(look.model, 0))
-    kind = "volpath" if look.model == "smoke" else "path"
+    kind = "volpath" if look.model == "smoke" else absorption.path(look)
     return {"type": kind, "max_depth": depth, "rr_depth": max(depth, 5)}
 
 
@@ -72,7 +92,7 @@ def _row(pigment: Pigment) -> dict[str, Any]:
     }
 
 
-def _opaque(look: Look, colour: dict[str, Any]) -> dict[str, Any]:
+def _opaque(look: Look, colour: dict[str, Any], marks: Marks) -> dict[str, Any]:
     if look.model == "diffuse":
         return {"type": "diffuse", "reflectance": colour}
     if look.model == "metal":
@@ -83,6 +103,8 @@ def _opaque(look: Look, colour: dict[str, Any]) -> dict[str, Any]:
             "alpha": max(look.roughness, 1e-3),
             "distribution": "ggx",
         }
+    if look.model == "brushed":
+        return _brushed(look, marks)
     if look.model == "satin":
         return {
             "type": "principled",
@@ -91,7 +113,7 @@ def _opaque(look: Look, colour: dict[str, Any]) -> dict[str, Any]:
             "metallic": look.metallic,
             "sheen": look.sheen,
             "sheen_tint": 0.5,
-            "clearcoat": 0.4,
+            "clearcoat": look.coat,
             "clearcoat_gloss": 0.75,
             "specular": 0.5,
         }
@@ -102,3 +124,35 @@ def _opaque(look: Look, colour: dict[str, Any]) -> dict[str, Any]:
         "distribution": "ggx",
         "nonlinear": True,
     }
+
+
+def _brushed(look: Look, marks: Marks) -> dict[str, Any]:
+    """Metal whose highlights are drawn out across its scratches, which texture coordinates tell of."""
+    import mitsuba as mi
+
+    streaks = mi.Bitmap(np.ascontiguousarray(_streaks(look)[:, None]))
+    shown = {
+        "type": "bitmap",
+        "bitmap": streaks,
+        "raw": True,
+        "filter_type": "bilinear",
+        "to_uv": mi.ScalarTransform3f().scale([1.0, marks.factor]),
+    }
+    rough = max(look.roughness, 1e-3)
+    return {
+        "type": "roughconductor",
+        "material": "none",
+        "specular_reflectance": shown,
+        "alpha_u": rough * _ALONG,
+        "alpha_v": rough,
+        "distribution": "ggx",
+    }
+
+
+def _streaks(look: Look) -> NDArray[np.float32]:
+    """(N, 3): what metal reflects along one scene unit across its scratches, fine and coarse ones."""
+    drawn, count = np.random.default_rng(11), 1024
+    depth = np.zeros(count)
+    for wide, strength in ((1, 0.5), (4, 0.3), (16, 0.2)):
+        depth += strength * np.repeat(drawn.random(count // wide), wide)
+    return np.asarray((1.0 - _STREAKED * depth)[:, None] * np.array(look.colour), dtype=np.float32)

@@ -12,10 +12,6 @@ from numpy.typing import NDArray
 
 from render.surface import Surface
 
-SUBJECT, SURROUNDINGS = 1.0, 0.0
-"""The second texture coordinate of every vertex: averaged over a pixel it is the matte. The first is the
-phase of the look's pigment."""
-
 
 def mesh(
     name: str,
@@ -24,7 +20,7 @@ def mesh(
     marks: NDArray[np.floating],
     filling: dict[str, Any] | None = None,
 ) -> Any:
-    """A shape of a scene. marks: (V, 2) texture coordinates, or one for all; see SUBJECT"""
+    """A shape of a scene. marks: (V, 2) texture coordinates, or one for all; see `render.marks`"""
     import mitsuba as mi
 
     properties = mi.Properties()

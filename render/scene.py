@@ -12,21 +12,22 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render import lamps, scenery
+from render import absorption, gouraud, lamps, scenery, wireframe
 from render import material as materials
 from render.aovs import MARKS
 from render.camera import Camera
 from render.inside import refuse_inside
 from render.lights import LightRig
 from render.look import Look
-from render.mitsuba_mesh import SUBJECT, mesh
+from render.marks import SUBJECT, marks
+from render.mitsuba_mesh import mesh
 from render.quality import Crop
 from render.sensor import sensor
 from render.stage import Placement, Stage
 from render.surface import Surface
 
 _CHANGING = (
-    *("to_world", "medium.scale", "aperture_radius", "focus_distance"),
+    *("to_world", "medium.scale", absorption.RATE, "aperture_radius", "focus_distance"),
     *("sun_direction", "sun_scale", "sky_scale"),
 )
 """How the names of values end that differ from frame to frame."""
@@ -91,23 +92,60 @@ def build_scene(
     """
     surface.check()
     refuse_inside(surface, camera)
-    subject = _subject(surface, look, materials.material(look, surface.attributes), placement.size)
+    if look.model == "gouraud":
+        return _drawn(surface, look, placement, camera, size, aovs, crop)
+    told = marks(surface, look)
+    made_of = materials.material(look, surface.attributes, told, placement.size)
+    subject = mesh("subject", surface, made_of, told.values, materials.medium(look, placement.size))
     to_scene = placement.matrix()
-    around = scenery.shapes(stage, placement, camera, size)
-    common = {"type": "scene", "sensor": sensor(camera, size, crop), "subject": subject, **around}
+    shapes = {"subject": subject, **scenery.shapes(stage, placement, camera, size)}
+    if look.wireframe:
+        shapes["wireframe"] = _wires(surface, look.wireframe, camera, size)
+    common = {"type": "scene", "sensor": sensor(camera, size, crop), **shapes}
     lit = {**common, **lamps.emitters(lights, to_scene)}
     scene = _load(lit)
     bare = scene
     guides = scenery.guides(stage, placement, camera, size)
     if look.is_clear:
-        guides["subject"] = _subject(surface, look, materials.guide(look))
+        guides["subject"] = mesh("subject", surface, materials.guide(look), told.values)
     if guides or lamps.any_in_view(lights, to_scene, camera, size):
         bare = _load({**common, **guides})
     beauty = _beauty(materials.path(look, depth), lights)
+    return _scenes(scene, bare, beauty, common, surface, aovs)
+
+
+def _drawn(
+    surface: Surface,
+    look: Look,
+    placement: Placement,
+    camera: Camera,
+    size: tuple[int, int],
+    aovs: Collection[str],
+    crop: Crop | None,
+) -> Scenes:
+    """A look that brings its own light and its own stage."""
+    shapes = gouraud.shapes(surface, look, placement, camera, size)
+    if look.wireframe:
+        shapes["wireframe"] = _wires(surface, look.wireframe, camera, size)
+    common = {"type": "scene", "sensor": sensor(camera, size, crop), **shapes}
+    scene = _load(common)
+    beauty = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
+    return _scenes(scene, scene, beauty, common, surface, aovs)
+
+
+def _scenes(
+    lit: Any,
+    bare: Any,
+    beauty: dict[str, Any],
+    common: dict[str, Any],
+    surface: Surface,
+    aovs: Collection[str],
+) -> Scenes:
+    """With what the layers asked for need beside them."""
     if "noise" in aovs:
         beauty = {"type": "moment", "block_size": BLOCK_SIZE, "path": beauty}
     return Scenes(
-        Rendering(scene, _integrator(beauty)),
+        Rendering(lit, _integrator(beauty)),
         Rendering(bare, _integrator(_aovs())),
         _dyed(common, surface) if any(name in MARKS for name in aovs) else None,
     )
@@ -121,6 +159,11 @@ def _dyed(common: dict[str, Any], surface: Surface) -> Rendering:
     subject = mesh("subject", plain, material, np.array([0.0, SUBJECT]))
     albedo = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
     return Rendering(_load({**common, "subject": subject}), _integrator(albedo))
+
+
+def _wires(surface: Surface, drawn: wireframe.Wireframe, camera: Camera, size: tuple[int, int]) -> Any:
+    lines = wireframe.ribbons(surface, drawn, camera, size[0])
+    return mesh("wireframe", lines, drawn.material(), np.array([0.0, SUBJECT]))
 
 
 def _integrator(description: dict[str, Any]) -> Any:
@@ -166,10 +209,3 @@ def _beauty(path: dict[str, Any], lights: LightRig) -> dict[str, Any]:
 def _aovs() -> dict[str, Any]:
     wanted = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
     return {"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE}
-
-
-def _subject(surface: Surface, look: Look, material: dict[str, Any], size: float | None = None) -> Any:
-    """The sculpture; with its half-size, filled with what the look fills it with."""
-    filling = None if size is None else materials.medium(look, size)
-    marks = np.stack([surface.phases(look), np.full(len(surface.vertices), SUBJECT)], axis=1)
-    return mesh("subject", surface, material, marks, filling)

@@ -8,7 +8,8 @@ import numpy as np
 
 from render import set_pieces
 from render.camera import Camera
-from render.mitsuba_mesh import SURROUNDINGS, mesh
+from render.marks import SURROUNDINGS
+from render.mitsuba_mesh import mesh
 from render.plain import Triple
 from render.stage import Mesh, Placement, Stage
 from render.surface import Surface

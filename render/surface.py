@@ -9,7 +9,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.errors import BadInputError
-from render.look import Look
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,6 +20,7 @@ class Surface:
     faces       int32 (F, 3), counter-clockwise seen from outside
     attributes  by name, float32 (V, k)
     material    float32 (V, 3), where its points were before anything moved them; pigments need it
+    edges       int32 (E, 2), those that a wireframe shows; all those of the faces where none are named
     """
 
     vertices: NDArray[np.float32]
@@ -28,6 +28,7 @@ class Surface:
     faces: NDArray[np.int32]
     attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
     material: NDArray[np.float32] | None = None
+    edges: NDArray[np.int32] | None = None
 
     def check(self) -> None:
         """Raises BadInputError for what Mitsuba would render wrongly, or crash on, without a word."""
@@ -49,6 +50,12 @@ class Surface:
             raise BadInputError(
                 f"a face names vertex {int(self.faces.max())} or {int(self.faces.min())}; there are {count}"
             )
+        if self.edges is not None and (
+            self.edges.ndim != 2
+            or self.edges.shape[1] != 2
+            or ((self.edges < 0) | (self.edges >= count)).any()
+        ):
+            raise BadInputError(f"the surface's edges must be (E, 2), and name some of its {count} vertices")
         for name, array in self.attributes.items():
             if array.ndim != 2 or len(array) != count or not np.isfinite(array).all():
                 raise BadInputError(f"attribute {name!r} must be finite and have shape ({count}, k)")
@@ -56,13 +63,3 @@ class Surface:
             self.material.shape != (count, 3) or not np.isfinite(self.material).all()
         ):
             raise BadInputError(f"the surface's material must be finite and have shape ({count}, 3)")
-
-    def phases(self, look: Look) -> NDArray[np.float64]:
-        """(V,): of the look's pigment, 0 where it has none."""
-        if look.pigment is None:
-            return np.zeros(len(self.vertices))
-        if self.material is None:
-            raise BadInputError(
-                "look has a pigment, and the surface does not say where its points were; give it material"
-            )
-        return look.pigment.phases(self.material)

@@ -9,14 +9,21 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.shot.fields import Axis, Colour, Document, Positive, Triple, axis, exactly_one, one_of, vector
-from render.look import CLEAR, LOOKS, Look
+from render.look import CLEAR, LOOKS, PLAIN, Absorption, Look
 from render.pigment import PATTERNS, Pigment
+from render.wireframe import Wireframe
 
 HERE = [0.0, 0.0, 0.0]
 Share = Annotated[float, Field(ge=0, le=1)]
 Colours = Annotated[list[Colour], Field(min_length=2, max_length=16)]
 
-_OF_CLEAR = {"refraction": "glass", "density": "smoke"}
+_HEEDING = {
+    "coat": "satin",
+    "grain": "brushed",
+    "refraction": "glass",
+    "absorption": "glass",
+    "density": "smoke",
+}
 """The model that heeds a value, where no other does."""
 
 
@@ -81,6 +88,27 @@ class PigmentDocument(Document):
         return built
 
 
+class AbsorptionDocument(Document):
+    """See `Absorption`."""
+
+    colour: Annotated[list[Annotated[float, Field(gt=0, le=1)]], Field(min_length=3, max_length=3)]
+    depth: Annotated[float, Field(gt=0, le=1000)] = 1.0
+
+    def build(self) -> Absorption:
+        return Absorption(vector(self.colour), float(self.depth))
+
+
+class WireframeDocument(Document):
+    """See `Wireframe`."""
+
+    colour: Colour | None = None
+    width: Annotated[float, Field(gt=0, le=100)] = 1.0
+
+    def build(self) -> Wireframe:
+        colour = {} if self.colour is None else {"colour": vector(self.colour)}
+        return Wireframe(width=float(self.width), **colour)
+
+
 class LookDocument(Document):
     """A look of the registry with some of its values replaced."""
 
@@ -89,27 +117,34 @@ class LookDocument(Document):
     roughness: Share | None = None
     sheen: Share | None = None
     metallic: Share | None = None
+    coat: Share | None = None
+    grain: Axis | None = None
     refraction: Annotated[float, Field(gt=1, le=4)] | None = None
+    absorption: AbsorptionDocument | None = None
     density: Annotated[float, Field(gt=0, le=1000)] | None = None
     pigment: PigmentDocument | None = None
+    wireframe: WireframeDocument | None = None
 
     @model_validator(mode="after")
     def _agrees(self) -> LookDocument:
         model = LOOKS[self.material].model
-        if self.pigment and model in CLEAR:
-            opaque = ", ".join(name for name, look in LOOKS.items() if not look.is_clear)
+        if self.pigment and model in PLAIN:
             raise PydanticCustomError(
                 "pigment",
-                "look has a pigment, and light goes through {material}, which has one colour. Take "
-                "one of {opaque}, or write colour.",
-                {"material": self.material, "opaque": opaque},
+                "look has a pigment, and {why} {material}, which has one colour. Take one of {others}, "
+                "or write colour.",
+                {
+                    "why": "light goes through" if model in CLEAR else "scratches make the pattern of",
+                    "material": self.material,
+                    "others": ", ".join(name for name, look in LOOKS.items() if look.model not in PLAIN),
+                },
             )
         if self.pigment and self.colour:
             raise PydanticCustomError(
                 "pigment",
                 "look has both colour and pigment; a pigment has its own colours. Remove one of them.",
             )
-        for name, heeding in _OF_CLEAR.items():
+        for name, heeding in _HEEDING.items():
             if getattr(self, name) is not None and model != heeding:
                 raise PydanticCustomError(
                     "facet",
@@ -123,8 +158,17 @@ class LookDocument(Document):
         return self
 
     def build(self) -> Look:
-        given: dict[str, Any] = self.model_dump(exclude_none=True, exclude={"material", "pigment", "colour"})
+        """A colour takes the place of the look's own pattern, and of what it absorbs."""
+        named = {"material", "colour", "grain", "absorption", "pigment", "wireframe"}
+        given: dict[str, Any] = self.model_dump(exclude_none=True, exclude=named)
         if self.colour:
-            given["colour"] = vector(self.colour)
-        pigment = self.pigment.build() if self.pigment else None
-        return dataclasses.replace(LOOKS[self.material], **given, pigment=pigment)
+            given |= {"colour": vector(self.colour), "pigment": None, "absorption": None}
+        if self.grain:
+            given["grain"] = axis(self.grain)
+        if self.absorption:
+            given["absorption"] = self.absorption.build()
+        if self.pigment:
+            given["pigment"] = self.pigment.build()
+        if self.wireframe:
+            given["wireframe"] = self.wireframe.build()
+        return dataclasses.replace(LOOKS[self.material], **given)

@@ -9,11 +9,13 @@ from pydantic import BaseModel
 from pipeline.flow.parameters import Sense
 from pipeline.shot.documents import ModelDocument
 from pipeline.shot.looks import (
+    AbsorptionDocument,
     LookDocument,
     MarbleDocument,
     PatternDocument,
     PigmentDocument,
     SpecklesDocument,
+    WireframeDocument,
 )
 from pipeline.shot.point_documents import CloudDocument, NetDocument, NetSolidDocument, SolidDocument
 
@@ -60,9 +62,21 @@ SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "roughness": Sense("0.03 is a mirror's gloss, 0.5 is matt"),
         "sheen": Sense("of satin: how much lighter it is where it turns away"),
         "metallic": Sense("of satin: how much the highlight takes the colour"),
+        "coat": Sense("of satin: how much of a clear coat lies on it"),
+        "grain": Sense("of brushed metal: what scratches lie across: x, y, z or a vector"),
         "refraction": Sense("of glass: its index, 1.5 for window glass and honey"),
+        "absorption": Sense("of glass: how light that goes through it takes on colour with the distance"),
         "density": Sense("of smoke: how often light is scattered through half of the subject"),
+        "wireframe": Sense("the edges of the mesh, drawn over the look"),
         "pigment": Sense("a pattern that replaces the colour and moves with the material"),
+    },
+    WireframeDocument: {
+        "colour": Sense("of the lines; linear Rec.709: red, green, blue from 0 to 1"),
+        "width": Sense("of the lines", "pixels"),
+    },
+    AbsorptionDocument: {
+        "colour": Sense("what is left of white light that went so far: red, green, blue up to 1"),
+        "depth": Sense("how far that is, in halves of the subject's size"),
     },
     PigmentDocument: {
         "layers": Sense("bands along an axis"),

@@ -124,8 +124,8 @@ def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: La
 
 
 @pytest.mark.parametrize("name", LOOKS)
-def test_every_look_renders(name: str, rendered: Rendered) -> None:
-    layers = rendered(look=LOOKS[name])
+def test_every_look_renders(name: str, rendered: Rendered, sphere: Surface) -> None:
+    layers = rendered(look=LOOKS[name], surface=replace(sphere, material=sphere.vertices))
     inside = layers["matte"] == 1.0
     assert np.isfinite(layers["beauty"]).all()
     assert layers["beauty"][inside].mean() > 0.02

@@ -8,8 +8,9 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
-from render.look import LOOKS
+from render.look import LOOKS, Absorption
 from render.pigment import PATTERNS, Pigment
+from render.wireframe import Wireframe
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: %s}\nresample: off\nlook: %s\n"
 TWO = "colours: [[0.8, 0.7, 0.6], [0.1, 0.1, 0.1]]"
@@ -41,6 +42,31 @@ def test_glass_and_smoke_take_their_own_numbers(tmp_path: Path) -> None:
     assert shot_of(tmp_path, "{material: smoke, density: 3}").picture.look.density == 3.0
 
 
+def test_a_colour_takes_the_place_of_what_the_look_had_built_in(tmp_path: Path) -> None:
+    assert shot_of(tmp_path, "marble").picture.look.pigment is not None
+    assert shot_of(tmp_path, "{material: marble, colour: [0, 0, 1]}").picture.look.pigment is None
+    tinted = shot_of(tmp_path, "{material: glass, colour: [0, 0, 1]}").picture.look
+    assert (tinted.colour, tinted.absorption) == ((0.0, 0.0, 1.0), None)
+
+
+def test_absorption_is_said_by_colour_and_depth(tmp_path: Path) -> None:
+    look = shot_of(
+        tmp_path, "{material: honey, absorption: {colour: [0.5, 0.4, 0.3], depth: 2}}"
+    ).picture.look
+    assert look.absorption == Absorption((0.5, 0.4, 0.3), 2.0)
+    assert look.colour == LOOKS["honey"].colour
+
+
+def test_edges_are_drawn_over_any_look(tmp_path: Path) -> None:
+    look = shot_of(tmp_path, "{material: glass, wireframe: {colour: [1, 1, 1], width: 2}}").picture.look
+    assert look.wireframe == Wireframe((1.0, 1.0, 1.0), 2.0)
+    assert shot_of(tmp_path, "{material: clay, wireframe: {}}").picture.look.wireframe == Wireframe()
+
+
+def test_scratches_lie_across_an_axis(tmp_path: Path) -> None:
+    assert shot_of(tmp_path, "{material: brushed, grain: x}").picture.look.grain == (1.0, 0.0, 0.0)
+
+
 @pytest.mark.parametrize(
     ("look", "told"),
     [
@@ -53,6 +79,12 @@ def test_glass_and_smoke_take_their_own_numbers(tmp_path: Path) -> None:
         (f"{{material: clay, colour: [1, 1, 1], pigment: {{layers: {{{TWO}}}}}}}", "Remove one of them"),
         (f"{{material: glass, pigment: {{layers: {{{TWO}}}}}}}", "light goes through glass"),
         ("{material: clay, density: 2}", "take smoke"),
+        ("{material: clay, absorption: {colour: [1, 1, 1]}}", "take honey or glass"),
+        ("{material: glass, absorption: {color: [1, 1, 1]}}", "Did you mean 'colour'?"),
+        ("{material: glass, absorption: {colour: [0, 1, 1]}}", "must be above 0"),
+        ("{material: clay, wireframe: {width: 0}}", "must be above 0"),
+        ("{material: clay, wireframe: {widths: 1}}", "Did you mean 'width'?"),
+        (f"{{material: brushed, pigment: {{layers: {{{TWO}}}}}}}", "scratches make the pattern of brushed"),
     ],
 )
 def test_mistakes_are_told_at_their_line(look: str, told: str, tmp_path: Path) -> None:

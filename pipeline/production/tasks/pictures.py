@@ -22,6 +22,8 @@ from pipeline.production.npz import read_npz
 from pipeline.production.take import PictureKeys
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import shading_of
+from pipeline.shot.net import ControlNet
+from pipeline.shot.shot import Shot
 from render.denoise import denoise
 from render.engine import choose
 from render.frame import Layers, render_frame
@@ -30,6 +32,7 @@ from render.plain import to_plain
 from render.shutter import Moment, Shutter
 from render.spheres import Spheres
 from render.surface import Surface
+from render.wireframe import outlines
 
 
 def render(context: Context) -> bool:
@@ -99,7 +102,7 @@ def _moments(
     take = context.take
     pose, framing = take.poses[number], framings[number]
     path = take.motion_folders.normals(pose.mesh)
-    arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
+    arrays = _with_edges(take.shot, context.read("normals", take.normals_key(pose.mesh), path, read_npz))
     normals = arrays.get("normals")
     shown = (
         turned(arrays["vertices"], pose.spin),
@@ -148,7 +151,9 @@ def _subject(
     vertices, material = points.astype(np.float32), arrays["material"]
     if normals is None:
         return Spheres(vertices, arrays["radii"], attributes, material)
-    return Surface(vertices, normals.astype(np.float32), arrays["faces"], attributes, material)
+    return Surface(
+        vertices, normals.astype(np.float32), arrays["faces"], attributes, material, arrays.get("edges")
+    )
 
 
 def _tell_statistics(context: Context, number: int, key: Key, layers: Layers, seconds: float) -> None:
@@ -167,6 +172,15 @@ def _tell_statistics(context: Context, number: int, key: Key, layers: Layers, se
     with disk_faults(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(told, indent=1) + "\n")
+
+
+def _with_edges(shot: Shot, arrays: Mapping[str, AnyArray]) -> Mapping[str, AnyArray]:
+    """With the edges of the mesh that was resampled, where they are drawn, however finely it is cut now;
+    of a net all are drawn."""
+    is_net = isinstance(shot.motion.subject, ControlNet)
+    if shot.picture.look.wireframe is None or is_net or "faces" not in arrays:
+        return arrays
+    return {**arrays, "edges": outlines(arrays["faces"], shot.picture.tessellate)}
 
 
 def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
