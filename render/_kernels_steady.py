@@ -1,5 +1,5 @@
-"""Following pixels to another frame and taking in what they find there, compiled: NumPy would walk both frames
-some fifty times."""
+"""Following pixels to another frame and taking in what they find there, compiled: NumPy would walk both
+frames some fifty times."""
 
 from __future__ import annotations
 

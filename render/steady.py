@@ -1,9 +1,9 @@
 """Noise taken out over time: frames before and after are followed along the exact motion and taken in.
 
 What a denoiser leaves differs from frame to frame, and a film shows it as boiling. Here every pixel asks where
-its point of the scene was in the frames around, and takes in the light found there where that is the same point
-(by its position and its coverage) in the same light (by what noise is left). What came into view just now, or is lit otherwise, keeps
-its own. The motion is not guessed from pictures: the flow says it.
+its point of the scene was in the frames around, and takes in the light found there where that is the same
+point (by its position and its coverage) in the same light (by what noise is left). What came into view just
+now, or is lit otherwise, keeps its own. The motion is not guessed from pictures: the flow says it.
 
 After Nehab et al., *Accelerating real-time shading with reverse reprojection caching* (2007), with frames on
 both sides, which a film has and a game has not.
@@ -94,7 +94,7 @@ def steady(moments: Mapping[int, Moment], frame: int) -> Floats:
                 [moments[at].light, moments[at].matte[..., None], moments[at].position], axis=2
             )
             take_in(here, there, places, arrivals, reach, spread, total)
-    return total[..., :3] / total[..., 3:]
+    return np.asarray(total[..., :3] / total[..., 3:])
 
 
 def _moved(at: Moment, to: Moment, step: int, places: Floats) -> Floats:
@@ -131,9 +131,9 @@ def _pixels(width: int, height: int) -> Floats:
 
 
 def _reach(own: Moment, width: int) -> Floats:
-    """(H, W): REACH pixels where a surface faces the lens, and more, up to five times, where it turns away."""
+    """(H, W): REACH pixels where a surface faces the lens, up to five times as much where it turns away."""
     away = own.position - np.asarray(own.camera.origin)
     distance = np.linalg.norm(away, axis=2)
     pixel = 2.0 * np.tan(own.camera.field_of_view / 2.0) / width * distance
     facing = np.abs((away * own.normal).sum(axis=2)) / np.maximum(distance, 1e-12)
-    return (REACH * pixel / np.clip(facing, 0.2, 1.0)).astype(np.float32)
+    return np.asarray(REACH * pixel / np.clip(facing, 0.2, 1.0), dtype=np.float32)

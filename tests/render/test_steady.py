@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 import pytest
+
 from render.camera import Camera
 from render.stage import Placement
 from render.steady import Moment, noise_of, steady
