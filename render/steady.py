@@ -1,9 +1,9 @@
 """Noise taken out over time: frames before and after are followed along the exact motion and taken in.
 
-What a denoiser leaves differs from frame to frame, and a film shows it as boiling. Here every pixel asks where
-its point of the scene was in the frames around, and takes in the light found there where that is the same
-point (by its position and its coverage) in the same light (by what noise is left). What came into view just
-now, or is lit otherwise, keeps its own. The motion is not guessed from pictures: the flow says it.
+What a denoiser leaves differs from frame to frame, and a film shows it as boiling. Here every pixel asks
+where its point of the scene was in the frames around, and takes in the light found there where that is the
+same point (by its position and its coverage) in the same light (by what noise is left). What came into view
+just now, or is lit otherwise, keeps its own. The motion is not guessed from pictures: the flow says it.
 
 After Nehab et al., *Accelerating real-time shading with reverse reprojection caching* (2007), with frames on
 both sides, which a film has and a game has not.
@@ -68,7 +68,7 @@ def noise_of(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:
         sums = np.cumsum(np.pad(share, widths, mode="edge"), axis=axis)
         ahead = np.take(sums, range(side, sums.shape[axis]), axis)
         share = (ahead - np.take(sums, range(sums.shape[axis] - side), axis)) / side
-    return np.sqrt(np.maximum(share, 0.0)).astype(np.float32)
+    return np.asarray(np.sqrt(np.maximum(share, 0.0)), dtype=np.float32)
 
 
 def steady(moments: Mapping[int, Moment], frame: int) -> Floats:
