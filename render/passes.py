@@ -61,10 +61,10 @@ class Passes:
 
     def render(self, scenes: Scenes, marks: Mapping[str, NDArray[np.float32]]) -> None:
         """All passes of one sub-frame. marks: by name (V, 3), what its layers show of the vertices"""
-        for samples in self._guides:
+        for index, samples in enumerate(self._guides):
             seed = self._next_seed("guides")
             self._add("guides", _render(scenes.guides, samples, seed))
-            if scenes.dyed is not None:
+            if scenes.dyed is not None and index == 0:  # what goes along with points is smooth
                 self._add_marks(scenes.dyed, marks, samples, seed)
             self._tell()
         for samples in self._beauty:

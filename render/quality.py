@@ -10,6 +10,9 @@ PASS_SAMPLES = 16
 """Samples a pixel in one pass; a square, as the multijitter sampler wants."""
 
 
+MOST_STEADY = 4
+"""Frames to either side that a picture may take light from."""
+
 Crop = tuple[int, int, int, int]
 """The pixels that are rendered, from the upper left of the picture: x0, y0, x1, y1; these two are outside."""
 
@@ -24,6 +27,7 @@ class Quality:
     depth           vertices a path may have: 2 is direct light alone
     crop            the part of the picture that is rendered; None is all of it
     denoise         "off", or the denoiser's effort: "fast", "balanced" or "high"
+    steady          frames to either side whose light is taken in along the motion: see `render.steady`
     """
 
     width: int
@@ -32,6 +36,7 @@ class Quality:
     depth: int
     guides: int = 16
     denoise: str = "high"
+    steady: int = 0
     crop: Crop | None = None
 
     def __post_init__(self) -> None:
@@ -48,7 +53,8 @@ class Quality:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("off", "fast", "balanced", "high"):
             raise BadInputError(f"denoise is {self.denoise!r}; it can be off, fast, balanced or high")
-
+        if not 0 <= self.steady <= MOST_STEADY:
+            raise BadInputError(f"quality has steady {self.steady}; it goes from 0 to {MOST_STEADY} frames")
         if self.crop is not None:
             x0, y0, x1, y1 = self.crop
             if not (0 <= x0 < x1 <= self.width and 0 <= y0 < y1 <= self.height):
@@ -64,6 +70,6 @@ class Quality:
 QUALITIES = {
     "preview": Quality(480, 270, samples=4, depth=3, guides=4, denoise="balanced"),
     "draft": Quality(480, 270, samples=4, depth=4, guides=4, denoise="balanced"),
-    "daily": Quality(960, 540, samples=16, depth=6, guides=16),
-    "final": Quality(1920, 1080, samples=64, depth=10, guides=64),
+    "daily": Quality(960, 540, samples=16, depth=6, guides=16, steady=2),
+    "final": Quality(1920, 1080, samples=64, depth=10, guides=64, steady=2),
 }

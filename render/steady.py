@@ -71,25 +71,32 @@ def noise_of(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:
     return np.asarray(np.sqrt(np.maximum(share, 0.0)), dtype=np.float32)
 
 
-def steady(moments: Mapping[int, Moment], frame: int) -> Floats:
+def steady(
+    moments: Mapping[int, Moment],
+    frame: int,
+    size: tuple[int, int] | None = None,
+    corner: tuple[int, int] = (0, 0),
+) -> Floats:
     """The light (H, W, 3) of a frame with what its neighbours know of it.
 
-    moments  by frame number: `frame` itself, and without a gap as many before and after as are to be asked
+    moments       by frame number: `frame` itself, and those before and after that are asked, without a gap
+    size, corner  of parts of pictures: width and height of the whole, and where in it the part begins; pixels
     """
     own = moments[frame]
     height, width = own.matte.shape
+    size = size or (width, height)
     total = np.ones((height, width, 4), dtype=np.float32)
     total[..., :3] = own.light
     here = np.concatenate([own.light, own.matte[..., None]], axis=2)
     spread = np.maximum(TRUST * own.noise, np.float32(LEAST_SPREAD))
-    reach = _reach(own, width)
+    reach = _reach(own, size[0])
     for step in (-1, 1):
         arrivals, at = own.position, frame
         places = _pixels(width, height)
         while at + step in moments:
             arrivals = arrivals + _moved(moments[at], moments[at + step], step, places)
             at += step
-            places = _seen(moments[at].camera, arrivals)
+            places = _seen(moments[at].camera, arrivals, size, corner)
             there = np.concatenate(
                 [moments[at].light, moments[at].matte[..., None], moments[at].position], axis=2
             )
@@ -116,13 +123,14 @@ def _with_stage(at: Moment, to: Moment) -> NDArray[np.float64]:
     return np.asarray(at.position @ change[:3, :3].T + change[:3, 3])
 
 
-def _seen(camera: Camera, points: Floats) -> Floats:
+def _seen(camera: Camera, points: Floats, size: tuple[int, int], corner: tuple[int, int]) -> Floats:
     """(H, W, 2): column and row at which the camera sees points (H, W, 3); what is behind it, nowhere."""
-    height, width = points.shape[:2]
+    width, height = size
     x, y, depth = camera.project(points.reshape(-1, 3), width / height).T
-    column, row = (x + 1.0) / 2.0 * width - 0.5, (1.0 - y) / 2.0 * height - 0.5
+    column = (x + 1.0) / 2.0 * width - 0.5 - corner[0]
+    row = (1.0 - y) / 2.0 * height - 0.5 - corner[1]
     places = np.where(depth[:, None] > camera.near, np.stack([column, row], axis=1), -1.0)
-    return np.ascontiguousarray(places.reshape(height, width, 2), dtype=np.float32)
+    return np.ascontiguousarray(places.reshape(*points.shape[:2], 2), dtype=np.float32)
 
 
 def _pixels(width: int, height: int) -> Floats:

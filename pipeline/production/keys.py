@@ -63,7 +63,10 @@ PICTURE_CODE = (
     "pipeline/production/movement.py",
     "pipeline/production/tasks/pictures.py",
 )
-FINISH_CODE = ("render/denoise.py", "render/image.py", "pipeline/production/tasks/pictures.py")
+FINISH_CODE = (
+    *(f"render/{name}.py" for name in ("denoise", "steady", "_kernels_steady", "camera", "stage", "image")),
+    "pipeline/production/tasks/finishing.py",
+)
 MOVIE_CODE = (
     *(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "movie", "titles", "view")),
     "pipeline/production/tasks/movies.py",

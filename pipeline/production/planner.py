@@ -48,13 +48,16 @@ class Planner:
         frames = take.requested
         self._targets += [take.folders.frame(take.quality_name, n) for n in frames]
         unfinished = self._absent("frame", take, frames, lambda n: keys[n].frame if keys else None)
-        unrendered = self._absent("raw", take, unfinished, lambda n: keys[n].raw if keys else None)
+        around = {n: keys[n].window if keys else take.window(n, frames) for n in unfinished}
+        needed = sorted({n for window in around.values() for n in window})
+        unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
             self._surfaces(take, unrendered, cameras_known=keys is not None)
         for batch in batches(unrendered, self.cores):
             self._render(take, batch)
         for batch in batches(unfinished, self.cores):
-            inputs = [take.folders.raw(take.quality_name, n) for n in batch]
+            seen = sorted({n for number in batch for n in around[number]})
+            inputs = [take.folders.raw(take.quality_name, n) for n in seen]
             outputs = [take.folders.frame(take.quality_name, n) for n in batch]
             self._add(take, "finish", batch, inputs, outputs)
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Container, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -39,6 +39,7 @@ from pipeline.shot import Shot
 from pipeline.shot.cameras import View
 from pipeline.shot.data import as_data
 from pipeline.shot.net import ControlNet
+from pipeline.shot.shutter import PictureLayers
 from render.errors import BadInputError
 from render.frame import seed_of
 from render.plain import to_plain
@@ -223,6 +224,27 @@ class Take:
             store.discard("cameras", self.cameras_key)
             return None
 
+    @property
+    def _reach(self) -> int:
+        """Pictures to either side that light is taken from; what keeps its noise would not know its own."""
+        return 0 if self.quality.denoise == "off" else self.quality.steady
+
+    @property
+    def layers(self) -> PictureLayers:
+        """Those that the shot asks for, and those that following its pixels to other frames takes."""
+        asked = self.shot.picture.layers
+        return asked.with_("before", "after") if self._reach else asked
+
+    def window(self, number: int, there: Container[int]) -> tuple[int, ...]:
+        """The pictures whose light a picture takes in, itself among them: those around it without a gap that
+        are `there`, being asked for as well or rendered before."""
+        first = last = number
+        while number - first < self._reach and first - 1 in there:
+            first -= 1
+        while last - number < self._reach and last + 1 in there:
+            last += 1
+        return tuple(range(first, last + 1))
+
     def open_at(self, number: int) -> tuple[float, float] | None:
         """When the shutter opens for a picture and closes, in frames from its moment; None: it shows one."""
         motion = self.shot.motion
@@ -230,7 +252,7 @@ class Take:
 
     def moments_beside(self, number: int) -> tuple[float, ...]:
         """How far a picture looks beyond its own moment, in frames, each way or none."""
-        layers = self.shot.picture.layers.extra
+        layers = self.layers.extra
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
         return (
             *(self.open_at(number) or ()),
@@ -243,7 +265,7 @@ class Take:
 
     def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
         """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
-        layers, offsets = self.shot.picture.layers, self.moments_beside(number)
+        layers, offsets = self.layers, self.moments_beside(number)
         if not (layers.precision or offsets):
             return []
         around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
@@ -252,9 +274,9 @@ class Take:
         opened = self.open_at(number)
         return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
 
-    def picture_keys(self, number: int, framings: Mapping[int, Framing]) -> PictureKeys:
+    def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
         picture, pose, framing = self.shot.picture, self.poses[number], framings[number]
-        raw = key_of(
+        return key_of(
             "raw",
             code_key(PICTURE_CODE, ("mitsuba", "drjit", "OpenImageIO")),
             self.normals_key(pose.mesh),
@@ -268,14 +290,24 @@ class Take:
             self.seed(number),
             *self._beside(number, framings),
         )
-        return PictureKeys(
-            raw, key_of("frame", code_key(FINISH_CODE, ("pyoidn", "OpenImageIO")), raw, self.quality.denoise)
-        )
 
     def all_picture_keys(self, store: Store) -> dict[int, PictureKeys] | None:
         """The keys of every picture of the take, once its cameras are known."""
         framings = self.framings(store)
-        return {n: self.picture_keys(n, framings) for n in self.poses} if framings else None
+        if not framings:
+            return None
+        raws = {number: self.raw_key(number, framings) for number in self.poses}
+        there: set[int] = set()
+        if self._reach:
+            there = set(self.requested) | {n for n, key in raws.items() if store.holds("raw", key)}
+        return {number: self._picture_keys(number, raws, there) for number in self.poses}
+
+    def _picture_keys(self, number: int, raws: Mapping[int, Key], there: Container[int]) -> PictureKeys:
+        window = self.window(number, there)
+        around = [raws[n] for n in window] if len(window) > 1 else []
+        code = code_key(FINISH_CODE, ("pyoidn", "OpenImageIO"))
+        frame = key_of("frame", code, raws[number], self.quality.denoise, around)
+        return PictureKeys(raws[number], frame, window)
 
     def seed(self, number: int) -> int:
         return seed_of(self.folders.name, number)
@@ -296,5 +328,8 @@ class Take:
 
 @dataclass(frozen=True)
 class PictureKeys:
+    """Of what was rendered, and of what was made of it with what was rendered of the pictures in `window`."""
+
     raw: Key
     frame: Key
+    window: tuple[int, ...]

@@ -23,7 +23,7 @@ from pipeline.production.poses import Turntable
 from pipeline.production.run import acquire
 from pipeline.production.script import Script
 from pipeline.production.store import Store
-from pipeline.production.take import FORMS, Take
+from pipeline.production.take import FORMS, PictureKeys, Take
 from pipeline.production.variants import variant_for
 from pipeline.production.window import base_of
 from pipeline.shot import Film, read_film
@@ -74,7 +74,7 @@ class Studio:
             whole = take.whole()
             keys = whole.all_picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)
-            if keys and all(self.store.holds("frame", keys[n].frame) for n in rest):
+            if keys and all(self._rendered(keys[n]) for n in rest):
                 planner.pictures(whole)
                 planner.movie(whole)
         return planner.plan()
@@ -152,6 +152,9 @@ class Studio:
             )
         chosen = variant or variant_for(self.root, script.name, self.variant)
         return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
+
+    def _rendered(self, keys: PictureKeys) -> bool:
+        return self.store.holds("frame", keys.frame) or self.store.holds("raw", keys.raw)
 
     def _clip(self, clip: Clip, quality: str) -> Take:
         """The pictures of a shot that an edit shows, in its order."""

@@ -21,7 +21,7 @@ from pipeline.shot.shutter import LayersField, ShutterDocument
 from pipeline.shot.views import ViewDocument
 from render.lights import LIGHTS
 from render.look import LOOKS
-from render.quality import PASS_SAMPLES
+from render.quality import MOST_STEADY, PASS_SAMPLES
 from render.stage import STAGES
 
 
@@ -86,6 +86,7 @@ class QualityDocument(Document):
     guides: Samples | None = None
     depth: Annotated[int, Field(ge=2, le=100)] | None = None
     denoise: Literal["off", "fast", "balanced", "high"] | None = None
+    steady: Annotated[int, Field(ge=0, le=MOST_STEADY)] | None = None
 
 
 class QualitiesDocument(Document):

@@ -175,6 +175,7 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "guides": Sense("of the noise-free layers, for each pixel"),
         "depth": Sense("vertices of a path of light"),
         "denoise": Sense("how hard noise is removed"),
+        "steady": Sense("to either side, whose light is taken in along the motion; 0 is off", "frames"),
     },
     Keyed: {
         "keys": Sense("values by their times: frames, or seconds as 0.5s"),

@@ -99,6 +99,10 @@ class PictureLayers:
         precision = said if isinstance(said, Mapping) else {name: AOVS[name].precision for name in said}
         return cls(tuple((name, precision[name]) for name in AOVS if name in precision))
 
+    def with_(self, *names: str) -> PictureLayers:
+        """With others beside them, as precise as they usually are."""
+        return PictureLayers.of({**{name: AOVS[name].precision for name in names}, **dict(self.precision)})
+
     @property
     def extra(self) -> tuple[str, ...]:
         """The names of those that a picture does not have anyhow."""

@@ -1,6 +1,7 @@
 """Noise taken out over time: what frames around know of a picture, and what they do not."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ PIXEL = 6.0 / WIDTH
 """Scene units that a pixel is wide, at the wall z = 0."""
 
 ERROR = 0.02
+ARRAYS = ("light", "noise", "position", "normal", "matte", "before", "after")
 
 
 def painted(points, wave=40):
@@ -106,3 +108,15 @@ def test_noise_is_told_where_the_denoiser_changed_the_picture():
     found = noise_of(beauty, truth)
     assert found[:, :12].max() == 0.0
     np.testing.assert_allclose(found[:, 20:], 0.1, rtol=1e-3)
+
+
+def test_a_part_of_a_picture_is_followed_as_the_whole_is():
+    moments = film(range(-2, 3), speed=1.0)
+    rows, columns = slice(20, 52), slice(30, 70)
+    parts = {
+        frame: replace(whole, **{name: getattr(whole, name)[rows, columns] for name in ARRAYS})
+        for frame, whole in moments.items()
+    }
+    part = steady(parts, 0, (WIDTH, HEIGHT), (30, 20))
+    inside = slice(4, -4)
+    np.testing.assert_allclose(part[:, inside], steady(moments, 0)[rows, columns][:, inside], rtol=1e-5)

@@ -23,7 +23,7 @@ PLACES = {
     "smooth_normals": "meshes",
     "frame_camera": "meshes",
     "render": "pictures",
-    "finish": "pictures",
+    "finish": "finishing",
     "assemble": "movies",
     "film": "movies",
     "png": "stills",

@@ -1,4 +1,4 @@
-"""From surfaces to pictures: render raw passes, finish them."""
+"""From surfaces to raw pictures."""
 
 from __future__ import annotations
 
@@ -24,10 +24,9 @@ from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import shading_of
 from pipeline.shot.net import ControlNet
 from pipeline.shot.shot import Shot
-from render.denoise import denoise
 from render.engine import choose
 from render.frame import Layers, render_frame
-from render.image import read_exr, write_exr
+from render.image import write_exr
 from render.plain import to_plain
 from render.shutter import Moment, Shutter
 from render.spheres import Spheres
@@ -59,38 +58,16 @@ def render(context: Context) -> bool:
                 take.quality,
                 take.seed(number),
                 engine,
-                aovs=picture.layers.extra,
+                aovs=take.layers.extra,
                 shutter=shutter,
                 following=following,
             )
             header = _header(context, number, framing, keys[number])
-            write_exr(path, layers, header, dict(picture.layers.precision))
+            write_exr(path, layers, header, dict(take.layers.precision))
             _tell_statistics(context, number, keys[number].raw, layers, time.perf_counter() - begun)
 
         target = take.folders.raw(take.quality_name, number)
         return context.make("raw", keys[number].raw, target, write)
-
-    return context.each(context.job.frames, work)
-
-
-def finish(context: Context) -> bool:
-    """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view."""
-    take = context.take
-    keys = context.picture_keys(take, context.job.frames)
-    effort = take.quality.denoise
-
-    def work(number: int) -> bool:
-        raw = take.folders.raw(take.quality_name, number)
-
-        def write(path: Path) -> None:
-            layers, header = context.read("raw", keys[number].raw, raw, read_exr)
-            quiet = layers["beauty"] if effort == "off" else denoise(layers, effort)
-            finished = Layers({"beauty": quiet}, layers.facts)
-            header = {**header, "key": keys[number].frame}
-            write_exr(path, finished, header, dict(take.shot.picture.layers.precision))
-
-        target = take.folders.frame(take.quality_name, number)
-        return context.make("frame", keys[number].frame, target, write)
 
     return context.each(context.job.frames, work)
 
@@ -111,7 +88,7 @@ def _moments(
     if not take.moments_beside(number):
         return Moment(_subject(arrays, shown, {}), framing.placement, framing.camera), None, None
     movement = _movement(context, number, arrays)
-    attributes = _attributes(movement, take.shot.picture.layers.extra)
+    attributes = _attributes(movement, take.layers.extra)
 
     def at(offset: float) -> Moment:
         there = framing_at(framings, number, offset)
@@ -119,7 +96,7 @@ def _moments(
 
     own = Moment(_subject(arrays, shown, attributes), framing.placement, framing.camera)
     opened = take.open_at(number)
-    following = at(1.0) if "motion" in take.shot.picture.layers.extra else None
+    following = at(1.0) if "motion" in take.layers.extra else None
     return own, None if opened is None else Shutter(*opened, at), following
 
 

@@ -1,0 +1,72 @@
+"""From raw pictures to finished ones: noise removed within each, and over time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from pipeline.production.framing import Framing
+from pipeline.production.take import PictureKeys
+from pipeline.production.tasks.context import Context
+from render.denoise import denoise
+from render.frame import Layers
+from render.image import read_exr, write_exr
+from render.steady import Moment, noise_of, steady
+
+
+def finish(context: Context) -> bool:
+    """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view."""
+    take = context.take
+    keys = context.picture_keys(take, take.poses)
+    desk = _Desk(context, keys, take.framings(context.store) or {})
+    precision = dict(take.shot.picture.layers.precision)
+
+    def work(number: int) -> bool:
+        def write(path: Path) -> None:
+            light, header = desk.finished(number)
+            write_exr(path, light, {**header, "key": keys[number].frame}, precision)
+
+        target = take.folders.frame(take.quality_name, number)
+        return context.make("frame", keys[number].frame, target, write)
+
+    return context.each(context.job.frames, work)
+
+
+@dataclass(eq=False)
+class _Desk:
+    """The raw pictures that a batch needs; those that more than one takes light from are denoised once."""
+
+    context: Context
+    keys: dict[int, PictureKeys]
+    framings: dict[int, Framing]
+    _moments: dict[int, Moment] = field(default_factory=dict)
+
+    def finished(self, number: int) -> tuple[Layers, dict[str, Any]]:
+        """The beauty of a picture without noise, and the header of the raw one."""
+        layers, header = self._read(number)
+        window = self.keys[number].window
+        if len(window) == 1:
+            effort = self.context.take.quality.denoise
+            light = layers["beauty"] if effort == "off" else denoise(layers, effort)
+        else:
+            kept = {n: moment for n, moment in self._moments.items() if n in window}
+            self._moments = {n: kept[n] if n in kept else self._moment(n) for n in window}
+            quality = self.context.take.quality
+            corner = quality.crop[:2] if quality.crop else (0, 0)
+            light = steady(self._moments, number, (quality.width, quality.height), corner)
+            header = {**header, "steadied_with": [n for n in window if n != number]}
+        return Layers({"beauty": light}, layers.facts), header
+
+    def _read(self, number: int) -> tuple[Layers, dict[str, Any]]:
+        take = self.context.take
+        place = take.folders.raw(take.quality_name, number)
+        return self.context.read("raw", self.keys[number].raw, place, read_exr)
+
+    def _moment(self, number: int) -> Moment:
+        layers, _ = self._read(number)
+        light = denoise(layers, self.context.take.quality.denoise)
+        known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
+        framing = self.framings[number]
+        noise = noise_of(layers["beauty"], light)
+        return Moment(light, noise, **known, camera=framing.camera, placement=framing.placement)

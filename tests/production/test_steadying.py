@@ -1,0 +1,59 @@
+"""Noise taken out over time: which pictures a picture takes light from, and what that makes stale."""
+
+from pathlib import Path
+
+import pytest
+
+from render.image import read_exr, read_header
+
+NAME = "T010_tiny"
+STEADY = ("-q", "preview", "--set", "quality.preview={steady: 2}")
+
+
+@pytest.fixture
+def rendered(studio):
+    """A studio whose shot was rendered whole, each picture with two to either side."""
+    done = studio.run("render", NAME, *STEADY)
+    assert done.code == 0, done.err
+    return studio
+
+
+def frame(studio, number: int, kind: str = "frames") -> Path:
+    return studio.path / "renders" / NAME / "preview" / kind / f"{NAME}.{number:04d}.exr"
+
+
+def test_every_picture_takes_light_from_those_around_it(rendered):
+    used = [read_header(frame(rendered, n))["steadied_with"] for n in range(1, 7)]
+    assert used == [[2, 3], [1, 3, 4], [1, 2, 4, 5], [2, 3, 5, 6], [3, 4, 6], [4, 5]]
+    assert {"before", "after"} <= set(read_exr(frame(rendered, 3, "raw"))[0].arrays)
+    assert set(read_exr(frame(rendered, 3))[0].arrays) == {"beauty"}
+
+
+def test_a_part_of_what_is_done_needs_nothing(rendered):
+    assert rendered.run("render", NAME, *STEADY).out.startswith("Nothing to be done")
+    again = rendered.run("render", NAME, "-f", "3-4", *STEADY)
+    assert again.code == 0 and "(0 frames rendered)" in again.out
+
+
+def test_a_lost_picture_is_finished_from_what_was_rendered(rendered):
+    before = read_exr(frame(rendered, 3))[0]["beauty"]
+    for place in (rendered.path / ".flowsculpt" / "store" / "frame").rglob("*.exr"):
+        place.unlink()
+    frame(rendered, 3).unlink()
+    again = rendered.run("render", NAME, "-f", "3", *STEADY)
+    assert again.code == 0 and "(0 frames rendered)" in again.out
+    assert (read_exr(frame(rendered, 3))[0]["beauty"] == before).all()
+
+
+def test_pictures_that_came_alone_take_in_what_comes_later(studio):
+    assert studio.run("render", NAME, "-f", "3", *STEADY).code == 0
+    assert "steadied_with" not in read_header(frame(studio, 3))
+    whole = studio.run("render", NAME, *STEADY)
+    assert whole.code == 0 and "(5 frames rendered)" in whole.out
+    assert read_header(frame(studio, 3))["steadied_with"] == [1, 2, 4, 5]
+
+
+def test_it_is_off_where_noise_is_wanted(studio):
+    done = studio.run("render", NAME, "-f", "2-3", *STEADY, "--set", "quality.preview.denoise=off")
+    assert done.code == 0 and "steadied_with" not in read_header(frame(studio, 2))
+    assert "before" not in read_exr(frame(studio, 2, "raw"))[0].arrays
