@@ -20,6 +20,10 @@ MOST_STEP = 1.0
 
 MOST_SUBFRAMES = 16
 
+FEWEST_SAMPLES = 4
+"""Of a sub-frame, where the picture has twice as many or more. Multijitter spreads the samples of a pass
+evenly, which several lamps need: passes of one or two have three times the noise for the same total."""
+
 EVEN = (1, 2, 3, 4, 6, 8, 9, 12, 15, 16)
 """Samples of a pass that Mitsuba's multijitter takes as they are; it rounds others up to a rectangle."""
 
@@ -87,8 +91,9 @@ def subframes(way: float, samples: int) -> int:
     As few as keep it within MOST_STEP from one to the next, of those that give every sub-frame the same
     samples, in passes that are not tiny; the most of these where none are enough.
     """
-    divisors = [n for n in range(1, min(MOST_SUBFRAMES, samples) + 1) if samples % n == 0]
-    possible = [n for n in divisors if n == 1 or 2 * _even(samples // n) >= min(samples // n, PASS_SAMPLES)]
+    fewest = FEWEST_SAMPLES if samples >= 2 * FEWEST_SAMPLES else 1
+    divisors = [n for n in range(1, min(MOST_SUBFRAMES, samples // fewest) + 1) if samples % n == 0]
+    possible = [n for n in divisors if n == 1 or _even(samples // n) >= fewest]
     return next((n for n in possible if n * MOST_STEP >= way), possible[-1])
 
 

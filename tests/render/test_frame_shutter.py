@@ -14,14 +14,23 @@ from render.camera import Camera
 from render.engine import Engine
 from render.frame import Layers
 from render.quality import PASS_SAMPLES, Quality
-from render.shutter import MOST_STEP, MOST_SUBFRAMES, Moment, Shutter, batch_of, passes_of, subframes
+from render.shutter import (
+    FEWEST_SAMPLES,
+    MOST_STEP,
+    MOST_SUBFRAMES,
+    Moment,
+    Shutter,
+    batch_of,
+    passes_of,
+    subframes,
+)
 from render.stage import Placement
 from render.surface import Surface
 
 Rendered = Callable[..., Layers]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
-FINE = Quality(48, 27, samples=16, depth=3, guides=16)
+FINE = Quality(48, 27, samples=32, depth=3, guides=16)
 
 
 def sliding(surface: Surface, way: float, opens: float = -0.25, closes: float = 0.25) -> Shutter:
@@ -122,7 +131,9 @@ def test_subframes_share_all_samples_evenly(way: float, samples: int) -> None:
     together = batch_of(len(each) * count, each[0])
     assert (len(each) * count) % together == 0
     assert together * each[0] <= max(PASS_SAMPLES, each[0])
-    if count < MOST_SUBFRAMES and samples in (16, 32, 64):
+    if samples >= 2 * FEWEST_SAMPLES:
+        assert count == 1 or each[0] >= FEWEST_SAMPLES
+    if samples in (16, 32, 64) and count < samples // FEWEST_SAMPLES:
         assert way <= MOST_STEP * count
 
 

@@ -178,5 +178,6 @@ def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) 
         "stage": to_plain(take.shot.picture.stage),
         "settings": to_plain(take.quality),
         **framing.as_data(),
+        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
         **(resampling.settings() if resampling else {"resample": "off"}),
     }
