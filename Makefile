@@ -36,6 +36,7 @@ figures: .venv/ready-dev
 pictures: figures film
 	$(BIN)/python docs/pictures/make.py
 	$(BIN)/python docs/pictures/gallery.py
+	$(BIN)/python docs/pictures/looks.py
 
 setup: .venv/ready
 
