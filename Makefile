@@ -37,6 +37,7 @@ pictures: figures film
 	$(BIN)/python docs/pictures/make.py
 	$(BIN)/python docs/pictures/gallery.py
 	$(BIN)/python docs/pictures/sets.py
+	$(BIN)/python docs/pictures/looks.py
 
 setup: .venv/ready
 
