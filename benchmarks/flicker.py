@@ -1,0 +1,135 @@
+"""`python -m benchmarks.flicker [REFERENCE]`: how much a film boils, and how far it is from the truth.
+
+A glazed torus in the studio, 480 × 270 pixels, eight frames: one that stands still, and one that turns by half
+a degree a frame. Each frame is rendered raw with 256 samples, and with 16 that are denoised, alone and with two
+frames to either side. The truth is the mean of REFERENCE samples (1024 unless said otherwise). Flicker is the
+standard deviation over time of the difference from it, in steps of an 8-bit display, its mean over all pixels;
+the error is its root mean square. Wanted: 16 samples flicker at most half as much as 256 raw ones.
+Writes `benchmarks/out/flicker.json`.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from dataclasses import replace
+
+import numpy as np
+
+from benchmarks.report import Row, Target, keep, show
+from pipeline.arrays import AnyArray
+from pipeline.mesh.normals import split_at_creases
+from pipeline.mesh.solids import torus
+from render.camera import Camera
+from render.colour import to_display
+from render.denoise import denoise
+from render.engine import Engine, choose
+from render.frame import Layers, render_frame
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.quality import Quality
+from render.stage import STAGES, Placement
+from render.steady import Moment, noise_of, steady
+from render.surface import Surface
+
+FRAMES, TURN = 8, math.radians(0.5)
+CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.75, 0.0))
+QUALITY = Quality(480, 270, samples=16, depth=6, guides=16)
+MOST = 0.5
+"""What is wanted: of the flicker of 256 raw samples."""
+
+
+def subject(angle: float) -> Surface:
+    """The torus on edge, turned about the vertical, with the ways to where it is a frame away."""
+    shaded = split_at_creases(torus(1.0, 0.4, 0.05), math.radians(40))
+    upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
+
+    def at(turn: float, points: AnyArray) -> AnyArray:
+        c, s = math.cos(turn), math.sin(turn)
+        return np.asarray(points @ upright.T @ np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]]).T)
+
+    here = at(angle, shaded.vertices)
+    step = TURN if angle else 0.0
+    ways = {
+        "before": at(angle - step, shaded.vertices) - here,
+        "after": at(angle + step, shaded.vertices) - here,
+    }
+    lifted = here + np.array([0.0, 1.4, 0.0])
+    return Surface(
+        lifted.astype(np.float32),
+        at(angle, shaded.normals).astype(np.float32),
+        shaded.faces,
+        {name: way.astype(np.float32) for name, way in ways.items()},
+    )
+
+
+def rendered(surface: Surface, samples: int, seed: int, engine: Engine) -> Layers:
+    quality = replace(QUALITY, samples=samples)
+    look, lights, stage = LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"]
+    aovs = ("before", "after") if samples == QUALITY.samples else ()
+    return render_frame(surface, look, lights, stage, Placement(), CAMERA, quality, seed, engine, aovs=aovs)
+
+
+def moment_of(layers: Layers) -> Moment:
+    light = denoise(layers)
+    known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
+    return Moment(light, noise_of(layers["beauty"], light), **known, camera=CAMERA, placement=Placement())
+
+
+def measure(name: str, angles: list[float], reference: int, engine: Engine) -> list[Row]:
+    """Flicker and error of each way to make the frames."""
+    surfaces = [subject(angle) for angle in angles]
+    cheap = [rendered(surface, 16, 1 + i, engine) for i, surface in enumerate(surfaces)]
+    moments = {i: moment_of(layers) for i, layers in enumerate(cheap)}
+    around = {i: {n: moments[n] for n in moments if abs(n - i) <= 2} for i in moments}
+    made = {
+        "16, raw": [layers["beauty"] for layers in cheap],
+        "16, denoised": [moments[i].light for i in moments],
+        "16, denoised over time": [steady(around[i], i) for i in moments],
+        "256, raw": [rendered(s, 256, 101 + i, engine)["beauty"] for i, s in enumerate(surfaces)],
+    }
+    still = len(set(angles)) == 1
+    truths = [
+        rendered(s, reference, 201 + i, engine)["beauty"]
+        for i, s in enumerate(surfaces[: 1 if still else None])
+    ]
+    rows: list[Row] = []
+    for way, pictures in made.items():
+        off = np.stack([_shown(p) - _shown(truths[0 if still else i]) for i, p in enumerate(pictures)])
+        inner = off[2:-2]  # those that have two frames to either side
+        rows.append(
+            {
+                "film": name,
+                "samples": way,
+                "flicker": float(inner.std(axis=0).mean()),
+                "error": float(np.sqrt((inner**2).mean())),
+            }
+        )
+    return rows
+
+
+def _shown(light: AnyArray) -> AnyArray:
+    return np.asarray(255.0 * to_display(light.astype(np.float32)), dtype=np.float64)
+
+
+def main(reference: int = 1024) -> list[Target]:
+    """Measure both films, and say what is met."""
+    engine = choose()
+    rows = measure("still", [0.0] * FRAMES, reference, engine)
+    rows += measure("turning", [TURN * (i + 1) for i in range(FRAMES)], reference, engine)
+    show("Flicker and error, steps of 255", rows)
+    keep("flicker", rows)
+    found = {(row["film"], row["samples"]): float(row["flicker"]) for row in rows}
+    return [
+        Target(
+            f"flicker, {film}",
+            "16 denoised over time / 256 raw",
+            found[film, "16, denoised over time"] / found[film, "256, raw"],
+            most=MOST,
+        )
+        for film in ("still", "turning")
+    ]
+
+
+if __name__ == "__main__":
+    show("Targets", [target.row for target in main(*map(int, sys.argv[1:]))])
