@@ -36,7 +36,8 @@ resample: {{max_edge_length: {edge:g}}}
 flows:
 {flows}
 
-look: {look}  # {looks}; or {{material: {look}, colour: [0.6, 0.5, 0.4]}}
+# Looks: {looks}.
+look: {look}  # or {{material: {look}, colour: [0.6, 0.5, 0.4]}}
 camera: {{azimuth: {{keys: {{1: {left:g}, {last}: {right:g}}}}}, elevation: 14}}  # degrees
 lights: {lights}
 stage: {stage}
