@@ -52,7 +52,7 @@ class Outcome:
 
 
 def _exit_code(failure: Event) -> int:
-    """A frame that failed is 1, whatever was wrong with it: others were made. The machine's faults are its own."""
+    """A frame that failed is 1, whatever was wrong with it; the machine's faults are their own."""
     code = int(failure.get("exit_code", FrameError.exit_code))
     of_frame = failure.get("frame") is not None and code != MachineError.exit_code
     return FrameError.exit_code if of_frame else code
