@@ -92,6 +92,7 @@ STANDS_BESIDE = {
             "point_documents",
             "read",
             "regions",
+            "sets",
             "settings",
             "shot",
             "shutter",

@@ -131,7 +131,7 @@ def take_of(text: str) -> Take:
 def raw_keys(text: str) -> list[str]:
     take = take_of(text)
     framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in take.poses}
-    return [take.picture_keys(n, framings).raw for n in take.poses]
+    return [take.raw_key(n, framings) for n in take.poses]
 
 
 def test_a_shutter_and_layers_change_pictures_and_nothing_before_them() -> None:
