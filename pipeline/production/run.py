@@ -43,19 +43,19 @@ class Outcome:
 
     @property
     def exit_code(self) -> int:
-        codes = [_exit_code(event) for event in self.failures]
+        codes = [self._exit_code(event) for event in self.failures]
         return max(codes, default=FrameError.exit_code) if self.unfinished else 0
+
+    def _exit_code(self, failure: Event) -> int:
+        """Where others of its stage were made, a failed frame is 1, whatever was wrong with it; the machine's
+        faults are their own."""
+        code = int(failure.get("exit_code", FrameError.exit_code))
+        some_failed = failure.get("frame") is not None and self.made(str(failure["stage"]))
+        return FrameError.exit_code if some_failed and code != MachineError.exit_code else code
 
     def made(self, stage: str) -> int:
         """How many frames of a stage were computed, not found."""
         return sum(e["event"] == "frame" and e["stage"] == stage and not e["found"] for e in self.events)
-
-
-def _exit_code(failure: Event) -> int:
-    """A frame that failed is 1, whatever was wrong with it; the machine's faults are their own."""
-    code = int(failure.get("exit_code", FrameError.exit_code))
-    of_frame = failure.get("frame") is not None and code != MachineError.exit_code
-    return FrameError.exit_code if of_frame else code
 
 
 @contextmanager
