@@ -85,12 +85,7 @@ def marks_of(
             continue
         given = moment.subject.material if name == "rest" else moment.subject.attributes.get(name)
         if name == "motion" or given is None:
-            needed = {
-                "motion": "the next frame",
-                "rest": "where points were at rest",
-                "velocity": "velocities",
-            }
-            raise BadInputError(f"layer {name!r} needs {needed[name]}, which the surface was not given")
+            raise BadInputError(f"layer {name!r} needs {_NEEDED[name]}, which the surface was not given")
         found[name] = given
     return found
 
@@ -112,8 +107,7 @@ def stage_motion(position: Array, here: Moment, following: Moment, size: tuple[i
     The stage goes with the placement of the subject, and the camera as it does.
     """
     points = position.reshape(-1, 3)
-    carry = following.placement.matrix() @ np.linalg.inv(here.placement.matrix())
-    moved = points @ carry[:3, :3].T + carry[:3, 3]
+    moved = here.placement.carried(points, following.placement)
     before, after = here.pixels(size, points), following.pixels(size, moved)
     seen = (before[:, 2] > 0.0) & (after[:, 2] > 0.0)
     motion = np.where(seen[:, None], after[:, :2] - before[:, :2], 0.0)

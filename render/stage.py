@@ -56,6 +56,11 @@ class Placement:
         transform[:3, 3] = self.origin
         return transform
 
+    def carried(self, points: NDArray[np.floating], to: Placement) -> NDArray[np.float64]:
+        """(…, 3): where points that go with the stage are once it stands as `to` says."""
+        change = to.matrix() @ np.linalg.inv(self.matrix())
+        return np.asarray(points @ change[:3, :3].T + change[:3, 3])
+
 
 @dataclass(frozen=True)
 class Stage:

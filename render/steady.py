@@ -108,19 +108,13 @@ def _moved(at: Moment, to: Moment, step: int, places: Floats) -> Floats:
     """(H, W, 3): how far the points at `places` of one frame go until the next: the subject's with the flow,
     the others with the stage."""
     flow = at.after if step > 0 else at.before
-    stage = _with_stage(at, to)
+    stage = at.placement.carried(at.position, to.placement) - at.position
     of_subject = (at.matte > 0.5)[..., None]
     motion = np.where(of_subject, flow / np.maximum(at.matte, np.float32(0.5))[..., None], stage)
     motion = np.ascontiguousarray(motion, dtype=np.float32)
     found = np.empty((*places.shape[:2], 3), dtype=np.float32)
     fetch_all(motion, places, found)
     return found
-
-
-def _with_stage(at: Moment, to: Moment) -> NDArray[np.float64]:
-    """(H, W, 3): how far every point goes that moves with the stage."""
-    change = to.placement.matrix() @ np.linalg.inv(at.placement.matrix()) - np.eye(4)
-    return np.asarray(at.position @ change[:3, :3].T + change[:3, 3])
 
 
 def _seen(camera: Camera, points: Floats, size: tuple[int, int], corner: tuple[int, int]) -> Floats:

@@ -153,3 +153,9 @@ def test_no_stage_moves_nowhere(rendered: Rendered, marked: Surface) -> None:
     )
     assert not layers["motion"][layers["matte"] == 0.0].any()
     assert (layers["motion"][layers["matte"] == 1.0][:, 0] < -1.0).all()
+
+
+@pytest.mark.parametrize("name", ["velocity", "motion", "before", "after"])
+def test_a_layer_that_lacks_what_it_is_made_from_says_so(name: str, rendered: Rendered) -> None:
+    with pytest.raises(BadInputError, match=f"layer '{name}' needs .*, which the surface was not given"):
+        rendered(aovs=(name,))
