@@ -144,7 +144,7 @@ LOOKS = {
     "marble": Look("plastic", (0.80, 0.79, 0.77), roughness=0.13, pigment=_MARBLE),
     "cream": Look("plastic", (0.82, 0.71, 0.53), roughness=0.22),
     "coffee": Look("plastic", (0.045, 0.016, 0.006), roughness=0.07),
-    "honey": Look("glass", (1.0, 1.0, 1.0), refraction=1.49, absorption=Absorption((0.94, 0.58, 0.1), 0.4)),
+    "honey": Look("glass", (1.0, 0.8, 0.36), refraction=1.49, absorption=Absorption((0.96, 0.72, 0.3), 0.4)),
     "glass": Look("glass", (1.0, 1.0, 1.0), refraction=1.5, absorption=Absorption((0.80, 0.93, 0.89))),
     "smoke": Look("smoke", (0.95, 0.95, 0.96), density=1.6),
     "symbolics_1990": Look("gouraud", (0.95, 0.30, 0.03), roughness=0.3),
