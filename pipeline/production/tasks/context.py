@@ -14,6 +14,7 @@ from typing import TypeVar
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.events import EventLog
 from pipeline.production.keys import Key
+from pipeline.production.layout import EVENTS
 from pipeline.production.plan import Job, Plan
 from pipeline.production.store import CorruptFileError, Store
 from pipeline.production.take import PictureKeys, Take
@@ -36,6 +37,11 @@ class Context:
     plan: Plan
     job: Job
     log: EventLog
+
+    @classmethod
+    def of(cls, root: Path, plan: Plan, job_name: str) -> Context:
+        """That of a job, which tells what it does in the plan's log."""
+        return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / f"{plan.name}.jsonl", job_name))
 
     @property
     def store(self) -> Store:
