@@ -59,8 +59,7 @@ PICTURE_CODE = (
             *("camera", "sensor", "inside", "image"),
         )
     ),
-    "pipeline/production/framing.py",
-    "pipeline/production/movement.py",
+    *(f"pipeline/production/{name}.py" for name in ("framing", "movement", "dicing")),
     "pipeline/production/tasks/pictures.py",
 )
 FINISH_CODE = (

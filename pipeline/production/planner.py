@@ -128,10 +128,10 @@ class Planner:
         all_shown = sorted({pose.mesh for pose in take.poses.values()})
         if cameras_known:
             self._link("cameras", take.cameras_key, cameras)
-        moving = {take.poses[n].mesh for n in unrendered if take.follows_flow(n)}
-        if moving:
+        if any(map(take.follows_flow, unrendered)):
             require_permission(take.shot.motion.flow)
-        self._meshes(take, sorted({*rough, *moving}) if cameras_known else all_shown)
+        needed = {take.poses[n].mesh for n in unrendered if take.needs_mesh(n)}
+        self._meshes(take, sorted({*rough, *needed}) if cameras_known else all_shown)
         folders = take.motion_folders
         inputs, outputs = [folders.mesh(n) for n in rough], [folders.normals(n) for n in rough]
         self._add(take, "smooth_normals", rough, inputs, outputs)
@@ -148,7 +148,7 @@ class Planner:
     def _render(self, take: Take, batch: Sequence[int]) -> None:
         meshes = dict.fromkeys(take.poses[n].mesh for n in batch)
         inputs = [take.folders.cameras(), *(take.motion_folders.normals(m) for m in meshes)]
-        inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.follows_flow(n)]
+        inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.needs_mesh(n)]
         outputs = [take.folders.raw(take.quality_name, n) for n in batch]
         self._add(take, "render", batch, inputs, outputs)
 

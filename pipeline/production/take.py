@@ -263,6 +263,10 @@ class Take:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
         return self.turntable is None and bool(self.moments_beside(number))
 
+    def needs_mesh(self, number: int) -> bool:
+        """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
+        return self.shot.picture.dicing is not None or self.follows_flow(number)
+
     def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
         """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
         layers, offsets = self.layers, self.moments_beside(number)
@@ -289,6 +293,7 @@ class Take:
             self.variant,
             self.seed(number),
             *self._beside(number, framings),
+            *(() if picture.dicing is None else (["dicing", picture.dicing],)),
         )
 
     def all_picture_keys(self, store: Store) -> dict[int, PictureKeys] | None:

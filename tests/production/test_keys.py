@@ -97,6 +97,7 @@ STANDS_BESIDE = {
             "shot",
             "shutter",
             "source",
+            "smoothing",
             "speed",
             "surroundings",
             "views",
