@@ -67,7 +67,7 @@ class Studio:
             planner.pictures(take)
             planner.movie(take)
             whole = take.whole()
-            keys = whole.all_picture_keys(self.store)
+            keys = whole.picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)
             if keys and all(self._rendered(keys[n]) for n in rest):
                 planner.pictures(whole)

@@ -41,7 +41,7 @@ def render(context: Context) -> bool:
     take = context.take
     engine = choose([take.variant], threads=context.job.threads)
     framings = take.framings(context.store) or {}
-    keys = context.picture_keys(take, context.job.frames)
+    keys = context.picture_keys(take)
     picture = take.shot.picture
 
     def work(number: int) -> bool:
