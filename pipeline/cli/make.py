@@ -13,7 +13,7 @@ import typer
 
 from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES, Bars
-from pipeline.cli.say import answer, complain, err
+from pipeline.cli.say import answer, complain, err, warn
 from pipeline.production.folder import FILM, find_edit
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
@@ -195,6 +195,8 @@ def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
         else lambda plan, reader: nullcontext()
     )
     outcome = run(make_plan, common.root, common.cores, watch)
+    for message in outcome.warnings:
+        warn(message)
     for failure in outcome.failures:
         complain(_failure(failure))
     return outcome

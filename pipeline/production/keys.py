@@ -53,7 +53,8 @@ PICTURE_CODE = (
     *(
         f"render/{name}.py"
         for name in (
-            *("frame", "passes", "shutter", "aovs", "scene", "mitsuba_mesh", "surface", "spheres"),
+            *("frame", "passes", "adaptive", "checkpoint", "shutter", "aovs"),
+            *("scene", "mitsuba_mesh", "surface", "spheres"),
             *("material", "pigment", "noise", "absorption", "marks", "wireframe", "gouraud"),
             *("lamps", "daylight", "environment", "stage", "scenery", "set_pieces"),
             *("camera", "sensor", "inside", "image"),

@@ -79,6 +79,12 @@ class Plan:
             store.link(link.kind, link.key, Path(link.target))
         return len(lost)
 
+    @property
+    def raw_places(self) -> list[Path]:
+        """Where the raw pictures of the frames asked for are shown."""
+        frames = [Path(target) for target in self.targets if Path(target).parent.name == "frames"]
+        return [frame.parents[1] / "raw" / frame.name for frame in frames]
+
     def freeze(self, root: Path) -> Path:
         """Write the plan under `root`; returns the file, relative to `root`."""
         path = PLANS / f"{self.name}.json"

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import signal
-import subprocess
 import sys
 import traceback
+from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
@@ -16,7 +15,8 @@ from pipeline.production.events import EventLog
 from pipeline.production.layout import EVENTS
 from pipeline.production.plan import Plan
 from pipeline.production.tasks.context import REPORTED, Context
-from pipeline.production.variants import avoid
+from pipeline.production.tasks.supervise import Supervisor, renderer
+from pipeline.production.tasks.wear import RENEWED, WornOutError
 
 PLACES = {
     "simulate": "meshes",
@@ -32,23 +32,30 @@ PLACES = {
 }
 """The module that holds each task: a task imports only what it needs."""
 
-CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 
+def main(plan_path: str, job_name: str, settled: int | None = None) -> int:
+    """Do one job; 0 where all of it went well, 1 where something failed and the event log says what.
 
-def main(plan_path: str, job_name: str, *, child: bool = False) -> int:
-    """Do one job; 0 where all of it went well, 1 where something failed and the event log says what."""
+    settled  of a process that renders: how many of the job's frames others before it have made, or failed at;
+             None lets rendering happen in such processes. One that has grown large returns RENEWED.
+    """
     root = Path.cwd()
     plan = Plan.thaw(root / plan_path)
     job = plan.job(job_name)
     context = Context(root, plan, job, EventLog(root / EVENTS / f"{plan.name}.jsonl", job_name))
-    if job.task == "render" and not child:
-        return _supervise(context, plan_path)
+    if settled is not None:
+        context = replace(context, job=replace(job, frames=job.frames[settled:]))
+    elif job.task == "render":
+        return Supervisor(context, renderer(plan_path, job_name)).run()
     context.log.write("begin", stage=job.task)
     # A kernel on more threads than the job was given waits for them, busily, while other jobs have the cores.
     numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
     try:
         task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
         well = task(context)
+    except WornOutError as worn:
+        context.renewed(worn.held, worn.most)
+        return RENEWED
     except REPORTED as error:
         context.fail(error)
         well = False
@@ -60,25 +67,8 @@ def main(plan_path: str, job_name: str, *, child: bool = False) -> int:
     return 0 if well else 1
 
 
-def _supervise(context: Context, plan_path: str) -> int:
-    """Run a rendering job in a child; where it crashes, have its shot rendered by another variant."""
-    command = [sys.executable, "-m", "pipeline.production.tasks", plan_path, context.job.name, "--child"]
-    code = subprocess.run(command, stdin=subprocess.DEVNULL, check=False).returncode
-    if code >= 0 or -code in (signal.SIGINT, signal.SIGTERM):
-        return abs(code)
-    name = signal.Signals(-code).name
-    take = context.take
-    if -code in CRASHES:
-        reason = f"{take.variant} crashed ({name}) while rendering {context.subject}"
-        if avoid(context.root, take.name, take.variant, reason):
-            context.log.write("healed", message=f"{reason}; the shot is rendered without it from the start")
-            return 1
-    context.fail(FrameError(f"{context.subject}: the renderer was ended by {name}; is there memory enough?"))
-    return 1
-
-
 if __name__ == "__main__":
     try:
-        sys.exit(main(sys.argv[1], sys.argv[2], child="--child" in sys.argv[3:]))
+        sys.exit(main(sys.argv[1], sys.argv[2], *(int(n) for n in sys.argv[4:5])))
     except KeyboardInterrupt:
         sys.exit(130)

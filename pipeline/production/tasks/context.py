@@ -110,6 +110,22 @@ class Context:
             seconds=round(seconds, 4),
         )
 
+    def warn(self, number: int, message: str) -> None:
+        """Something that a frame is made in spite of."""
+        print(message, file=sys.stderr)
+        self.log.write("warn", stage=self.job.task, shot=self.subject, frame=number, message=message)
+
+    def resumed(self, number: int, passes: int) -> None:
+        """A frame went on from where its passes had been kept."""
+        self.log.write("resumed", stage=self.job.task, shot=self.subject, frame=number, passes=passes)
+
+    def renewed(self, held: float, most: float | None) -> None:
+        """This process holds so many MiB, more than it may, and another one makes the rest."""
+        message = f"the renderer grew to {held:.0f} MiB; a fresh one goes on"
+        self.log.write(
+            "renewed", stage=self.job.task, shot=self.subject, message=message, held_mib=held, most_mib=most
+        )
+
     def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:
         print(error, file=sys.stderr)
         self.log.write(
