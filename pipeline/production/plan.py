@@ -63,13 +63,15 @@ class Link:
 
 @dataclass(frozen=True)
 class Plan:
-    """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs."""
+    """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs; `notes` are
+    lines that the user is to be told."""
 
     takes: tuple[dict[str, Any], ...]
     film: dict[str, Any] | None
     jobs: tuple[Job, ...]
     links: tuple[Link, ...]
     targets: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
 
     def restore_links(self, store: Store) -> int:
@@ -105,6 +107,7 @@ class Plan:
             jobs=jobs,
             links=tuple(Link(**link) for link in data["links"]),
             targets=tuple(data["targets"]),
+            notes=tuple(data["notes"]),
             name=data["name"],
         )
 

@@ -15,8 +15,9 @@ from pipeline.production.events import EventLog
 from pipeline.production.layout import EVENTS
 from pipeline.production.plan import Plan
 from pipeline.production.tasks.context import REPORTED, Context
-from pipeline.production.tasks.supervise import Supervisor, renderer
+from pipeline.production.tasks.supervise import Supervisor, fall_over, renderer
 from pipeline.production.tasks.wear import RENEWED, WornOutError
+from pipeline.production.variants import ON_GPU
 
 PLACES = {
     "simulate": "meshes",
@@ -61,6 +62,9 @@ def main(plan_path: str, job_name: str, settled: int | None = None) -> int:
         well = False
     except Exception as error:
         traceback.print_exc()
+        on_gpu = job.task == "render" and context.take.variant == ON_GPU
+        if on_gpu and fall_over(context, f"failed ({str(error).partition(chr(10))[0]})"):
+            return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
         context.fail(FrameError(f"{job_name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
         well = False
     context.log.write("end", stage=job.task)

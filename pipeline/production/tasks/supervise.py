@@ -68,18 +68,26 @@ class Supervisor:
     def _ended_by(self, number: signal.Signals) -> int:
         if number in SIGNALS:
             return int(number)
-        context, take = self.context, self.context.take
-        if number in CRASHES:
-            reason = f"{take.variant} crashed ({number.name}) while rendering {context.subject}"
-            if avoid(context.root, take.name, take.variant, reason):
-                context.log.write(
-                    "healed", message=f"{reason}; the shot is rendered without it from the start"
-                )
-                return 1
+        context = self.context
+        if number in CRASHES and fall_over(context, f"crashed ({number.name})"):
+            return 1
         context.fail(
             FrameError(f"{context.subject}: the renderer was ended by {number.name}; is there memory enough?")
         )
         return 1
+
+
+def fall_over(context: Context, fact: str) -> bool:
+    """Have the shot of a job rendered from the start by another variant; whether there is one.
+
+    fact  what its variant did, such as "crashed (SIGABRT)"
+    """
+    take = context.take
+    reason = f"{take.variant} {fact} while rendering {context.subject}"
+    left = avoid(context.root, take.name, take.variant, reason)
+    if left:
+        context.log.write("healed", message=f"{reason}; the shot is rendered without it from the start")
+    return left
 
 
 def renderer(plan_path: str, job_name: str) -> Start:
