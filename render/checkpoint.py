@@ -23,7 +23,7 @@ SECONDS = 10.0
 """Between two writings, at least: a picture that takes less is never kept, and pays nothing."""
 
 LEAST_WORK = 50.0
-"""How many times longer than its writing took a picture is rendered before the next: it costs 2% at most."""
+"""How many times longer than its writing took a picture is rendered before the next, which so costs 2%."""
 
 
 @dataclass
