@@ -9,12 +9,15 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, field
+from itertools import groupby
+from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
 from render.aovs import marks_of, stage_motion
 from render.camera import Camera
+from render.checkpoint import Checkpoint
 from render.engine import Engine
 from render.lights import LightRig
 from render.look import Look
@@ -80,6 +83,7 @@ def render_frame(
     aovs: Collection[str] = (),
     shutter: Shutter | None = None,
     following: Moment | None = None,
+    keep: Checkpoint | None = None,
 ) -> Layers:
     """Render one frame with `engine`, which is started here if it was not yet.
 
@@ -87,6 +91,7 @@ def render_frame(
                the surface's attribute of that name, rest its material
     shutter    while it is open, the picture is the mean of sub-frames: see `shutter.subframes`
     following  the same points at the next frame, for the layer motion
+    keep       where its passes are kept, for it to go on from there should it be ended before it is done
 
     `on_pass(done, total)` is called after each pass; what it raises ends the frame.
     Raises BadInputError for a surface that is empty, not finite or badly indexed, and for a layer that lacks
@@ -100,11 +105,17 @@ def render_frame(
     way = 0.0 if shutter is None else shutter.longest_way(size)
     count = subframes(way, quality.samples)
     offsets = [0.0] if shutter is None else shutter.offsets(count)
-    passes = Passes(quality, count, aovs, seed, on_pass)
+    passes = Passes(quality, count, aovs, seed, on_pass, keep)
     clock.spent("preparing")
-    for offset in offsets:
+    shown: Surface | None = None
+
+    def shown_at(subframe: int) -> tuple[Moment, Surface]:
+        offset = offsets[subframe]
         moment = own if shutter is None or offset == 0.0 else shutter.at(offset)
-        shown = moment.dyed(marks).surface(quality.width)
+        return moment, moment.dyed(marks).surface(quality.width)
+
+    for subframe, its_passes in groupby(passes.left(), attrgetter("subframe")):
+        moment, shown = shown_at(subframe)
         scenes = build_scene(
             shown,
             look,
@@ -118,14 +129,16 @@ def render_frame(
             quality.crop,
         )
         clock.spent("building")
-        passes.render(scenes, {name: shown.attributes[name] for name in marks})
+        for one in its_passes:
+            passes.render(one, scenes, {name: shown.attributes[name] for name in marks})
         clock.spent("rendering")
+    shown = shown or shown_at(count - 1)[1]  # all passes were taken from where they had been kept
     layers = passes.layers()
     if "motion" in layers and following is not None and stage.kind != "none":
         layers["motion"] = _with_stage(layers, own, following, size)
     facts = {
         "seed": seed,
-        "samples": quality.samples,
+        **passes.facts(),
         "guides": quality.guides,
         "depth": quality.depth,
         "lens_radius": camera.lens_radius,

@@ -4,17 +4,20 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from render.adaptive import FEWEST_PASSES, noise_of
 from render.aovs import looked_at
+from render.checkpoint import Checkpoint
 from render.errors import BadInputError
 from render.quality import Quality
 from render.scene import DYE, Rendering, Scenes
-from render.shutter import batch_of, passes_of
+from render.shutter import batch_of, passes_of, turns_of
 
 Layer = NDArray[np.float32]
 Picture = NDArray[np.float64]
@@ -34,12 +37,27 @@ def seed_of(*parts: str | int) -> int:
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "little")
 
 
+@dataclass(frozen=True)
+class Pass:
+    """A few samples a pixel of one sub-frame.
+
+    layer   "guides" or "beauty"
+    marked  whether what vertices bring along is looked at with the same samples
+    """
+
+    subframe: int
+    layer: str
+    samples: int
+    marked: bool = False
+
+
 @dataclass
 class Passes:
     """The passes of a picture, and the sums of what they found.
 
     count    how many sub-frames share its samples
-    on_pass  is told after each pass how many are done, and of how many
+    on_pass  is told after each pass how many are done, and of how many at most
+    keep     where the sums are kept for another process to go on with, and taken from at first
     """
 
     quality: Quality
@@ -47,6 +65,7 @@ class Passes:
     aovs: Collection[str]
     seed: int
     on_pass: Callable[[int, int], None] | None = None
+    keep: Checkpoint | None = None
     _sums: dict[str, Picture] = field(default_factory=dict)
     _terms: dict[str, int] = field(default_factory=dict)
     _done: int = 0
@@ -56,20 +75,33 @@ class Passes:
         if "noise" in self.aovs and self.quality.samples < 2:
             raise BadInputError("layer 'noise' cannot be told from one sample; take samples: 2 or more")
         self._guides = passes_of(self.quality.guides, self.count)
-        self._beauty = passes_of(self.quality.samples, self.count)
-        self._together = batch_of(self.count * len(self._beauty), self._beauty[0])
+        adaptive = self.quality.noise_threshold is not None
+        self._beauty = (turns_of if adaptive else passes_of)(self.quality.samples, self.count)
+        self._order = self._in_order()
+        shared = self.count if adaptive else self.count * len(self._beauty)
+        self._together = batch_of(shared, self._beauty[0])
+        if self.keep is not None and (sums := self.keep.load()) is not None:
+            self._restore(sums)
 
-    def render(self, scenes: Scenes, marks: Mapping[str, NDArray[np.float32]]) -> None:
-        """All passes of one sub-frame. marks: by name (V, 3), what its layers show of the vertices"""
-        for index, samples in enumerate(self._guides):
-            seed = self._next_seed("guides")
-            self._add("guides", _render(scenes.guides, samples, seed))
-            if scenes.dyed is not None and index == 0:  # what goes along with points is smooth
-                self._add_marks(scenes.dyed, marks, samples, seed)
-            self._tell()
-        for samples in self._beauty:
-            self._add_beauty(_render(scenes.beauty, samples, self._next_seed("beauty")))
-            self._tell()
+    def left(self) -> Iterator[Pass]:
+        """Those to be rendered, one after the other, until all are done or the picture is quiet enough."""
+        while self._done < len(self._order) and not self._quiet_enough():
+            yield self._order[self._done]
+
+    def render(self, one: Pass, scenes: Scenes, marks: Mapping[str, NDArray[np.float32]]) -> None:
+        """The next of those left. marks: by name (V, 3), what its layers show of the vertices"""
+        seed = seed_of(self.seed, self._done, one.layer)
+        if one.layer == "beauty":
+            self._add_beauty(_render(scenes.beauty, one.samples, seed))
+        else:
+            self._add("guides", _render(scenes.guides, one.samples, seed))
+            if one.marked and scenes.dyed is not None:
+                self._add_marks(scenes.dyed, marks, one.samples, seed)
+        self._done += 1
+        if self.keep is not None:
+            self.keep.offer(self._state)
+        if self.on_pass is not None:
+            self.on_pass(self._done, len(self._order))
 
     def layers(self) -> dict[str, Layer]:
         """By name, once all sub-frames have been rendered."""
@@ -92,10 +124,62 @@ class Passes:
                 parts[name] = means[name][..., :2] if name == "motion" else means[name]
         return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in parts.items()}
 
+    def facts(self) -> dict[str, float]:
+        """The samples of light a pixel; of a picture that could end earlier those taken, and its noise."""
+        if self.quality.noise_threshold is None:
+            return {"samples": self.quality.samples}
+        noise = {"noise": float(f"{self._noise:.4g}")} if self._comparable else {}
+        return {"samples": self._taken, **noise}
+
     @property
     def _taken(self) -> int:
-        """Samples of light a pixel, all together, as multijitter rounds them."""
-        return sum(_rectangle(samples) for samples in self._beauty) * self.count
+        """Samples of light a pixel until now, all together, as multijitter rounds them."""
+        return sum(_rectangle(one.samples) for one in self._order[: self._done] if one.layer == "beauty")
+
+    def _in_order(self) -> list[Pass]:
+        """Sub-frame by sub-frame; where passes may end early, one pass of light of each in turn, so that all
+        have been given the same then."""
+        marked = [index == 0 for index in range(len(self._guides))]  # what goes along with points is smooth
+        guides = [
+            [Pass(i, "guides", n, first) for n, first in zip(self._guides, marked, strict=True)]
+            for i in range(self.count)
+        ]
+        beauty = [[Pass(i, "beauty", n) for n in self._beauty] for i in range(self.count)]
+        if self.quality.noise_threshold is None:
+            return [one for i in range(self.count) for one in (*guides[i], *beauty[i])]
+        first = [one for i in range(self.count) for one in (*guides[i], beauty[i][0])]
+        return first + [one for turn in zip(*beauty, strict=True) for one in turn][self.count :]
+
+    def _quiet_enough(self) -> bool:
+        threshold = self.quality.noise_threshold
+        amid_turn = "turn" in self._sums or self._batch
+        return threshold is not None and not amid_turn and self._comparable and self._noise <= threshold
+
+    @property
+    def _comparable(self) -> bool:
+        return self._terms.get("squares", 0) >= FEWEST_PASSES
+
+    @property
+    def _noise(self) -> float:
+        return noise_of(self._sums["luminances"], self._sums["squares"], self._terms["squares"])
+
+    def _state(self) -> dict[str, NDArray[Any]]:
+        """All that passes have found, exactly."""
+        sums = {f"sum:{name}": total for name, total in self._sums.items()}
+        terms = {f"terms:{name}": np.array(count) for name, count in self._terms.items()}
+        batch = {f"batch:{index}": picture for index, picture in enumerate(self._batch)}
+        return {"done": np.array(self._done), **sums, **terms, **batch}
+
+    def _restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Go on from what `_state` gave."""
+
+        def named(kind: str) -> dict[str, NDArray[Any]]:
+            return {key.removeprefix(kind): state[key] for key in state if key.startswith(kind)}
+
+        self._done = int(state["done"])
+        self._sums = named("sum:")
+        self._terms = {name: int(count) for name, count in named("terms:").items()}
+        self._batch = list(named("batch:").values())
 
     def _add(self, name: str, picture: Picture) -> None:
         self._sums[name] = self._sums[name] + picture if name in self._sums else picture
@@ -109,8 +193,19 @@ class Passes:
             self._add("square", found[..., _SQUARE])
         if len(self._batch) == self._together:
             whole = self._batch[0] if self._together == 1 else sum(self._batch) / self._together
-            self._add("beauty", without_sparkles(np.asarray(whole)))
+            light = without_sparkles(np.asarray(whole))
+            self._add("beauty", light)
             self._batch = []
+            if self.quality.noise_threshold is not None:
+                self._compare(light @ _LUMA)
+
+    def _compare(self, luminance: Picture) -> None:
+        """Once all sub-frames have been given their light of one turn, their mean is what is compared."""
+        self._add("turn", luminance)
+        if self._terms["turn"] * self._together == self.count:
+            whole = self._sums.pop("turn") / self._terms.pop("turn")
+            self._add("luminances", whole)
+            self._add("squares", whole * whole)
 
     def _add_marks(
         self, dyed: Rendering, marks: Mapping[str, NDArray[np.float32]], samples: int, seed: int
@@ -123,14 +218,6 @@ class Passes:
 
         for name, picture in looked_at(marks, look).items():
             self._add(name, picture)
-
-    def _next_seed(self, layer: str) -> int:
-        return seed_of(self.seed, self._done, layer)
-
-    def _tell(self) -> None:
-        self._done += 1
-        if self.on_pass is not None:
-            self.on_pass(self._done, self.count * (len(self._guides) + len(self._beauty)))
 
 
 def without_sparkles(light: NDArray[np.float64]) -> NDArray[np.float64]:

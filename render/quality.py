@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from render.errors import BadInputError
@@ -9,6 +10,8 @@ from render.errors import BadInputError
 PASS_SAMPLES = 16
 """Samples a pixel in one pass; a square, as the multijitter sampler wants."""
 
+FEWEST_ADAPTIVE = 3 * PASS_SAMPLES
+"""Samples of a picture that may stop earlier: two passes tell its noise, and a third one can be saved."""
 
 MOST_STEADY = 4
 """Frames to either side that a picture may take light from."""
@@ -23,6 +26,8 @@ class Quality:
 
     width, height   pixels
     samples         paths a pixel; multijitter rounds up to a rectangle: 4, 6, 9, 16, 64
+    noise_threshold the noise (see `adaptive.noise_of`) that is quiet enough: passes end there, or with
+                    `samples` at the latest; None takes them all
     guides          samples a pixel of the AOVs, which are free of noise but for their edges
     depth           vertices a path may have: 2 is direct light alone
     crop            the part of the picture that is rendered; None is all of it
@@ -38,6 +43,7 @@ class Quality:
     denoise: str = "high"
     steady: int = 0
     crop: Crop | None = None
+    noise_threshold: float | None = None
 
     def __post_init__(self) -> None:
         for name in ("width", "height", "samples", "guides"):
@@ -49,6 +55,7 @@ class Quality:
                     f"{count} {name} do not divide into passes of {PASS_SAMPLES}; take {PASS_SAMPLES}, "
                     f"{2 * PASS_SAMPLES}, {4 * PASS_SAMPLES}, …"
                 )
+        self._check_threshold()
         if self.depth < 2:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("off", "fast", "balanced", "high"):
@@ -61,6 +68,18 @@ class Quality:
                 raise BadInputError(
                     f"crop {x0},{y0},{x1},{y1} is no part of {self.width} × {self.height} pixels"
                 )
+
+    def _check_threshold(self) -> None:
+        threshold = self.noise_threshold
+        if threshold is None:
+            return
+        if not (math.isfinite(threshold) and threshold > 0.0):
+            raise BadInputError(f"quality has noise_threshold {threshold}; it must be above 0, such as 0.02")
+        if self.samples < FEWEST_ADAPTIVE:
+            raise BadInputError(
+                f"noise_threshold has no pass to save of {self.samples} samples; "
+                f"take {FEWEST_ADAPTIVE} or more"
+            )
 
     @property
     def aspect(self) -> float:

@@ -110,6 +110,15 @@ def passes_of(samples: int, subframes: int) -> list[int]:
     return [size] * (each // size)
 
 
+def turns_of(samples: int, subframes: int) -> list[int]:
+    """The samples of each pass of a sub-frame whose passes take turns with those of the others: all passes of
+    one turn have about PASS_SAMPLES together, so that a picture may end between turns."""
+    size = passes_of(samples, subframes)[0]
+    fewest = max(FEWEST_SAMPLES, -(-PASS_SAMPLES // subframes))
+    size = min((n for n in EVEN if size % n == 0 and n >= fewest), default=size)
+    return [size] * (-(-samples // subframes) // size)
+
+
 def _even(samples: int) -> int:
     return max(n for n in EVEN if samples % n == 0)
 

@@ -13,7 +13,7 @@ import typer
 
 from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES, Bars
-from pipeline.cli.say import answer, complain, err
+from pipeline.cli.say import answer, complain, err, warn
 from pipeline.production.folder import FILM, find_edit
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
@@ -184,6 +184,7 @@ def _make(common: Common, make_plan: Callable[[], Plan]) -> None:
 
 
 def tell_plan(common: Common, plan: Plan) -> None:
+    _tell_notes(plan, set())
     answer(_intended(plan), _plan_facts(plan), common.json)
 
 
@@ -194,10 +195,27 @@ def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
         if common.progress
         else lambda plan, reader: nullcontext()
     )
-    outcome = run(make_plan, common.root, common.cores, watch)
+    told: set[str] = set()
+
+    def planned() -> Plan:
+        plan = make_plan()
+        _tell_notes(plan, told)
+        return plan
+
+    outcome = run(planned, common.root, common.cores, watch)
+    for message in outcome.warnings:
+        warn(message)
     for failure in outcome.failures:
         complain(_failure(failure))
     return outcome
+
+
+def _tell_notes(plan: Plan, told: set[str]) -> None:
+    """Those not told yet."""
+    for note in plan.notes:
+        if note not in told:
+            warn(note)
+            told.add(note)
 
 
 def _intended(plan: Plan) -> str:
@@ -247,6 +265,7 @@ def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
         "seconds": round(seconds, 2),
         "made": {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)},
         "links_restored": outcome.restored,
+        "warnings": [*outcome.plan.notes, *outcome.warnings],
         "failed": [
             {name: failure.get(name) for name in ("shot", "stage", "frame", "message")}
             for failure in outcome.failures

@@ -19,3 +19,7 @@ def answer(words: str, facts: Any, as_json: bool) -> None:
 
 def complain(words: str) -> None:
     err.print(words, style="red", markup=False)
+
+
+def warn(words: str) -> None:
+    err.print(words, style="yellow", markup=False)

@@ -2,7 +2,9 @@
 
 A line is written with one `write` on a descriptor opened for appending, so lines of several processes
 never mix. Events: `begin`, `end` and `fail` of a job; `frame` of a stage, with the seconds it took and
-whether the store had it already; `healed` for what is made again.
+whether the store had it already; `healed` for what is made again; `warn` for what a frame was made in spite
+of; `resumed` for a frame that goes on from its last pass; `renewed` for a rendering process replaced by a
+fresh one.
 """
 
 from __future__ import annotations

@@ -53,17 +53,10 @@ PICTURE_CODE = (
     *(
         f"render/{name}.py"
         for name in (
-            *("frame", "passes", "shutter", "aovs", "scene", "mitsuba_mesh", "surface", "spheres"),
-            *(
-                "material",
-                "pigment",
-                "noise",
-                "_kernels_noise",
-                "absorption",
-                "marks",
-                "wireframe",
-                "gouraud",
-            ),
+            *("frame", "passes", "adaptive", "checkpoint", "shutter", "aovs"),
+            *("scene", "mitsuba_mesh", "surface", "spheres"),
+            *("material", "absorption", "marks", "wireframe", "gouraud"),
+            *("pigment", "noise", "_kernels_noise"),
             *("lamps", "daylight", "environment", "stage", "scenery", "set_pieces"),
             *("camera", "sensor", "inside", "image"),
         )

@@ -9,6 +9,7 @@ STATE = Path(".flowsculpt")
 PLANS = STATE / "plans"
 EVENTS = STATE / "events"
 LOGS = STATE / "logs"
+HALVES = STATE / "half"
 
 
 @dataclass(frozen=True)

@@ -63,13 +63,15 @@ class Link:
 
 @dataclass(frozen=True)
 class Plan:
-    """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs."""
+    """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs; `notes` are
+    lines that the user is to be told."""
 
     takes: tuple[dict[str, Any], ...]
     film: dict[str, Any] | None
     jobs: tuple[Job, ...]
     links: tuple[Link, ...]
     targets: tuple[str, ...]
+    notes: tuple[str, ...] = ()
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
 
     def restore_links(self, store: Store) -> int:
@@ -78,6 +80,12 @@ class Plan:
         for link in lost:
             store.link(link.kind, link.key, Path(link.target))
         return len(lost)
+
+    @property
+    def raw_places(self) -> list[Path]:
+        """Where the raw pictures of the frames asked for are shown."""
+        frames = [Path(target) for target in self.targets if Path(target).parent.name == "frames"]
+        return [frame.parents[1] / "raw" / frame.name for frame in frames]
 
     def freeze(self, root: Path) -> Path:
         """Write the plan under `root`; returns the file, relative to `root`."""
@@ -99,6 +107,7 @@ class Plan:
             jobs=jobs,
             links=tuple(Link(**link) for link in data["links"]),
             targets=tuple(data["targets"]),
+            notes=tuple(data["notes"]),
             name=data["name"],
         )
 

@@ -22,6 +22,7 @@ class Planner:
 
     store: Store
     cores: int
+    notes: Sequence[str] = ()
     _takes: list[Take] = field(default_factory=list)
     _made: set[str] = field(default_factory=set)
     _jobs: list[Job] = field(default_factory=list)
@@ -114,6 +115,7 @@ class Planner:
             jobs=tuple(jobs),
             links=tuple(self._links.values()),
             targets=tuple(dict.fromkeys(paths(self._targets))),
+            notes=tuple(dict.fromkeys(self.notes)),
         )
 
     def _keys(self, take: Take) -> Keyring | None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from itertools import count
 from pathlib import Path
 
 import filelock
 
 from pipeline.errors import FrameError, MachineError
-from pipeline.production import scheduler
+from pipeline.production import halves, scheduler
 from pipeline.production.disk import disk_faults
 from pipeline.production.events import Event, EventReader
 from pipeline.production.layout import EVENTS, STATE
@@ -40,6 +41,11 @@ class Outcome:
             if event["event"] == "fail":
                 seen.setdefault((event.get("shot"), event.get("stage"), event.get("frame")), event)
         return list(seen.values()) if self.unfinished else []
+
+    @property
+    def warnings(self) -> list[str]:
+        """What frames were made in spite of, each once."""
+        return list(dict.fromkeys(str(e["message"]) for e in self.events if e["event"] == "warn"))
 
     @property
     def exit_code(self) -> int:
@@ -101,21 +107,20 @@ def run(
     store = Store(root)
     with exclusive(root):
         store.sweep()
+        halves.sweep(store)
         outcome = Outcome(make_plan())
-        for round_ in range(ROUNDS):
+        heals = True
+        for round_ in count(1):
             outcome.restored += outcome.plan.restore_links(store)
-            if not outcome.plan.jobs:
-                outcome.unfinished = False
-                return outcome
+            if not (outcome.plan.jobs and heals):
+                break
             events = _execute(outcome.plan, root, cores, watch)
             outcome.events += events
             outcome.plan = make_plan()
-            outcome.unfinished = True
-            healed = any(event["event"] == "healed" for event in events)
-            if outcome.plan.jobs and not (healed and round_ < ROUNDS - 1):
-                break
-        outcome.restored += outcome.plan.restore_links(store)
+            heals = round_ < ROUNDS and any(event["event"] == "healed" for event in events)
         outcome.unfinished = bool(outcome.plan.jobs)
+        if not outcome.unfinished:
+            halves.forget(root, outcome.plan.raw_places)
         return outcome
 
 

@@ -47,6 +47,7 @@ class Studio:
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
+    _notes: list[str] = field(default_factory=list, repr=False)
 
     @property
     def store(self) -> Store:
@@ -145,7 +146,7 @@ class Studio:
             raise UsageError(
                 f"{path}: frames {outside} are not in the shot, which has {whole}; ask for frames among those"
             )
-        chosen = variant or variant_for(self.root, script.name, self.variant)
+        chosen = variant or variant_for(self.root, script.name, self.variant, self._notes.append)
         return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
 
     def _rendered(self, keys: PictureKeys) -> bool:
@@ -157,7 +158,7 @@ class Studio:
         return replace(self.take(clip.shot.path, quality), requested=tuple(clip.frames))
 
     def _planner(self) -> Planner:
-        return Planner(self.store, self.cores)
+        return Planner(self.store, self.cores, self._notes)
 
 
 def _shot_around(mesh: Path, look: str | None) -> str:

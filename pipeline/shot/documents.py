@@ -83,6 +83,7 @@ class QualityDocument(Document):
     depth: Annotated[int, Field(ge=2, le=100)] | None = None
     denoise: Literal["off", "fast", "balanced", "high"] | None = None
     steady: Annotated[int, Field(ge=0, le=MOST_STEADY)] | None = None
+    noise_threshold: Annotated[float, Field(gt=0, le=1)] | None = None
 
 
 class QualitiesDocument(Document):

@@ -179,6 +179,7 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "depth": Sense("vertices of a path of light"),
         "denoise": Sense("how hard noise is removed"),
         "steady": Sense("to either side, whose light is taken in along the motion; 0 is off", "frames"),
+        "noise_threshold": Sense("noise that is quiet enough to save the samples left, such as 0.03"),
     },
     Keyed: {
         "keys": Sense("values by their times: frames, or seconds as 0.5s"),

@@ -11,7 +11,7 @@ from typing import Any
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.velocity import DEFAULT_TOLERANCE
 from pipeline.mesh.bspline import PIECES
-from pipeline.shot import brackets, camera_document, checks, keys, point_documents, sets
+from pipeline.shot import adaptive, brackets, camera_document, checks, keys, point_documents, sets
 from pipeline.shot.clock import Clock
 from pipeline.shot.cloud import CloudOfFile
 from pipeline.shot.curves import number
@@ -67,6 +67,7 @@ def read_shot(
         point_documents.points,
         checks.tolerance,
         sets.dimmed,
+        adaptive.saves_passes,
     ):
         problems += check(source)
     missing = list(checks.files(source))

@@ -68,6 +68,7 @@ STANDS_BESIDE = {
     *(
         f"pipeline.shot.{name}"
         for name in (
+            "adaptive",
             "brackets",
             "camera_document",
             "cameras",

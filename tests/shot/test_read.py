@@ -268,6 +268,9 @@ BROKEN = [
     ("camera:", "quality: {final: {samples: 100}}\ncamera:",
      "a.yaml:11:19: quality.final.samples: 100 samples do not divide into passes of 16. "
      "Write up to 16, or a multiple of it."),
+    ("camera:", "quality: {daily: {noise_threshold: 0.02}}\ncamera:",
+     "a.yaml:11:19: daily takes 16 samples, of which no pass could be saved; noise_threshold needs "
+     "48 or more. Write samples: 256 beside it."),
 ]  # fmt: skip
 
 

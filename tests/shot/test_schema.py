@@ -124,6 +124,7 @@ SAME = [
     ("camera:", "speed: {keys: {1: 1, 49: -1}}\ncamera:"),
     ("camera:", "look: {material: glaze, roughness: 0.2}\nlights: {exposure: 1}\ncamera:"),
     ("camera:", "quality: {final: {samples: 96, denoise: off}, draft: {samples: 6}}\ncamera:"),
+    ("camera:", "quality: {final: {noise_threshold: 0.02}}\ncamera:"),
 ]
 
 
@@ -201,6 +202,7 @@ BROKEN = [
     ("camera:", "look: {roughness: 0.2}\ncamera:"),
     ("camera:", "quality: {draught: {samples: 6}}\ncamera:"),
     ("camera:", "quality: {final: {samples: 100}}\ncamera:"),
+    ("camera:", "quality: {final: {noise_threshold: 0}}\ncamera:"),
     ("camera:", "camera: {margin: 0.5}\n#"),
     ("camera:", "titlex: x\ncamera:"),
 ]  # fmt: skip

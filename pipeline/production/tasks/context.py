@@ -9,7 +9,7 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.events import EventLog
@@ -17,8 +17,10 @@ from pipeline.production.keys import Key
 from pipeline.production.layout import EVENTS
 from pipeline.production.plan import Job, Plan
 from pipeline.production.store import CorruptFileError, Store
-from pipeline.production.take import Keyring, Take
 from render.errors import CorruptImageError, MissingImageError, RenderError
+
+if TYPE_CHECKING:
+    from pipeline.production.take import Keyring, Take
 
 T = TypeVar("T")
 
@@ -54,6 +56,8 @@ class Context:
 
     @cached_property
     def takes(self) -> list[Take]:
+        from pipeline.production.take import Take  # a second's work, which who only watches never needs
+
         return [Take.from_data(self.plan.takes[place]) for place in self.job.takes]
 
     def picture_keys(self, take: Take) -> Keyring:
@@ -114,6 +118,22 @@ class Context:
             frame=number,
             found=found,
             seconds=round(seconds, 4),
+        )
+
+    def warn(self, number: int, message: str) -> None:
+        """Something that a frame is made in spite of."""
+        print(message, file=sys.stderr)
+        self.log.write("warn", stage=self.job.task, shot=self.subject, frame=number, message=message)
+
+    def resumed(self, number: int, passes: int) -> None:
+        """A frame went on from where its passes had been kept."""
+        self.log.write("resumed", stage=self.job.task, shot=self.subject, frame=number, passes=passes)
+
+    def renewed(self, held: float, most: float | None) -> None:
+        """This process holds so many MiB, more than it may, and another one makes the rest."""
+        message = f"the renderer grew to {held:.0f} MiB; a fresh one goes on"
+        self.log.write(
+            "renewed", stage=self.job.task, shot=self.subject, message=message, held_mib=held, most_mib=most
         )
 
     def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:

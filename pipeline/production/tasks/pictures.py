@@ -7,13 +7,14 @@ import math
 import resource
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.production import halves
 from pipeline.production.disk import disk_faults
 from pipeline.production.framing import Framing, turned
 from pipeline.production.keys import Key
@@ -23,10 +24,13 @@ from pipeline.production.shading import Shading
 from pipeline.production.take import PictureKeys
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import shading_of
+from pipeline.production.tasks.stopping import Stop, stopping
+from pipeline.production.tasks.wear import Wear
 from pipeline.shot.net import ControlNet
 from pipeline.shot.shot import Shot
 from render.camera import Camera
-from render.engine import choose
+from render.checkpoint import Checkpoint
+from render.engine import Engine, choose
 from render.frame import Layers, render_frame
 from render.image import write_exr
 from render.plain import to_plain
@@ -37,41 +41,72 @@ from render.wireframe import outlines
 
 
 def render(context: Context) -> bool:
-    """Render the raw pictures of a batch: passes averaged, AOVs beside the beauty."""
+    """Render the raw pictures of a batch: passes averaged, AOVs beside the beauty.
+
+    Raises KeyboardInterrupt where the process is to end, and WornOutError where it has grown too large; both
+    leave the pictures not yet made to another process.
+    """
     take = context.take
     engine = choose([take.variant], threads=context.job.threads)
     framings = take.framings(context.store) or {}
     keys = context.picture_keys(take)
-    picture = take.shot.picture
+    with stopping() as stop:
+        room = _Room(context, engine, framings, keys, stop, Wear())
+        return context.each(context.job.frames, room.make)
 
-    def work(number: int) -> bool:
-        framing = framings[number]
-        begun = time.perf_counter()
 
-        def write(path: Path) -> None:
-            own, shutter, following = _moments(context, number, framings)
-            layers = render_frame(
-                own.subject,
-                picture.look,
-                picture.lights,
-                picture.stage,
-                own.placement,
-                own.camera,
-                take.quality,
-                take.seed(number),
-                engine,
-                aovs=take.layers.extra,
-                shutter=shutter,
-                following=following,
-            )
-            header = _header(context, number, framing, keys[number])
-            write_exr(path, layers, header, dict(take.layers.precision))
-            _tell_statistics(context, number, keys[number].raw, layers, time.perf_counter() - begun)
+@dataclass(frozen=True)
+class _Room:
+    """Where the pictures of a batch are rendered."""
 
-        target = take.folders.raw(take.quality_name, number)
-        return context.make("raw", keys[number].raw, target, write)
+    context: Context
+    engine: Engine
+    framings: Mapping[int, Framing]
+    keys: Mapping[int, PictureKeys]
+    stop: Stop
+    wear: Wear
 
-    return context.each(context.job.frames, work)
+    def make(self, number: int) -> bool:
+        """Have a picture rendered that the store lacks; whether it was there."""
+        self.stop.heed()
+        self.wear.heed()
+        context, key = self.context, self.keys[number].raw
+        target = context.take.folders.raw(context.take.quality_name, number)
+        keep = halves.begun(
+            context.store, target, key, partial(context.warn, number), lambda: self.stop.asked
+        )
+        found = context.make("raw", key, target, partial(self._write, number, keep))
+        keep.remove()
+        if not found:
+            self.wear.rendered()
+        return found
+
+    def _write(self, number: int, keep: Checkpoint, path: Path) -> None:
+        context, take, begun = self.context, self.context.take, time.perf_counter()
+        picture = take.shot.picture
+        own, shutter, following = _moments(context, number, self.framings)
+        layers = render_frame(
+            own.subject,
+            picture.look,
+            picture.lights,
+            picture.stage,
+            own.placement,
+            own.camera,
+            take.quality,
+            take.seed(number),
+            self.engine,
+            lambda done, most: self.stop.heed(),
+            aovs=take.layers.extra,
+            shutter=shutter,
+            following=following,
+            keep=keep,
+        )
+        if keep.taken_up:
+            context.resumed(number, keep.taken_up)
+        header = _header(context, number, self.framings[number], self.keys[number])
+        write_exr(path, layers, header, dict(take.layers.precision))
+        seconds = time.perf_counter() - begun
+        _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
 
 
 def _moments(
@@ -148,8 +183,13 @@ def _subject(
     )
 
 
-def _tell_statistics(context: Context, number: int, key: Key, layers: Layers, seconds: float) -> None:
-    """What this picture took: it differs from run to run, and pictures do not, so it stands beside them."""
+def _tell_statistics(
+    context: Context, number: int, key: Key, layers: Layers, seconds: float, taken_up: int
+) -> None:
+    """What this picture took: it differs from run to run, and pictures do not, so it stands beside them.
+
+    taken_up  how many of its passes an earlier process had rendered, whose seconds are not known
+    """
     stages = {name: round(value, 4) for name, value in layers.seconds.items()}
     told = {
         "key": key,
@@ -157,6 +197,9 @@ def _tell_statistics(context: Context, number: int, key: Key, layers: Layers, se
         "vertices": layers.facts["surface_vertices"],
         "faces": layers.facts["surface_faces"],
         "subframes": layers.facts.get("subframes", 1),
+        "samples": layers.facts["samples"],
+        **({"noise": layers.facts["noise"]} if "noise" in layers.facts else {}),
+        **({"passes_taken_up": taken_up} if taken_up else {}),
         "threads": context.job.threads,
         "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }

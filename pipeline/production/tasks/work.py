@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import traceback
 from importlib import import_module
-from pathlib import Path
 
 import numba
 
 from pipeline.errors import FrameError
-from pipeline.production.plan import Plan
 from pipeline.production.tasks.context import REPORTED, Context
+from pipeline.production.tasks.supervise import fall_over
+from pipeline.production.tasks.wear import RENEWED, WornOutError
+from pipeline.production.variants import ON_GPU
 
 PLACES = {
     "simulate": "meshes",
@@ -27,9 +28,9 @@ PLACES = {
 """The module that holds each task: a task imports only what it needs."""
 
 
-def work(root: Path, plan: Plan, job_name: str) -> int:
-    """Do one job in this process; 0 where all went well, 1 where the event log says what failed."""
-    context = Context.of(root, plan, job_name)
+def work(context: Context) -> int:
+    """Do one job in this process; 0 where all went well, 1 where the event log says what failed, and RENEWED
+    where a fresh process is to render the rest."""
     job = context.job
     context.log.write("begin", stage=job.task)
     # A kernel on more threads than the job was given waits for them, busily, while other jobs have the cores.
@@ -37,12 +38,18 @@ def work(root: Path, plan: Plan, job_name: str) -> int:
     try:
         task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
         well = task(context)
+    except WornOutError as worn:
+        context.renewed(worn.held, worn.most)
+        return RENEWED
     except REPORTED as error:
         context.fail(error)
         well = False
     except Exception as error:
         traceback.print_exc()
-        context.fail(FrameError(f"{job_name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
+        on_gpu = job.task == "render" and context.take.variant == ON_GPU
+        if on_gpu and fall_over(context, f"failed ({str(error).partition(chr(10))[0]})"):
+            return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
+        context.fail(FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
         well = False
     context.log.write("end", stage=job.task)
     return 0 if well else 1

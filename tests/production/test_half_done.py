@@ -1,0 +1,242 @@
+"""A frame that is ended half done goes on later; a rendering process that has grown is replaced."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.errors import UsageError
+from pipeline.production import halves
+from pipeline.production.events import EventLog, EventReader
+from pipeline.production.layout import EVENTS, HALVES
+from pipeline.production.plan import Job, Plan
+from pipeline.production.store import Store
+from pipeline.production.tasks import wear
+from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.supervise import Supervisor
+from pipeline.production.tasks.wear import RENEWED, VARIABLE, Wear, WornOutError
+from pipeline.production.tasks.work import PLACES
+from pipeline.production.workflow import Studio
+from render import passes
+from render.image import read_exr
+
+NAME = "T010_tiny"
+QUALITY = "preview.scale10"
+SETTINGS = ("quality.preview={samples: 64, guides: 16, denoise: off}",)
+
+
+@dataclass
+class Bench:
+    """A studio whose jobs are done one by one, in this process."""
+
+    root: Path
+
+    def plan(self, frames: str, *settings: str) -> Plan:
+        return Studio(self.root, 1, settings=(*SETTINGS, *settings)).pictures([NAME], QUALITY, frames)
+
+    def context(self, plan: Plan, task: str) -> Context:
+        job = next(job for job in plan.jobs if job.task == task)
+        return Context(self.root, plan, job, EventLog(self.root / EVENTS / f"{plan.name}.jsonl", job.name))
+
+    def do(self, plan: Plan, *tasks: str) -> None:
+        for task in tasks:
+            assert getattr(import_module(f"pipeline.production.tasks.{PLACES[task]}"), task)(
+                self.context(plan, task)
+            )
+
+    def events(self, plan: Plan, kind: str) -> list[dict[str, Any]]:
+        return [e for e in EventReader(self.root / EVENTS / f"{plan.name}.jsonl").new() if e["event"] == kind]
+
+    def halves(self) -> list[Path]:
+        return sorted((self.root / HALVES).glob("*"))
+
+    def raw(self, number: int) -> dict[str, np.ndarray]:
+        path = self.root / "renders" / NAME / QUALITY / "raw" / f"{NAME}.{number:04d}.exr"
+        layers, header = read_exr(path)
+        return {**layers.arrays, "header": np.array(str(sorted(header.items())))}
+
+
+@pytest.fixture
+def bench(studio: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    monkeypatch.chdir(studio.path)
+    monkeypatch.delenv(VARIABLE, raising=False)
+    made = Bench(studio.path)
+    made.do(made.plan("2-3"), "simulate", "smooth_normals", "frame_camera")
+    return made
+
+
+@pytest.fixture
+def ended_in_pass(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, signal.Signals], None]:
+    """Has this process sent itself a signal while it renders a pass, as a user or a scheduler would."""
+
+    def arrange(number: int, sent: signal.Signals) -> None:
+        render, count = passes._render, 0
+
+        def rendering(*arguments: Any) -> Any:
+            nonlocal count
+            count += 1
+            if count == number:
+                os.kill(os.getpid(), sent)
+            return render(*arguments)
+
+        monkeypatch.setattr(passes, "_render", rendering)
+
+    return arrange
+
+
+def test_a_frame_that_is_ended_goes_on_from_its_last_pass_to_the_same_bits(
+    bench: Bench, ended_in_pass: Callable[..., None]
+) -> None:
+    for sent, passes_before in ((signal.SIGINT, 0), (signal.SIGTERM, 2)):
+        ended_in_pass(2, sent)
+        plan = bench.plan("2")
+        with pytest.raises(KeyboardInterrupt):
+            bench.do(plan, "render")
+        (half,) = bench.halves()
+        with np.load(half) as found:
+            assert found["done"] == passes_before + 2
+    again = bench.plan("2")
+    bench.do(again, "render")
+    assert [(e["frame"], e["passes"]) for e in bench.events(again, "resumed")] == [(2, 4)]
+    assert not bench.halves() and not list((bench.root / ".flowsculpt/tmp").glob("*.npz"))
+    resumed = bench.raw(2)
+    Store(bench.root).discard("raw", half.stem.rpartition(".")[2])
+    bench.do(bench.plan("2"), "render")
+    undisturbed = bench.raw(2)
+    assert all(np.array_equal(resumed[name], undisturbed[name]) for name in undisturbed)
+
+
+def test_what_was_begun_otherwise_or_is_corrupt_is_never_gone_on_with(
+    bench: Bench, ended_in_pass: Callable[..., None]
+) -> None:
+    ended_in_pass(2, signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        bench.do(bench.plan("2"), "render")
+    (half,) = bench.halves()
+    ended_in_pass(2, signal.SIGTERM)
+    with pytest.raises(KeyboardInterrupt):
+        bench.do(bench.plan("2", "quality.preview.samples=80"), "render")
+    (other,) = bench.halves()
+    assert other != half
+    os.truncate(other, 1000)
+    again = bench.plan("2", "quality.preview.samples=80")
+    bench.do(again, "render")
+    (told,) = bench.events(again, "warn")
+    assert told["frame"] == 2 and "rendered from the start" in told["message"]
+    assert not bench.events(again, "resumed") and not bench.halves()
+
+
+def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
+    """With pictures that were made since, those shown now under other keys, and what nobody came back to."""
+    store, targets = Store(tmp_path), [Path(f"renders/A/final/raw/A.{n:04d}.exr") for n in range(4)]
+
+    def kept(number: int, key: str) -> Path:
+        keep = halves.begun(store, targets[number], key, lambda _: None, lambda: True)
+        keep.offer(lambda: {"done": np.array(1)})
+        return keep.path
+
+    made, wanted, old, other = (kept(n, f"{n}" * 32) for n in range(4))
+    store.path("raw", "0" * 32).parent.mkdir(parents=True)
+    store.path("raw", "0" * 32).write_bytes(b"")
+    os.utime(old, (0.0, 0.0))
+    halves.sweep(store)
+    assert [path.exists() for path in (made, wanted, old, other)] == [False, True, False, True]
+    anew = kept(1, "a" * 32)
+    assert anew.exists() and not wanted.exists()
+    halves.forget(tmp_path, targets[1:2])
+    assert not anew.exists() and other.exists()
+    halves.forget(tmp_path, targets)
+    assert not (tmp_path / HALVES).exists()
+
+
+def test_a_renderer_that_has_grown_leaves_its_other_frames_to_a_fresh_one(
+    bench: Bench, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv(VARIABLE, "1")
+    plan = bench.plan("2-3")
+    with pytest.raises(WornOutError) as worn:
+        bench.do(plan, "render")
+    assert worn.value.held > worn.value.most == 1.0
+    assert [e["frame"] for e in bench.events(plan, "frame") if e["stage"] == "render"] == [2]
+
+
+def test_a_renderer_may_grow_by_half_and_to_a_gibibyte(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv(VARIABLE, raising=False)
+    monkeypatch.setattr(wear.gc, "collect", lambda: 0)
+    cases = ((200, 1000, False), (200, 1100, True), (2000, 2900, False), (2000, 3100, True))
+    for first, grown, worn in cases:
+        held = iter([first, *[grown] * 2])
+        monkeypatch.setattr(wear, "_resident_mib", lambda held=held: float(next(held)))
+        process = Wear()
+        process.rendered()
+        process.heed()
+        process.rendered()
+        if worn:
+            with pytest.raises(WornOutError):
+                process.heed()
+        else:
+            process.heed()
+
+
+@pytest.mark.parametrize("said", ["much", "0", "-3", "inf", "nan"])
+def test_a_size_that_is_none_is_refused(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, said)
+    with pytest.raises(UsageError, match=f"{VARIABLE} is '{said}'"):
+        Wear()
+
+
+_RENDERER = """
+import sys
+from pathlib import Path
+from pipeline.production.events import EventLog
+log = EventLog(Path(sys.argv[1]), "job")
+number = int(sys.argv[2])
+for event, frame in {0: [("frame", 1), ("fail", 2)], 2: [("frame", 3)], 3: [("frame", 4)]}[number]:
+    log.write(event, frame=frame)
+sys.exit(75 if number < 3 else 0)
+"""
+
+
+def test_fresh_renderers_go_on_where_others_ended_and_failures_are_remembered(tmp_path: Path) -> None:
+    log = EventLog(tmp_path / "events.jsonl", "job")
+    log.write("frame", frame=1)  # of a run before
+    job = Job("job", "render", (0,), (1, 2, 3, 4), (), ())
+    started: list[int] = []
+
+    def start(settled: int) -> subprocess.Popen[bytes]:
+        started.append(settled)
+        return subprocess.Popen([sys.executable, "-c", _RENDERER, str(log.path), str(settled)])
+
+    assert RENEWED == 75
+    assert Supervisor(Context(tmp_path, Plan((), None, (job,), (), ()), job, log), start).run() == 1
+    assert started == [0, 2, 3]
+
+
+def test_a_signal_is_passed_on_and_the_renderer_waited_for(tmp_path: Path) -> None:
+    """It ends when its pass is over, which is not at once."""
+    log = EventLog(tmp_path / "events.jsonl", "job")
+    job = Job("job", "render", (0,), (1,), (), ())
+    code = (
+        "import os, signal, sys, time\n"
+        "signal.signal(signal.SIGTERM, lambda *_: (time.sleep(0.3), open(sys.argv[1], 'w'), sys.exit(130)))\n"
+        "os.kill(os.getppid(), signal.SIGTERM)\n"
+        "time.sleep(60)"
+    )
+
+    def start(settled: int) -> subprocess.Popen[bytes]:
+        return subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "kept")])
+
+    context = Context(tmp_path, Plan((), None, (job,), (), ()), job, log)
+    assert Supervisor(context, start).run() == 130
+    assert (tmp_path / "kept").exists()
+    assert not list(EventReader(log.path).new())

@@ -1,0 +1,100 @@
+"""A GPU is used where it is asked for and can; else one line says so, and a shot is of one variant alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.errors import MachineError
+from pipeline.production import variants
+from pipeline.production.events import EventReader
+from pipeline.production.layout import EVENTS
+from pipeline.production.tasks import __main__ as process
+from pipeline.production.tasks import pictures, work
+from pipeline.production.variants import ON_GPU, avoid, variant_for
+from pipeline.production.workflow import Studio
+from render.engine import DEFAULT_ORDER, Engine
+
+NAME = "T010_tiny"
+
+
+@pytest.fixture
+def machine(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, int]]:
+    """Whether a GPU works, `gpu` being 0 or 1, and how often that was `asked`."""
+    state = {"gpu": 0, "asked": 0}
+    choose = variants.choose
+
+    def works(variant: str) -> bool:
+        state["asked"] += 1
+        return variant == ON_GPU and bool(state["gpu"])
+
+    def chosen(names: Any) -> Engine:
+        return Engine(ON_GPU) if names and ON_GPU in names else choose(names)
+
+    variants._gpu_works.cache_clear()
+    monkeypatch.setattr(variants, "works", works)
+    monkeypatch.setattr(variants, "choose", chosen)
+    yield state
+    variants._gpu_works.cache_clear()
+
+
+def test_where_there_is_no_gpu_another_variant_serves_and_one_line_says_so(
+    tmp_path: Path, machine: dict[str, int]
+) -> None:
+    told: list[str] = []
+    chosen = variant_for(tmp_path, NAME, ON_GPU, told.append)
+    assert chosen in DEFAULT_ORDER
+    assert told == [
+        "cuda_ad_rgb cannot render here: Mitsuba finds no NVIDIA GPU with a driver that it can use; "
+        f"{NAME} is rendered with {chosen} instead"
+    ]
+    assert variant_for(tmp_path, NAME, None, lambda line: pytest.fail(line)) == chosen
+
+
+def test_a_gpu_that_crashed_on_a_shot_is_left_alone_for_it(tmp_path: Path, machine: dict[str, int]) -> None:
+    machine["gpu"] = 1
+    told: list[str] = []
+    assert variant_for(tmp_path, NAME, ON_GPU, told.append) == ON_GPU and not told
+    assert avoid(tmp_path, NAME, ON_GPU, f"cuda_ad_rgb crashed (SIGABRT) while rendering {NAME}")
+    chosen = variant_for(tmp_path, NAME, ON_GPU, told.append)
+    assert told == [
+        f"cuda_ad_rgb crashed (SIGABRT) while rendering {NAME}; {NAME} is rendered with {chosen} instead"
+    ]
+    assert variant_for(tmp_path, "another", ON_GPU, told.append) == ON_GPU
+
+
+def test_another_variant_that_crashed_is_not_replaced_behind_the_users_back(tmp_path: Path) -> None:
+    avoid(tmp_path, NAME, "scalar_rgb", "scalar_rgb crashed")
+    with pytest.raises(MachineError, match="scalar_rgb crashed; leave --variant out"):
+        variant_for(tmp_path, NAME, "scalar_rgb")
+
+
+def test_a_plan_tells_it_once(studio: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(studio.path)
+    asked = Studio(studio.path, 1, ON_GPU)
+    plans = [asked.pictures([NAME, NAME], "preview") for _ in range(2)]
+    assert [len(plan.notes) for plan in plans] == [1, 1]
+    assert machine["asked"] == 1
+    assert {take["variant"] for plan in plans for take in plan.takes} <= set(DEFAULT_ORDER)
+
+
+def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
+    studio: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fails(context: Any) -> bool:
+        raise RuntimeError("out of memory\nat some place in some library")
+
+    machine["gpu"] = 1
+    monkeypatch.chdir(studio.path)
+    monkeypatch.setattr(pictures, "render", fails)
+    monkeypatch.setattr(work.numba, "set_num_threads", lambda count: None)
+    plan = Studio(studio.path, 1, ON_GPU).pictures([NAME], "preview")
+    (job,) = [job for job in plan.jobs if job.task == "render"]
+    assert process.main(plan.freeze(studio.path).as_posix(), job.name, 0) == 1
+    events = list(EventReader(studio.path / EVENTS / f"{plan.name}.jsonl").new())
+    assert [event["event"] for event in events] == ["begin", "healed"]
+    assert "cuda_ad_rgb failed (out of memory) while rendering T010_tiny" in events[1]["message"]
+    assert variant_for(studio.path, NAME, ON_GPU, lambda line: None) in DEFAULT_ORDER

@@ -1,0 +1,201 @@
+"""A picture that was ended half done goes on from its last pass, to the very same bits."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import render
+from render.camera import Camera
+from render.checkpoint import Checkpoint
+from render.engine import Engine
+from render.frame import Layers
+from render.quality import Quality
+from render.shutter import Moment, Shutter
+from render.stage import Placement
+from render.surface import Surface
+
+Rendered = Callable[..., Layers]
+
+CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
+FINE = Quality(32, 18, samples=48, depth=3, guides=16)
+EXTRA = ("velocity", "noise", "samples")
+
+
+class EndedError(Exception):
+    """What ends a picture here."""
+
+
+def always() -> bool:
+    return True
+
+
+def kept(folder: Path, **changes: Any) -> Checkpoint:
+    """One that is written after every pass."""
+    return Checkpoint(folder / "half" / "a.npz", folder / "draft", **{"urgent": always, **changes})
+
+
+def unhurried(folder: Path, **changes: Any) -> Checkpoint:
+    return Checkpoint(folder / "half" / "a.npz", folder / "draft", **changes)
+
+
+def same(one: Layers, other: Layers) -> bool:
+    return one.facts == other.facts and all(np.array_equal(one[name], other[name]) for name in one.arrays)
+
+
+def ended_after(passes: int) -> Callable[[int, int], None]:
+    def on_pass(done: int, most: int) -> None:
+        if done == passes:
+            raise EndedError
+
+    return on_pass
+
+
+def sliding(surface: Surface) -> Shutter:
+    def at(offset: float) -> Moment:
+        moved = (surface.vertices + offset * 0.3 * CAMERA.axes()[0]).astype(np.float32)
+        return Moment(replace(surface, vertices=moved), Placement(), CAMERA)
+
+    return Shutter(-0.25, 0.25, at)
+
+
+@pytest.mark.parametrize("blurred", [False, True], ids=["still", "blurred"])
+def test_a_picture_ended_after_any_pass_goes_on_to_the_same_bits(
+    rendered: Rendered, sphere: Surface, tmp_path: Path, blurred: bool
+) -> None:
+    quality = replace(FINE, noise_threshold=1e-9) if blurred else FINE
+    marked = replace(sphere, attributes={"velocity": sphere.vertices})
+    told: list[int] = []
+    picture: dict[str, Any] = {"surface": marked, "aovs": EXTRA, "quality": quality}
+    picture["shutter"] = sliding(marked) if blurred else None
+    whole = rendered(on_pass=lambda done, most: told.append(most), **picture)
+    assert len(told) > 3
+    for passes in (2, len(told)):
+        with pytest.raises(EndedError):
+            rendered(keep=kept(tmp_path), on_pass=ended_after(passes), **picture)
+        left: list[int] = []
+        again = rendered(
+            keep=kept(tmp_path), on_pass=lambda done, most, left=left: left.append(done), **picture
+        )
+        assert left == list(range(passes + 1, len(told) + 1))
+        assert same(whole, again)
+        kept(tmp_path).remove()
+
+
+def test_a_quiet_picture_that_was_ended_is_not_rendered_on(rendered: Rendered, tmp_path: Path) -> None:
+    quality = replace(FINE, noise_threshold=0.5)
+    whole = rendered(quality=quality, keep=kept(tmp_path))
+    assert whole.facts["samples"] == 32
+    again = rendered(quality=quality, keep=kept(tmp_path), on_pass=lambda *_: pytest.fail("rendered on"))
+    assert same(whole, again)
+
+
+def test_short_pictures_are_never_written(rendered: Rendered, tmp_path: Path) -> None:
+    rendered(quality=FINE, keep=unhurried(tmp_path))
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_process_about_to_end_keeps_what_it_has(rendered: Rendered, tmp_path: Path) -> None:
+    rendered(quality=FINE, keep=kept(tmp_path))
+    assert [path.name for path in tmp_path.iterdir()] == ["half"]
+
+
+def test_writing_takes_a_fiftieth_of_the_time_at_most(tmp_path: Path) -> None:
+    keep = unhurried(tmp_path, seconds=0.0)
+    begun = time.monotonic()
+    writings = 0
+
+    def state() -> dict[str, np.ndarray]:
+        nonlocal writings
+        writings += 1
+        time.sleep(0.01)
+        return {"done": np.array(1)}
+
+    while time.monotonic() < begun + 0.4:
+        keep.offer(state)
+        time.sleep(0.001)
+    assert writings == 1
+
+
+def test_a_corrupt_file_is_told_of_once_and_removed(tmp_path: Path) -> None:
+    told: list[str] = []
+    keep = kept(tmp_path, warn=told.append)
+    keep.offer(lambda: {"done": np.array(3), "sum:beauty": np.random.default_rng(1).random((9, 16, 3))})
+    sound = keep.load()
+    assert sound is not None and int(sound["done"]) == 3
+    data = keep.path.read_bytes()
+    middle = len(data) // 2
+    flipped = data[:middle] + bytes([data[middle] ^ 255]) + data[middle + 1 :]
+    for count, spoilt in enumerate((data[:middle], flipped, b"", b"half done"), start=1):
+        keep.path.write_bytes(spoilt)
+        assert keep.load() is None and keep.load() is None
+        assert len(told) == count and "rendered from the start" in told[-1]
+        assert not keep.path.exists()
+
+
+def test_a_disk_that_refuses_is_told_of_once_and_fails_no_picture(rendered: Rendered, tmp_path: Path) -> None:
+    told: list[str] = []
+    (tmp_path / "half").write_text("a file stands where the folder should be")
+    keep = kept(tmp_path, warn=told.append)
+    assert same(rendered(quality=FINE, keep=keep), rendered(quality=FINE))
+    assert len(told) == 1 and "starts anew" in told[0]
+    assert [path.name for path in tmp_path.iterdir()] == ["half"]
+
+
+_ANOTHER_PROCESS = """
+import sys
+from pathlib import Path
+import numpy as np
+import render
+from render.camera import Camera
+from render.checkpoint import Checkpoint
+from render.engine import choose
+from render.frame import render_frame
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.quality import Quality
+from render.stage import STAGES, Placement
+from render.surface import Surface
+
+arrays = np.load(sys.argv[1])
+surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
+render_frame(
+    surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(),
+    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(32, 18, samples=16 * 1000, depth=3, guides=16), 7,
+    choose([sys.argv[2]], threads=1),
+    keep=Checkpoint(Path(sys.argv[3]), Path(sys.argv[4]), urgent=lambda: True),
+)
+"""
+
+
+def test_a_process_that_is_killed_leaves_what_another_goes_on_from(
+    rendered: Rendered, sphere: Surface, engine: Engine, tmp_path: Path
+) -> None:
+    """What it found is, to the bit, what a picture of as many samples is made of."""
+    quality = replace(FINE, samples=16 * 1000)
+    arrays, keep = tmp_path / "in.npz", kept(tmp_path)
+    np.savez(arrays, vertices=sphere.vertices, normals=sphere.normals, faces=sphere.faces)
+    words = [str(arrays), engine.variant, str(keep.path), str(keep.draft)]
+    home = Path(render.__file__).parent.parent
+    process = subprocess.Popen([sys.executable, "-c", _ANOTHER_PROCESS, *words], cwd=home)
+    limit = time.monotonic() + 60
+    while not (state := kept(tmp_path).load()) or int(state["done"]) < 4:
+        assert time.monotonic() < limit and process.poll() is None
+        time.sleep(0.01)
+    process.kill()
+    process.wait()
+    state = keep.load()
+    assert state is not None
+    done = int(state["done"])
+    assert 4 <= done < 1000
+    fewer = replace(quality, samples=16 * (done + 1))
+    again = rendered(quality=fewer, keep=keep)
+    assert same(again, rendered(quality=fewer))
