@@ -55,6 +55,7 @@ PICTURE_CODE = (
         for name in (
             *("frame", "passes", "shutter", "aovs", "scene", "mitsuba_mesh", "surface", "spheres"),
             *("material", "pigment", "noise", "absorption", "marks", "wireframe", "gouraud"),
+            *("dyes", "measure", "colour_maps", "texture", "projection", "laid", "bsdf", "inline"),
             *("lamps", "daylight", "environment", "stage", "scenery", "set_pieces"),
             *("camera", "sensor", "inside", "image"),
         )

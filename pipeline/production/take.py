@@ -42,6 +42,7 @@ from pipeline.shot.net import ControlNet
 from pipeline.shot.shutter import PictureLayers
 from render.errors import BadInputError
 from render.frame import seed_of
+from render.measure import SPEED
 from render.plain import to_plain
 from render.quality import Quality
 
@@ -259,9 +260,15 @@ class Take:
             *(offset for name in layers for offset in steps.get(name, ())),
         )
 
+    @property
+    def measures_speed(self) -> bool:
+        """Whether the colours of its pictures are the speed of the flow."""
+        measure = self.shot.picture.look.measure
+        return measure is not None and measure.of == SPEED
+
     def follows_flow(self, number: int) -> bool:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
-        return self.turntable is None and bool(self.moments_beside(number))
+        return self.measures_speed or (self.turntable is None and bool(self.moments_beside(number)))
 
     def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
         """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
@@ -270,9 +277,15 @@ class Take:
             return []
         around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
         turn = self.turntable.frames if self.turntable else None
-        flow = acting(self.shot.motion, number, offsets) if self.follows_flow(number) else []
+        flow = acting(self.shot.motion, number, offsets) if self.turntable is None and offsets else []
         opened = self.open_at(number)
         return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
+
+    def _measured(self, number: int) -> list[Any]:
+        """What decides the colours of a picture that shows speeds."""
+        if not self.measures_speed:
+            return []
+        return [[SPEED, acting(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
 
     def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
         picture, pose, framing = self.shot.picture, self.poses[number], framings[number]
@@ -289,6 +302,7 @@ class Take:
             self.variant,
             self.seed(number),
             *self._beside(number, framings),
+            *self._measured(number),
         )
 
     def all_picture_keys(self, store: Store) -> dict[int, PictureKeys] | None:

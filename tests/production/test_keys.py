@@ -69,6 +69,8 @@ STANDS_BESIDE = {
         f"pipeline.shot.{name}"
         for name in (
             "brackets",
+            "inline",
+            "materials",
             "camera_document",
             "cameras",
             "catalogue",
