@@ -10,7 +10,7 @@ in a plan because it must run.
 import sys
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.workflow import plan_of
+from pipeline.production.snakefile import plan_of
 from snakemake.exceptions import WorkflowError
 
 try:

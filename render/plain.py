@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
+from functools import cache
 from typing import Any, TypeVar
 
 from render.errors import BadInputError
@@ -56,10 +57,15 @@ def _build(kind: Any, values: Any, place: str) -> Any:
     return float(values) if kind is float else values
 
 
+@cache
+def _hints_of(kind: type) -> dict[str, Any]:
+    return typing.get_type_hints(kind)
+
+
 def _build_dataclass(kind: Any, values: Any, place: str) -> Any:
     if isinstance(values, kind):
         return values
-    hints = typing.get_type_hints(kind)
+    hints = _hints_of(kind)
     names = [field.name for field in dataclasses.fields(kind)]
     strangers = [name for name in values if name not in names]
     if strangers:

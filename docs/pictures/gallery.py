@@ -1,6 +1,7 @@
-"""The stills of docs/gallery.md, one a shot, at draft: `make pictures`, or this file with shots' names.
+"""The stills of docs/gallery.md, one a shot: `make pictures`, or this file with shots' names.
 
-`--root` says where to render.
+They are rendered for delivery, which takes minutes each, and shown at half their size. `--root` says where to
+render, `-q` at what quality.
 """
 
 from __future__ import annotations
@@ -11,9 +12,6 @@ import sys
 from pathlib import Path
 
 from PIL import Image
-
-from render.colour import quantise, to_display
-from render.image import read_exr
 
 HERE = Path(__file__).parent / "gallery"
 STILLS = {
@@ -34,26 +32,30 @@ STILLS = {
 }
 """The frame that shows most of each shot."""
 
+WIDTH = 960
+
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("shots", nargs="*", metavar="SHOT", default=list(STILLS))
     parser.add_argument("--root", type=Path, default=Path())
+    parser.add_argument("-q", "--quality", default="final")
     asked = parser.parse_args()
     unknown = sorted(set(asked.shots) - set(STILLS))
     if unknown:
         sys.exit(f"{', '.join(unknown)}: no such still; there are {', '.join(STILLS)}")
     HERE.mkdir(exist_ok=True)
     for shot in asked.shots:
-        _draw(shot, STILLS[shot], asked.root)
+        _draw(shot, STILLS[shot], asked.root, asked.quality)
 
 
-def _draw(shot: str, frame: int, root: Path) -> None:
-    words = ["--no-progress", "--root", str(root), "render", shot, "-q", "draft", "-f", str(frame)]
+def _draw(shot: str, frame: int, root: Path, quality: str) -> None:
+    words = ["--no-progress", "--root", str(root), "stills", shot, "-q", quality, "-f", str(frame)]
     subprocess.run([sys.executable, "-m", "pipeline.cli", *words], check=True)
-    layers, _ = read_exr(root / "renders" / shot / "draft" / "frames" / f"{shot}.{frame:04d}.exr")
-    picture = Image.fromarray(quantise(to_display(layers["beauty"], display="srgb")))
-    picture.save(HERE / f"{shot}.webp", quality=86, method=6)
+    with Image.open(root / "renders" / shot / quality / "png" / f"{shot}.{frame:04d}.png") as still:
+        shown = still.convert("RGB")
+        shown.thumbnail((WIDTH, WIDTH), Image.Resampling.LANCZOS)
+        shown.save(HERE / f"{shot}.webp", quality=88, method=6)
 
 
 if __name__ == "__main__":

@@ -34,8 +34,8 @@ from render.surface import Surface
 from render.wireframe import outlines
 
 HERE = Path(__file__).parent
-QUALITY = dataclasses.replace(QUALITIES["draft"], width=320, height=270, samples=16, guides=16)
-COLUMNS, CAPTION, FONT = 4, 30, "DroidSans"
+QUALITY = dataclasses.replace(QUALITIES["final"], width=480, height=405)
+COLUMNS, CAPTION, FONT = 4, 36, "DroidSans"
 SHOT = """
 title: A bar wrung
 frames: 1-12
@@ -139,7 +139,7 @@ def _sheet(pictures: dict[str, Image.Image]) -> Image.Image:
         row, column = divmod(index, COLUMNS)
         y, x = row * (height + CAPTION), column * width
         sheet[y : y + height, x : x + width] = np.asarray(picture)
-        words = lettering(name, FONT, 15)
+        words = lettering(name, FONT, 20)
         across = x + (width - words.shape[1]) // 2
         below = y + height + (CAPTION - words.shape[0]) // 2
         part = sheet[below : below + words.shape[0], across : across + words.shape[1]]

@@ -54,14 +54,22 @@ PICTURE_CODE = (
         f"render/{name}.py"
         for name in (
             *("frame", "passes", "shutter", "aovs", "scene", "mitsuba_mesh", "surface", "spheres"),
-            *("material", "pigment", "noise", "absorption", "marks", "wireframe", "gouraud"),
+            *(
+                "material",
+                "pigment",
+                "noise",
+                "_kernels_noise",
+                "absorption",
+                "marks",
+                "wireframe",
+                "gouraud",
+            ),
             *("dyes", "measure", "colour_maps", "texture", "projection", "laid", "bsdf", "inline"),
             *("lamps", "daylight", "environment", "stage", "scenery", "set_pieces"),
             *("camera", "sensor", "inside", "image"),
         )
     ),
-    "pipeline/production/framing.py",
-    "pipeline/production/movement.py",
+    *(f"pipeline/production/{name}.py" for name in ("framing", "movement", "dicing")),
     "pipeline/production/tasks/pictures.py",
 )
 FINISH_CODE = (

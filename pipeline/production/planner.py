@@ -13,7 +13,7 @@ from pipeline.production.edit import Cut
 from pipeline.production.keys import Key
 from pipeline.production.plan import Job, Link, Plan, batches, paths
 from pipeline.production.store import Store
-from pipeline.production.take import Take
+from pipeline.production.take import Keyring, Take
 
 
 @dataclass
@@ -27,6 +27,7 @@ class Planner:
     _jobs: list[Job] = field(default_factory=list)
     _links: dict[str, Link] = field(default_factory=dict)
     _targets: list[Path] = field(default_factory=list)
+    _keyrings: dict[Take, Keyring | None] = field(default_factory=dict)
     _cut: Cut | None = None
 
     def simulate(self, take: Take) -> None:
@@ -44,11 +45,11 @@ class Planner:
     def pictures(self, take: Take) -> None:
         """Ask for the finished frames of a take."""
         self._enter(take)
-        keys = take.all_picture_keys(self.store)
+        keys = self._keys(take)
         frames = take.requested
         self._targets += [take.folders.frame(take.quality_name, n) for n in frames]
         unfinished = self._absent("frame", take, frames, lambda n: keys[n].frame if keys else None)
-        around = {n: keys[n].window if keys else take.window(n, frames) for n in unfinished}
+        around = {n: keys[n].window if keys else take.window(n, set(frames).__contains__) for n in unfinished}
         needed = sorted({n for window in around.values() for n in window})
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
@@ -64,7 +65,7 @@ class Planner:
     def stills(self, take: Take, form: str) -> None:
         """Ask for the frames of a take as a display shows them."""
         self.pictures(take)
-        keys = take.all_picture_keys(self.store)
+        keys = self._keys(take)
         self._targets += [take.still_path(form, n) for n in take.requested]
         absent = []
         for number in take.requested:
@@ -80,7 +81,7 @@ class Planner:
     def movie(self, take: Take) -> None:
         """Ask for the movie of a take, whose frames are there or have been asked for."""
         self._enter(take)
-        keys = take.all_picture_keys(self.store)
+        keys = self._keys(take)
         path, frames = take.movie_path, sorted(take.requested)
         self._targets.append(path)
         key = take.movie_key([keys[n].frame for n in frames]) if keys else None
@@ -95,7 +96,7 @@ class Planner:
         path = cut.path(takes[0].quality_name)
         self._targets.append(path)
         self._cut = cut
-        key = film_key(cut, takes, self.store)
+        key = film_key(cut, takes, [self._keys(take) for take in takes])
         if key is not None and self.store.holds("movie", key):
             self._link("movie", key, path)
             return
@@ -115,6 +116,12 @@ class Planner:
             targets=tuple(dict.fromkeys(paths(self._targets))),
         )
 
+    def _keys(self, take: Take) -> Keyring | None:
+        """Those of its pictures, which nothing changes while a plan is made."""
+        if take not in self._keyrings:
+            self._keyrings[take] = take.picture_keys(self.store)
+        return self._keyrings[take]
+
     def _sharing(self, task: str, jobs: Sequence[Job]) -> list[Job]:
         """Jobs, those of a task as broad as lets all of them go side by side."""
         threads = max(1, self.cores // max(1, sum(job.task == task for job in jobs)))
@@ -128,10 +135,10 @@ class Planner:
         all_shown = sorted({pose.mesh for pose in take.poses.values()})
         if cameras_known:
             self._link("cameras", take.cameras_key, cameras)
-        moving = {take.poses[n].mesh for n in unrendered if take.follows_flow(n)}
-        if moving:
+        if any(map(take.follows_flow, unrendered)):
             require_permission(take.shot.motion.flow)
-        self._meshes(take, sorted({*rough, *moving}) if cameras_known else all_shown)
+        needed = {take.poses[n].mesh for n in unrendered if take.needs_mesh(n)}
+        self._meshes(take, sorted({*rough, *needed}) if cameras_known else all_shown)
         folders = take.motion_folders
         inputs, outputs = [folders.mesh(n) for n in rough], [folders.normals(n) for n in rough]
         self._add(take, "smooth_normals", rough, inputs, outputs)
@@ -148,7 +155,7 @@ class Planner:
     def _render(self, take: Take, batch: Sequence[int]) -> None:
         meshes = dict.fromkeys(take.poses[n].mesh for n in batch)
         inputs = [take.folders.cameras(), *(take.motion_folders.normals(m) for m in meshes)]
-        inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.follows_flow(n)]
+        inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.needs_mesh(n)]
         outputs = [take.folders.raw(take.quality_name, n) for n in batch]
         self._add(take, "render", batch, inputs, outputs)
 
@@ -191,9 +198,8 @@ class Planner:
             self._made.update(paths(outputs))
 
 
-def film_key(cut: Cut, takes: Sequence[Take], store: Store) -> Key | None:
-    """The key of a film, once all of its cameras are known."""
-    known = [take.all_picture_keys(store) for take in takes]
+def film_key(cut: Cut, takes: Sequence[Take], known: Sequence[Keyring | None]) -> Key | None:
+    """The key of a film from those of the pictures of its takes, once all of its cameras are known."""
     frames: list[Key] = []
     for take, keys in zip(takes, known, strict=True):
         if keys is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,9 +11,13 @@ from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.bspline import bspline_surface, bspline_values
 from pipeline.mesh.normals import ShadedMesh, split_at_creases, vertex_normals
-from pipeline.mesh.patches import spread, tessellate
+from pipeline.mesh.patches import MOST_PIECES, spread, tessellate
+from pipeline.production.dicing import MOST_SPANS, pieces_for
+from pipeline.production.framing import turned
 from pipeline.resample import Thresholds
 from pipeline.shot.cloud import RADIUS
+from render.camera import Camera
+from render.quality import Quality
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,6 +39,15 @@ class Shading:
         if is_cloud(frame) or frame.lattice is not None:
             return cls(frame, None, pieces)
         return cls(frame, split_at_creases(frame.mesh, thresholds.hard_angles(frame.mesh)), pieces)
+
+    def cut_for(self, camera: Camera, quality: Quality, pixels: float, spin: float) -> Shading:
+        """The same, cut until edges span so many pixels at most; turned by `spin` radians."""
+        if is_cloud(self.frame):
+            return self
+        uncut = replace(self, pieces=1)._cut(self.frame.mesh.vertices, self.split)
+        most = MOST_PIECES if self.split else MOST_SPANS
+        points = turned(uncut.vertices, spin)
+        return replace(self, pieces=pieces_for(points, uncut.faces, camera, quality, pixels, most))
 
     def arrays(self) -> dict[str, AnyArray]:
         """What is kept for rendering, at the frame itself."""

@@ -49,7 +49,7 @@ def states(takes: list[Take], store: Store) -> list[FrameStates]:
 
 
 def _pictures(take: Take, store: Store) -> Callable[[int], tuple[str, Key | None, Path]]:
-    keys = take.all_picture_keys(store)
+    keys = take.picture_keys(store)
 
     def picture(number: int) -> tuple[str, Key | None, Path]:
         return "frame", keys[number].frame if keys else None, take.folders.frame(take.quality_name, number)

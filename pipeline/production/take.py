@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Container, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -236,13 +236,13 @@ class Take:
         asked = self.shot.picture.layers
         return asked.with_("before", "after") if self._reach else asked
 
-    def window(self, number: int, there: Container[int]) -> tuple[int, ...]:
+    def window(self, number: int, is_there: Callable[[int], bool]) -> tuple[int, ...]:
         """The pictures whose light a picture takes in, itself among them: those around it without a gap that
-        are `there`, being asked for as well or rendered before."""
+        are there, being asked for as well or rendered before."""
         first = last = number
-        while number - first < self._reach and first - 1 in there:
+        while number - first < self._reach and is_there(first - 1):
             first -= 1
-        while last - number < self._reach and last + 1 in there:
+        while last - number < self._reach and is_there(last + 1):
             last += 1
         return tuple(range(first, last + 1))
 
@@ -270,6 +270,10 @@ class Take:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
         return self.measures_speed or (self.turntable is None and bool(self.moments_beside(number)))
 
+    def needs_mesh(self, number: int) -> bool:
+        """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
+        return self.shot.picture.dicing is not None or self.follows_flow(number)
+
     def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
         """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
         layers, offsets = self.layers, self.moments_beside(number)
@@ -287,41 +291,42 @@ class Take:
             return []
         return [[SPEED, acting(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
 
-    def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
-        picture, pose, framing = self.shot.picture, self.poses[number], framings[number]
+    @cached_property
+    def _appearance(self) -> Key:
+        """Of what is the same in all pictures."""
+        picture = self.shot.picture
         return key_of(
-            "raw",
-            code_key(PICTURE_CODE, ("mitsuba", "drjit", "OpenImageIO")),
-            self.normals_key(pose.mesh),
-            pose.spin,
-            framing.as_data(),
             to_plain(picture.look),
             to_plain(replace(picture.lights, exposure=0.0)),
             to_plain(picture.stage),
             to_plain(self.quality),
             self.variant,
+            picture.dicing,
+        )
+
+    def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
+        pose = self.poses[number]
+        return key_of(
+            "raw",
+            code_key(PICTURE_CODE, ("mitsuba", "drjit", "OpenImageIO")),
+            self.normals_key(pose.mesh),
+            pose.spin,
+            framings[number].as_data(),
+            self._appearance,
             self.seed(number),
             *self._beside(number, framings),
             *self._measured(number),
         )
 
-    def all_picture_keys(self, store: Store) -> dict[int, PictureKeys] | None:
-        """The keys of every picture of the take, once its cameras are known."""
-        framings = self.framings(store)
-        if not framings:
-            return None
-        raws = {number: self.raw_key(number, framings) for number in self.poses}
-        there: set[int] = set()
-        if self._reach:
-            there = set(self.requested) | {n for n, key in raws.items() if store.holds("raw", key)}
-        return {number: self._picture_keys(number, raws, there) for number in self.poses}
-
-    def _picture_keys(self, number: int, raws: Mapping[int, Key], there: Container[int]) -> PictureKeys:
-        window = self.window(number, there)
-        around = [raws[n] for n in window] if len(window) > 1 else []
+    def frame_key(self, raw: Key, around: list[Key]) -> Key:
+        """Of a finished picture; `around` are the raw ones whose light it takes in, if any."""
         code = code_key(FINISH_CODE, ("pyoidn", "OpenImageIO"))
-        frame = key_of("frame", code, raws[number], self.quality.denoise, around)
-        return PictureKeys(raws[number], frame, window)
+        return key_of("frame", code, raw, self.quality.denoise, around)
+
+    def picture_keys(self, store: Store) -> Keyring | None:
+        """The keys of the pictures of the take, once its cameras are known."""
+        framings = self.framings(store)
+        return Keyring(self, store, framings) if framings else None
 
     def seed(self, number: int) -> int:
         return seed_of(self.folders.name, number)
@@ -347,3 +352,38 @@ class PictureKeys:
     raw: Key
     frame: Key
     window: tuple[int, ...]
+
+
+class Keyring(Mapping[int, PictureKeys]):
+    """The keys of a take's pictures, each found when it is asked for: most runs are about few of them."""
+
+    def __init__(self, take: Take, store: Store, framings: Mapping[int, Framing]) -> None:
+        self._take, self._store, self._framings = take, store, framings
+        self._asked_for = set(take.requested)
+        self._raws: dict[int, Key] = {}
+        self._found: dict[int, PictureKeys] = {}
+
+    def __getitem__(self, number: int) -> PictureKeys:
+        if number not in self._found:
+            window = self._take.window(number, self._is_there)
+            around = [self._raw(n) for n in window] if len(window) > 1 else []
+            raw = self._raw(number)
+            self._found[number] = PictureKeys(raw, self._take.frame_key(raw, around), window)
+        return self._found[number]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._take.poses)
+
+    def __len__(self) -> int:
+        return len(self._take.poses)
+
+    def _is_there(self, number: int) -> bool:
+        """Whether a picture was asked for, or was rendered before."""
+        if number in self._asked_for:
+            return True
+        return number in self._take.poses and self._store.holds("raw", self._raw(number))
+
+    def _raw(self, number: int) -> Key:
+        if number not in self._raws:
+            self._raws[number] = self._take.raw_key(number, self._framings)
+        return self._raws[number]

@@ -4,23 +4,18 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
-
-from filelock import BaseFileLock
 
 from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.io import FORMATS
 from pipeline.production.edit import Cut
-from pipeline.production.folder import FILM, find_edit, find_shot
-from pipeline.production.layout import LOGS, PLANS
+from pipeline.production.folder import FILM, find_shot
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
-from pipeline.production.run import acquire
 from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.production.take import FORMS, PictureKeys, Take
@@ -72,7 +67,7 @@ class Studio:
             planner.pictures(take)
             planner.movie(take)
             whole = take.whole()
-            keys = whole.all_picture_keys(self.store)
+            keys = whole.picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)
             if keys and all(self._rendered(keys[n]) for n in rest):
                 planner.pictures(whole)
@@ -163,50 +158,6 @@ class Studio:
 
     def _planner(self) -> Planner:
         return Planner(self.store, self.cores)
-
-
-def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, str, str]:
-    """The plan a Snakefile runs, its frozen file, and the folder for what its jobs print.
-
-    `config["plan"]` names one; without it the main process makes one of `config`'s shot, frames and
-    quality, or of its edit (by default the film at draft), and holds the root's lock, and the processes of
-    its jobs take the latest.
-    """
-    root = Path.cwd()
-    latest = PLANS / "latest"
-    if "plan" in config:
-        path = Path(str(config["plan"]))
-    elif not main:
-        path = Path((root / latest).read_text())
-    else:
-        quality = str(config.get("quality", "draft"))
-        studio = Studio(root, cores, allow_code=_allowed(config.get("allow_code", False)))
-        frames = str(config["frames"]) if "frames" in config else None
-        plan = (
-            studio.pictures([str(config["shot"])], quality, frames)
-            if "shot" in config
-            else studio.film(quality, find_edit(str(config.get("edit", FILM.stem))))
-        )
-        _HELD.append(acquire(root))
-        plan.restore_links(studio.store)
-        path = plan.freeze(root)
-        (root / latest).write_text(path.as_posix())
-    plan = Plan.thaw(root / path)
-    return plan, path.as_posix(), (LOGS / plan.name).as_posix()
-
-
-def _allowed(value: Any) -> bool:
-    """`--config allow_code=true`. Raises UsageError for what is neither true nor false."""
-    said = str(value).lower()
-    if said not in ("true", "false"):
-        raise UsageError(
-            f"allow_code is {value!r}; it says whether shots may run their Python files. Write true or false."
-        )
-    return said == "true"
-
-
-_HELD: list[BaseFileLock] = []
-"""The locks this process holds until it ends."""
 
 
 def _shot_around(mesh: Path, look: str | None) -> str:

@@ -8,7 +8,6 @@ from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
 
 from pipeline.frames import FASTEST, SLOWEST
-from pipeline.mesh.patches import MOST_PIECES
 from pipeline.shot.camera_document import CameraDocument
 from pipeline.shot.curves import NumberField
 from pipeline.shot.fields import Count, Document, Positive, Told, one_of
@@ -18,6 +17,7 @@ from pipeline.shot.point_documents import CloudDocument, NetDocument, SolidDocum
 from pipeline.shot.resampling import ResampleDocument
 from pipeline.shot.sets import LightsDocument, StageDocument
 from pipeline.shot.shutter import LayersField, ShutterDocument
+from pipeline.shot.smoothing import SmoothDocument
 from pipeline.shot.views import ViewDocument
 from render.lights import LIGHTS
 from render.look import LOOKS
@@ -55,10 +55,6 @@ Resample = Annotated[
     Annotated[Literal["off"], Tag("by name")] | Annotated[ResampleDocument, Tag("spelt out")],
     Discriminator(_named_or_spelt_out),
 ]
-
-
-class SmoothDocument(Document):
-    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = None
 
 
 def _in_passes(samples: int) -> int:

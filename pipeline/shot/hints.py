@@ -27,7 +27,6 @@ from pipeline.shot.documents import (
     QualitiesDocument,
     QualityDocument,
     ShotDocument,
-    SmoothDocument,
 )
 from pipeline.shot.flows import FlowDocument, VelocityDocument
 from pipeline.shot.generated import FlowParameters
@@ -49,6 +48,7 @@ from pipeline.shot.resampling import (
 from pipeline.shot.resampling import RegionDocument as CreasesDocument
 from pipeline.shot.set_hints import SET_HINTS
 from pipeline.shot.shutter import ShutterDocument
+from pipeline.shot.smoothing import SmoothDocument
 from pipeline.shot.subject_hints import SUBJECT_HINTS
 from pipeline.shot.views import ViewDocument
 
@@ -145,7 +145,10 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "field_of_view": Sense("horizontal", "degrees"),
         "width": Sense("of the picture", "pixels"),
     },
-    SmoothDocument: {"tessellate": Sense("into how many pieces each edge is cut; 1 is off")},
+    SmoothDocument: {
+        "tessellate": Sense("into how many pieces each edge is cut; 1 is off"),
+        "dicing": Sense("how long a piece of an edge is in the picture at most, such as 2px", "pixels"),
+    },
     CameraDocument: {
         "azimuth": Sense("0 looks from the front, positive from the right; the set turns along", "degrees"),
         "elevation": Sense("above the horizon", "degrees"),

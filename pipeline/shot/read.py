@@ -129,6 +129,7 @@ def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
         stage=sets.stage_of(document.stage),
         view=document.view.build(),
         tessellate=document.smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
+        dicing=document.smooth.dicing,
         qualities={
             name: dataclasses.replace(quality, **_given(getattr(document.quality, name)))
             for name, quality in QUALITIES.items()

@@ -28,6 +28,7 @@ class Picture:
 
     view        how its light is shown
     tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
+    dicing      how many pixels a piece of an edge spans at most, instead; None: as many pieces as said
     qualities   those of `render.quality.QUALITIES`, as this shot needs them
     layers      what comes with the beauty beyond what the denoiser needs
     """
@@ -38,6 +39,7 @@ class Picture:
     stage: Stage
     view: ColourView = ACES
     tessellate: int = 1
+    dicing: float | None = None
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
     shutter: Shutter = field(default_factory=Shutter)
     layers: PictureLayers = field(default_factory=PictureLayers)

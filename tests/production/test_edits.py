@@ -10,7 +10,8 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.production.edit import Cut
 from pipeline.production.folder import edit_names, find_edit, find_shot, shot_names
 from pipeline.production.plan import Plan
-from pipeline.production.workflow import Studio, plan_of
+from pipeline.production.snakefile import plan_of
+from pipeline.production.workflow import Studio
 from pipeline.shot import read_film
 from pipeline.shot.edits import is_edit
 from render.movie import probe_movie

@@ -99,6 +99,7 @@ STANDS_BESIDE = {
             "shot",
             "shutter",
             "source",
+            "smoothing",
             "speed",
             "surroundings",
             "views",

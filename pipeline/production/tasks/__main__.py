@@ -1,36 +1,18 @@
-"""The process of one job. Rendering happens in a child: a renderer that crashes takes only itself along."""
+"""`python -m pipeline.production.tasks PLAN JOB`: the process of one job.
+
+Rendering happens in a child: a renderer that crashes takes only itself along. What a job needs is imported
+by the process that does it alone.
+"""
 
 from __future__ import annotations
 
 import signal
 import subprocess
 import sys
-import traceback
 from importlib import import_module
 from pathlib import Path
 
-import numba
-
-from pipeline.errors import FrameError
-from pipeline.production.events import EventLog
-from pipeline.production.layout import EVENTS
 from pipeline.production.plan import Plan
-from pipeline.production.tasks.context import REPORTED, Context
-from pipeline.production.variants import avoid
-
-PLACES = {
-    "simulate": "meshes",
-    "smooth_normals": "meshes",
-    "frame_camera": "meshes",
-    "render": "pictures",
-    "finish": "finishing",
-    "assemble": "movies",
-    "film": "movies",
-    "png": "stills",
-    "png16": "stills",
-    "jpeg": "stills",
-}
-"""The module that holds each task: a task imports only what it needs."""
 
 CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 
@@ -39,41 +21,31 @@ def main(plan_path: str, job_name: str, *, child: bool = False) -> int:
     """Do one job; 0 where all of it went well, 1 where something failed and the event log says what."""
     root = Path.cwd()
     plan = Plan.thaw(root / plan_path)
-    job = plan.job(job_name)
-    context = Context(root, plan, job, EventLog(root / EVENTS / f"{plan.name}.jsonl", job_name))
-    if job.task == "render" and not child:
-        return _supervise(context, plan_path)
-    context.log.write("begin", stage=job.task)
-    # A kernel on more threads than the job was given waits for them, busily, while other jobs have the cores.
-    numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
-    try:
-        task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
-        well = task(context)
-    except REPORTED as error:
-        context.fail(error)
-        well = False
-    except Exception as error:
-        traceback.print_exc()
-        context.fail(FrameError(f"{job_name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
-        well = False
-    context.log.write("end", stage=job.task)
-    return 0 if well else 1
-
-
-def _supervise(context: Context, plan_path: str) -> int:
-    """Run a rendering job in a child; where it crashes, have its shot rendered by another variant."""
-    command = [sys.executable, "-m", "pipeline.production.tasks", plan_path, context.job.name, "--child"]
+    if plan.job(job_name).task != "render" or child:
+        return int(import_module("pipeline.production.tasks.work").work(root, plan, job_name))
+    command = [sys.executable, "-m", "pipeline.production.tasks", plan_path, job_name, "--child"]
     code = subprocess.run(command, stdin=subprocess.DEVNULL, check=False).returncode
     if code >= 0 or -code in (signal.SIGINT, signal.SIGTERM):
         return abs(code)
-    name = signal.Signals(-code).name
+    return _ended_by(signal.Signals(-code), root, plan, job_name)
+
+
+def _ended_by(ending: signal.Signals, root: Path, plan: Plan, job_name: str) -> int:
+    """Tell how a child ended; where it crashed, have its shot rendered by another variant."""
+    from pipeline.errors import FrameError
+    from pipeline.production.tasks.context import Context
+    from pipeline.production.variants import avoid
+
+    context = Context.of(root, plan, job_name)
     take = context.take
-    if -code in CRASHES:
-        reason = f"{take.variant} crashed ({name}) while rendering {context.subject}"
-        if avoid(context.root, take.name, take.variant, reason):
+    if ending in CRASHES:
+        reason = f"{take.variant} crashed ({ending.name}) while rendering {context.subject}"
+        if avoid(root, take.name, take.variant, reason):
             context.log.write("healed", message=f"{reason}; the shot is rendered without it from the start")
             return 1
-    context.fail(FrameError(f"{context.subject}: the renderer was ended by {name}; is there memory enough?"))
+    context.fail(
+        FrameError(f"{context.subject}: the renderer was ended by {ending.name}; is there memory enough?")
+    )
     return 1
 
 

@@ -14,9 +14,10 @@ from typing import TypeVar
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.events import EventLog
 from pipeline.production.keys import Key
+from pipeline.production.layout import EVENTS
 from pipeline.production.plan import Job, Plan
 from pipeline.production.store import CorruptFileError, Store
-from pipeline.production.take import PictureKeys, Take
+from pipeline.production.take import Keyring, Take
 from render.errors import CorruptImageError, MissingImageError, RenderError
 
 T = TypeVar("T")
@@ -37,6 +38,11 @@ class Context:
     job: Job
     log: EventLog
 
+    @classmethod
+    def of(cls, root: Path, plan: Plan, job_name: str) -> Context:
+        """That of a job, which tells what it does in the plan's log."""
+        return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / f"{plan.name}.jsonl", job_name))
+
     @property
     def store(self) -> Store:
         return Store(self.root)
@@ -50,12 +56,12 @@ class Context:
     def takes(self) -> list[Take]:
         return [Take.from_data(self.plan.takes[place]) for place in self.job.takes]
 
-    def picture_keys(self, take: Take, numbers: Iterable[int]) -> dict[int, PictureKeys]:
+    def picture_keys(self, take: Take) -> Keyring:
         """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
-        keys = take.all_picture_keys(self.store)
+        keys = take.picture_keys(self.store)
         if keys is None:
             raise FrameError(f"{take.folders.cameras()} is gone; run again to find the cameras anew")
-        return {n: keys[n] for n in numbers}
+        return keys
 
     def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
         """Have the file of `key` made unless the store holds it, and show it; whether it was there."""

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.production.framing import Framing
-from pipeline.production.take import PictureKeys
+from pipeline.production.take import Keyring
 from pipeline.production.tasks.context import Context
 from render.denoise import denoise
 from render.frame import Layers
@@ -18,7 +18,7 @@ from render.steady import Moment, noise_of, steady
 def finish(context: Context) -> bool:
     """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view."""
     take = context.take
-    keys = context.picture_keys(take, take.poses)
+    keys = context.picture_keys(take)
     desk = _Desk(context, keys, take.framings(context.store) or {})
     precision = dict(take.shot.picture.layers.precision)
 
@@ -38,7 +38,7 @@ class _Desk:
     """The raw pictures that a batch needs; those that more than one takes light from are denoised once."""
 
     context: Context
-    keys: dict[int, PictureKeys]
+    keys: Keyring
     framings: dict[int, Framing]
     _moments: dict[int, Moment] = field(default_factory=dict)
 

@@ -12,7 +12,7 @@ from pipeline.frames import FrameRate
 from pipeline.production.edit import Cut, movie_bits
 from pipeline.production.keys import Key
 from pipeline.production.planner import film_key
-from pipeline.production.take import Take
+from pipeline.production.take import Keyring, Take
 from pipeline.production.tasks.context import REPORTED, Context
 from render.colour import quantise, to_display
 from render.frame import Layers
@@ -24,9 +24,9 @@ from render.titles import TitleCard, title_frames
 def assemble(context: Context) -> bool:
     """Encode the finished frames of one take, in ascending order."""
     take = context.take
-    keys = context.picture_keys(take, sorted(take.requested))
-    key = take.movie_key([pair.frame for pair in keys.values()])
-    frames = _shown(context, take, list(keys))
+    keys, numbers = context.picture_keys(take), sorted(take.requested)
+    key = take.movie_key([keys[n].frame for n in numbers])
+    frames = _shown(context, take, keys, numbers)
     return _movie(context, key, take.movie_path, frames, take.shot.motion.rate, take.quality_name)
 
 
@@ -34,7 +34,8 @@ def film(context: Context) -> bool:
     """Encode the film: title, shots in the order of the edit, credits."""
     takes = context.takes
     cut = Cut.from_data(context.plan.film or {})
-    key = film_key(cut, takes, context.store)
+    known = [take.picture_keys(context.store) for take in takes]
+    key = film_key(cut, takes, known)
     if key is None:
         raise FrameError("the film's cameras are gone; run again to find them anew")
     quality_name = takes[0].quality_name
@@ -78,7 +79,7 @@ def _cut_together(context: Context, cut: Cut, takes: list[Take]) -> Iterator[Fra
     size = takes[0].quality.width, takes[0].quality.height
     yield from _card(TitleCard(cut.title, cut.subtitle), size, cut.title_frames)
     for take in takes:
-        yield from _shown(context, take, list(take.requested))
+        yield from _shown(context, take, context.picture_keys(take), list(take.requested))
     if cut.credits_frames:
         first, *others = cut.credits
         yield from _card(TitleCard(first, " · ".join(others)), size, cut.credits_frames)
@@ -91,9 +92,8 @@ def _card(card: TitleCard, size: tuple[int, int], count: int) -> Iterator[Frame]
             yield quantise(picture, bits=16)
 
 
-def _shown(context: Context, take: Take, numbers: list[int]) -> Iterator[Frame]:
+def _shown(context: Context, take: Take, keys: Keyring, numbers: list[int]) -> Iterator[Frame]:
     """Finished frames as a display shows them. A frame that cannot be read to its end is forgotten."""
-    keys = context.picture_keys(take, numbers)
     picture = take.shot.picture
 
     def read(number: int) -> Layers:

@@ -19,11 +19,13 @@ from pipeline.production.framing import Framing, turned
 from pipeline.production.keys import Key
 from pipeline.production.movement import Movement, Shown, flowing, framing_at, speeds, turning
 from pipeline.production.npz import read_npz
+from pipeline.production.shading import Shading
 from pipeline.production.take import PictureKeys
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import shading_of
 from pipeline.shot.net import ControlNet
 from pipeline.shot.shot import Shot
+from render.camera import Camera
 from render.engine import choose
 from render.frame import Layers, render_frame
 from render.image import write_exr
@@ -40,7 +42,7 @@ def render(context: Context) -> bool:
     take = context.take
     engine = choose([take.variant], threads=context.job.threads)
     framings = take.framings(context.store) or {}
-    keys = context.picture_keys(take, context.job.frames)
+    keys = context.picture_keys(take)
     picture = take.shot.picture
 
     def work(number: int) -> bool:
@@ -79,17 +81,16 @@ def _moments(
     """What a picture shows, while its shutter is open, and at the next one; of these what it asks for."""
     take = context.take
     pose, framing = take.poses[number], framings[number]
-    path = take.motion_folders.normals(pose.mesh)
-    arrays = _with_edges(take.shot, context.read("normals", take.normals_key(pose.mesh), path, read_npz))
+    arrays, shading = _drawn(context, number, framing.camera)
     normals = arrays.get("normals")
     shown = (
         turned(arrays["vertices"], pose.spin),
         None if normals is None else turned(normals, pose.spin, about_origin=True),
     )
-    measured = _measured(context, number)
+    measured = _measured(context, number, shading)
     if not take.moments_beside(number):
         return Moment(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
-    movement = _movement(context, number, arrays)
+    movement = _movement(context, number, arrays, shading)
     attributes = {**_attributes(movement, take.layers.extra), **measured}
 
     def at(offset: float) -> Moment:
@@ -102,22 +103,36 @@ def _moments(
     return own, None if opened is None else Shutter(*opened, at), following
 
 
-def _movement(context: Context, number: int, arrays: Mapping[str, AnyArray]) -> Movement:
+def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, AnyArray], Shading | None]:
+    """The arrays of what a picture shows; and how they were cut, where that goes by the picture."""
+    take = context.take
+    pose, picture = take.poses[number], take.shot.picture
+    if picture.dicing is None:
+        path = take.motion_folders.normals(pose.mesh)
+        arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
+        return _with_edges(take.shot, arrays, picture.tessellate), None
+    uncut = shading_of(context, pose.mesh)
+    shading = uncut.cut_for(camera, take.quality, picture.dicing, pose.spin)
+    return _with_edges(take.shot, shading.arrays(), shading.pieces), shading
+
+
+def _movement(
+    context: Context, number: int, arrays: Mapping[str, AnyArray], shading: Shading | None
+) -> Movement:
     take = context.take
     pose, motion = take.poses[number], take.shot.motion
     if take.turntable is not None:
         turn = 2.0 * math.pi / take.turntable.frames
         return turning(arrays["vertices"], arrays.get("normals"), pose.spin, turn, float(motion.rate.fps))
-    shading = shading_of(context, pose.mesh)
-    return flowing(motion, shading)
+    return flowing(motion, shading or shading_of(context, pose.mesh))
 
 
-def _measured(context: Context, number: int) -> dict[str, AnyArray]:
+def _measured(context: Context, number: int, shading: Shading | None) -> dict[str, AnyArray]:
     """What vertices bring along for the look."""
     take = context.take
     if not take.measures_speed:
         return {}
-    return {SPEED: speeds(take.shot.motion, shading_of(context, take.poses[number].mesh))}
+    return {SPEED: speeds(take.shot.motion, shading or shading_of(context, take.poses[number].mesh))}
 
 
 def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray]:
@@ -161,13 +176,13 @@ def _tell_statistics(context: Context, number: int, key: Key, layers: Layers, se
         path.write_text(json.dumps(told, indent=1) + "\n")
 
 
-def _with_edges(shot: Shot, arrays: Mapping[str, AnyArray]) -> Mapping[str, AnyArray]:
+def _with_edges(shot: Shot, arrays: Mapping[str, AnyArray], pieces: int) -> Mapping[str, AnyArray]:
     """With the edges of the mesh that was resampled, where they are drawn, however finely it is cut now;
     of a net all are drawn."""
     is_net = isinstance(shot.motion.subject, ControlNet)
     if shot.picture.look.wireframe is None or is_net or "faces" not in arrays:
         return arrays
-    return {**arrays, "edges": outlines(arrays["faces"], shot.picture.tessellate)}
+    return {**arrays, "edges": outlines(arrays["faces"], pieces)}
 
 
 def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:

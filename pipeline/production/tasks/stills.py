@@ -27,7 +27,7 @@ def jpeg(context: Context) -> bool:
 
 def _stills(context: Context, form: str, bits: int, write_still: Callable[..., None]) -> bool:
     take = context.take
-    keys = context.picture_keys(take, context.job.frames)
+    keys = context.picture_keys(take)
     picture = take.shot.picture
 
     def work(number: int) -> bool:
