@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render import dyes
 from render.camera import Camera
 from render.look import Look
 from render.marks import SUBJECT, SURROUNDINGS
@@ -63,9 +64,8 @@ def colours(surface: Surface, look: Look, placement: Placement, camera: Camera) 
 
 
 def _body(surface: Surface, look: Look) -> Rows:
-    if look.pigment is None or surface.material is None:
-        return np.broadcast_to(np.array(look.colour), (len(surface.vertices), 3))
-    return look.pigment.shown(surface.material)
+    found = dyes.colours(surface, look)
+    return np.broadcast_to(np.array(look.colour), (len(surface.vertices), 3)) if found is None else found
 
 
 def _behind(placement: Placement, camera: Camera, size: tuple[int, int]) -> Surface:

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
+from render.bsdf import Bsdf
 from render.errors import BadInputError
+from render.measure import Measure
 from render.pigment import Pigment
 from render.plain import Triple
+from render.projection import Projection
+from render.texture import Texture
 from render.wireframe import Wireframe
 
-MODELS = ("diffuse", "plastic", "metal", "brushed", "satin", "glass", "smoke", "gouraud")
+MODELS = ("diffuse", "plastic", "metal", "brushed", "satin", "glass", "smoke", "gouraud", "bsdf")
 
 CLEAR = ("glass", "smoke")
 """Models of bodies that light goes through: of closed surfaces only, and of one colour."""
 
 PLAIN = (*CLEAR, "brushed")
 """Models of one colour: they take no pigment."""
+
+COLOURED_BY = ("pigment", "measure", "picture", "colour_from")
+"""What takes the place of a look's one colour."""
+
+ROUGH = ("plastic", "metal", "satin")
+"""Models whose roughness may be a picture."""
 
 
 @dataclass(frozen=True)
@@ -45,6 +55,21 @@ class Absorption:
 
 
 @dataclass(frozen=True)
+class Relief:
+    """A picture whose light parts stand out. Only light is turned by it; outlines stay.
+
+    height  of white over black, scene units; below 0 dark parts stand out
+    """
+
+    texture: Texture
+    height: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.height):
+            raise BadInputError(f"relief has height {self.height}; it must be finite")
+
+
+@dataclass(frozen=True)
 class Look:
     """A material; unless light goes through, the same on both sides of the surface.
 
@@ -53,7 +78,7 @@ class Look:
                 "satin" (a lustrous cloth-like sheen and a soft coat),
                 "glass" (clear, refracts; `colour` is what one passage through its surface lets through),
                 "smoke" (a cloud that fills the surface),
-                "gouraud" (drawn, not lit: see `render.gouraud`)
+                "gouraud" (drawn, not lit: see `render.gouraud`), "bsdf" (a material of Mitsuba, `bsdf`)
     colour      linear Rec.709 reflectance
     roughness   of the coat or the metal: 0.03 is a mirror's gloss, 0.5 is matt
     sheen       of satin: how much lighter it is where it turns away, 0 … 1
@@ -65,6 +90,12 @@ class Look:
     density     of smoke: how often light is scattered on its way through half of the subject's size
     colour_from name of a vertex attribute (V, 3) that replaces `colour`, or none
     pigment     a pattern that replaces `colour` and moves with the material, or none
+    measure     a number that replaces `colour`, such as the speed, shown by a colour map, or none
+    picture     one from a file that replaces `colour`, or none
+    rough       a picture from a file that replaces `roughness`, or none
+    relief      a picture from a file that dents and raises it, or none
+    projection  how pictures lie on it
+    bsdf        a material of Mitsuba that stands for all else, or none
     wireframe   how edges are drawn over it, or none
     """
 
@@ -80,6 +111,12 @@ class Look:
     density: float = 2.0
     colour_from: str | None = None
     pigment: Pigment | None = None
+    measure: Measure | None = None
+    picture: Texture | None = None
+    rough: Texture | None = None
+    relief: Relief | None = None
+    projection: Projection = field(default_factory=Projection)
+    bsdf: Bsdf | None = None
     wireframe: Wireframe | None = None
 
     def __post_init__(self) -> None:
@@ -95,8 +132,21 @@ class Look:
                 f"look has refraction {self.refraction} and density {self.density}; the first lies above 1 "
                 "and up to 4, the second above 0 and up to 1000"
             )
-        if self.model in PLAIN and (self.pigment or self.colour_from):
-            raise BadInputError(f"a look of {self.model} has one colour; leave its pattern out")
+        patterns = [name for name in COLOURED_BY if getattr(self, name) is not None]
+        if self.model in PLAIN and patterns:
+            raise BadInputError(f"a look of {self.model} has one colour; leave its {patterns[0]} out")
+        if len(patterns) > 1:
+            raise BadInputError(f"look has {' and '.join(patterns)}; its colour comes from one of them")
+        if self.has_pictures and (self.pigment or self.measure):
+            raise BadInputError(
+                f"look has a {patterns[0]}, and pictures from files beside it; take one of the two"
+            )
+        if (self.model == "bsdf") != (self.bsdf is not None):
+            raise BadInputError("a look of model bsdf has a bsdf, and no other has one")
+        if self.rough and self.model not in ROUGH:
+            raise BadInputError(f"a look of {self.model} has one roughness; those of {', '.join(ROUGH)} vary")
+        if self.relief and self.model in (*CLEAR, "gouraud", "brushed"):
+            raise BadInputError(f"a look of {self.model} takes no relief; leave it out")
         if self.absorption and self.model != "glass":
             raise BadInputError(f"a look of {self.model} does not heed absorption; only glass does")
         if math.hypot(*self.grain) < 1e-12:
@@ -105,7 +155,17 @@ class Look:
     @property
     def is_clear(self) -> bool:
         """Whether light goes through."""
-        return self.model in CLEAR
+        return self.model in CLEAR or (self.bsdf is not None and self.bsdf.is_clear)
+
+    @property
+    def repeats(self) -> bool:
+        """Whether its row of colours begins again after its end; otherwise the ends go on."""
+        return self.pigment is not None and self.pigment.repeats
+
+    @property
+    def has_pictures(self) -> bool:
+        """Whether pictures from files are laid on it, or may be."""
+        return any(part is not None for part in (self.picture, self.rough, self.relief, self.bsdf))
 
 
 _MARBLE = Pigment(
@@ -147,5 +207,7 @@ LOOKS = {
     "honey": Look("glass", (1.0, 0.8, 0.36), refraction=1.49, absorption=Absorption((0.96, 0.72, 0.3), 0.4)),
     "glass": Look("glass", (1.0, 1.0, 1.0), refraction=1.5, absorption=Absorption((0.80, 0.93, 0.89))),
     "smoke": Look("smoke", (0.95, 0.95, 0.96), density=1.6),
+    "speed": Look("satin", (0.5, 0.5, 0.5), roughness=0.6, coat=0.0, measure=Measure("speed")),
+    "strain": Look("satin", (0.5, 0.5, 0.5), roughness=0.6, coat=0.0, measure=Measure("stretch")),
     "symbolics_1990": Look("gouraud", (0.95, 0.30, 0.03), roughness=0.3),
 }

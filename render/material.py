@@ -8,10 +8,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render import absorption
+from render import absorption, inline, laid
 from render.errors import BadInputError
 from render.look import Look
 from render.marks import Marks
+from render.measure import Measure
 from render.pigment import Pigment
 
 _LEAST_DEPTH = {"glass": 10, "smoke": 16}
@@ -24,7 +25,7 @@ _STREAKED = 0.3
 """How much less than its colour the deepest scratch reflects."""
 
 
-def material(look: Look, attributes: Collection[str], marks: Marks, size: float) -> dict[str, Any]:
+def material(look: Look, attributes: Collection[str], marks: Marks, size: float) -> Any:
     """What a surface is made of. Raises BadInputError for a look that wants an attribute it does not have.
 
     marks  what the surface's texture coordinates mean
@@ -32,7 +33,9 @@ def material(look: Look, attributes: Collection[str], marks: Marks, size: float)
     """
     if look.model == "smoke":
         return {"type": "null"}
-    colour = _colour(look, attributes)
+    if look.bsdf is not None:
+        return inline.material(look.bsdf, marks, look.projection)
+    colour = _colour(look, attributes, marks)
     if look.model == "glass":
         return {
             "type": "dielectric",
@@ -40,7 +43,11 @@ def material(look: Look, attributes: Collection[str], marks: Marks, size: float)
             "specular_transmittance": colour,
             **absorption.textures(look, size),
         }
-    return {"type": "twosided", "material": _opaque(look, colour, marks)}
+    opaque = _opaque(look, colour, marks)
+    if look.relief is not None:
+        height = laid.bitmap(look.relief.texture.numbers(), marks, look.projection)
+        opaque = {"type": "bumpmap", "relief": height, "scale": look.relief.height, "material": opaque}
+    return {"type": "twosided", "material": opaque}
 
 
 def guide(look: Look) -> dict[str, Any]:
@@ -61,14 +68,17 @@ def medium(look: Look, size: float) -> dict[str, Any] | None:
 
 def path(look: Look, depth: int) -> dict[str, Any]:
     """How light is followed: far enough to get through."""
-    depth = max(depth, _LEAST_DEPTH.get(look.model, 0))
+    depth = max(depth, _LEAST_DEPTH.get(look.model, _LEAST_DEPTH["glass"] if look.is_clear else 0))
     kind = "volpath" if look.model == "smoke" else absorption.path(look)
     return {"type": kind, "max_depth": depth, "rr_depth": max(depth, 5)}
 
 
-def _colour(look: Look, attributes: Collection[str]) -> dict[str, Any]:
-    if look.pigment is not None:
-        return _row(look.pigment)
+def _colour(look: Look, attributes: Collection[str], marks: Marks) -> dict[str, Any]:
+    if look.picture is not None:
+        return laid.bitmap(look.picture.pixels(), marks, look.projection)
+    dye = look.pigment or look.measure
+    if dye is not None:
+        return _row(dye, look.repeats)
     if look.colour_from is None:
         return {"type": "rgb", "value": list(look.colour)}
     if look.colour_from not in attributes:
@@ -79,16 +89,16 @@ def _colour(look: Look, attributes: Collection[str]) -> dict[str, Any]:
     return {"type": "mesh_attribute", "name": f"vertex_{look.colour_from}"}
 
 
-def _row(pigment: Pigment) -> dict[str, Any]:
+def _row(dye: Pigment | Measure, repeats: bool) -> dict[str, Any]:
     """A picture one row high, along the first texture coordinate."""
     import mitsuba as mi
 
     return {
         "type": "bitmap",
-        "bitmap": mi.Bitmap(np.ascontiguousarray(pigment.row()[None])),
+        "bitmap": mi.Bitmap(np.array(dye.row()[None], order="C")),
         "raw": True,
         "filter_type": "bilinear",
-        "wrap_mode": "repeat" if pigment.repeats else "clamp",
+        "wrap_mode": "repeat" if repeats else "clamp",
     }
 
 
@@ -100,7 +110,7 @@ def _opaque(look: Look, colour: dict[str, Any], marks: Marks) -> dict[str, Any]:
             "type": "roughconductor",
             "material": "none",
             "specular_reflectance": colour,
-            "alpha": max(look.roughness, 1e-3),
+            "alpha": _roughness(look, marks),
             "distribution": "ggx",
         }
     if look.model == "brushed":
@@ -109,12 +119,19 @@ def _opaque(look: Look, colour: dict[str, Any], marks: Marks) -> dict[str, Any]:
         return {
             "type": "principled",
             "base_color": colour,
-            "roughness": look.roughness,
+            "roughness": look.roughness if look.rough is None else _roughness(look, marks),
             "metallic": look.metallic,
             "sheen": look.sheen,
             "sheen_tint": 0.5,
             "clearcoat": look.coat,
             "clearcoat_gloss": 0.75,
+            "specular": 0.5,
+        }
+    if look.rough is not None:  # roughplastic has one roughness
+        return {
+            "type": "principled",
+            "base_color": colour,
+            "roughness": _roughness(look, marks, squared=True),
             "specular": 0.5,
         }
     return {
@@ -124,6 +141,14 @@ def _opaque(look: Look, colour: dict[str, Any], marks: Marks) -> dict[str, Any]:
         "distribution": "ggx",
         "nonlinear": True,
     }
+
+
+def _roughness(look: Look, marks: Marks, squared: bool = False) -> Any:
+    """A number or a picture. squared: for Mitsuba's principled material, which squares what it is given"""
+    if look.rough is None:
+        return max(look.roughness, 1e-3)
+    numbers = np.clip(look.rough.numbers(), 1e-3, 1.0)
+    return laid.bitmap(np.sqrt(numbers) if squared else numbers, marks, look.projection)
 
 
 def _brushed(look: Look, marks: Marks) -> dict[str, Any]:

@@ -16,15 +16,19 @@ from render.surface import Surface
 def mesh(
     name: str,
     surface: Surface,
-    material: dict[str, Any],
+    material: Any,
     marks: NDArray[np.floating],
     filling: dict[str, Any] | None = None,
 ) -> Any:
-    """A shape of a scene. marks: (V, 2) texture coordinates, or one for all; see `render.marks`"""
+    """A shape of a scene.
+
+    material  described, or made
+    marks     (V, 2) texture coordinates, or one for all; see `render.marks`
+    """
     import mitsuba as mi
 
     properties = mi.Properties()
-    properties["material"] = mi.load_dict(material)
+    properties["material"] = mi.load_dict(material) if isinstance(material, dict) else material
     if filling is not None:
         properties["interior"] = mi.load_dict(filling)
     made = mi.Mesh(

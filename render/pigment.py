@@ -92,12 +92,6 @@ class Pigment:
             return along + 0.5
         return along / (len(self.colours) if self.pattern == "layers" else 1.0)
 
-    def shown(self, points: NDArray[np.floating]) -> NDArray[np.float64]:
-        """(V, 3): the colours of points (V, 3) of the undeformed surface."""
-        phases = self.phases(points)
-        inside = phases % 1.0 if self.repeats else np.clip(phases, 0.0, 1.0)
-        return np.asarray(self.row()[np.minimum((inside * TEXELS).astype(int), TEXELS - 1)], dtype=np.float64)
-
     def row(self) -> NDArray[np.float32]:
         """(TEXELS, 3): the colours of phases from 0 to 1."""
         phases = (np.arange(TEXELS) + 0.5) / TEXELS

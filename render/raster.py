@@ -37,7 +37,7 @@ SHADOW_LIFT = 0.04
 class Shape(NamedTuple):
     """A surface: vertices (V, 3), normals (V, 3), faces (F, 3), and what it is made of.
 
-    colours (V, 3) take the place of the look's, where it has a pigment (see `pigmented`).
+    colours (V, 3) take the place of the look's, where it has more than one (see `render.dyes`).
     """
 
     vertices: NDArray[np.floating]
@@ -78,15 +78,6 @@ def prepare() -> None:
     corners, depth = np.eye(3), np.full((2, 2), np.inf)
     fill(corners, np.array([[0, 1, 2]], np.int32), depth, np.full((2, 2), -1, np.int32), np.zeros((2, 2, 2)))
     draw_lines(np.zeros((1, 2, 3)), np.zeros((1, 4)), 1.0, 0.0, depth, np.zeros((2, 2, 3)))
-
-
-def pigmented(look: Look, material: NDArray[np.floating]) -> Floats | None:
-    """(V, 3): the colours of a look's pigment where vertices came from; None for a look of one colour."""
-    if look.pigment is None:
-        return None
-    phases, row = look.pigment.phases(material), look.pigment.row()
-    inside = phases % 1.0 if look.pigment.repeats else np.clip(phases, 0.0, 1.0)
-    return np.asarray(row[np.minimum((inside * len(row)).astype(int), len(row) - 1)], np.float64)
 
 
 def preview(subject: Shape, around: Set, camera: Camera, size: tuple[int, int], display: str) -> Preview:

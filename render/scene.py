@@ -19,7 +19,7 @@ from render.camera import Camera
 from render.inside import refuse_inside
 from render.lights import LightRig
 from render.look import Look
-from render.marks import SUBJECT, marks
+from render.marks import SUBJECT, marked
 from render.mitsuba_mesh import mesh
 from render.quality import Crop
 from render.sensor import sensor
@@ -94,9 +94,9 @@ def build_scene(
     refuse_inside(surface, camera)
     if look.model == "gouraud":
         return _drawn(surface, look, placement, camera, size, aovs, crop)
-    told = marks(surface, look)
+    shown, told = marked(surface, look)
     made_of = materials.material(look, surface.attributes, told, placement.size)
-    subject = mesh("subject", surface, made_of, told.values, materials.medium(look, placement.size))
+    subject = mesh("subject", shown, made_of, told.values, materials.medium(look, placement.size))
     to_scene = placement.matrix()
     shapes = {"subject": subject, **scenery.shapes(stage, placement, camera, size)}
     if look.wireframe:
@@ -107,7 +107,7 @@ def build_scene(
     bare = scene
     guides = scenery.guides(stage, placement, camera, size)
     if look.is_clear:
-        guides["subject"] = mesh("subject", surface, materials.guide(look), told.values)
+        guides["subject"] = mesh("subject", shown, materials.guide(look), told.values)
     if guides or lamps.any_in_view(lights, to_scene, camera, size):
         bare = _load({**common, **guides})
     beauty = _beauty(materials.path(look, depth), lights)

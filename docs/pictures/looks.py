@@ -17,6 +17,8 @@ from pipeline.animation import animate, material_of
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.patches import spread, tessellate
 from pipeline.production.framing import Balls, Framing, View, frame_all
+from pipeline.production.movement import speeds
+from pipeline.production.shading import Shading
 from pipeline.shot import read_shot
 from pipeline.shot.shot import Shot
 from render.colour import quantise, to_display
@@ -25,6 +27,7 @@ from render.engine import choose
 from render.frame import render_frame
 from render.image import lettering
 from render.lights import LIGHTS
+from render.measure import SPEED
 from render.quality import QUALITIES
 from render.stage import STAGES
 from render.surface import Surface
@@ -60,11 +63,15 @@ SHEET = {
     "taffy": "taffy",
     "cream": "cream",
     "symbolics_1990": "symbolics_1990",
+    "speed": "speed",
+    "strain": "{material: strain, measure: {stretch: {range: [1, 2.5]}}}",
+    "clay, measure: area": "{material: clay, measure: {area: {range: [0.5, 2]}}}",
+    "bsdf: gold": "{bsdf: {type: roughconductor, material: Au, alpha: 0.12}}",
     "clay, wireframe": "{material: clay, colour: [0.7, 0.7, 0.7], wireframe: {width: 0.6}}",
 }
 """What stands under each picture, and what the shot file says."""
 
-MIRRORS = ("chrome", "brushed")
+MIRRORS = ("chrome", "brushed", "bsdf: gold")
 
 
 def main() -> None:
@@ -102,7 +109,9 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
         for name, array in (("vertices", fine.vertices), ("normals", fine.normals), ("material", material))
     }
     edges = outlines(fine.faces, shot.picture.tessellate)
-    return Surface(faces=fine.faces, edges=edges, **arrays), framing
+    shading = Shading(frame, split, shot.picture.tessellate)
+    brought = {SPEED: speeds(shot.motion, shading)}
+    return Surface(faces=fine.faces, edges=edges, attributes=brought, **arrays), framing
 
 
 def _picture(name: str, shot: Shot, surface: Surface, framing: Framing) -> Image.Image:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.animation import MeshFrame, at_moment
-from pipeline.arrays import Points, Vectors
+from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.flow.guard import deciding
 from pipeline.production.framing import Framing, turned
 from pipeline.production.shading import Shading
@@ -62,6 +62,12 @@ def flowing(motion: Motion, shading: Shading) -> Movement:
 
     fps = float(motion.rate.fps)
     return Movement(lambda o: shading.at(points(o)), fps, frame.number == first, frame.number == last)
+
+
+def speeds(motion: Motion, shading: Shading) -> AnyArray:
+    """(V, 1) float32: how fast the flow takes the vertices of a picture, scene units per second."""
+    velocity = flowing(motion, shading).velocity()
+    return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
 
 
 def turning(vertices: Points, normals: Vectors | None, spin: float, turn: float, fps: float) -> Movement:

@@ -10,18 +10,24 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.animation import MeshFrame
 from pipeline.arrays import AnyArray, Floats
 from pipeline.mesh import icosphere
 from pipeline.production.framing import Framing
+from pipeline.production.movement import speeds
 from pipeline.production.npz import read_npz
+from pipeline.production.shading import Shading
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 from pipeline.production.ways import Ways, ways_at
 from render.colour import quantise
+from render.dyes import colours
 from render.image import write_png
 from render.look import Look
+from render.measure import SPEED
 from render.movie import write_movie
-from render.raster import Preview, Set, Shape, pigmented, preview, with_lines
+from render.raster import Preview, Set, Shape, preview, with_lines
+from render.surface import Surface
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}
 
@@ -75,7 +81,8 @@ class Sketch:
     ) -> NDArray[np.float32]:
         arrays = read_npz(self.store.path("normals", self.take.normals_key(number)))
         picture = self.take.shot.picture
-        subject = _shape(arrays, picture.look)
+        brought = {SPEED: self._speeds(number)} if self.take.measures_speed else {}
+        subject = _shape(arrays, picture.look, brought)
         around = Set(picture.lights, picture.stage, framing.placement, picture.view)
         shown: Preview = preview(subject, around, framing.camera, size, display)
         if not self.flow:
@@ -83,19 +90,31 @@ class Sketch:
         ways = ways_at(self.take.shot.motion, number, arrays["vertices"].astype(np.float64))
         return with_lines(shown, ways.points, *inks(ways), framing.camera, max(1.0, LINE * size[0]))
 
+    def _speeds(self, number: int) -> AnyArray:
+        """(V, 1) of the vertices of a frame's pictures."""
+        frame = MeshFrame.from_arrays(read_npz(self.store.path("mesh", self.take.mesh_key(number))))
+        shot = self.take.shot
+        shading = Shading.of(frame, self.take.thresholds(number), shot.picture.tessellate)
+        return speeds(shot.motion, shading)
 
-def _shape(arrays: Mapping[str, AnyArray], look: Look) -> Shape:
-    """What pictures of a frame are made from, as a shape; of a cloud a small ball for each point."""
-    colours = pigmented(look, arrays["material"])
+
+def _shape(arrays: Mapping[str, AnyArray], look: Look, brought: Mapping[str, AnyArray]) -> Shape:
+    """What pictures of a frame are made from, as a shape; of a cloud a small ball for each point.
+
+    brought: attributes of the points, by name
+    """
+    vertices, none = arrays["vertices"], np.empty((0, 3), np.int32)
+    normals, faces = arrays.get("normals", vertices), arrays.get("faces", none)
+    shown = colours(Surface(vertices, normals, faces, brought, arrays["material"]), look)
     if "radii" not in arrays:
-        return Shape(arrays["vertices"], arrays["normals"], arrays["faces"], look, colours)
+        return Shape(vertices, normals, faces, look, shown)
     every = -(-len(arrays["vertices"]) // MOST_BALLS)
     points, radii = arrays["vertices"][::every], arrays["radii"][::every] * every ** (1 / 3)
     ball = icosphere(2)
     around, many = ball.vertices, len(ball.vertices)
     vertices = (points[:, None] + radii[:, None, None] * around).reshape(-1, 3)
     faces = (ball.faces + many * np.arange(len(points), dtype=np.int32)[:, None, None]).reshape(-1, 3)
-    shaded = None if colours is None else colours[::every].repeat(many, axis=0)
+    shaded = None if shown is None else shown[::every].repeat(many, axis=0)
     return Shape(vertices, np.tile(around, (len(points), 1)), faces.astype(np.int32), look, shaded)
 
 

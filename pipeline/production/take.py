@@ -42,6 +42,7 @@ from pipeline.shot.net import ControlNet
 from pipeline.shot.shutter import PictureLayers
 from render.errors import BadInputError
 from render.frame import seed_of
+from render.measure import SPEED
 from render.plain import to_plain
 from render.quality import Quality
 
@@ -259,9 +260,15 @@ class Take:
             *(offset for name in layers for offset in steps.get(name, ())),
         )
 
+    @property
+    def measures_speed(self) -> bool:
+        """Whether the colours of its pictures are the speed of the flow."""
+        measure = self.shot.picture.look.measure
+        return measure is not None and measure.of == SPEED
+
     def follows_flow(self, number: int) -> bool:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
-        return self.turntable is None and bool(self.moments_beside(number))
+        return self.measures_speed or (self.turntable is None and bool(self.moments_beside(number)))
 
     def needs_mesh(self, number: int) -> bool:
         """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
@@ -274,9 +281,15 @@ class Take:
             return []
         around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
         turn = self.turntable.frames if self.turntable else None
-        flow = acting(self.shot.motion, number, offsets) if self.follows_flow(number) else []
+        flow = acting(self.shot.motion, number, offsets) if self.turntable is None and offsets else []
         opened = self.open_at(number)
         return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
+
+    def _measured(self, number: int) -> list[Any]:
+        """What decides the colours of a picture that shows speeds."""
+        if not self.measures_speed:
+            return []
+        return [[SPEED, acting(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
 
     @cached_property
     def _appearance(self) -> Key:
@@ -302,6 +315,7 @@ class Take:
             self._appearance,
             self.seed(number),
             *self._beside(number, framings),
+            *self._measured(number),
         )
 
     def frame_key(self, raw: Key, around: list[Key]) -> Key:

@@ -18,7 +18,7 @@ from pipeline.shot.surroundings import shown
 DEFAULTS = "defaults.yaml"
 """Beside shots: what holds for all of them unless they say otherwise."""
 
-ANOTHER_KIND = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net"})
+ANOTHER_KIND = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
 """A mapping with one of these names says what a thing is, and is not mixed with another."""
 
 Look = Callable[[str], str | None]

@@ -5,16 +5,41 @@ from __future__ import annotations
 import dataclasses
 from typing import Annotated, Any
 
-from pydantic import Field, model_validator
+from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from pipeline.shot.fields import Axis, Colour, Document, Positive, Triple, axis, exactly_one, one_of, vector
+from pipeline.shot.fields import (
+    Axis,
+    Colour,
+    Document,
+    Positive,
+    Told,
+    Triple,
+    axis,
+    exactly_one,
+    one_of,
+    vector,
+)
+from pipeline.shot.inline import bsdf_of, is_sound
+from pipeline.shot.materials import (
+    ColourOrPicture,
+    MeasureDocument,
+    PictureDocument,
+    ProjectionDocument,
+    ReliefDocument,
+    ShareOrPicture,
+)
+from pipeline.shot.surroundings import Surroundings, finding
+from render.bsdf import BSDFS, Bsdf
+from render.errors import RenderError
 from render.look import CLEAR, LOOKS, PLAIN, Absorption, Look
 from render.pigment import PATTERNS, Pigment
+from render.texture import Texture
 from render.wireframe import Wireframe
 
 HERE = [0.0, 0.0, 0.0]
 Share = Annotated[float, Field(ge=0, le=1)]
+Written = Annotated[dict[str, Any], Told(required=["type"], properties={"type": {"enum": list(BSDFS)}})]
 Colours = Annotated[list[Colour], Field(min_length=2, max_length=16)]
 
 _HEEDING = {
@@ -25,6 +50,9 @@ _HEEDING = {
     "density": "smoke",
 }
 """The model that heeds a value, where no other does."""
+
+_BUILT = ("absorption", "pigment", "measure", "relief", "projection")
+"""Parts of a look that are documents of their own."""
 
 
 class PatternDocument(Document):
@@ -110,11 +138,14 @@ class WireframeDocument(Document):
 
 
 class LookDocument(Document):
-    """A look of the registry with some of its values replaced."""
+    """A look of the registry with some of its values replaced, or a material of Mitsuba."""
 
-    material: Annotated[str, one_of(LOOKS, "look")]
-    colour: Colour | None = None
-    roughness: Share | None = None
+    model_config = exactly_one("material", "bsdf")
+
+    material: Annotated[str, one_of(LOOKS, "look")] | None = None
+    bsdf: Written | None = None
+    colour: ColourOrPicture | None = None
+    roughness: ShareOrPicture | None = None
     sheen: Share | None = None
     metallic: Share | None = None
     coat: Share | None = None
@@ -123,26 +154,49 @@ class LookDocument(Document):
     absorption: AbsorptionDocument | None = None
     density: Annotated[float, Field(gt=0, le=1000)] | None = None
     pigment: PigmentDocument | None = None
+    measure: MeasureDocument | None = None
+    relief: ReliefDocument | None = None
+    projection: ProjectionDocument | None = None
     wireframe: WireframeDocument | None = None
 
+    _bsdf: Bsdf | None = PrivateAttr(None)
+
     @model_validator(mode="after")
+    def _is_said(self, info: ValidationInfo) -> LookDocument:
+        if (self.material is None) == (self.bsdf is None):
+            fact = "neither material nor bsdf" if self.bsdf is None else "both material and bsdf"
+            raise finding(f"look has {fact}; one of them says what it is made of. Write one.")
+        if self.bsdf is None:
+            return self._agrees()
+        strangers = sorted(self.model_fields_set - {"bsdf", "projection", "wireframe"})
+        if strangers:
+            raise finding(f"look has {strangers[0]} beside bsdf, which says it itself. Remove one of them.")
+        around = Surroundings.of(info)
+        if is_sound(self.bsdf, around.folder):  # else it is told where it stands
+            self._bsdf = bsdf_of(self.bsdf, around)
+        return self
+
     def _agrees(self) -> LookDocument:
+        assert self.material is not None
         model = LOOKS[self.material].model
-        if self.pigment and model in PLAIN:
+        pattern = next((name for name in ("pigment", "measure", "picture") if self._has(name)), None)
+        if pattern and model in PLAIN:
             raise PydanticCustomError(
                 "pigment",
-                "look has a pigment, and {why} {material}, which has one colour. Take one of {others}, "
+                "look has a {pattern}, and {why} {material}, which has one colour. Take one of {others}, "
                 "or write colour.",
                 {
+                    "pattern": pattern,
                     "why": "light goes through" if model in CLEAR else "scratches make the pattern of",
                     "material": self.material,
                     "others": ", ".join(name for name, look in LOOKS.items() if look.model not in PLAIN),
                 },
             )
-        if self.pigment and self.colour:
-            raise PydanticCustomError(
-                "pigment",
-                "look has both colour and pigment; a pigment has its own colours. Remove one of them.",
+        given = [name for name in ("colour", "pigment", "measure") if getattr(self, name)]
+        if len(given) > 1:
+            raise finding(
+                f"look has both {given[0]} and {given[1]}; a {given[1]} has its own colours. Remove one of "
+                "them."
             )
         for name, heeding in _HEEDING.items():
             if getattr(self, name) is not None and model != heeding:
@@ -155,20 +209,46 @@ class LookDocument(Document):
                         "fitting": " or ".join(n for n, look in LOOKS.items() if look.model == heeding),
                     },
                 )
+        if self.projection and not (self.relief or self._has("picture") or self._has("rough")):
+            raise finding(
+                "look has a projection, and no picture for it to lay on. Name a file as colour, roughness or "
+                "relief, or remove it."
+            )
+        try:
+            self.build()
+        except RenderError as error:
+            raise finding(f"{error}.") from None
         return self
+
+    def _has(self, what: str) -> bool:
+        """Whether it says that; "picture" is a file as its colour, "rough" one as its roughness."""
+        if what == "picture":
+            return isinstance(self.colour, PictureDocument | Texture)
+        return isinstance(self.roughness, Texture) if what == "rough" else getattr(self, what) is not None
 
     def build(self) -> Look:
         """A colour takes the place of the look's own pattern, and of what it absorbs."""
-        named = {"material", "colour", "grain", "absorption", "pigment", "wireframe"}
+        if self.material is None:
+            assert self._bsdf is not None, "what is wrong with it has been told"
+            base = Look("bsdf", self._bsdf.colour, bsdf=self._bsdf)
+        else:
+            base = LOOKS[self.material]
+        named = {"material", "bsdf", "colour", "roughness", "grain", "wireframe", *_BUILT}
         given: dict[str, Any] = self.model_dump(exclude_none=True, exclude=named)
+        if self.colour or self.pigment or self.measure:
+            given |= {"pigment": None, "measure": None}
         if self.colour:
-            given |= {"colour": vector(self.colour), "pigment": None, "absorption": None}
+            given |= {"absorption": None, **self._coloured()}
+        if self.roughness is not None:
+            given["rough" if self._has("rough") else "roughness"] = self.roughness
         if self.grain:
             given["grain"] = axis(self.grain)
-        if self.absorption:
-            given["absorption"] = self.absorption.build()
-        if self.pigment:
-            given["pigment"] = self.pigment.build()
-        if self.wireframe:
-            given["wireframe"] = self.wireframe.build()
-        return dataclasses.replace(LOOKS[self.material], **given)
+        for name in (*_BUILT, "wireframe"):
+            if (part := getattr(self, name)) is not None:
+                given[name] = part.build()
+        return dataclasses.replace(base, **given)
+
+    def _coloured(self) -> dict[str, Any]:
+        if isinstance(self.colour, list):
+            return {"colour": vector(self.colour)}
+        return {"picture": self.colour.build() if isinstance(self.colour, PictureDocument) else self.colour}

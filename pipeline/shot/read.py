@@ -11,7 +11,17 @@ from typing import Any
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.velocity import DEFAULT_TOLERANCE
 from pipeline.mesh.bspline import PIECES
-from pipeline.shot import adaptive, brackets, camera_document, checks, keys, point_documents, sets
+from pipeline.shot import (
+    adaptive,
+    brackets,
+    camera_document,
+    checks,
+    inline,
+    keys,
+    materials,
+    point_documents,
+    sets,
+)
 from pipeline.shot.clock import Clock
 from pipeline.shot.cloud import CloudOfFile
 from pipeline.shot.curves import number
@@ -62,6 +72,8 @@ def read_shot(
         brackets.splits,
         checks.solid,
         checks.clear_look,
+        materials.measurable,
+        inline.written_out,
         camera_document.camera,
         point_documents.resampled,
         point_documents.points,

@@ -109,9 +109,10 @@ def _moved_needs(value: Schema, definitions: Schema) -> Schema:
     """
     forms = [definitions[_name(form["$ref"])] for form in value.get("anyOf", [value]) if "$ref" in form]
     needs = [
-        {"required": form.pop("required")}
+        {word: form.pop(word)}
         for form in forms
-        if "required" in form and not {"keys", "formula"} & set(form["required"])
+        for word in ("required", "oneOf")
+        if word in form and not {"keys", "formula"} & set(form.get("required", ()))
     ]
     return {"if": {"type": "object"}, "then": {"anyOf": needs}} if needs else {}
 

@@ -17,6 +17,13 @@ from pipeline.shot.looks import (
     SpecklesDocument,
     WireframeDocument,
 )
+from pipeline.shot.materials import (
+    MeasureDocument,
+    PictureDocument,
+    ProjectionDocument,
+    ReliefDocument,
+    ScaleDocument,
+)
 from pipeline.shot.point_documents import CloudDocument, NetDocument, NetSolidDocument, SolidDocument
 
 SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
@@ -58,8 +65,9 @@ SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     },
     LookDocument: {
         "material": Sense("the look to begin with"),
-        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1"),
-        "roughness": Sense("0.03 is a mirror's gloss, 0.5 is matt"),
+        "bsdf": Sense("in its place a material of Mitsuba, written out by the names of its manual"),
+        "colour": Sense("linear Rec.709: red, green, blue from 0 to 1; or a picture beside the shot file"),
+        "roughness": Sense("0.03 is a mirror's gloss, 0.5 is matt; or a picture beside the shot file"),
         "sheen": Sense("of satin: how much lighter it is where it turns away"),
         "metallic": Sense("of satin: how much the highlight takes the colour"),
         "coat": Sense("of satin: how much of a clear coat lies on it"),
@@ -69,6 +77,35 @@ SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
         "density": Sense("of smoke: how often light is scattered through half of the subject"),
         "wireframe": Sense("the edges of the mesh, drawn over the look"),
         "pigment": Sense("a pattern that replaces the colour and moves with the material"),
+        "measure": Sense("a number that replaces the colour, shown by a colour map"),
+        "relief": Sense("a picture beside the shot file whose light parts stand out"),
+        "projection": Sense("how pictures from files are laid on the subject at rest"),
+    },
+    MeasureDocument: {
+        "speed": Sense("of the flow at each point", "units/s"),
+        "stretch": Sense("how many times as long the direction is that was lengthened most since the rest"),
+        "area": Sense("how many times as large the surface is as at rest"),
+    },
+    ScaleDocument: {
+        "colours": Sense("the colour map: viridis, inferno or another"),
+        "range": Sense("what its two ends stand for, in every frame the same"),
+    },
+    PictureDocument: {
+        "file": Sense("an EXR, PNG, JPEG or TIFF beside the shot file"),
+        "space": Sense("srgb, linear, data, or a colour space of OpenColorIO; by itself what the file is"),
+    },
+    ReliefDocument: {
+        "file": Sense("an EXR, PNG, JPEG or TIFF beside the shot file"),
+        "height": Sense("of white over black; below 0 dark parts stand out", "units"),
+    },
+    ProjectionDocument: {
+        "kind": Sense("planar, box, cylindrical or spherical"),
+        "axis": Sense("towards whom a planar picture looks, or what others go around: x, y, z or a vector"),
+        "centre": Sense("where the middle of the picture lies, or the axis", "units"),
+        "scale": Sense("how wide a picture is, or how high a cylindrical one", "units"),
+        "repeats": Sense("how often it is seen on the way around"),
+        "turn": Sense("in its plane, anticlockwise, or about the axis", "degrees"),
+        "offset": Sense("by which shares of itself it lies further right and up"),
     },
     WireframeDocument: {
         "colour": Sense("of the lines; linear Rec.709: red, green, blue from 0 to 1"),

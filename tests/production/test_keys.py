@@ -70,6 +70,8 @@ STANDS_BESIDE = {
         for name in (
             "adaptive",
             "brackets",
+            "inline",
+            "materials",
             "camera_document",
             "cameras",
             "catalogue",

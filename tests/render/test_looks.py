@@ -37,7 +37,8 @@ def middle(layers: Layers) -> np.ndarray:
 
 @pytest.fixture(scope="module")
 def at_rest(sphere: Surface) -> Surface:
-    return replace(sphere, material=sphere.vertices - np.float32([0, 1, 0]))
+    slow = np.full((len(sphere.vertices), 1), 2.0, np.float32)
+    return replace(sphere, material=sphere.vertices - np.float32([0, 1, 0]), attributes={"speed": slow})
 
 
 @pytest.mark.parametrize("name", [name for name, look in LOOKS.items() if look.model != "gouraud"])

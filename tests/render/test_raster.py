@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from render.camera import Camera
+from render.dyes import colours
 from render.lights import LIGHTS
 from render.look import LOOKS
 from render.pigment import Pigment
-from render.raster import Preview, Set, Shape, pigmented, preview, with_lines
+from render.raster import Preview, Set, Shape, preview, with_lines
 from render.stage import STAGES, Placement
+from render.surface import Surface
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
 SIZE = (64, 36)
@@ -90,10 +92,13 @@ def test_lines_are_seen_before_a_surface_and_hardly_behind():
 def test_a_pigment_colours_the_surface_where_its_points_came_from():
     pigment = Pigment("layers", ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), scale=1.0)
     look = replace(LOOKS["clay"], pigment=pigment)
-    material = np.array([(0.0, 0.5, 0.0), (0.0, 1.5, 0.0)])
-    np.testing.assert_allclose(pigmented(look, material), [(1, 0, 0), (0, 0, 1)], atol=1e-3)
-    assert pigmented(LOOKS["clay"], material) is None
-    shape = square(0.0)._replace(look=look, colours=pigmented(look, material[[0, 0, 1, 1]]))
+    plain = square(0.0)
+    material = np.float32([(0, 0.5, 0), (0, 0.5, 0), (0, 1.5, 0), (0, 1.5, 0)])
+    surface = Surface(plain.vertices, plain.normals, plain.faces, material=material)
+    found = colours(surface, look)
+    np.testing.assert_allclose(found, np.float64([(1, 0, 0), (1, 0, 0), (0, 0, 1), (0, 0, 1)]), atol=1e-3)
+    assert colours(surface, LOOKS["clay"]) is None
+    shape = plain._replace(look=look, colours=found)
     picture = preview(shape, BARE, CAMERA, SIZE, "srgb").picture
     low, high = picture[23, 32], picture[13, 32]
     assert low[0] > low[2] + 0.1 and high[2] > high[0] + 0.1

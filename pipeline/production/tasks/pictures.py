@@ -18,7 +18,7 @@ from pipeline.production import halves
 from pipeline.production.disk import disk_faults
 from pipeline.production.framing import Framing, turned
 from pipeline.production.keys import Key
-from pipeline.production.movement import Movement, Shown, flowing, framing_at, turning
+from pipeline.production.movement import Movement, Shown, flowing, framing_at, speeds, turning
 from pipeline.production.npz import read_npz
 from pipeline.production.shading import Shading
 from pipeline.production.take import PictureKeys
@@ -33,6 +33,7 @@ from render.checkpoint import Checkpoint
 from render.engine import Engine, choose
 from render.frame import Layers, render_frame
 from render.image import write_exr
+from render.measure import SPEED
 from render.plain import to_plain
 from render.shutter import Moment, Shutter
 from render.spheres import Spheres
@@ -121,10 +122,11 @@ def _moments(
         turned(arrays["vertices"], pose.spin),
         None if normals is None else turned(normals, pose.spin, about_origin=True),
     )
+    measured = _measured(context, number, shading)
     if not take.moments_beside(number):
-        return Moment(_subject(arrays, shown, {}), framing.placement, framing.camera), None, None
+        return Moment(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
     movement = _movement(context, number, arrays, shading)
-    attributes = _attributes(movement, take.layers.extra)
+    attributes = {**_attributes(movement, take.layers.extra), **measured}
 
     def at(offset: float) -> Moment:
         there = framing_at(framings, number, offset)
@@ -158,6 +160,14 @@ def _movement(
         turn = 2.0 * math.pi / take.turntable.frames
         return turning(arrays["vertices"], arrays.get("normals"), pose.spin, turn, float(motion.rate.fps))
     return flowing(motion, shading or shading_of(context, pose.mesh))
+
+
+def _measured(context: Context, number: int, shading: Shading | None) -> dict[str, AnyArray]:
+    """What vertices bring along for the look."""
+    take = context.take
+    if not take.measures_speed:
+        return {}
+    return {SPEED: speeds(take.shot.motion, shading or shading_of(context, take.poses[number].mesh))}
 
 
 def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray]:

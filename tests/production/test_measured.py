@@ -1,0 +1,85 @@
+"""Looks that show how fast the flow is: what they need, and what decides their pictures."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.animation import animate
+from pipeline.production.framing import Framing
+from pipeline.production.movement import speeds
+from pipeline.production.poses import Turntable
+from pipeline.production.preview import _shape
+from pipeline.production.script import Script
+from pipeline.production.shading import Shading
+from pipeline.production.take import Take
+from pipeline.resample import Thresholds
+from pipeline.shot import read_shot
+from render.camera import Camera
+from render.colour_maps import colour_map
+from render.look import LOOKS
+from render.stage import Placement
+
+BALL = "title: T\nframes: 1-6\nsubject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"
+SPINNING = "flows:\n  - rotation: {axis: y, speed: 120}\n"
+LATE = "flows:\n  - translation: {rate: {ease: linear, keys: {1: [0, 0, 0], 3: [0, 0, 0], 6: [8, 0, 0]}}}\n"
+
+
+def take_of(text: str, turntable: Turntable | None = None) -> Take:
+    return Take(Script(text, Path("T010_tiny.yaml")), "preview", "none", (1,), turntable)
+
+
+def raw_keys(take: Take) -> list[str]:
+    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in take.poses}
+    return [take.raw_key(n, framings) for n in take.poses]
+
+
+def changed(look: str, turntable: Turntable | None = None) -> list[bool]:
+    """Which pictures are others when the last key of what moves late is another."""
+    text = BALL + f"look: {look}\n"
+    before = raw_keys(take_of(text + LATE, turntable))
+    after = raw_keys(take_of(text + LATE.replace("[8, 0, 0]", "[9, 0, 0]"), turntable))
+    return [a != b for a, b in zip(before, after, strict=True)]
+
+
+@pytest.mark.parametrize("number", [1, 4, 6])
+def test_what_spins_is_faster_the_further_out_it_is(number: int) -> None:
+    shot = read_shot("a.yaml", BALL + SPINNING)
+    frame = next(frame for frame in animate(shot) if frame.number == number)
+    shading = Shading.of(frame, Thresholds(1.0), 1)
+    out = np.linalg.norm(shading.arrays()["vertices"][:, [0, 2]], axis=1)
+    found = speeds(shot.motion, shading)
+    assert found.shape == (len(out), 1)
+    assert found[:, 0] == pytest.approx(math.radians(120.0) * out, rel=1e-3, abs=1e-3)
+
+
+def test_a_speed_just_after_a_frame_is_part_of_its_picture_and_a_stretch_is_not() -> None:
+    assert changed("clay") == changed("strain") == [False] * 3 + [True] * 3
+    assert changed("speed") == [False] * 2 + [True] * 4
+
+
+def test_a_turntable_shows_the_speed_of_the_flow_at_its_frame() -> None:
+    turntable = Turntable(at=3, frames=4)
+    assert changed("strain", turntable) == [False] * 4
+    assert changed("speed", turntable) == [True] * 4
+    assert take_of(BALL + SPINNING + "look: speed\n", turntable).follows_flow(2)
+    assert not take_of(BALL + SPINNING + "look: strain\n", turntable).follows_flow(2)
+
+
+def test_previews_show_what_is_measured() -> None:
+    arrays = {
+        "vertices": np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
+        "normals": np.float32([[0, 0, 1]] * 3),
+        "faces": np.int32([[0, 1, 2]]),
+        "material": np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
+    }
+    shown = _shape(arrays, LOOKS["speed"], {"speed": np.float32([[0], [4], [9]])}).colours
+    ends = colour_map("viridis")[[0, -1, -1]]
+    assert shown is not None and np.abs(shown - ends).max() < 1e-6
+    points = {"vertices": arrays["vertices"], "radii": np.float32([1, 1, 1]), "material": arrays["material"]}
+    balls = _shape(points, LOOKS["speed"], {"speed": np.float32([[0], [4], [9]])})
+    assert balls.colours is not None and len(balls.colours) == len(balls.vertices)
+    assert np.abs(balls.colours[0] - ends[0]).max() < 1e-6

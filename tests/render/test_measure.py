@@ -1,0 +1,114 @@
+"""Numbers shown by colour: how they are measured, and what of them reaches a picture."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from render.colour_maps import COLOUR_MAPS, colour_map
+from render.dyes import colours
+from render.errors import BadInputError
+from render.frame import Layers
+from render.look import LOOKS, Look
+from render.measure import KINDS, Measure, at_vertices, stretches
+from render.plain import from_plain, to_plain
+from render.surface import Surface
+
+Rendered = Callable[..., Layers]
+
+
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1))
+def test_stretches_are_the_singular_values_of_what_deforms_a_triangle(seed: int) -> None:
+    drawn = np.random.default_rng(seed)
+    rest = drawn.uniform(-1, 1, (3, 3))
+    deformed = drawn.uniform(-2, 2, (3, 3))
+    longest, shortest = stretches(rest, rest @ deformed.T, np.int32([[0, 1, 2]]))
+    edges = np.stack([rest[1] - rest[0], rest[2] - rest[0]], axis=1)
+    plane, _ = np.linalg.qr(edges)
+    expected = np.linalg.svd(deformed @ plane, compute_uv=False)
+    assert (longest[0], shortest[0]) == pytest.approx(tuple(expected), rel=1e-6, abs=1e-6)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_nothing_stretches_that_only_moves_and_turns(seed: int) -> None:
+    drawn = np.random.default_rng(seed)
+    rest, (turned, _) = drawn.uniform(-1, 1, (30, 3)), np.linalg.qr(drawn.normal(size=(3, 3)))
+    faces = np.int32([[3 * i, 3 * i + 1, 3 * i + 2] for i in range(10)])
+    longest, shortest = stretches(rest, rest @ turned + drawn.normal(size=3), faces)
+    assert longest == pytest.approx(np.ones(10), abs=1e-5) and shortest == pytest.approx(
+        np.ones(10), abs=1e-5
+    )
+
+
+def test_triangles_without_area_at_rest_count_for_nothing(sphere: Surface) -> None:
+    flat = np.float32([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
+    assert [part[0] for part in stretches(flat, 3.0 * flat, np.int32([[0, 1, 2]]))] == [1.0, 1.0]
+    grown = replace(sphere, material=(sphere.vertices / 3.0).astype(np.float32))  # its poles are flat ones
+    longest, shortest = stretches(grown.material, grown.vertices, grown.faces)
+    assert at_vertices(longest * shortest, grown) == pytest.approx(
+        np.full(len(sphere.vertices), 9.0), rel=1e-4
+    )
+
+
+def test_what_has_grown_threefold_is_shown_as_that(sphere: Surface) -> None:
+    grown = replace(sphere, material=(sphere.vertices / 2.0).astype(np.float32))
+    assert Measure("stretch").phases(grown) == pytest.approx(np.full(len(sphere.vertices), 0.5), abs=1e-4)
+    assert Measure("area").phases(grown) == pytest.approx(np.full(len(sphere.vertices), 1.0), abs=1e-4)
+    assert Measure("area", low=1.0, high=16.0).phases(grown) == pytest.approx(0.5, abs=1e-4)
+
+
+def test_the_same_speed_has_the_same_colour_whatever_else_moves(sphere: Surface) -> None:
+    speeds = np.linspace(0.0, 9.0, len(sphere.vertices), dtype=np.float32)[:, None]
+    shown = colours(replace(sphere, attributes={"speed": speeds}), LOOKS["speed"])
+    slower = colours(replace(sphere, attributes={"speed": np.minimum(speeds, 1.0)}), LOOKS["speed"])
+    assert shown is not None and slower is not None
+    same = speeds[:, 0] <= 1.0
+    assert np.array_equal(shown[same], slower[same])
+    assert np.array_equal(shown[-1], colour_map("viridis")[-1])  # beyond the range its end goes on
+
+
+def test_speeds_reach_the_picture(rendered: Rendered, sphere: Surface) -> None:
+    up = (sphere.vertices[:, 1:2] > 1.0).astype(np.float32) * 4.0
+    layers = rendered(surface=replace(sphere, attributes={"speed": up}), look=LOOKS["speed"])
+    inside, height = layers["matte"] == 1.0, layers["position"][..., 1]
+    for part, colour in ((height > 1.4, colour_map("viridis")[-1]), (height < 0.6, colour_map("viridis")[0])):
+        albedo = layers["albedo"][inside & part]
+        assert len(albedo) > 8
+        assert albedo.mean(axis=0) == pytest.approx(colour, abs=0.1)
+
+
+@pytest.mark.parametrize("name", COLOUR_MAPS)
+def test_colour_maps_are_reflectances(name: str) -> None:
+    row = colour_map(name)
+    assert row.shape == (256, 3) and row.min() >= 0.0 and row.max() <= 1.0
+
+
+@pytest.mark.parametrize("name", ["viridis", "plasma", "inferno", "magma", "cividis"])
+def test_perceptual_maps_grow_lighter_all_the_way(name: str) -> None:
+    light = np.cbrt(colour_map(name) @ np.array([0.2126, 0.7152, 0.0722]))
+    assert (np.diff(light) > -1e-3).all() and light[-1] > light[0] + 0.4
+
+
+def test_what_cannot_be_measured_is_told(sphere: Surface) -> None:
+    with pytest.raises(BadInputError, match="how fast its points go"):
+        Measure("speed").phases(sphere)
+    with pytest.raises(BadInputError, match="give it material"):
+        Measure("stretch").phases(sphere)
+    for wrong in ({"of": "heat"}, {"colours": "jet"}, {"low": 5.0}, {"of": "area", "low": 0.0}):
+        with pytest.raises(BadInputError):
+            Measure(**{"of": "speed", **wrong})
+    with pytest.raises(BadInputError, match="one colour"):
+        replace(LOOKS["glass"], measure=Measure("speed"))
+
+
+@pytest.mark.parametrize("of", KINDS)
+def test_a_measure_survives_being_written_down(of: str) -> None:
+    look = replace(LOOKS["clay"], measure=Measure(of, "turbo", 1.0, 2.0))
+    assert from_plain(Look, to_plain(look)) == look
