@@ -1,4 +1,4 @@
-"""`python -m benchmarks.overhead [FRAMES] [SCALE]`: what a frame takes beyond Mitsuba's and the denoiser's time.
+"""`python -m benchmarks.overhead [FRAMES] [SCALE] [STEADY …]`: what a frame takes beyond Mitsuba's and the denoiser's time.
 
 A sculpture of about 50,000 vertices is made by the production's own jobs, as two cores do it: one job of one
 thread a core, of which one is watched here. 1280 × 720 pixels unless SCALE (per cent of 1920 × 1080) says
@@ -7,8 +7,8 @@ and inside of the denoiser are told apart from all others; so both sides of the 
 frames and the same moments of a busy machine. Then Mitsuba alone renders the last frame in one call of 64
 samples, which says what cutting it into passes costs. Writes `benchmarks/out/overhead.json`.
 
-Twice: without and with light of other frames (`steady`), whose layers take passes of their own. Neither
-simulating nor starting Python and Snakemake is part of a frame.
+Twice unless STEADY says otherwise: without and with light of 2 frames to either side, whose layers take passes
+of their own. Neither simulating nor starting Python and Snakemake is part of a frame.
 """
 
 from __future__ import annotations
@@ -152,21 +152,28 @@ def _in_one_call(watch: Watch) -> float:
     return time.perf_counter() - begun
 
 
-def main(frames: int = 4, scale: str = "66.67") -> list[Target]:
-    """Measure both, and say what is met."""
+def main(frames: int = 2, scale: str = "66.67", *steady: int) -> list[Target]:
+    """Measure it, and say what is met."""
     prepare()
     engine = choose(threads=1)
     engine.start()
-    rows = [measure(frames, scale, steady, engine) for steady in (0, 2)]
+    rows = [measure(frames, scale, each, engine) for each in steady or (0, 2)]
     for row in rows:
-        show(f"A frame, seconds; steady {row['steady']:g}", [{"what": what, "s": s} for what, s in row.items()])
+        show(
+            f"A frame, seconds; steady {row['steady']:g}", [{"what": what, "s": s} for what, s in row.items()]
+        )
     keep("overhead", rows)
     return [
-        Target(f"a frame, steady {row['steady']:g}", "everything else", told(row, "everything else, share"), most=MOST)
+        Target(
+            f"a frame, steady {row['steady']:g}",
+            "everything else",
+            told(row, "everything else, share"),
+            most=MOST,
+        )
         for row in rows
     ]
 
 
 if __name__ == "__main__":
     given = sys.argv[1:]
-    show("Targets", [target.row for target in main(*map(int, given[:1]), *given[1:2])])
+    show("Targets", [target.row for target in main(*map(int, given[:1]), *given[1:2], *map(int, given[2:]))])
