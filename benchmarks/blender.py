@@ -2,8 +2,8 @@
 
     python -P benchmarks/blender.py SCENE.json
 
-It is given what Mitsuba is given: the same triangles and normals, lamps of the same size and radiance, the same
-sky, lens, box filter and number of bounces. Its y axis points up as ours does. It needs bpy, and of this
+It is given what Mitsuba is given: the same triangles and normals, lamps of the same size and radiance, the
+same sky, lens, box filter and number of bounces. Its y axis points up as ours does. It needs bpy, and of this
 project nothing.
 """
 
@@ -79,7 +79,7 @@ def _sky(radiance: list[float]) -> None:
 
 
 def _lamp(told: dict[str, Any]) -> None:
-    """A rectangle that shines to one side. Blender's power is π² · radiance · area … / π: see `_power`."""
+    """A rectangle that shines to one side, seen in reflections alone."""
     light = bpy.data.lights.new("lamp", "AREA")
     light.shape = "RECTANGLE"
     light.size, light.size_y = told["width"], told["height"]

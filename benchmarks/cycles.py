@@ -1,14 +1,15 @@
 """`python -m benchmarks.cycles [WIDTH] [REFERENCE]`: time to the same error, against Blender's Cycles.
 
-A clay torus in the studio that turns by half a degree a frame, 256 pixels wide unless WIDTH says otherwise. Both
-get the same triangles, stage, lamps, sky and lens, both six vertices to a path, a box filter and Intel's denoiser
-(`benchmarks.blender` says what is set). Three frames are made by each in turn: raw, denoised, and by us denoised
-over time with two frames to either side; building the scene is part of the time. Each is held against what it
-itself comes to with REFERENCE samples (1024), so that it is no matter which of the two is right; how far the two
-are apart is told. The noise left in the reference is known from its halves, and taken out. Errors are root mean
-squares on a display. Cycles's time is found between powers of two of samples, as in
-`benchmarks.equal_quality`. Wanted: half the time, and a quarter by denoising over time. Writes
-`benchmarks/out/cycles.json` and PNGs. Needs `benchmarks/requirements-cycles.txt`.
+A clay torus in the studio that turns by half a degree a frame, 256 pixels wide unless WIDTH says otherwise.
+Both get the same triangles, stage, lamps, sky and lens, both six vertices to a path, a box filter and
+Intel's denoiser (`benchmarks/blender.py` says what is set). Three frames are made by each in turn: raw,
+denoised, and by us denoised over time with two frames to either side; building the scene is part of the
+time, and so are the guides. Each is held against what it itself comes to with REFERENCE samples (1024), so
+that it does not matter which of the two is right; how far the two are apart is told. The noise left in the
+reference is known from its halves, and taken out. Errors are root mean squares on a display. Cycles's time
+is found between powers of two of samples, as in `benchmarks.equal_quality`. Wanted: half the time, and a
+quarter by denoising over time. Writes `benchmarks/out/cycles.json` and PNGs. Needs
+`benchmarks/requirements-cycles.txt`.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import tempfile
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -248,7 +249,9 @@ def main(width: int = 256, reference: int = 1024) -> list[Target]:
     show(f"{FRAMES} frames of {size[0]} × {size[1]}, Blender {version}; errors in steps of 255", rows)
     means = [shown(each.mean).mean(axis=(0, 1)) for each in (truth, theirs)]
     print(
-        f"converged, they are {np.mean(apart):.3g} steps apart; means differ by a factor of {means[1] / means[0]}"
+        f"converged, they are {np.mean(apart):.3g} steps apart; Cycles's means are "
+        + ", ".join(f"{factor:.4f}" for factor in means[1] / means[0])
+        + " of ours"
     )
     keep("cycles", [*rows, {"made by": "apart, converged", "error": float(np.mean(apart))}])
     return [

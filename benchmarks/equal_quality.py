@@ -1,11 +1,11 @@
 """`python -m benchmarks.equal_quality [WIDTH] [REFERENCE]`: how long until a picture is as good.
 
-A glazed and a clay torus in the studio, 320 pixels wide unless WIDTH says otherwise. Ours: `render_frame` with
-16 samples and the guides, and the denoiser; building the scene is part of the time. Raw: the same scene
-rendered by Mitsuba alone, with its default sampler (`independent`) and nothing else, until the error is
-the same: as PSNR on a display, and as FLIP. Its time is found between powers of two of samples, where the
-logarithm of the error falls along a line. The truth has REFERENCE samples (4096) by our sampler. Wanted: 8 times
-less time; ours is the median of five. Writes `benchmarks/out/equal_quality.json` and PNGs.
+A glazed and a clay torus in the studio, 320 pixels wide unless WIDTH says otherwise. Ours: `render_frame`
+with 16 samples and the guides, and the denoiser; building the scene is part of the time, the median of
+five. Raw: the same scene rendered by Mitsuba alone, with its default sampler (`independent`) and nothing
+else, until the error is the same: as PSNR on a display, and as FLIP. Its time is found between powers of
+two of samples, where the logarithm of the error falls along a line. The truth has REFERENCE samples (4096)
+by our sampler. Wanted: 8 times less time. Writes `benchmarks/out/equal_quality.json` and PNGs.
 """
 
 from __future__ import annotations
@@ -123,12 +123,11 @@ def rendered_on(scene: Callable[[], Rendering], size: tuple[int, int]) -> Best:
     begun = time.perf_counter()
     rendering = scene()
     lens = mi.load_dict({**sensor(CAMERA, size), "sampler": {"type": "independent"}})
-    best, total, taken = Best([], [], []), 0.0, 0
+    best, total = Best([], [], []), 0.0
     spent = time.perf_counter() - begun
-    for index in range(MOST_SAMPLES // PASS):
+    for taken in range(1, MOST_SAMPLES // PASS + 1):
         begun = time.perf_counter()
-        total = total + one_pass(rendering, 1000 + index, sensor=lens)
-        taken += 1
+        total = total + one_pass(rendering, 1000 + taken, sensor=lens)
         spent += time.perf_counter() - begun
         if taken & (taken - 1) == 0:
             best.samples.append(taken * PASS)

@@ -1,11 +1,12 @@
-"""`python -m benchmarks.flicker [WIDTH] [REFERENCE]`: how much a film boils, and how far it is from the truth.
+"""`python -m benchmarks.flicker [WIDTH] [REFERENCE]`: how much a film boils.
 
-A glazed torus in the studio, 480 × 270 pixels unless WIDTH says otherwise, eight frames: one that stands still, one that turns by half a
-degree a frame. Each frame is rendered raw with 256 samples, and with 16 that are denoised, alone and with two
-frames to either side. The truth is the mean of REFERENCE samples (1024 unless said otherwise). Flicker is the
-standard deviation over time of the difference from it, in steps of an 8-bit display, its mean over pixels;
-the error is its root mean square. Wanted: 16 samples flicker at most half as much as 256 raw ones. Writes
-`benchmarks/out/flicker.json`.
+A glazed torus in the studio, 480 × 270 pixels unless WIDTH says otherwise, eight frames: one that stands
+still, one that turns by half a degree a frame. Frames are rendered raw with 256 samples, and with 16 that
+are denoised, alone and with two frames to either side; those that have these are measured. The truth is the
+mean of REFERENCE samples (1024 unless said otherwise). Flicker is the standard deviation over time of the
+difference from it, in steps of an 8-bit display, its mean over pixels; the error is its root mean square.
+Wanted: 16 samples flicker at most half as much as 256 raw ones. Writes `benchmarks/out/flicker.json` and
+PNGs.
 """
 
 from __future__ import annotations

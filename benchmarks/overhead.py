@@ -1,14 +1,14 @@
-"""`python -m benchmarks.overhead [FRAMES] [SCALE] [STEADY …]`: what a frame takes beyond Mitsuba's and the denoiser's time.
+"""`python -m benchmarks.overhead [FRAMES] [SCALE] [STEADY …]`: what a frame takes beyond rendering it.
 
-A sculpture of about 50,000 vertices is made by the production's own jobs, as two cores do it: one job of one
+A sculpture of some 67,000 vertices is made by the production's own jobs, as two cores do it: one job of one
 thread a core, of which one is watched here. 1280 × 720 pixels unless SCALE (per cent of 1920 × 1080) says
 otherwise, 64 samples of light and of the guides. Seconds inside of `mi.render`, until its picture is there,
 and inside of the denoiser are told apart from all others; so both sides of the ratio come from the same
 frames and the same moments of a busy machine. Then Mitsuba alone renders the last frame in one call of 64
 samples, which says what cutting it into passes costs. Writes `benchmarks/out/overhead.json`.
 
-Twice unless STEADY says otherwise: without and with light of 2 frames to either side, whose layers take passes
-of their own. Neither simulating nor starting Python and Snakemake is part of a frame.
+Twice unless STEADY says otherwise: without and with light of 2 frames to either side, whose layers take
+passes of their own. Neither simulating nor starting Python and Snakemake is part of a frame.
 """
 
 from __future__ import annotations
