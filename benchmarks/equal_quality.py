@@ -123,7 +123,7 @@ def rendered_on(scene: Callable[[], Rendering], size: tuple[int, int]) -> Best:
     begun = time.perf_counter()
     rendering = scene()
     lens = mi.load_dict({**sensor(CAMERA, size), "sampler": {"type": "independent"}})
-    best, total = Best([], [], []), 0.0
+    best, total = Best([], [], []), np.zeros((size[1], size[0], 3))
     spent = time.perf_counter() - begun
     for taken in range(1, MOST_SAMPLES // PASS + 1):
         begun = time.perf_counter()
