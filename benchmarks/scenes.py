@@ -2,7 +2,7 @@
 
 Geodesic spheres of 50 thousand and of a million vertices in the studio. Ours is `build_scene`: it looks for
 what cannot be rendered, makes stage, lamps and materials, and hands all over. Mitsuba alone gets the very
-same arrays, and the stage, as meshes made before the clock starts, so that loading them is building their
+same arrays, stage and lamps as shapes made before the clock starts, so that loading them is building their
 bounding volumes. Both in turn, the quickest of some. Writes `benchmarks/out/scenes.json`.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
 from pipeline.mesh.solids import icosphere
-from render import scenery
+from render import lamps, scenery
 from render.camera import Camera
 from render.engine import choose
 from render.lights import LIGHTS
@@ -71,8 +71,12 @@ def measure(size: str, repeats: int) -> Row:
 
 
 def _shapes(surface: Surface) -> dict[str, Any]:
+    import mitsuba as mi
+
     subject = mesh("subject", surface, {"type": "diffuse"}, np.array([0.0, 1.0]))
-    return {"subject": subject, **scenery.shapes(STAGES["cyclorama"], Placement(), CAMERA, SIZE)}
+    shining = lamps.emitters(LIGHTS["studio"], Placement().matrix())
+    made = {name: mi.load_dict(each, parallel=False, optimize=False) for name, each in shining.items()}
+    return {"subject": subject, **scenery.shapes(STAGES["cyclorama"], Placement(), CAMERA, SIZE), **made}
 
 
 def _loaded(shapes: dict[str, Any]) -> None:
