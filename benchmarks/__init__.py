@@ -1,1 +1,1 @@
-"""How fast and how good the resampler is, against the machine's memory and against its peers."""
+"""How fast and how good resampler, flows and pictures are, against the machine and against their peers."""

@@ -1,9 +1,10 @@
 """`python -m benchmarks`: everything there is to measure."""
 
-from benchmarks import flows, polyhedra, renewal, resampling
+from benchmarks import flows, pictures, polyhedra, renewal, resampling
 
 if __name__ == "__main__":
     resampling.main()
     renewal.main()
     polyhedra.main()
     flows.main()
+    pictures.main()

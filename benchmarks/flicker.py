@@ -1,21 +1,24 @@
-"""`python -m benchmarks.flicker [REFERENCE]`: how much a film boils, and how far it is from the truth.
+"""`python -m benchmarks.flicker [WIDTH] [REFERENCE]`: how much a film boils.
 
-A glazed torus in the studio, 480 × 270 pixels, eight frames: one that stands still, one that turns by half a
-degree a frame. Each frame is rendered raw with 256 samples, and with 16 that are denoised, alone and with two
-frames to either side. The truth is the mean of REFERENCE samples (1024 unless said otherwise). Flicker is the
-standard deviation over time of the difference from it, in steps of an 8-bit display, its mean over pixels;
-the error is its root mean square. Wanted: 16 samples flicker at most half as much as 256 raw ones. Writes
-`benchmarks/out/flicker.json`.
+A glazed torus in the studio, 480 × 270 pixels unless WIDTH says otherwise, eight frames: one that stands
+still, one that turns by half a degree a frame. Frames are rendered raw with 256 samples, and with 16 that
+are denoised, alone and with two frames to either side; those that have these are measured. The truth is the
+mean of REFERENCE samples (1024 unless said otherwise). Flicker is the standard deviation over time of the
+difference from it, in steps of an 8-bit display, its mean over pixels; the error is its root mean square.
+Wanted: 16 samples flicker at most half as much as 256 raw ones. Writes `benchmarks/out/flicker.json` and
+PNGs.
 """
 
 from __future__ import annotations
 
 import math
 import sys
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
+from benchmarks.errors import put
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.mesh.normals import split_at_creases
@@ -63,8 +66,8 @@ def subject(angle: float) -> Surface:
     )
 
 
-def rendered(surface: Surface, samples: int, seed: int, engine: Engine) -> Layers:
-    quality = replace(QUALITY, samples=samples)
+def rendered(surface: Surface, samples: int, seed: int, engine: Engine, width: int) -> Layers:
+    quality = replace(QUALITY, width=width, height=width * 9 // 16, samples=samples)
     look, lights, stage = LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"]
     aovs = ("before", "after") if samples == QUALITY.samples else ()
     return render_frame(surface, look, lights, stage, Placement(), CAMERA, quality, seed, engine, aovs=aovs)
@@ -76,33 +79,34 @@ def moment_of(layers: Layers) -> Moment:
     return Moment(light, noise_of(layers["beauty"], light), **known, camera=CAMERA, placement=Placement())
 
 
-def measure(name: str, angles: list[float], reference: int, engine: Engine) -> list[Row]:
-    """Flicker and error of each way to make the frames."""
+def measure(name: str, angles: list[float], width: int, reference: int, engine: Engine) -> list[Row]:
+    """Flicker and error of each way to make the frames that have two others to either side."""
     surfaces = [subject(angle) for angle in angles]
-    cheap = [rendered(surface, 16, 1 + i, engine) for i, surface in enumerate(surfaces)]
-    moments = {i: moment_of(layers) for i, layers in enumerate(cheap)}
-    around = {i: {n: moments[n] for n in moments if abs(n - i) <= 2} for i in moments}
+    inner = range(2, len(angles) - 2)
+
+    def raw(samples: int, seed: int, frames: Iterable[int]) -> list[AnyArray]:
+        return [rendered(surfaces[i], samples, seed + i, engine, width)["beauty"] for i in frames]
+
+    moments = {i: moment_of(rendered(s, 16, 1 + i, engine, width)) for i, s in enumerate(surfaces)}
+    around = {i: {n: moments[n] for n in moments if abs(n - i) <= 2} for i in inner}
     made = {
-        "16, raw": [layers["beauty"] for layers in cheap],
-        "16, denoised": [moments[i].light for i in moments],
-        "16, denoised over time": [steady(around[i], i) for i in moments],
-        "256, raw": [rendered(s, 256, 101 + i, engine)["beauty"] for i, s in enumerate(surfaces)],
+        "16, raw": raw(16, 1, inner),
+        "16, denoised": [moments[i].light for i in inner],
+        "16, denoised over time": [steady(around[i], i) for i in inner],
+        "256, raw": raw(256, 101, inner),
     }
     still = len(set(angles)) == 1
-    truths = [
-        rendered(s, reference, 201 + i, engine)["beauty"]
-        for i, s in enumerate(surfaces[: 1 if still else None])
-    ]
+    truths = raw(reference, 201, inner[:1] if still else inner)
+    put(f"flicker_{name}", {"16": made["16, raw"][0], "over time": made["16, denoised over time"][0]})
     rows: list[Row] = []
     for way, pictures in made.items():
         off = np.stack([_shown(p) - _shown(truths[0 if still else i]) for i, p in enumerate(pictures)])
-        inner = off[2:-2]  # those that have two frames to either side
         rows.append(
             {
                 "film": name,
                 "samples": way,
-                "flicker": float(inner.std(axis=0).mean()),
-                "error": float(np.sqrt((inner**2).mean())),
+                "flicker": float(off.std(axis=0).mean()),
+                "error": float(np.sqrt((off**2).mean())),
             }
         )
     return rows
@@ -112,11 +116,11 @@ def _shown(light: AnyArray) -> AnyArray:
     return np.asarray(255.0 * to_display(light.astype(np.float32)), dtype=np.float64)
 
 
-def main(reference: int = 1024) -> list[Target]:
+def main(width: int = 480, reference: int = 1024) -> list[Target]:
     """Measure both films, and say what is met."""
     engine = choose()
-    rows = measure("still", [0.0] * FRAMES, reference, engine)
-    rows += measure("turning", [TURN * (i + 1) for i in range(FRAMES)], reference, engine)
+    rows = measure("still", [0.0] * FRAMES, width, reference, engine)
+    rows += measure("turning", [TURN * (i + 1) for i in range(FRAMES)], width, reference, engine)
     show("Flicker and error, steps of 255", rows)
     keep("flicker", rows)
     found = {(row["film"], row["samples"]): float(row["flicker"]) for row in rows}

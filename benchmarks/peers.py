@@ -27,15 +27,16 @@ _AIM = 0.75  # target edge length over the maximum edge length
 def installed() -> dict[str, Remesher]:
     """By name."""
     known: dict[str, Remesher] = {"pymeshlab": _pymeshlab, "gpytoolbox": _gpytoolbox}
-    return {name: run for name, run in known.items() if _found(name)}
+    return {name: run for name, run in known.items() if found(name)}
 
 
 def nearest() -> Nearest | None:
     """libigl's search for the nearest face, where it is installed."""
-    return _nearest if _found("igl") and _found("scipy") else None
+    return _nearest if found("igl") and found("scipy") else None
 
 
-def _found(name: str) -> bool:
+def found(name: str) -> bool:
+    """Whether a package is there, with the project's own or beside them."""
     beside = str(Path(sys.prefix) / "peers")
     if beside not in sys.path:
         sys.path.append(beside)

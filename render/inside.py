@@ -22,7 +22,7 @@ PIECE = 1 << 16
 def refuse_inside(surface: Surface, camera: Camera) -> None:
     """Raises BadInputError where the camera stands inside of a closed surface, and would see its back."""
     origin = np.array(camera.origin)
-    low, high = surface.vertices.min(axis=0), surface.vertices.max(axis=0)
+    low, high = surface.bounds
     if not ((low < origin) & (origin < high)).all():
         return
     if abs(turns(surface, origin)) >= SURELY:

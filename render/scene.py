@@ -175,18 +175,29 @@ def _integrator(description: dict[str, Any]) -> Any:
 def _load(scene: dict[str, Any]) -> Any:
     """Load a scene in the order it is written.
 
-    Mitsuba's optimizer merges shapes by where their materials happen to lie in memory; lamps then change
-    places from one run to the next, and with them the noise.
+    Its parts are loaded first, and changed as they must be: a scene whose shapes are changed later builds its
+    bounding volumes again. Mitsuba's optimizer merges shapes by where their materials happen to lie in
+    memory; lamps then change places from one run to the next, and with them the noise.
     """
     import mitsuba as mi
 
-    loaded = mi.load_dict(scene, parallel=False, optimize=False)
+    parts = {name: _part(name, each) for name, each in scene.items() if name != "type"}
+    return mi.load_dict({"type": scene["type"], **parts}, parallel=False, optimize=False)
+
+
+def _part(name: str, described: Any) -> Any:
+    import mitsuba as mi
+
+    part = described
+    if isinstance(described, dict):
+        part = mi.load_dict(described, parallel=False, optimize=False)
+        part.set_id(name)
     if mi.variant() != "scalar_rgb":
-        _keep_out_of_kernels(loaded)
-    return loaded
+        _keep_out_of_kernels(part)
+    return part
 
 
-def _keep_out_of_kernels(scene: Any) -> None:
+def _keep_out_of_kernels(part: Any) -> None:
     """Make where things stand, and how dense they are, data of the compiled code, not constants in it.
 
     Otherwise every frame whose stage moves or grows a little is compiled anew, which takes a third of a
@@ -195,7 +206,7 @@ def _keep_out_of_kernels(scene: Any) -> None:
     import drjit as dr
     import mitsuba as mi
 
-    values = mi.traverse(scene)
+    values = mi.traverse(part)
     for name in [name for name in values.keys() if name.endswith(_CHANGING)]:  # noqa: SIM118 not a dict
         dr.make_opaque(values[name])
         values[name] = values[name]

@@ -1,0 +1,144 @@
+"""Blender's Cycles in a process of its own, which speaks lines of JSON: a frame to show, a picture to render.
+
+    python -P benchmarks/blender.py SCENE.json
+
+It is given what Mitsuba is given: the same triangles and normals, lamps of the same size and radiance, the
+same sky, lens, box filter and number of bounces. Its y axis points up as ours does. It needs bpy, and of this
+project nothing.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+import bpy
+import numpy as np
+from mathutils import Matrix
+
+ROOM = Path(sys.argv[1]).parent
+
+
+def main() -> None:
+    """Serve until the input ends."""
+    told = json.loads(Path(sys.argv[1]).read_text())
+    bpy.ops.wm.read_factory_settings(use_empty=True)
+    _settings(told)
+    _sky(told["sky"])
+    for lamp in told["lamps"]:
+        _lamp(lamp)
+    stage = np.load(ROOM / told["stage"])
+    _show("stage", stage, _paint("stage", told["stage_colour"]))
+    clay = _paint("subject", told["colour"])
+    print(json.dumps({"blender": bpy.app.version_string}), flush=True)
+    for line in sys.stdin:
+        wanted = json.loads(line)
+        if "mesh" in wanted:
+            _show("subject", np.load(ROOM / wanted["mesh"]), clay)
+            print(json.dumps({}), flush=True)
+        else:
+            print(json.dumps({"seconds": _render(**wanted)}), flush=True)
+
+
+def _settings(told: dict[str, Any]) -> None:
+    scene = bpy.context.scene
+    scene.render.engine = "CYCLES"
+    scene.render.resolution_x, scene.render.resolution_y = told["size"]
+    scene.render.resolution_percentage = 100
+    scene.render.image_settings.file_format = "OPEN_EXR"
+    scene.render.image_settings.color_depth = "32"
+    scene.render.image_settings.color_mode = "RGB"
+    cycles = scene.cycles
+    cycles.device = "CPU"
+    cycles.use_adaptive_sampling = False
+    cycles.pixel_filter_type = "BOX"
+    cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
+    cycles.max_bounces = told["depth"] - 2  # bounces after the first surface, lamps not counted
+    cycles.diffuse_bounces = cycles.glossy_bounces = cycles.max_bounces
+    cycles.denoiser = "OPENIMAGEDENOISE"
+    lens = bpy.data.cameras.new("lens")
+    lens.sensor_fit = "HORIZONTAL"
+    lens.angle = told["field_of_view"]
+    lens.clip_start, lens.clip_end = 0.01, 1e4
+    camera = bpy.data.objects.new("camera", lens)
+    camera.matrix_world = Matrix(told["camera"])
+    scene.collection.objects.link(camera)
+    scene.camera = camera
+
+
+def _sky(radiance: list[float]) -> None:
+    world = bpy.data.worlds.new("sky")
+    world.use_nodes = True
+    world.node_tree.nodes["Background"].inputs["Color"].default_value = (*radiance, 1.0)
+    world.cycles_visibility.camera = False
+    bpy.context.scene.world = world
+
+
+def _lamp(told: dict[str, Any]) -> None:
+    """A rectangle that shines to one side, seen in reflections alone."""
+    light = bpy.data.lights.new("lamp", "AREA")
+    light.shape = "RECTANGLE"
+    light.size, light.size_y = told["width"], told["height"]
+    brightest = max(told["radiance"])
+    light.color = [each / brightest for each in told["radiance"]]
+    light.energy = _power(brightest, told["width"] * told["height"])
+    lamp = bpy.data.objects.new("lamp", light)
+    lamp.matrix_world = Matrix(told["matrix"])
+    lamp.visible_camera = False
+    bpy.context.scene.collection.objects.link(lamp)
+
+
+def _power(radiance: float, area: float) -> float:
+    """Watts of a lamp that shines by Lambert's law."""
+    return math.pi * area * radiance
+
+
+def _paint(name: str, colour: list[float]) -> Any:
+    paint = bpy.data.materials.new(name)
+    paint.use_nodes = True
+    nodes = paint.node_tree.nodes
+    nodes.clear()
+    matt, out = nodes.new("ShaderNodeBsdfDiffuse"), nodes.new("ShaderNodeOutputMaterial")
+    matt.inputs["Color"].default_value = (*colour, 1.0)
+    paint.node_tree.links.new(matt.outputs["BSDF"], out.inputs["Surface"])
+    return paint
+
+
+def _show(name: str, arrays: Any, paint: Any) -> None:
+    """Put a mesh on the stage in place of the one that had its name."""
+    old = bpy.data.objects.get(name)
+    if old is not None:
+        bpy.data.meshes.remove(old.data)
+    vertices, faces = arrays["vertices"], arrays["faces"]
+    mesh = bpy.data.meshes.new(name)
+    mesh.vertices.add(len(vertices))
+    mesh.vertices.foreach_set("co", vertices.astype(np.float32).ravel())
+    mesh.loops.add(faces.size)
+    mesh.loops.foreach_set("vertex_index", faces.astype(np.int32).ravel())
+    mesh.polygons.add(len(faces))
+    mesh.polygons.foreach_set("loop_start", np.arange(0, faces.size, 3, dtype=np.int32))
+    mesh.update(calc_edges=True)
+    mesh.shade_smooth()
+    mesh.normals_split_custom_set_from_vertices(arrays["normals"].astype(np.float32))
+    mesh.materials.append(paint)
+    bpy.context.scene.collection.objects.link(bpy.data.objects.new(name, mesh))
+
+
+def _render(samples: int, denoised: bool, seed: int, to: str) -> list[float]:
+    """Render, and write the picture; seconds of the first, by the clock and of all threads."""
+    scene = bpy.context.scene
+    scene.cycles.samples, scene.cycles.seed = samples, seed
+    scene.cycles.use_denoising = denoised
+    begun = time.perf_counter(), time.process_time()
+    bpy.ops.render.render()
+    ended = time.perf_counter(), time.process_time()
+    bpy.data.images["Render Result"].save_render(str(ROOM / to))
+    return [b - a for a, b in zip(begun, ended, strict=True)]
+
+
+if __name__ == "__main__":
+    main()

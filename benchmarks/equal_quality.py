@@ -1,0 +1,170 @@
+"""`python -m benchmarks.equal_quality [WIDTH] [REFERENCE]`: how long until a picture is as good.
+
+A glazed and a clay torus in the studio, 320 pixels wide unless WIDTH says otherwise. Ours: `render_frame`
+with 16 samples and the guides, and the denoiser; building the scene is part of the time, the median of
+five. Raw: the same scene rendered by Mitsuba alone, with its default sampler (`independent`) and nothing
+else, until the error is the same: as PSNR on a display, and as FLIP. Its time is found between powers of
+two of samples, where the logarithm of the error falls along a line. The truth has REFERENCE samples (4096)
+by our sampler. Wanted: 8 times less time. Writes `benchmarks/out/equal_quality.json` and PNGs.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from benchmarks.errors import flip, psnr, put
+from benchmarks.flicker import CAMERA, subject
+from benchmarks.report import Row, Target, keep, show
+from pipeline.arrays import AnyArray
+from render.denoise import denoise
+from render.engine import Engine, choose
+from render.frame import render_frame
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.quality import Quality
+from render.scene import Rendering, build_scene
+from render.sensor import sensor
+from render.stage import STAGES, Placement
+
+SHOWN = ("glaze", "clay")
+DEPTH, PASS, REPEATS = 6, 16, 5
+MOST_SAMPLES = 1024
+LEAST = 8.0
+"""What is wanted: times less time."""
+
+
+@dataclass(frozen=True)
+class Best:
+    """What can be had by rendering on: samples, seconds and a picture, at powers of two."""
+
+    samples: list[int]
+    seconds: list[float]
+    pictures: list[AnyArray]
+
+    def until(self, error_of: Callable[[AnyArray], float], wanted: float) -> float:
+        """Seconds until an error that falls is `wanted`: between two pictures along a line of logarithms,
+        and beyond the last one by the slope of the whole."""
+        times, errors = np.log(self.seconds), np.log([error_of(each) for each in self.pictures])
+        if errors[-1] <= np.log(wanted):
+            return float(np.exp(np.interp(-np.log(wanted), -errors, times)))
+        slope, level = np.polyfit(errors, times, 1)
+        return float(np.exp(slope * np.log(wanted) + level))
+
+
+def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) -> Row:
+    """Seconds of both to the same error."""
+    surface = subject(0.3)
+    quality = Quality(*size, samples=16, depth=DEPTH, guides=16)
+
+    def scene() -> Rendering:
+        return build_scene(
+            surface,
+            LOOKS[look],
+            LIGHTS["studio"],
+            STAGES["cyclorama"],
+            Placement(),
+            CAMERA,
+            size,
+            DEPTH,
+        ).beauty
+
+    def ours() -> AnyArray:
+        layers = render_frame(
+            surface,
+            LOOKS[look],
+            LIGHTS["studio"],
+            STAGES["cyclorama"],
+            Placement(),
+            CAMERA,
+            quality,
+            1,
+            engine,
+        )
+        return denoise(layers)
+
+    picture = ours()  # what is compiled is compiled now
+    took = []
+    for _ in range(REPEATS):
+        begun = time.perf_counter()
+        ours()
+        took.append(time.perf_counter() - begun)
+    raw = rendered_on(scene, size)
+    truth = _mean(scene(), reference)
+    worth = psnr(picture, truth)
+    put(f"equal_{look}", {"16 denoised": picture, f"{raw.samples[-1]} raw": raw.pictures[-1], "truth": truth})
+    mean = float(np.median(took))
+    row: Row = {
+        "look": look,
+        "ours, s": mean,
+        "PSNR, dB": worth,
+        "raw 16, dB": psnr(raw.pictures[raw.samples.index(16)], truth),
+        "raw until that, s": raw.until(lambda p: 10.0 ** (-psnr(p, truth) / 20.0), 10.0 ** (-worth / 20.0)),
+    }
+    row["times"] = float(row["raw until that, s"]) / mean
+    seen = flip(picture, truth)
+    if seen is not None:
+        row["FLIP"] = seen
+        row["raw 16, FLIP"] = flip(raw.pictures[raw.samples.index(16)], truth) or 0.0
+        row["raw until that FLIP, s"] = raw.until(lambda p: flip(p, truth) or 0.0, seen)
+        row["times, FLIP"] = float(row["raw until that FLIP, s"]) / mean
+    return row
+
+
+def rendered_on(scene: Callable[[], Rendering], size: tuple[int, int]) -> Best:
+    """Passes of Mitsuba's default sampler, their mean kept whenever the samples have doubled."""
+    import mitsuba as mi
+
+    begun = time.perf_counter()
+    rendering = scene()
+    lens = mi.load_dict({**sensor(CAMERA, size), "sampler": {"type": "independent"}})
+    best, total = Best([], [], []), np.zeros((size[1], size[0], 3))
+    spent = time.perf_counter() - begun
+    for taken in range(1, MOST_SAMPLES // PASS + 1):
+        begun = time.perf_counter()
+        total = total + one_pass(rendering, 1000 + taken, sensor=lens)
+        spent += time.perf_counter() - begun
+        if taken & (taken - 1) == 0:
+            best.samples.append(taken * PASS)
+            best.seconds.append(spent)
+            best.pictures.append(np.asarray(total / taken))
+    return best
+
+
+def _mean(rendering: Rendering, samples: int) -> AnyArray:
+    count = max(1, samples // PASS)
+    return np.asarray(sum(one_pass(rendering, 50_000 + i) for i in range(count)) / count)
+
+
+def one_pass(rendering: Rendering, seed: int, **by: Any) -> AnyArray:
+    import drjit as dr
+    import mitsuba as mi
+
+    found = mi.render(rendering.scene, integrator=rendering.integrator, spp=PASS, seed=seed, **by)
+    picture = np.array(found, dtype=np.float64)[..., :3]
+    dr.flush_malloc_cache()
+    return picture
+
+
+def main(width: int = 320, reference: int = 4096) -> list[Target]:
+    """Measure both looks, and say what is met."""
+    engine = choose()
+    engine.start()
+    rows = [measure(look, (width, width * 9 // 16), reference, engine) for look in SHOWN]
+    show("Time to the same error", rows)
+    keep("equal_quality", rows)
+    return [
+        Target(f"16 denoised, {row['look']}", f"{what} less", float(row[what]), least=LEAST)
+        for row in rows
+        for what in ("times", "times, FLIP")
+        if what in row
+    ]
+
+
+if __name__ == "__main__":
+    show("Targets", [target.row for target in main(*map(int, sys.argv[1:]))])

@@ -1,0 +1,106 @@
+"""`python -m benchmarks.long_run [FRAMES]`: does a process that renders and renders grow?
+
+A box that is wrung and resampled for 500 frames, 96 × 54 pixels, its light taken in from a frame to either
+side. All frames are rendered by one process, and finished by another; the production itself has a new process
+every few dozen frames, which would hide what leaks. Resident memory is noted after every frame; wanted at the
+end, and at most after frame 50: within 5% of its value at frame 50. Writes `benchmarks/out/long_run.json`.
+"""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import tempfile
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import psutil
+
+from benchmarks.report import Row, Target, keep, show
+from benchmarks.sitting import PLAN, Sitting
+from pipeline.production.events import EventLog
+from pipeline.production.layout import PLANS
+from pipeline.production.plan import Plan
+from render.engine import choose
+
+SHOT = """\
+title: A box, wrung to and fro
+frames: 1-{frames}
+rate: 24
+subject: {{solid: box, size: [2, 2, 2]}}
+resample: {{max_edge_length: 0.12, placement: chord}}
+flows:
+  - twist: {{axis: y, amount: {{formula: 60*sin(2*pi*t)}}}}
+look: glaze
+camera: {{azimuth: -24, elevation: 14}}
+quality: {{daily: {{samples: 4, guides: 4, depth: 4, steady: 1}}}}
+"""
+
+QUALITY = "daily.scale10"
+SETTLED, MOST = 50, 0.05
+TASKS = ("render", "finish")
+
+
+@dataclass
+class Memory(EventLog):
+    """An event log that notes how large the process is whenever a frame is told of."""
+
+    sizes: list[float] = field(default_factory=list)
+
+    def write(self, event: str, **facts: Any) -> None:
+        super().write(event, **facts)
+        if event == "frame":
+            self.sizes.append(psutil.Process().memory_info().rss / 2**20)
+
+
+def main(frames: int = 500) -> list[Target]:
+    """Make all frames, and say how far memory went from where it had settled."""
+    engine = choose(threads=1)
+    with tempfile.TemporaryDirectory() as folder:
+        root = Path(folder)
+        shot = Sitting.of(root, SHOT.format(frames=frames), QUALITY, engine, cores=1)
+        shot.do_all(["simulate", "smooth_normals", "frame_camera"])
+        sizes = {task: _watched(root, task) for task in TASKS}
+    rows = [_row(task, sizes[task]) for task in TASKS]
+    show(f"Resident memory over {frames} frames, MiB", rows)
+    keep("long_run", rows)
+    return [
+        Target(f"{frames} frames, {row['task']}", what, float(row[what]), most=MOST)
+        for row in rows
+        for what in ("at the end, share more", "at most, share more")
+    ]
+
+
+def _watched(root: Path, task: str) -> list[float]:
+    command = [sys.executable, "-m", "benchmarks.long_run", "child", str(root), task]
+    done = subprocess.run(command, check=True, stdout=subprocess.PIPE, text=True)
+    return list(json.loads(done.stdout.splitlines()[-1]))
+
+
+def child(root: Path, task: str) -> None:
+    """All frames of a task by this process, which then says how large it was after each."""
+    shot = Sitting(root, Plan.thaw(root / PLANS / f"{PLAN}.json"))
+    log = Memory(root / f"{task}.jsonl", task)
+    shot.do(shot.merged(task), log)
+    print(json.dumps(log.sizes))
+
+
+def _row(task: str, sizes: list[float]) -> Row:
+    settled = sizes[min(SETTLED, len(sizes) // 2) - 1]
+    after = sizes[min(SETTLED, len(sizes) // 2) - 1 :]
+    marks = {f"frame {n}": sizes[n - 1] for n in (1, 10, 50, 100, 200, 300, 400, 500) if n <= len(sizes)}
+    return {
+        "task": task,
+        **marks,
+        "at the end, share more": sizes[-1] / settled - 1.0,
+        "at most, share more": max(after) / settled - 1.0,
+    }
+
+
+if __name__ == "__main__":
+    if sys.argv[1:2] == ["child"]:
+        child(Path(sys.argv[2]), sys.argv[3])
+    else:
+        show("Targets", [target.row for target in main(*map(int, sys.argv[1:]))])

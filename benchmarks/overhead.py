@@ -1,0 +1,179 @@
+"""`python -m benchmarks.overhead [FRAMES] [SCALE] [STEADY …]`: what a frame takes beyond rendering it.
+
+A sculpture of some 67,000 vertices is made by the production's own jobs, as two cores do it: one job of one
+thread a core, of which one is watched here. 1280 × 720 pixels unless SCALE (per cent of 1920 × 1080) says
+otherwise, 64 samples of light and of the guides. Seconds inside of `mi.render`, until its picture is there,
+and inside of the denoiser are told apart from all others; so both sides of the ratio come from the same
+frames and the same moments of a busy machine. Then Mitsuba alone renders the last frame in one call of 64
+samples, which says what cutting it into passes costs. Writes `benchmarks/out/overhead.json`.
+
+Twice unless STEADY says otherwise: without and with light of 2 frames to either side, whose layers take
+passes of their own. Neither simulating nor starting Python and Snakemake is part of a frame.
+"""
+
+from __future__ import annotations
+
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyoidn
+
+from benchmarks.measures import told
+from benchmarks.report import Row, Target, keep, show
+from benchmarks.sitting import Sitting
+from render.colour import prepare
+from render.engine import Engine, choose
+
+SHOT = """\
+title: A box of 50,000 vertices, twisted
+frames: 1-8
+rate: 24
+subject: {{solid: box, size: [2, 2, 2]}}
+resample: {{max_edge_length: 0.034}}
+flows:
+  - twist: {{axis: y, amount: {{ease: linear, keys: {{1: 0, 8: 60}}}}}}
+look: glaze
+camera: {{azimuth: -24, elevation: 14}}
+lights: studio
+stage: cyclorama
+quality: {{final: {{samples: 64, guides: 64, depth: 6, steady: {steady}}}}}
+"""
+
+BEFORE, WATCHED = ("simulate", "frame_camera"), ("smooth_normals", "render", "finish", "assemble")
+MOST = 0.08
+"""What is wanted: everything else, of rendering and denoising."""
+
+
+@dataclass
+class Watch:
+    """Seconds by what they were spent on."""
+
+    seconds: dict[str, float] = field(default_factory=dict)
+    light: tuple[Any, Any] | None = None
+    """The scene and the integrator that light was rendered with last."""
+
+    def timed(self, what: str, work: Callable[[], Any]) -> Any:
+        begun = time.perf_counter()
+        answer = work()
+        self.seconds[what] = self.seconds.get(what, 0.0) + time.perf_counter() - begun
+        return answer
+
+    @contextmanager
+    def over(self) -> Iterator[None]:
+        """While it is entered, `mi.render` and the denoiser tell how long they took."""
+        import drjit as dr
+        import mitsuba as mi
+
+        render, denoise = mi.render, pyoidn.denoise
+
+        def rendered(scene: Any, *arguments: Any, integrator: Any, **others: Any) -> Any:
+            def work() -> Any:
+                picture = render(scene, *arguments, integrator=integrator, **others)
+                dr.eval(picture)
+                dr.sync_thread()
+                return picture
+
+            is_light = "path" in str(integrator).lower().split("[")[0]
+            if is_light:
+                self.light = scene, integrator
+            return self.timed("light" if is_light else _layer(integrator), work)
+
+        def denoised(*arguments: Any, **others: Any) -> Any:
+            return self.timed("denoiser", lambda: denoise(*arguments, **others))
+
+        mi.render, pyoidn.denoise = rendered, denoised
+        try:
+            yield
+        finally:
+            mi.render, pyoidn.denoise = render, denoise
+
+
+def _layer(integrator: Any) -> str:
+    """Guides ask for more than the albedo; what vertices bring along is looked at by it alone."""
+    return "guides" if "position" in str(integrator) else "vertices' layers"
+
+
+def measure(frames: int, scale: str, steady: int, engine: Engine) -> Row:
+    """Where the time of a frame goes, its mean over the frames; seconds."""
+    quality, numbers = f"final.scale{scale}", range(9 - frames, 9)
+    watch, spent = Watch(), dict[str, float]()
+    with tempfile.TemporaryDirectory() as folder:
+        shot = Sitting.of(Path(folder), SHOT.format(steady=steady), quality, engine, 2, numbers)
+        shot.do_all(BEFORE)
+        cpu = time.process_time()
+        with watch.over():
+            for task in WATCHED:
+                begun = time.perf_counter()
+                shot.do_all([task])
+                spent[task] = time.perf_counter() - begun
+        cpu = time.process_time() - cpu
+        stages_of = [shot.statistics(quality, number) for number in numbers]
+    inside, total, once = watch.seconds, sum(spent.values()), _in_one_call(watch)
+    calls = sum(inside.values())
+    stages = {what: sum(each[what] for each in stages_of) for what in ("preparing", "building", "rendering")}
+    seconds = {
+        **inside,
+        "normals": spent["smooth_normals"],
+        "preparing": stages["preparing"],
+        "building": stages["building"],
+        "adding passes up": stages["rendering"] - (calls - inside["denoiser"]),
+        "reading, EXR, store": spent["render"] - sum(stages.values()),
+        "finishing, but the denoiser": spent["finish"] - inside["denoiser"],
+        "view and encoding": spent["assemble"],
+        "all": total,
+        "CPU seconds, all": cpu,
+    }
+    return {
+        "steady": float(steady),
+        "vertices": stages_of[-1]["vertices"],
+        **{what: each / frames for what, each in seconds.items()},
+        "light in one call": once,
+        "everything else, share": total / calls - 1.0,
+        "the same, guides and passes as ours": total / (once * frames + inside["denoiser"]) - 1.0,
+    }
+
+
+def _in_one_call(watch: Watch) -> float:
+    import drjit as dr
+    import mitsuba as mi
+
+    assert watch.light is not None
+    scene, integrator = watch.light
+    begun = time.perf_counter()
+    np.array(mi.render(scene, integrator=integrator, spp=64, seed=1))
+    dr.sync_thread()
+    return time.perf_counter() - begun
+
+
+def main(frames: int = 2, scale: str = "66.67", *steady: int) -> list[Target]:
+    """Measure it, and say what is met."""
+    prepare()
+    engine = choose(threads=1)
+    engine.start()
+    rows = [measure(frames, scale, each, engine) for each in steady or (0, 2)]
+    for row in rows:
+        show(
+            f"A frame, seconds; steady {row['steady']:g}", [{"what": what, "s": s} for what, s in row.items()]
+        )
+    keep("overhead", rows)
+    return [
+        Target(
+            f"a frame, steady {row['steady']:g}",
+            "everything else",
+            told(row, "everything else, share"),
+            most=MOST,
+        )
+        for row in rows
+    ]
+
+
+if __name__ == "__main__":
+    given = sys.argv[1:]
+    show("Targets", [target.row for target in main(*map(int, given[:1]), *given[1:2], *map(int, given[2:]))])

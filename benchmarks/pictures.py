@@ -1,0 +1,23 @@
+"""`python -m benchmarks.pictures`: everything that is wanted of pictures, and whether it is met.
+
+Each part can be run alone, and most of them smaller, by a first number. Writes
+`benchmarks/out/targets_pictures.json`.
+"""
+
+from __future__ import annotations
+
+from benchmarks import cycles, equal_quality, flicker, long_run, overhead, scenes, sizzle
+from benchmarks.report import keep, show
+
+
+def main() -> None:
+    """Measure everything and say what is met."""
+    parts = (scenes, overhead, equal_quality, cycles, flicker, sizzle, long_run)
+    found = [target for part in parts for target in part.main()]
+    rows = [target.row for target in found]
+    keep("targets_pictures", rows)
+    show("Targets", rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,116 @@
+"""`python -m benchmarks.scenes [REPEATS]`: from arrays to a scene to render, against Mitsuba alone.
+
+Geodesic spheres of 50 thousand and of a million vertices in the studio. Ours is `build_scene`: it looks for
+what cannot be rendered, makes stage, lamps and materials, and hands all over. Mitsuba alone gets the very
+same arrays, stage and lamps as shapes made before the clock starts, so that loading them is building their
+bounding volumes. Both in turn, the quickest of some. Writes `benchmarks/out/scenes.json`.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from benchmarks.report import Row, Target, keep, show
+from pipeline.mesh.solids import icosphere
+from render import lamps, scenery
+from render.camera import Camera
+from render.engine import choose
+from render.lights import LIGHTS
+from render.look import LOOKS
+from render.mitsuba_mesh import mesh
+from render.scene import build_scene
+from render.stage import STAGES, Placement
+from render.surface import Surface
+
+FREQUENCIES = {"50k": 71, "1M": 316}
+"""Of the spheres: 10 n² + 2 vertices."""
+
+CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.9, 0.0))
+SIZE = (1280, 720)
+MOST_MS, MOST_TIMES = 40.0, 1.1
+"""What is wanted: milliseconds at 50k, and times Mitsuba's own at 1M."""
+
+
+def ball(frequency: int) -> Surface:
+    made = icosphere(frequency)
+    points = (made.vertices + np.array([0.0, 1.0, 0.0])).astype(np.float32)
+    return Surface(points, made.vertices.astype(np.float32), made.faces)
+
+
+def measure(size: str, repeats: int) -> Row:
+    """Milliseconds of both."""
+    surface = ball(FREQUENCIES[size])
+
+    def ours() -> None:
+        build_scene(
+            surface,
+            LOOKS["clay"],
+            LIGHTS["studio"],
+            STAGES["cyclorama"],
+            Placement(),
+            CAMERA,
+            SIZE,
+            6,
+        )
+
+    seconds: dict[str, list[float]] = {"ours": [], "Mitsuba's": []}
+    ours()  # what is compiled is compiled now
+    for _ in range(repeats):
+        seconds["ours"].append(_clocked(ours))
+        shapes = _shapes(surface)
+        _settled()
+        seconds["Mitsuba's"].append(_clocked(partial(_loaded, shapes)))
+    best = {who: 1000.0 * min(times) for who, times in seconds.items()}
+    return {"vertices": len(surface.vertices), **best, "ratio": best["ours"] / best["Mitsuba's"]}
+
+
+def _shapes(surface: Surface) -> dict[str, Any]:
+    import mitsuba as mi
+
+    subject = mesh("subject", surface, {"type": "diffuse"}, np.array([0.0, 1.0]))
+    shining = lamps.emitters(LIGHTS["studio"], Placement().matrix())
+    made = {name: mi.load_dict(each, parallel=False, optimize=False) for name, each in shining.items()}
+    return {"subject": subject, **scenery.shapes(STAGES["cyclorama"], Placement(), CAMERA, SIZE), **made}
+
+
+def _loaded(shapes: dict[str, Any]) -> None:
+    import mitsuba as mi
+
+    mi.load_dict({"type": "scene", **shapes}, parallel=False, optimize=False)
+
+
+def _settled() -> None:
+    """Whatever has been asked for and not been done yet is done now."""
+    import drjit as dr
+
+    dr.eval()
+    dr.sync_thread()
+
+
+def _clocked(work: Callable[[], None]) -> float:
+    begun = time.perf_counter()
+    work()
+    _settled()
+    return time.perf_counter() - begun
+
+
+def main(repeats: int = 7) -> list[Target]:
+    """Measure both sizes, and say what is met."""
+    choose().start()
+    rows = {size: measure(size, repeats) for size in FREQUENCIES}
+    show("From arrays to a scene, milliseconds", list(rows.values()))
+    keep("scenes", list(rows.values()))
+    return [
+        Target("scene:50k", "ms", float(rows["50k"]["ours"]), most=MOST_MS),
+        Target("scene:1M", "times Mitsuba's own", float(rows["1M"]["ratio"]), most=MOST_TIMES),
+    ]
+
+
+if __name__ == "__main__":
+    show("Targets", [target.row for target in main(*map(int, sys.argv[1:]))])

@@ -1,0 +1,79 @@
+"""A shot made by the production's own jobs, in this process, so that they can be watched."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+
+import numba
+
+from pipeline.production.events import EventLog
+from pipeline.production.layout import Folders
+from pipeline.production.plan import Job, Plan
+from pipeline.production.planner import Planner
+from pipeline.production.script import Script
+from pipeline.production.store import Store
+from pipeline.production.take import Take
+from pipeline.production.tasks.__main__ import PLACES
+from pipeline.production.tasks.context import Context
+from render.engine import Engine
+
+NAME, PLAN = "T010_sitting", "sitting"
+
+
+@dataclass(frozen=True)
+class Sitting:
+    """The jobs of a shot at a quality, none of which has been done yet.
+
+    root  the folder that everything is written to
+    """
+
+    root: Path
+    plan: Plan
+
+    @classmethod
+    def of(
+        cls, root: Path, text: str, quality: str, engine: Engine, cores: int, frames: Sequence[int] = ()
+    ) -> Sitting:
+        """text: the shot file's; of its frames these are asked for, or all, and their movie"""
+        path = root / "shots" / f"{NAME}.yaml"
+        path.parent.mkdir(parents=True)
+        path.write_text(text)
+        take = Take(Script(text, path).pinned(), quality, engine.variant, tuple(frames))
+        take = take if frames else take.whole()
+        planner = Planner(Store(root), cores)
+        planner.pictures(take)
+        planner.movie(take)
+        plan = replace(planner.plan(), name=PLAN)
+        plan.freeze(root)
+        return cls(root, plan)
+
+    def statistics(self, quality: str, number: int) -> dict[str, float]:
+        """Seconds of a picture by what they were spent on, as the production tells them."""
+        folders = Folders.of_shot(NAME)
+        told = json.loads((self.root / folders.statistics(quality, number)).read_text())
+        return {**told["seconds"], "vertices": told["vertices"]}
+
+    def jobs(self, task: str) -> Iterator[Job]:
+        return (job for job in self.plan.jobs if job.task == task)
+
+    def merged(self, task: str) -> Job:
+        """All jobs of a task as one, by one process."""
+        first, *others = self.jobs(task)
+        return replace(first, frames=first.frames + tuple(n for job in others for n in job.frames))
+
+    def do(self, job: Job, log: EventLog | None = None) -> None:
+        """Raises RuntimeError where a frame could not be made."""
+        numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
+        log = log or EventLog(self.root / "events.jsonl", job.name)
+        task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
+        if not task(Context(self.root, self.plan, job, log)):
+            raise RuntimeError(f"{job.name} failed: see above")
+
+    def do_all(self, tasks: Sequence[str]) -> None:
+        for task in tasks:
+            for job in self.jobs(task):
+                self.do(job)
