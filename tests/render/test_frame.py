@@ -22,6 +22,7 @@ from render.errors import BadInputError
 from render.frame import Layers, render_frame, seed_of, without_sparkles
 from render.lights import LIGHTS, LightRig, Sky, Sun
 from render.look import LOOKS, Look
+from render.measure import SPEED
 from render.quality import QUALITIES, Quality
 from render.stage import STAGES, Placement
 from render.surface import Surface
@@ -125,7 +126,9 @@ def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: La
 
 @pytest.mark.parametrize("name", LOOKS)
 def test_every_look_renders(name: str, rendered: Rendered, sphere: Surface) -> None:
-    layers = rendered(look=LOOKS[name], surface=replace(sphere, material=sphere.vertices))
+    speed = np.abs(sphere.vertices[:, :1])
+    brought = replace(sphere, material=sphere.vertices, attributes={SPEED: speed})
+    layers = rendered(look=LOOKS[name], surface=brought)
     inside = layers["matte"] == 1.0
     assert np.isfinite(layers["beauty"]).all()
     assert layers["beauty"][inside].mean() > 0.02
