@@ -6,23 +6,19 @@ probed by rendering one sample in a process of its own, and the answer is rememb
 
 from __future__ import annotations
 
-import hashlib
-import json
 import os
 import platform
 import signal
 import subprocess
 import sys
-import tempfile
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import platformdirs
-
 from render import llvm
+from render.answers import place_of, recall, remember
 from render.errors import BadInputError, RenderEnvironmentError
 from render.llvm import LibLlvm
 
@@ -115,13 +111,12 @@ def working_llvm() -> LibLlvm | None:
 def works(variant: str, library: LibLlvm | None = None) -> bool:
     """Whether one sample renders, in a process of its own; remembered by machine, version and library."""
     memory = _memory(variant, library)
-    try:
-        return bool(json.loads(memory.read_text())["works"])
-    except (OSError, ValueError, KeyError):
-        pass
+    known = recall(memory)
+    if known is not None and "works" in known:
+        return bool(known["works"])
     answer = _probe(variant, library)
     if answer is not None and (answer or variant != "cuda_ad_rgb"):  # a driver may be installed later
-        _remember(memory, {"works": answer, "variant": variant, "library": str(library and library.path)})
+        remember(memory, {"works": answer, "variant": variant, "library": str(library and library.path)})
     return bool(answer)
 
 
@@ -198,7 +193,7 @@ def _search_path() -> list[str]:
 
 
 def _memory(variant: str, library: LibLlvm | None) -> Path:
-    """The file that holds the answer; its name is a hash of all that the answer depends on."""
+    """The file that holds the answer."""
     parts = [variant, version("mitsuba"), version("drjit"), sys.version, sys.prefix]
     parts += [platform.node(), platform.machine()]
     if library is not None:
@@ -207,19 +202,7 @@ def _memory(variant: str, library: LibLlvm | None) -> Path:
             parts += [str(library.path), str(facts.st_size), str(facts.st_mtime_ns)]
         except OSError:
             parts.append(f"{library.path} missing")
-    name = hashlib.blake2b("\n".join(parts).encode(), digest_size=12).hexdigest()
-    return platformdirs.user_cache_path("flowsculpt") / "engine" / f"{name}.json"
-
-
-def _remember(memory: Path, answer: dict[str, Any]) -> None:
-    """Write the answer; a cache that cannot be written only means to probe again."""
-    try:
-        memory.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=memory.parent, suffix=".tmp", delete=False) as file:
-            json.dump(answer, file)
-        Path(file.name).replace(memory)
-    except OSError:
-        return
+    return place_of("engine", parts)
 
 
 def _render_one_sample(variant: str, library: LibLlvm | None) -> bool:

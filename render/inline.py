@@ -6,20 +6,17 @@ engine still to choose; its answers are remembered.
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import re
 import subprocess
 import sys
-import tempfile
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-import platformdirs
-
 from render import laid
+from render.answers import place_of, recall, remember
 from render.bsdf import Bsdf, Plain
 from render.errors import BadInputError
 from render.marks import Marks
@@ -55,16 +52,13 @@ def refusal(bsdf: Bsdf) -> tuple[tuple[str, ...], str] | None:
 
     Where that cannot be told, because the machine is too busy for one, None; the frame tells it then.
     """
-    recipe = f"{version('mitsuba')} {bsdf.text}"
-    name = hashlib.blake2b(recipe.encode(), digest_size=12).hexdigest()
-    memory = platformdirs.user_cache_path("flowsculpt") / "materials" / f"{name}.json"
-    try:
-        answer = json.loads(memory.read_text())["refused"]
-    except (OSError, ValueError, KeyError):
-        answer = _asked(bsdf)
-        if answer is None:
-            return None
-        _remember(memory, {"refused": answer})
+    memory = place_of("materials", [version("mitsuba"), bsdf.text])
+    known = recall(memory)
+    answer = known["refused"] if known is not None and "refused" in known else _asked(bsdf)
+    if answer is None:
+        return None
+    if known is None:
+        remember(memory, {"refused": answer})
     return (tuple(answer[0]), str(answer[1])) if answer else None
 
 
@@ -115,17 +109,6 @@ def _asked(bsdf: Bsdf) -> Any:
         return json.loads(done.stdout) if done.returncode == 0 else None
     except (OSError, ValueError, subprocess.TimeoutExpired):
         return None
-
-
-def _remember(memory: Path, answer: Any) -> None:
-    """Write the answer; a cache that cannot be written only means to ask again."""
-    try:
-        memory.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=memory.parent, suffix=".tmp", delete=False) as file:
-            json.dump(answer, file)
-        Path(file.name).replace(memory)
-    except OSError:
-        return
 
 
 def said_of(bsdf: Bsdf) -> list[Any]:
