@@ -35,7 +35,7 @@ from render.wireframe import outlines
 
 HERE = Path(__file__).parent
 QUALITY = dataclasses.replace(QUALITIES["final"], width=480, height=405)
-COLUMNS, CAPTION, FONT = 4, 36, "DroidSans"
+COLUMNS, CAPTION, FONT = 4, 48, "DroidSans"
 SHOT = """
 title: A bar wrung
 frames: 1-12
