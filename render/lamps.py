@@ -12,49 +12,13 @@ from numpy.typing import NDArray
 from render import daylight, environment
 from render.camera import Camera
 from render.lights import LightRig, Sky, Softbox, Sun
-from render.plain import Triple
-
-LEAST_SHARE = 0.05
-"""Of the samples of direct light, for any lamp."""
 
 
 def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
     """Everything that shines, by the name it has in the scene. to_scene: (4, 4), from stage units"""
     softboxes = {f"softbox{index}": _softbox(each, to_scene) for index, each in enumerate(lights.softboxes)}
     suns = {f"sun{index}": _sun(each, to_scene) for index, each in enumerate(lights.suns)}
-    lamps = {**softboxes, **suns, "sky": _around(lights)}
-    for lamp, share in zip(lamps.values(), shares(lights), strict=True):
-        lamp.get("emitter", lamp)["sampling_weight"] = share
-    return lamps
-
-
-def shares(lights: LightRig) -> list[float]:
-    """How much of the looking for light each lamp gets: softboxes, suns, and what is around, in this order.
-
-    It is the share of the irradiance that a lamp gives where it is aimed. Drawing all alike looks as often
-    for the faintest as for the key, whose shadows then are grainier than they need be. None is looked for
-    less than LEAST_SHARE of all: where the strong ones do not reach, it is all there is.
-    """
-    given = [*map(_irradiance, lights.softboxes), *(_luminance(sun.irradiance) for sun in lights.suns)]
-    if lights.daylight or lights.environment:
-        around = sum(given) or 1.0
-    else:
-        around = math.pi * sum(map(_luminance, (lights.sky.zenith, lights.sky.horizon, lights.sky.nadir))) / 3
-    given.append(around)
-    least = LEAST_SHARE * sum(given) or 1.0
-    raised = [max(each, least) for each in given]
-    return [each / sum(raised) for each in raised]
-
-
-def _irradiance(softbox: Softbox) -> float:
-    """Where it is aimed, of its luminance: L A / d²."""
-    squared = sum((a - b) ** 2 for a, b in zip(softbox.position, softbox.target, strict=True))
-    return _luminance(softbox.radiance) * softbox.width * softbox.height / max(squared, 1e-12)
-
-
-def _luminance(colour: Triple) -> float:
-    red, green, blue = colour
-    return 0.2126 * red + 0.7152 * green + 0.0722 * blue
+    return {**softboxes, **suns, "sky": _around(lights)}
 
 
 def _around(lights: LightRig) -> dict[str, Any]:

@@ -19,7 +19,6 @@ from render.engine import Engine
 from render.environment import Environment, read_map
 from render.errors import BadInputError
 from render.frame import Layers
-from render.lamps import LEAST_SHARE, shares
 from render.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.look import LOOKS
 from render.plain import to_plain
@@ -234,18 +233,3 @@ def test_quick_previews_know_light_from_all_around(rig: LightRig, sphere: Surfac
 def test_a_lamp_may_stand_right_above(rendered: Rendered) -> None:
     above = LightRig((Softbox((0.0, 6.0, 0.0), 2.0, 2.0, (60.0, 60.0, 60.0)),), sky=Sky())
     assert rendered(lights=above.turned(0.3))["beauty"].mean() > 0.05
-
-
-@pytest.mark.parametrize("name", LIGHTS)
-def test_light_is_looked_for_where_most_of_it_comes_from(name: str) -> None:
-    rig = LIGHTS[name]
-    found = shares(rig)
-    assert len(found) == len(rig.softboxes) + len(rig.suns) + 1
-    assert sum(found) == pytest.approx(1.0) and min(found) > LEAST_SHARE / (1 + LEAST_SHARE * len(found))
-    if rig.softboxes:
-        brighter = rig.dimmed({rig.softboxes[0].name: 2.0})
-        assert shares(brighter)[0] > found[0]
-
-
-def test_darkness_is_looked_through_evenly() -> None:
-    assert shares(LightRig((Softbox((0, 3, 0), 1, 1, (0, 0, 0)),), sky=Sky())) == [0.5, 0.5]
