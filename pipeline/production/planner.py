@@ -10,10 +10,11 @@ from pathlib import Path
 from pipeline.errors import UsageError
 from pipeline.flow.python_file import require_permission
 from pipeline.production.edit import Cut
+from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
 from pipeline.production.plan import Job, Link, Plan, batches, paths
 from pipeline.production.store import Store
-from pipeline.production.take import Keyring, Take
+from pipeline.production.take import Take
 
 
 @dataclass

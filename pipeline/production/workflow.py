@@ -13,12 +13,13 @@ from pipeline.frames import FrameRange
 from pipeline.mesh.io import FORMATS
 from pipeline.production.edit import Cut
 from pipeline.production.folder import FILM, find_shot
+from pipeline.production.keyring import PictureKeys
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
 from pipeline.production.script import Script
 from pipeline.production.store import Store
-from pipeline.production.take import FORMS, PictureKeys, Take
+from pipeline.production.take import FORMS, Take
 from pipeline.production.variants import variant_for
 from pipeline.production.window import base_of
 from pipeline.shot import Film, read_film

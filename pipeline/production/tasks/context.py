@@ -20,7 +20,8 @@ from pipeline.production.store import CorruptFileError, Store
 from render.errors import CorruptImageError, MissingImageError, RenderError
 
 if TYPE_CHECKING:
-    from pipeline.production.take import Keyring, Take
+    from pipeline.production.keyring import Keyring
+    from pipeline.production.take import Take
 
 T = TypeVar("T")
 

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.production.framing import Framing
-from pipeline.production.take import Keyring
+from pipeline.production.keyring import Keyring
 from pipeline.production.tasks.context import Context
 from render.denoise import denoise
 from render.frame import Layers

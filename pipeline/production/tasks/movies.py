@@ -10,9 +10,10 @@ from pathlib import Path
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
 from pipeline.production.edit import Cut, movie_bits
+from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
 from pipeline.production.planner import film_key
-from pipeline.production.take import Keyring, Take
+from pipeline.production.take import Take
 from pipeline.production.tasks.context import REPORTED, Context
 from render.colour import quantise, to_display
 from render.frame import Layers

@@ -17,11 +17,11 @@ from pipeline.arrays import AnyArray
 from pipeline.production import halves
 from pipeline.production.disk import disk_faults
 from pipeline.production.framing import Framing, turned
+from pipeline.production.keyring import PictureKeys
 from pipeline.production.keys import Key
 from pipeline.production.movement import Movement, Shown, flowing, framing_at, speeds, turning
 from pipeline.production.npz import read_npz
 from pipeline.production.shading import Shading
-from pipeline.production.take import PictureKeys
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import shading_of
 from pipeline.production.tasks.stopping import Stop, stopping
