@@ -62,31 +62,13 @@ def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) ->
     surface = subject(0.3)
     quality = Quality(*size, samples=16, depth=DEPTH, guides=16)
 
+    around = (LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+
     def scene() -> Rendering:
-        return build_scene(
-            surface,
-            LOOKS[look],
-            LIGHTS["studio"],
-            STAGES["cyclorama"],
-            Placement(),
-            CAMERA,
-            size,
-            DEPTH,
-        ).beauty
+        return build_scene(surface, *around, size, DEPTH).beauty
 
     def ours() -> AnyArray:
-        layers = render_frame(
-            surface,
-            LOOKS[look],
-            LIGHTS["studio"],
-            STAGES["cyclorama"],
-            Placement(),
-            CAMERA,
-            quality,
-            1,
-            engine,
-        )
-        return denoise(layers)
+        return denoise(render_frame(surface, *around, quality, 1, engine))
 
     picture = ours()  # what is compiled is compiled now
     took = []

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.errors import BadInputError
+from render.finite import require_finite
 from render.plain import NOT_PLAIN
 
 WIDEST = 4096
@@ -66,13 +67,7 @@ def read_map(path: str, digest: str) -> NDArray[np.float32]:
         raise BadInputError(
             f"{path}: it is {width} × {height} pixels; a map of all directions is twice as wide as high"
         )
-    bad = np.argwhere(~np.isfinite(pixels).all(axis=2))
-    if len(bad):
-        row, column = bad[0]
-        raise BadInputError(
-            f"{path}: pixel {column}, {row} and {len(bad) - 1} others are not finite; light must be. Mend "
-            "the file, with oiiotool --fixnan box3 for one"
-        )
+    require_finite(pixels, path)
     if pixels.min() < 0.0:
         row, column = np.argwhere(pixels.min(axis=2) < 0.0)[0]
         raise BadInputError(f"{path}: pixel {column}, {row} is below 0; light is not. Clamp it at 0")

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from render.colour_maps import linear_of_srgb
 from render.errors import BadInputError
+from render.finite import require_finite
 from render.plain import NOT_PLAIN
 from render.view import DEFAULT_CONFIG
 
@@ -63,13 +64,7 @@ def read_picture(path: str, digest: str, space: str | None) -> Pixels:
     """
     require_space(space)
     pixels, is_float = _read(path)
-    bad = np.argwhere(~np.isfinite(pixels).all(axis=2))
-    if len(bad):
-        row, column = bad[0]
-        raise BadInputError(
-            f"{path}: pixel {column}, {row} and {len(bad) - 1} others are not finite; mend the file, with "
-            "oiiotool --fixnan box3 for one"
-        )
+    require_finite(pixels, path)
     found = _linear(pixels, space or ("linear" if is_float else "srgb"), path)
     while max(found.shape[:2]) > WIDEST:
         height, width = found.shape[0] // 2, found.shape[1] // 2
