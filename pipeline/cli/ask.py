@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from pipeline.cli.make import Settings
+from pipeline.cli.arguments import Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain, out
 from pipeline.errors import FlowsculptError

@@ -7,8 +7,9 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.make import AllowCode, Frames, Settings, carried_out, tell_plan
+from pipeline.cli.arguments import AllowCode, Frames, Settings
 from pipeline.cli.options import Common
+from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer
 from pipeline.errors import UsageError
 from pipeline.production.folder import find_shot

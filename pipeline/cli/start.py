@@ -9,7 +9,7 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.make import Settings
+from pipeline.cli.arguments import Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain
 from pipeline.errors import FlowsculptError

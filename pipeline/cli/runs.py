@@ -1,0 +1,123 @@
+"""Carrying out a plan for the user: what is to be done, bars meanwhile, what became of it."""
+
+from __future__ import annotations
+
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import typer
+
+from pipeline.cli.options import Common
+from pipeline.cli.progress import STAGES, Bars
+from pipeline.cli.say import answer, complain, err, warn
+from pipeline.production.plan import Plan
+from pipeline.production.run import Outcome, run
+from pipeline.production.take import FORMS
+
+
+def make(common: Common, make_plan: Callable[[], Plan]) -> None:
+    """Plan, run, and say what became of it."""
+    if common.dry_run:
+        tell_plan(common, make_plan())
+        return
+    started = time.monotonic()
+    outcome = carried_out(common, make_plan)
+    seconds = time.monotonic() - started
+    answer(_achieved(outcome, seconds), _outcome_facts(outcome, seconds), common.json)
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)
+
+
+def tell_plan(common: Common, plan: Plan) -> None:
+    _tell_notes(plan, set())
+    answer(_intended(plan), _plan_facts(plan), common.json)
+
+
+def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
+    """Plan and run, with bars, and tell what failed."""
+    watch = (
+        (lambda plan, reader: Bars(plan, reader, err))
+        if common.progress
+        else lambda plan, reader: nullcontext()
+    )
+    told: set[str] = set()
+
+    def planned() -> Plan:
+        plan = make_plan()
+        _tell_notes(plan, told)
+        return plan
+
+    outcome = run(planned, common.root, common.cores, watch)
+    for message in outcome.warnings:
+        warn(message)
+    for failure in outcome.failures:
+        complain(_failure(failure))
+    return outcome
+
+
+def _tell_notes(plan: Plan, told: set[str]) -> None:
+    """Those not told yet."""
+    for note in plan.notes:
+        if note not in told:
+            warn(note)
+            told.add(note)
+
+
+def _intended(plan: Plan) -> str:
+    if not plan.jobs:
+        return "Nothing to be done."
+    counts: Counter[str] = Counter()
+    for job in plan.jobs:
+        counts[job.task] += len(job.frames)
+    stages = ", ".join(f"{STAGES[task]} {counts[task]} frames" for task in STAGES if counts[task])
+    return f"To be done: {stages}."
+
+
+def _achieved(outcome: Outcome, seconds: float) -> str:
+    films = [target for target in outcome.plan.targets if target.endswith(".mp4")]
+    films = films or _folders(outcome.plan.targets)
+    if outcome.unfinished:
+        return f"Not finished after {seconds:.0f} s; what is done stays done."
+    shown = ", ".join(films) or f"{len(outcome.plan.targets)} files"
+    if not outcome.events:
+        again = f" ({outcome.restored} links restored)" if outcome.restored else ""
+        return f"Nothing to be done{again}: {shown}"
+    return f"Done in {seconds:.0f} s ({outcome.made('render')} frames rendered): {shown}"
+
+
+def _folders(targets: Sequence[str]) -> list[str]:
+    """Where stills lie, where they are what was asked for."""
+    stills = [Path(target) for target in targets if Path(target).parent.name in FORMS]
+    if len(stills) == 1:
+        return [stills[0].as_posix()]
+    return list(dict.fromkeys(f"{still.parent.as_posix()}/" for still in stills))
+
+
+def _failure(event: dict[str, Any]) -> str:
+    frame = event.get("frame")
+    message = str(event["message"]).removeprefix(f"frame {frame}: ")
+    return f"{event['shot']} frame {frame}: {message}" if frame is not None else f"{event['shot']}: {message}"
+
+
+def _plan_facts(plan: Plan) -> dict[str, Any]:
+    jobs = [{"job": job.name, "task": job.task, "frames": list(job.frames)} for job in plan.jobs]
+    return {"jobs": jobs, "targets": list(plan.targets)}
+
+
+def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
+    return {
+        "done": not outcome.unfinished,
+        "seconds": round(seconds, 2),
+        "made": {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)},
+        "links_restored": outcome.restored,
+        "warnings": [*outcome.plan.notes, *outcome.warnings],
+        "failed": [
+            {name: failure.get(name) for name in ("shot", "stage", "frame", "message")}
+            for failure in outcome.failures
+        ],
+        "targets": list(outcome.plan.targets),
+    }
