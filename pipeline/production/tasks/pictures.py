@@ -95,7 +95,7 @@ class _Room:
             take.quality,
             take.seed(number),
             self.engine,
-            lambda done, most: self.stop.heed(),
+            partial(self._passed, number),
             aovs=take.layers.extra,
             shutter=shutter,
             following=following,
@@ -107,6 +107,10 @@ class _Room:
         write_exr(path, layers, header, dict(take.layers.precision))
         seconds = time.perf_counter() - begun
         _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
+
+    def _passed(self, number: int, done: int, most: int) -> None:
+        self.stop.heed()
+        self.context.passed(number, done, most)
 
 
 def _moments(
