@@ -20,12 +20,14 @@ class Outline:
 
     pins             the files that it reads, and what they held
     listings         the folders that these lie in, and keys of what is there: a name with a * may fit more
+    runs_python      whether its flows are Python files of the user's
     rate, shown_as   frames per second, and what is between its light and the pictures of a display
     meshes, normals  keys by frame
     """
 
     pins: Pins
     listings: tuple[tuple[str, Key], ...]
+    runs_python: bool
     frames: tuple[int, ...]
     rate: str
     shown_as: Mapping[str, Any]
@@ -34,12 +36,14 @@ class Outline:
 
     @classmethod
     def of(cls, shot: Shot) -> Outline:
+        from pipeline.flow.python_file import python_flows
         from pipeline.production.chain import mesh_keys, normals_keys
 
         pins, meshes = pins_of(shot.files), mesh_keys(shot.motion)
         return cls(
             pins=pins,
             listings=_listings(pins),
+            runs_python=any(True for _ in python_flows(shot.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
             shown_as=shot.picture.shown_as(),
@@ -60,6 +64,7 @@ class Outline:
         return cls(
             pins=_pairs(data["pins"]),
             listings=_pairs(data["listings"]),
+            runs_python=data["runs_python"],
             frames=tuple(data["frames"]),
             rate=data["rate"],
             shown_as=data["shown_as"],

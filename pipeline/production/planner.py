@@ -205,9 +205,10 @@ class Planner:
 
 def _require_permission(take: Take) -> None:
     """Raises UsageError where the shot runs Python files, and may not."""
-    from pipeline.flow.python_file import require_permission
+    if take.script.outline.runs_python:
+        from pipeline.flow.python_file import require_permission
 
-    require_permission(take.shot.motion.flow)
+        require_permission(take.shot.motion.flow)
 
 
 def film_key(cut: Cut, takes: Sequence[Take], known: Sequence[Keyring | None]) -> Key | None:

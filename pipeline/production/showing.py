@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -156,7 +156,7 @@ class Showing:
         return 0.0 if self.turntable else self.shot.picture.camera.follow
 
     @property
-    def reach(self) -> int:
+    def steadied_over(self) -> int:
         """Pictures to either side that light is taken from; what keeps its noise would not know its own."""
         return 0 if self.quality.denoise == "off" else self.quality.steady
 
@@ -164,17 +164,7 @@ class Showing:
     def layers(self) -> PictureLayers:
         """Those that the shot asks for, and those that following its pixels to other frames takes."""
         asked = self.shot.picture.layers
-        return asked.with_("before", "after") if self.reach else asked
-
-    def window(self, number: int, is_there: Callable[[int], bool]) -> tuple[int, ...]:
-        """The pictures whose light a picture takes in, itself among them: those around it without a gap that
-        are there, being asked for as well or rendered before."""
-        first = last = number
-        while number - first < self.reach and is_there(first - 1):
-            first -= 1
-        while last - number < self.reach and is_there(last + 1):
-            last += 1
-        return tuple(range(first, last + 1))
+        return asked.with_("before", "after") if self.steadied_over else asked
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """When the shutter opens for a picture and closes, in frames from its moment; None: it shows one."""
@@ -200,10 +190,10 @@ class Showing:
         measure = self.shot.picture.look.measure
         return measure is not None and measure.of == SPEED
 
-    def follows_flow(self, number: int) -> bool:
+    def goes_by_flow(self, number: int) -> bool:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
         return self.measures_speed or (self.turntable is None and bool(self.moments_beside(number)))
 
-    def needs_mesh(self, number: int) -> bool:
+    def is_made_of_mesh(self, number: int) -> bool:
         """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
-        return self.shot.picture.dicing is not None or self.follows_flow(number)
+        return self.shot.picture.dicing is not None or self.goes_by_flow(number)

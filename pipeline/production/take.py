@@ -5,7 +5,7 @@ A shot's own take shows each mesh frame once. A turntable's shows one mesh frame
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
@@ -49,20 +49,22 @@ class Take(Showing):
 
     @cached_property
     def _settled(self) -> Mapping[str, Any]:
-        """What is the same whatever of the take is asked for: the key of its cameras, how far a picture takes
-        light from others, how its noise is removed."""
+        """What planning asks of it: the key of its cameras, how far pictures take light from others, how their
+        noise is removed, which of them follow the flow and need their meshes."""
         ledger = self.script.ledger
         found_from = "take", self.identity
         known = None if ledger is None else ledger.recall(*found_from)
         if known is None:
             known = {
                 "cameras": self._cameras_key(),
-                "reach": super().reach,
+                "reach": self.steadied_over,
                 "denoise": self.quality.denoise,
+                "follow_flow": [n for n in self.poses if self.goes_by_flow(n)],
+                "need_mesh": [n for n in self.poses if self.is_made_of_mesh(n)],
             }
             if ledger is not None:
                 ledger.note(known, *found_from)
-        return dict(known)
+        return {**known, **{name: frozenset(known[name]) for name in ("follow_flow", "need_mesh")}}
 
     @cached_property
     def identity(self) -> Key:
@@ -74,7 +76,26 @@ class Take(Showing):
 
     @property
     def reach(self) -> int:
+        """Pictures to either side that light is taken from."""
         return int(self._settled["reach"])
+
+    def window(self, number: int, is_there: Callable[[int], bool]) -> tuple[int, ...]:
+        """The pictures whose light a picture takes in, itself among them: those around it without a gap that
+        are there, being asked for as well or rendered before."""
+        first = last = number
+        while number - first < self.reach and is_there(first - 1):
+            first -= 1
+        while last - number < self.reach and is_there(last + 1):
+            last += 1
+        return tuple(range(first, last + 1))
+
+    def follows_flow(self, number: int) -> bool:
+        """`goes_by_flow`, which need not read the shot again."""
+        return number in self._settled["follow_flow"]
+
+    def needs_mesh(self, number: int) -> bool:
+        """`is_made_of_mesh`, which need not read the shot again."""
+        return number in self._settled["need_mesh"]
 
     def _cameras_key(self) -> Key:
         from render.plain import to_plain
