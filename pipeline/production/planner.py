@@ -8,7 +8,6 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.errors import UsageError
-from pipeline.flow.python_file import require_permission
 from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
@@ -41,7 +40,7 @@ class Planner:
     def surfaces(self, take: Take) -> None:
         """Ask for what pictures of a take are made from: meshes with normals, and its cameras."""
         self._enter(take)
-        self._surfaces(take, take.requested, cameras_known=take.framings(self.store) is not None)
+        self._surfaces(take, take.requested, cameras_known=self._keys(take) is not None)
         self._targets += [take.folders.cameras(), *(take.motion_folders.normals(n) for n in take.requested)]
 
     def pictures(self, take: Take) -> None:
@@ -109,6 +108,9 @@ class Planner:
 
     def plan(self) -> Plan:
         """What has been collected, the cores dealt out among the simulations and then among the renders."""
+        for keys in self._keyrings.values():
+            if keys is not None:
+                keys.note()
         jobs = self._sharing("render", self._sharing("simulate", self._jobs))
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
@@ -139,7 +141,7 @@ class Planner:
         if cameras_known:
             self._link("cameras", take.cameras_key, cameras)
         if any(map(take.follows_flow, unrendered)):
-            require_permission(take.shot.motion.flow)
+            _require_permission(take)
         needed = {take.poses[n].mesh for n in unrendered if take.needs_mesh(n)}
         self._meshes(take, sorted({*rough, *needed}) if cameras_known else all_shown)
         folders = take.motion_folders
@@ -152,7 +154,7 @@ class Planner:
     def _meshes(self, take: Take, wanted: Sequence[int]) -> None:
         missing = self._absent("mesh", take, wanted, take.mesh_key)
         if missing:
-            require_permission(take.shot.motion.flow)
+            _require_permission(take)
         self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing])
 
     def _render(self, take: Take, batch: Sequence[int]) -> None:
@@ -201,6 +203,14 @@ class Planner:
             self._made.update(paths(outputs))
 
 
+def _require_permission(take: Take) -> None:
+    """Raises UsageError where the shot runs Python files, and may not."""
+    if take.script.outline.runs_python:
+        from pipeline.flow.python_file import require_permission
+
+        require_permission(take.shot.motion.flow)
+
+
 def film_key(cut: Cut, takes: Sequence[Take], known: Sequence[Keyring | None]) -> Key | None:
     """The key of a film from those of the pictures of its takes, once all of its cameras are known."""
     frames: list[Key] = []
@@ -208,5 +218,5 @@ def film_key(cut: Cut, takes: Sequence[Take], known: Sequence[Keyring | None]) -
         if keys is None:
             return None
         frames += [keys[n].frame for n in take.requested]
-    shown = [take.shot.picture.shown_as() for take in takes]
+    shown = [take.shown_as for take in takes]
     return cut.key(takes[0].quality_name, frames, shown)

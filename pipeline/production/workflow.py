@@ -7,13 +7,14 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.mesh.io import FORMATS
 from pipeline.production.edit import Cut
 from pipeline.production.folder import FILM, find_shot
 from pipeline.production.keyring import PictureKeys
+from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
@@ -22,11 +23,12 @@ from pipeline.production.store import Store
 from pipeline.production.take import FORMS, Take
 from pipeline.production.variants import variant_for
 from pipeline.production.window import base_of
-from pipeline.shot import Film, read_film
-from pipeline.shot.layers import rests_on
-from pipeline.shot.shot import Clip
-from render.look import LOOKS
+from pipeline.shot.edits import DEFAULTS
 from render.quality import QUALITIES
+
+if TYPE_CHECKING:
+    from pipeline.shot import Film
+    from pipeline.shot.shot import Clip
 
 
 @dataclass(frozen=True)
@@ -96,6 +98,8 @@ class Studio:
 
         It is called as the file of the edit is.
         """
+        from pipeline.shot import read_film
+
         film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
         planner = self._planner()
         takes = [self._clip(clip, quality) for clip in film.clips]
@@ -107,6 +111,8 @@ class Studio:
 
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
         """A full turn of one frame of a shot, or of a mesh file."""
+        from pipeline.mesh.io import FORMATS
+
         if frames < 2:
             raise UsageError(
                 f"a turntable of {frames} frames does not turn; it needs at least 2, and 72 is usual"
@@ -138,9 +144,10 @@ class Studio:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
-        beside = self._beside.get(path) or self._beside.setdefault(path, rests_on(path, text))
-        script = Script(text, path, self.settings, tuple(beside.items()), self.allow_code).pinned()
-        whole = script.shot.frames
+        beside = self._beside.get(path) or self._beside.setdefault(path, _rests_on(path, text))
+        read = Script(text, path, self.settings, tuple(beside.items()), self.allow_code)
+        script = replace(read, ledger=Ledger(self.root)).pinned()
+        whole = FrameRange(script.outline.frames)
         requested = FrameRange.parse(frames) if frames is not None else whole
         outside = requested.outside(whole)
         if outside:
@@ -166,6 +173,8 @@ def _shot_around(mesh: Path, look: str | None) -> str:
     """The text of a shot that shows a mesh file as it is."""
     if not mesh.is_file():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
+    from render.look import LOOKS
+
     if look is not None and look not in LOOKS:
         raise UsageError(f"{look!r} is not a look; choose {', '.join(LOOKS)}")
     shot = {
@@ -176,6 +185,19 @@ def _shot_around(mesh: Path, look: str | None) -> str:
         "look": look or "clay",
     }
     return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
+
+
+def _rests_on(path: Path, text: str) -> dict[str, str]:
+    """The text of all other files that a shot is made of, by their names; most rest on no shot."""
+    if "extends" in text:
+        from pipeline.shot.layers import rests_on
+
+        return rests_on(path, text)
+    defaults = path.with_name(DEFAULTS)
+    try:
+        return {DEFAULTS: defaults.read_text(encoding="utf-8")}
+    except (OSError, UnicodeDecodeError):
+        return {}
 
 
 def _text(path: Path) -> str:

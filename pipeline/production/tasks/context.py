@@ -15,6 +15,7 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.events import EventLog
 from pipeline.production.keys import Key
 from pipeline.production.layout import EVENTS
+from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Job, Plan
 from pipeline.production.store import CorruptFileError, Store
 from render.errors import CorruptImageError, MissingImageError, RenderError
@@ -59,7 +60,8 @@ class Context:
     def takes(self) -> list[Take]:
         from pipeline.production.take import Take  # a second's work, which who only watches never needs
 
-        return [Take.from_data(self.plan.takes[place]) for place in self.job.takes]
+        ledger = Ledger(self.root)
+        return [Take.from_data(self.plan.takes[place], ledger) for place in self.job.takes]
 
     def picture_keys(self, take: Take) -> Keyring:
         """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
