@@ -15,6 +15,9 @@ from pipeline.production.plan import Job, Link, Plan, batches, paths
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 
+FIRST = 1
+"""The urgency of simulations: each is the work of one thread, and all pictures of its shot wait for it."""
+
 
 @dataclass
 class Planner:
@@ -51,12 +54,12 @@ class Planner:
         self._targets += [take.folders.frame(take.quality_name, n) for n in frames]
         unfinished = self._absent("frame", take, frames, lambda n: keys[n].frame if keys else None)
         around = {n: keys[n].window if keys else take.window(n, set(frames).__contains__) for n in unfinished}
-        needed = sorted({n for window in around.values() for n in window})
+        needed = list(dict.fromkeys([*unfinished, *(n for window in around.values() for n in window)]))
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
             self._surfaces(take, unrendered, cameras_known=keys is not None)
-        for batch in batches(unrendered, self.cores):
-            self._render(take, batch)
+        for place, batch in enumerate(batches(unrendered, self.cores)):
+            self._render(take, batch, urgency=-(place // self.cores))
         for batch in batches(unfinished, self.cores):
             seen = sorted({n for number in batch for n in around[number]})
             inputs = [take.folders.raw(take.quality_name, n) for n in seen]
@@ -155,14 +158,14 @@ class Planner:
         missing = self._absent("mesh", take, wanted, take.mesh_key)
         if missing:
             _require_permission(take)
-        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing])
+        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing], FIRST)
 
-    def _render(self, take: Take, batch: Sequence[int]) -> None:
+    def _render(self, take: Take, batch: Sequence[int], urgency: int) -> None:
         meshes = dict.fromkeys(take.poses[n].mesh for n in batch)
         inputs = [take.folders.cameras(), *(take.motion_folders.normals(m) for m in meshes)]
         inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.needs_mesh(n)]
         outputs = [take.folders.raw(take.quality_name, n) for n in batch]
-        self._add(take, "render", batch, inputs, outputs)
+        self._add(take, "render", batch, inputs, outputs, urgency)
 
     def _enter(self, take: Take) -> int:
         """The take's place in the plan. Raises UsageError where another shot has its name."""
@@ -193,13 +196,20 @@ class Planner:
         self._links[path.as_posix()] = Link(kind, key, path.as_posix())
 
     def _add(
-        self, take: Take, task: str, frames: Sequence[int], inputs: list[Path], outputs: list[Path]
+        self,
+        take: Take,
+        task: str,
+        frames: Sequence[int],
+        inputs: list[Path],
+        outputs: list[Path],
+        urgency: int = 0,
     ) -> None:
         if frames:
             label = re.sub(r"\W", "_", take.label)
             name = f"{task}_{len(self._jobs):04d}_{label}_{min(frames):04d}_{max(frames):04d}"
             takes = (self._enter(take),)
-            self._jobs.append(Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs)))
+            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs), urgency=urgency)
+            self._jobs.append(job)
             self._made.update(paths(outputs))
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,12 +13,15 @@ from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.production.edit import Cut
 from pipeline.production.folder import FILM, find_shot
+from pipeline.production.history import History
 from pipeline.production.keyring import PictureKeys
 from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
 from pipeline.production.script import Script
+from pipeline.production.selection import is_in_words, selected
+from pipeline.production.state import FrameStates, mesh_states, picture_states
 from pipeline.production.store import Store
 from pipeline.production.take import FORMS, Take
 from pipeline.production.variants import variant_for
@@ -29,6 +32,8 @@ from render.quality import QUALITIES
 if TYPE_CHECKING:
     from pipeline.shot import Film
     from pipeline.shot.shot import Clip
+
+States = Callable[[Take, Store, History], FrameStates]
 
 
 @dataclass(frozen=True)
@@ -50,6 +55,7 @@ class Studio:
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
+    _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
     _notes: list[str] = field(default_factory=list, repr=False)
 
     @property
@@ -60,16 +66,17 @@ class Studio:
         """The mesh frames of shots."""
         planner = self._planner()
         for shot in shots:
-            planner.simulate(self.take(find_shot(shot), "draft", frames, variant="none"))
+            planner.simulate(self._asked(shot, "draft", frames, mesh_states, variant="none"))
         return planner.plan()
 
     def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
         """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
         planner = self._planner()
         for shot in shots:
-            take = self.take(find_shot(shot), quality, frames)
+            take = self._asked(shot, quality, frames, picture_states)
             planner.pictures(take)
-            planner.movie(take)
+            if frames is None or not is_in_words(frames):
+                planner.movie(take)
             whole = take.whole()
             keys = whole.picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)
@@ -84,7 +91,7 @@ class Studio:
             raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
         planner = self._planner()
         for shot in shots:
-            planner.stills(self.take(find_shot(shot), quality, frames), form)
+            planner.stills(self._asked(shot, quality, frames, picture_states), form)
         return planner.plan()
 
     def surfaces(self, take: Take) -> Plan:
@@ -137,6 +144,21 @@ class Studio:
         planner.pictures(turn)
         planner.movie(turn)
         return planner.plan()
+
+    def _asked(
+        self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None
+    ) -> Take:
+        """The frames of a shot that are asked for; what words mean is settled once."""
+        path = find_shot(shot)
+        if frames is None or not is_in_words(frames):
+            return self.take(path, quality, frames, variant)
+        whole = self.take(path, quality, variant=variant)
+        asked = path, quality, frames
+        if asked not in self._chosen:
+            self._chosen[asked] = selected(
+                frames, FrameRange(whole.requested), lambda: states(whole, self.store, History.of(self.root))
+            )
+        return replace(whole, requested=self._chosen[asked].numbers)
 
     def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
         """The pictures of a shot file at one quality, all or a range."""

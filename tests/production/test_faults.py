@@ -1,4 +1,4 @@
-"""What goes wrong at night: workers that hang or are killed, full disks, clocks, runs killed again and again."""
+"""What goes wrong at night: workers that hang or are killed, full disks, clocks, runs killed repeatedly."""
 
 from __future__ import annotations
 
