@@ -38,6 +38,8 @@ COMMANDS = {
     "schema": "author",
     "status": "ask",
     "why": "ask",
+    "verify": "care",
+    "clean": "care",
     "doctor": "ask",
 }
 """In the order of the help, each with the module that holds its function: one command imports no others."""

@@ -11,7 +11,7 @@ import contextlib
 import os
 import shutil
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -56,6 +56,12 @@ class Store:
 
     def holds(self, kind: str, key: Key | None) -> bool:
         return key is not None and self.path(kind, key).exists()
+
+    def entries(self) -> Iterator[tuple[str, Key, Path]]:
+        """Every file that is there: its kind, its key, and where it lies."""
+        for kind, suffix in SUFFIXES.items():
+            for path in sorted((self.root / STATE / "store" / kind).glob(f"*/*{suffix}")):
+                yield kind, path.stem, path
 
     def put(self, kind: str, key: Key, write: Callable[[Path], object]) -> Path:
         """Have `write(path)` make the file of `key`, unless it is there already; returns where it lies.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,6 +30,7 @@ from pipeline.shot.edits import DEFAULTS
 from render.quality import QUALITIES
 
 if TYPE_CHECKING:
+    from pipeline.production.verifying import Damage
     from pipeline.shot import Film
     from pipeline.shot.shot import Clip
 
@@ -92,6 +93,19 @@ class Studio:
         planner = self._planner()
         for shot in shots:
             planner.stills(self._asked(shot, quality, frames, picture_states), form)
+        return planner.plan()
+
+    def mended(self, damages: Iterable[Damage]) -> Plan:
+        """The files of takes that were faulty."""
+        planner = self._planner()
+        for damage in damages:
+            if damage.meshes:
+                planner.simulate(replace(damage.take, requested=damage.meshes))
+            if damage.pictures:
+                planner.pictures(replace(damage.take, requested=damage.pictures))
+            if damage.movie:
+                planner.pictures(damage.take.whole())
+                planner.movie(damage.take.whole())
         return planner.plan()
 
     def surfaces(self, take: Take) -> Plan:
