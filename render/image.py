@@ -50,6 +50,7 @@ def write_exr(path: Path, layers: Layers, header: Header, precision: Mapping[str
     spec.channelformats = tuple(oiio.TypeDesc(each) for each in formats)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    spec.attribute("DateTime", "")  # of the writing by default, but equal pictures are to be equal files
     for name, value in {**layers.facts, **header}.items():
         spec.attribute(PREFIX + name, _encoded(name, value))
     _write(path, "openexr", spec, np.concatenate(planes, axis=2).astype(np.float32))

@@ -38,13 +38,17 @@ def any_in_view(
 
 
 def _in_view(lamp: Softbox, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]) -> bool:
-    """Whether a lamp may stand in the picture: no side of the view has all of a cube around it outside."""
+    """Whether a lamp may stand in the picture: no side of the view has all of a cube around it outside.
+
+    The view from all of the lens is wider than that from its middle, but where it is focused.
+    """
     reach = math.hypot(lamp.width, lamp.height) / 2.0
     corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + lamp.position
     seen = (corners @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
     right, up, depth = seen.T
-    across = math.tan(camera.field_of_view / 2.0) * depth
-    upwards = across * size[1] / size[0]
+    widening = camera.lens_radius * np.abs(depth / camera.focus_distance - 1.0)
+    half_width = math.tan(camera.field_of_view / 2.0) * depth
+    across, upwards = half_width + widening, half_width * size[1] / size[0] + widening
     outside = (right > across, right < -across, up > upwards, up < -upwards, depth < 0.0)
     return not any(side.all() for side in outside)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -43,7 +44,7 @@ class Expression:
                     f"{shown(ast.unparse(node))} is {value:g}; a formula must be finite. Write another.",
                 )
 
-    @property
+    @cached_property
     def uses(self) -> frozenset[str]:
         """The names that it speaks of."""
         inner = ast.walk(self.tree)

@@ -122,13 +122,27 @@ def clear_look(source: Source) -> Iterator[Problem]:
     """Light that enters a body comes out of it again, which an open sheet does not have."""
     subject, look = source.get("subject"), source.get("look")
     name = look.get("material") if isinstance(look, dict) else look
-    is_sheet = isinstance(subject, dict) and subject.get("solid") == "sheet"
-    if is_sheet and isinstance(name, str) and name in LOOKS and LOOKS[name].is_clear:
-        yield (
-            ("look",),
-            f"look {name} is for closed surfaces, and a sheet is open. Take a thin box, or a look that light "
-            "does not go through.",
-        )
+    if not (isinstance(subject, dict) and subject.get("solid") == "sheet"):
+        return
+    if isinstance(name, str) and name in LOOKS and LOOKS[name].is_clear:
+        yield ("look",), f"look {name} {_OPEN}"
+    yield from (
+        (where, f"a {kind} {_OPEN}") for where, kind in _bodies(source.get("look", "bsdf"), ("look", "bsdf"))
+    )
+
+
+_OPEN = (
+    "is for closed surfaces, and a sheet is open. Take a thin box, or a look that light does not go through."
+)
+
+
+def _bodies(said: Any, where: Where) -> Iterator[tuple[Where, str]]:
+    """The materials, in what is said of one, that light enters to come out elsewhere."""
+    if isinstance(said, dict):
+        if said.get("type") in ("dielectric", "roughdielectric"):
+            yield (*where, "type"), said["type"]
+        for name, part in said.items():
+            yield from _bodies(part, (*where, name))
 
 
 def _impossible(where: Where, name: str, given: dict[str, Any]) -> Iterator[Problem]:

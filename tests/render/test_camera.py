@@ -16,6 +16,8 @@ from render.denoise import denoise
 from render.errors import BadInputError
 from render.frame import Layers
 from render.inside import refuse_inside, turns
+from render.lamps import any_in_view
+from render.lights import LIGHTS, LightRig
 from render.quality import Quality
 from render.sensor import sensor
 from render.surface import Surface
@@ -28,6 +30,27 @@ def width_of_the_outline(layers: Layers) -> float:
     """How many pixels of the middle row the subject covers partly."""
     row = layers["matte"][18]
     return float(((row > 0.02) & (row < 0.98)).sum())
+
+
+@given(
+    across=st.floats(-1.0, 1.0),
+    upwards=st.floats(-1.0, 1.0),
+    angle=st.floats(0.0, 6.3),
+    share=st.floats(0.0, 1.0),
+    depth=st.floats(0.1, 40.0),
+)
+def test_a_lamp_that_some_part_of_the_lens_sees_is_in_the_picture(
+    across: float, upwards: float, angle: float, share: float, depth: float
+) -> None:
+    """Light through any point of the lens to any point of the picture meets in the plane of focus."""
+    camera = dataclasses.replace(CAMERA, lens_radius=0.4, focus_distance=8.0)
+    half = np.tan(camera.field_of_view / 2.0) * camera.focus_distance
+    on_lens = camera.lens_radius * share * np.array([np.cos(angle), np.sin(angle), 0.0])
+    in_focus = np.array([across * half, upwards * half * 9.0 / 16.0, camera.focus_distance])
+    seen = on_lens + (in_focus - on_lens) * depth / camera.focus_distance
+    place = camera.origin + camera.axes().T @ seen
+    lamp = dataclasses.replace(LIGHTS["studio"].softboxes[0], position=tuple(place), width=1e-3, height=1e-3)
+    assert any_in_view(LightRig(softboxes=(lamp,)), np.eye(4), camera, (160, 90))
 
 
 def test_what_lies_in_the_plane_of_focus_is_sharp_and_the_rest_is_not(

@@ -93,9 +93,16 @@ def test_mistakes_are_told_at_their_line(look: str, told: str, tmp_path: Path) -
     assert "a.yaml:5:" in str(error.value) and told in str(error.value)
 
 
-def test_light_does_not_go_through_a_sheet(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "look", ["glass", "{bsdf: {type: dielectric}}", "{bsdf: {type: twosided, bsdf: {type: roughdielectric}}}"]
+)
+def test_light_does_not_go_through_a_sheet(look: str, tmp_path: Path) -> None:
     with pytest.raises(ShotError, match="a sheet is open"):
-        shot_of(tmp_path, "glass", "sheet")
+        shot_of(tmp_path, look, "sheet")
+
+
+def test_a_thin_pane_may_be_a_sheet(tmp_path: Path) -> None:
+    assert shot_of(tmp_path, "{bsdf: {type: thindielectric}}", "sheet").picture.look.is_clear
 
 
 def test_a_pigment_is_no_part_of_the_motion(tmp_path: Path) -> None:

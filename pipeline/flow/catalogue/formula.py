@@ -65,7 +65,7 @@ class Formula(External):
         u, v, w = (Expression(text, (*KNOWN, *(name for name, _ in self.words))) for text in self.texts)
         return u, v, w
 
-    @property
+    @cached_property
     def _names(self) -> tuple[str, ...]:
         """Of the numbers that its function is given."""
         named = tuple(name for name, _ in self.words)
@@ -75,13 +75,17 @@ class Formula(External):
     def block(self) -> BlockKernel:
         return compiled(self.expressions, self._names)
 
-    @property
+    @cached_property
     def timed(self) -> bool:
         """Whether it speaks of seconds."""
         return self._speaks_of("t") or self._speaks_of("time")
 
+    @cached_property
+    def _words_used(self) -> frozenset[str]:
+        return frozenset().union(*(expression.uses for expression in self.expressions))
+
     def _speaks_of(self, word: str) -> bool:
-        return any(word in expression.uses for expression in self.expressions)
+        return word in self._words_used
 
     def numbers(self, time: float) -> tuple[float, ...]:
         given = tuple(number_at(value, time) for _, value in self.words)
