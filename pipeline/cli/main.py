@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli import ask, author, files, flows, make, preview, publish, start
+from pipeline.cli import ask, author, files, flows, make, preview, publish, start, wedge
 from pipeline.cli.options import Cores, DryRun, Json, NoProgress, Root, remember, with_common
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
@@ -63,6 +63,7 @@ for command in (
     make.turntable,
     preview.preview,
     preview.curves,
+    wedge.wedge,
     publish.publish,
     publish.versions,
     files.resample,

@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +120,13 @@ def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
     """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy."""
     size = max(1, min(BATCH, -(-len(numbers) // max(1, cores))))
     return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
+
+
+def dealt_out(jobs: Sequence[Job], cores: int) -> list[Job]:
+    """Jobs, the simulations and the renders each as broad as lets all of their kind go side by side."""
+    many = Counter(job.task for job in jobs)
+    broad = {task: max(1, cores // many[task]) for task in ("simulate", "render") if many[task]}
+    return [replace(job, threads=broad.get(job.task, job.threads)) for job in jobs]
 
 
 def paths(places: Iterable[Path]) -> tuple[str, ...]:

@@ -29,6 +29,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "turntable",
         "preview",
         "curves",
+        "wedge",
         "publish",
         "versions",
         "flows",
@@ -40,7 +41,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "publish")
+MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish")
 TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "doctor")
 
 
