@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
+from pipeline.cli.arguments import AllowCode, Crop, Quality, Scale, Settings, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES
 from pipeline.cli.runs import carried_out
@@ -32,7 +32,15 @@ def wedge(
             help="What changes: NAME=first:last:count or NAME=value,value; given again, every combination.",
         ),
     ] = None,
-    frames: Frames = None,
+    frames: Annotated[
+        str | None,
+        typer.Option(
+            "-f",
+            "--frames",
+            metavar="RANGE",
+            help="Frames of every cell; by default that of the sheet alone.",
+        ),
+    ] = None,
     at: Annotated[
         int | None,
         typer.Option("--at", metavar="FRAME", help="The frame of the sheet; by default the middle one."),

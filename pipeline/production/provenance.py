@@ -17,6 +17,7 @@ from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.circumstances import code_keys, host, packages
 from pipeline.production.folder import NAME
 from pipeline.production.script import Script
+from pipeline.production.window import is_quality
 from pipeline.shot.surroundings import digest_of_file, is_there
 from render.image import read_exr
 
@@ -96,10 +97,8 @@ class Provenance:
         frames = {int(number): FrameRecord(**record) for number, record in data["frames"].items()}
         if data["format"] != FORMAT or not frames:
             raise ValueError
-        named = re.fullmatch(NAME, data["shot"]) and re.fullmatch(VERSION, data["version"])
-        if not named:  # both become names of folders
-            raise ValueError
         script = Script.from_data(data["script"])
+        _require_whole(data, script)
         return cls(**{**plain, "size": tuple(data["size"]), "script": script, "frames": frames})
 
     @classmethod
@@ -143,6 +142,17 @@ class Provenance:
             for what in ("machine", "processor")
             if here[what] != self.host.get(what)
         ]
+
+
+def _require_whole(data: Mapping[str, Any], script: Script) -> None:
+    """What else reading relies on, names that become those of folders among it. Raises as `from_data`."""
+    named = re.fullmatch(NAME, data["shot"]) and re.fullmatch(VERSION, data["version"])
+    known = is_quality(data["quality"]) and script.name == data["shot"] and isinstance(script.text, str)
+    tables = [data[name] for name in ("movie", "packages", "code", "host", "timings")]
+    if not (named and known and all(isinstance(table, dict) for table in tables)):
+        raise ValueError
+    if not {"file", "key", "sha256"} <= set(data["movie"]):
+        raise KeyError
 
 
 def pixels_of(path: Path) -> str:

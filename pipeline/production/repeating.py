@@ -97,6 +97,12 @@ class Repetition:
         were.
         """
         script = restored(self.record, self.allow_code)
+        beyond = FrameRange.of(self.record.frames).outside(script.shot.frames)
+        if beyond:
+            raise UsageError(
+                f"{self.source}: frames {beyond} are not in its own shot, so one of both was changed; take "
+                "the provenance that flowsculpt publish wrote"
+            )
         take = Take(script, self.record.quality, self._variant([]), self.asked)
         around = {n for number in self.asked for n in take.window(number, self.record.frames.__contains__)}
         return replace(take, requested=tuple(sorted(around)))

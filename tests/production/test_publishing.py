@@ -266,15 +266,33 @@ def test_a_provenance_gives_no_leave_to_run_code(desk: Desk) -> None:
     assert desk.repetition(allow_code=True).take.script.allow_code is True
 
 
-@pytest.mark.parametrize("text", ["", "[]", '{"format": 1}', None])
-def test_what_is_no_provenance_is_told_in_one_line(desk: Desk, text: str | None) -> None:
-    source = desk.home / "v001" / FILE
-    data = json.loads(source.read_text())
-    source.unlink()
-    source.write_text(json.dumps({**data, "shot": "../elsewhere"}) if text is None else text)
+@pytest.mark.parametrize(
+    "change",
+    [
+        "",
+        "[]",
+        '{"format": 1}',
+        {"shot": "../elsewhere"},
+        {"version": "../v001"},
+        {"quality": "finest"},
+        {"frames": {}},
+        {"frames": {"1": {}}},
+        {"movie": {}},
+        {"packages": []},
+        {"format": 2},
+        {"script": None},
+    ],
+)
+def test_what_is_no_provenance_is_told_in_one_line(
+    tmp_path: Path, published: Desk, change: str | dict
+) -> None:
+    data = json.loads((published.home / "v001" / FILE).read_text())
+    source = Desk(tmp_path).home / "v001" / FILE
+    source.parent.mkdir(parents=True)
+    source.write_text(change if isinstance(change, str) else json.dumps({**data, **change}))
     with pytest.raises(UsageError, match="this is no provenance of a published version"):
         Provenance.read(source)
-    code, said = desk.command("versions")
+    code, said = Desk(tmp_path).command("versions")
     assert code == 2 and "this is no provenance" in said
 
 
