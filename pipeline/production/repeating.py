@@ -12,13 +12,14 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.errors import UsageError
+from pipeline.errors import MachineError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.keyring import Keyring
 from pipeline.production.layout import repeated
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.provenance import Provenance, pixels_of, restored
+from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
@@ -89,13 +90,19 @@ class Repetition:
         variant = self._variant(told)
         return [*told, *self.record.differences(variant)]
 
-    @cached_property
+    @property
     def take(self) -> Take:
         """With the frames around those asked for whose light their finished pictures take in.
 
         Raises UsageError or MissingInputError where files that the version was made from are not as they
         were.
         """
+        take = Take(self._script, self.record.quality, self._variant([]), self.asked)
+        around = {n for number in self.asked for n in take.window(number, self.record.frames.__contains__)}
+        return replace(take, requested=tuple(sorted(around)))
+
+    @cached_property
+    def _script(self) -> Script:
         script = restored(self.record, self.allow_code)
         beyond = FrameRange.of(self.record.frames).outside(script.shot.frames)
         if beyond:
@@ -103,16 +110,14 @@ class Repetition:
                 f"{self.source}: frames {beyond} are not in its own shot, so one of both was changed; take "
                 "the provenance that flowsculpt publish wrote"
             )
-        take = Take(script, self.record.quality, self._variant([]), self.asked)
-        around = {n for number in self.asked for n in take.window(number, self.record.frames.__contains__)}
-        return replace(take, requested=tuple(sorted(around)))
+        return script
 
     def plan(self) -> Plan:
         """Raises what `take` raises."""
-        planner = Planner(self.store, self.cores)
-        planner.pictures(self.take)
+        planner, take = Planner(self.store, self.cores), self.take
+        planner.pictures(take)
         if self.frames is None:
-            planner.movie(self.take)
+            planner.movie(take)
         return planner.plan()
 
     def comparisons(self) -> list[Comparison]:
@@ -122,7 +127,14 @@ class Repetition:
         return found if self.frames is not None else [*found, self._movie()]
 
     def _variant(self, told: list[str]) -> str:
-        return variant_for(self.home, self.record.shot, self.variant or self.record.variant, told.append)
+        asked = self.variant or self.record.variant
+        try:
+            return variant_for(self.home, self.record.shot, asked, told.append)
+        except MachineError as error:
+            reason = str(error).partition(";")[0]
+            raise MachineError(
+                f"{reason}; --variant renders {self.record.version} with another one, whose pixels will differ"
+            ) from None
 
     def _frame(self, number: int, keys: Keyring | None) -> Comparison:
         what, then = f"frame {number}", self.record.frames[number]

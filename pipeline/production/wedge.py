@@ -7,7 +7,7 @@ renders/wedge/<shot>/<wedge>.<quality>.0024.png    the contact sheet; of several
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -25,6 +25,7 @@ from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.sharing import shared
 from pipeline.production.take import Take
+from pipeline.production.variants import variant_for
 from pipeline.production.workflow import Studio
 from render.colour import quantise, to_display
 from render.contact_sheet import ContactSheet, columns_for, reduced, reduction
@@ -50,9 +51,20 @@ class Wedge:
     at: int | None = None
     columns: int | None = None
 
-    @cached_property
+    @property
     def takes(self) -> list[tuple[Cell, Take]]:
-        """Raises ShotError or UsageError, with the variation, where a cell's shot is not good."""
+        """All by the variant that serves now, which a run changes where one crashes.
+
+        Raises ShotError or UsageError, with the variation, where a cell's shot is not good.
+        """
+        variant = variant_for(self.studio.root, self.shot.stem, self.studio.variant, self.studio.notes.append)
+        return [
+            (cell, take if take.variant == variant else replace(take, variant=variant))
+            for cell, take in self._read
+        ]
+
+    @cached_property
+    def _read(self) -> list[tuple[Cell, Take]]:
         return [(cell, self._take(cell)) for cell in self.grid]
 
     @cached_property
@@ -68,14 +80,16 @@ class Wedge:
 
     def plan(self) -> Plan:
         """What is left to be done for all cells together, each file made once."""
-        return shared(
-            self.plan_apart(), [take for _, take in self.takes], self.studio.store, self.studio.cores
-        )
+        takes = [take for _, take in self.takes]
+        return shared(self._apart(takes), takes, self.studio.store, self.studio.cores)
 
     def plan_apart(self) -> Plan:
         """The same with each cell for itself."""
+        return self._apart([take for _, take in self.takes])
+
+    def _apart(self, takes: Sequence[Take]) -> Plan:
         planner = Planner(self.studio.store, max(1, self.studio.cores // len(self.grid)), self.studio.notes)
-        for _, take in self.takes:
+        for take in takes:
             planner.pictures(take)
             if len(take.requested) > 1:
                 planner.movie(take)
@@ -89,13 +103,18 @@ class Wedge:
     # Sheets
 
     @property
+    def _first(self) -> Take:
+        """What all cells have in common, it has."""
+        return self._read[0][1]
+
+    @property
     def still_path(self) -> Path:
         return self._home / f"{self.grid.name}.{self.quality}.{self.number:04d}.png"
 
     @property
     def movie_path(self) -> Path | None:
         """None where one frame was asked for."""
-        numbers = self.takes[0][1].requested
+        numbers = self._first.requested
         if len(numbers) == 1:
             return None
         return self._home / f"{self.grid.name}.{self.quality}.{FrameRange.of(numbers)}.mp4"
@@ -114,9 +133,9 @@ class Wedge:
         write_png(root / self.still_path, self._page(self.number, 8, "srgb"), header)
         if self.movie_path is None:
             return [self.still_path]
-        numbers = sorted(self.takes[0][1].requested)
+        numbers = sorted(self._first.requested)
         pages: Iterator[NDArray[Any]] = (self._page(number, 16, "rec709") for number in numbers)
-        write_movie(root / self.movie_path, pages, self.takes[0][1].shot.rate.fps)
+        write_movie(root / self.movie_path, pages, self._first.shot.rate.fps)
         return [self.still_path, self.movie_path]
 
     def _page(self, number: int, bits: int, display: str) -> NDArray[Any]:
@@ -125,23 +144,23 @@ class Wedge:
 
     @cached_property
     def _sheets(self) -> dict[int, ContactSheet]:
-        first = self.takes[0][1]
+        first = self._first
         width, height = (side // self._factor for side in (first.quality.width, first.quality.height))
-        heading, captions = f"{first.name}: {first.shot.title}", [cell.caption for cell, _ in self.takes]
+        heading, captions = f"{first.name}: {first.shot.title}", [cell.caption for cell, _ in self._read]
         return {
             bits: ContactSheet(heading, captions, (width, height), self._columns, bits) for bits in (8, 16)
         }
 
     @cached_property
     def _columns(self) -> int:
-        quality = self.takes[0][1].quality
+        quality = self._first.quality
         return (
             self.columns or self.grid.columns or columns_for(len(self.grid), (quality.width, quality.height))
         )
 
     @cached_property
     def _factor(self) -> int:
-        quality = self.takes[0][1].quality
+        quality = self._first.quality
         return reduction(len(self.grid), self._columns, (quality.width, quality.height))
 
     @cached_property

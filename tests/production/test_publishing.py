@@ -24,6 +24,7 @@ from pipeline.production.repeating import Repetition
 from pipeline.production.run import exclusive
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.work import PLACES
+from pipeline.production.variants import avoid
 from pipeline.production.workflow import Studio
 from pipeline.shot.surroundings import digest_of_file
 from render.image import read_exr, write_exr
@@ -243,6 +244,13 @@ def test_what_is_otherwise_than_it_was_is_told_before(desk: Desk) -> None:
     assert f"{other} renders now, {record.variant} did then" in told
     assert "mitsuba is" in told and "was 3.0" in told
     assert "the code of finish is not what it was" in told and "was an abacus" in told
+
+
+def test_a_variant_that_crashed_is_not_replaced_behind_the_users_back(desk: Desk) -> None:
+    again = desk.repetition()
+    avoid(again.home, NAME, again.record.variant, f"{again.record.variant} crashed (SIGABRT)")
+    with pytest.raises(MachineError, match=r"crashed \(SIGABRT\); --variant renders v001 with another one"):
+        again.plan()
 
 
 def test_a_file_that_it_reads_must_be_what_it_was(desk: Desk) -> None:

@@ -19,6 +19,7 @@ from pipeline.production.grid import Grid, Variation
 from pipeline.production.plan import Plan
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.work import PLACES
+from pipeline.production.variants import avoid
 from pipeline.production.wedge import Wedge
 from pipeline.production.workflow import Studio
 from render.image import read_exr, read_png
@@ -253,6 +254,15 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
             done(root, Plan(plan.takes, None, tuple(simulations), (), ()))
             folders.append({path.name: path.read_bytes() for path in root.rglob("store/mesh/*/*.npz")})
     assert len(folders[0]) == 9 + 3 * 3 and folders[0] == folders[1]
+
+
+def test_after_a_crash_all_cells_are_rendered_by_the_next_variant(desk: Desk, tmp_path: Path) -> None:
+    wedge = Wedge(Studio(tmp_path, 2), desk.root / "shots" / f"{NAME}.yaml", Grid.parse([LOOK]), QUALITY)
+    (before,) = {take["variant"] for take in wedge.plan().takes}
+    if not avoid(tmp_path, NAME, before, f"{before} crashed"):
+        pytest.skip("there is only one variant here to choose from")
+    (after,) = {take["variant"] for take in wedge.plan().takes}
+    assert after != before
 
 
 @pytest.mark.parametrize(
