@@ -133,7 +133,7 @@ class Repetition:
         except MachineError as error:
             reason = str(error).partition(";")[0]
             raise MachineError(
-                f"{reason}; --variant renders {self.record.version} with another one, whose pixels will differ"
+                f"{reason}; --variant renders {self.record.version} with another, whose pixels will differ"
             ) from None
 
     def _frame(self, number: int, keys: Keyring | None) -> Comparison:
