@@ -38,7 +38,7 @@ for job in plan.jobs:
             job.outputs,
         log:
             f"{logs}/{job.name}.log",
-        priority: job.priority
+        priority: job.urgency
         threads: job.threads
         params:
             job=job.name,

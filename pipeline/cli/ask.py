@@ -12,10 +12,11 @@ from rich.table import Table
 
 from pipeline.cli.arguments import Settings
 from pipeline.cli.options import Common
-from pipeline.cli.say import answer, complain, out
+from pipeline.cli.say import answer, complain, duration, out
 from pipeline.errors import FlowsculptError
 from pipeline.kernels import cache_folder, compile_all
 from pipeline.production.folder import find_shot, shot_names
+from pipeline.production.history import History
 from pipeline.production.state import FrameStates, states
 from pipeline.production.workflow import Studio
 from render import colour, engine, raster
@@ -27,14 +28,19 @@ def status(
     shots: Annotated[list[str] | None, typer.Argument(metavar="SHOT…", help="By default every shot.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Say of every shot which frames are done, stale and missing, at each quality that was begun."""
+    """Say of every shot which frames are done, stale and missing, at each quality that was begun.
+
+    Failed frames failed when they were last tried; running ones are being made now. The time left is what the
+    undone take if they come as fast as the last did.
+    """
     studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
+    history = History.of(common.root)
     rows: list[FrameStates] = []
     failed: list[FlowsculptError] = []
     for shot in shots or shot_names():
         try:
             takes = [studio.take(find_shot(shot), quality) for quality in QUALITIES]
-            rows += states(takes, studio.store)
+            rows += states(takes, studio.store, history)
         except FlowsculptError as error:
             failed.append(error)
     for failure in failed:
@@ -49,12 +55,14 @@ def _tell(rows: list[FrameStates], as_json: bool) -> None:
         answer("", [row.as_data() for row in rows], as_json=True)
         return
     table = Table(box=None, pad_edge=False)
-    for heading in ("shot", "what", "done", "stale", "missing"):
+    columns = ["done", "stale", "missing"]
+    columns += [name for name in ("failed", "running") if any(getattr(row, name) for row in rows)]
+    timed = any(row.seconds_left for row in rows)
+    for heading in ("shot", "what", *columns, *(["time left"] if timed else [])):
         table.add_column(heading)
     for row in rows:
-        table.add_row(
-            row.shot, row.what, str(row.done) or "–", str(row.stale) or "–", str(row.missing) or "–"
-        )
+        left = [] if not timed else ["–" if row.seconds_left is None else duration(row.seconds_left)]
+        table.add_row(row.shot, row.what, *(str(getattr(row, name)) or "–" for name in columns), *left)
     out.print(table if rows else "No shots here; flowsculpt new makes one.")
 
 

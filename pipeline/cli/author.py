@@ -18,7 +18,7 @@ from pipeline.production.folder import NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.beginning import SCHEMA, shot_of_flow, shot_of_shot
 from pipeline.shot.catalogue import DOCUMENTS
-from pipeline.shot.layers import DEFAULTS
+from pipeline.shot.edits import DEFAULTS
 from pipeline.shot.schema import defaults_schema, film_schema, shot_schema
 from pipeline.shot.source import Source
 from pipeline.shot.staging import STAGED, staging_of

@@ -9,7 +9,6 @@ import typer
 
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Shots, Variant
 from pipeline.cli.options import Common
-from pipeline.cli.publish import repeat
 from pipeline.cli.runs import make
 from pipeline.errors import UsageError
 from pipeline.production.folder import FILM, find_edit
@@ -71,6 +70,8 @@ def render(
     last bit.
     """
     if provenance is not None:
+        from pipeline.cli.publish import repeat
+
         repeat(common, provenance, frames, variant, allow_code, [shots, quality, crop, scale, settings])
         return
     if not shots:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.say import complain
+from pipeline.production.watchdog import PATIENCE
 from render.engine import available_cores
 
 INTERRUPTED = 130
@@ -28,6 +30,7 @@ class Common:
     cores: int
     dry_run: bool
     root: Path
+    patience: float
 
 
 Json = Annotated[
@@ -52,6 +55,26 @@ Root = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+Timeout = Annotated[
+    float | None,
+    typer.Option(
+        min=0.01,
+        metavar="MINUTES",
+        help="End a job that shows no sign of life for so long, and try it again; by default "
+        f"{PATIENCE / 60.0:g}.",
+        rich_help_panel=_PANEL,
+    ),
+]
+Nice = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=19,
+        metavar="N",
+        help="Let other programs go first, the more the higher N is: 10 is usual.",
+        rich_help_panel=_PANEL,
+    ),
+]
 
 
 @dataclass
@@ -63,6 +86,8 @@ class _Said:
     cores: Cores = None
     dry_run: DryRun = False
     root: Root = None
+    timeout: Timeout = None
+    nice: Nice = None
 
     def over(self, earlier: _Said) -> _Said:
         """What is said after the command wins over what is said before it."""
@@ -75,6 +100,7 @@ class _Said:
             cores=self.cores or available_cores(),
             dry_run=self.dry_run,
             root=(self.root or Path()).resolve(),
+            patience=PATIENCE if self.timeout is None else 60.0 * self.timeout,
         )
 
 
@@ -85,9 +111,11 @@ def remember(
     cores: Cores = None,
     dry_run: DryRun = False,
     root: Root = None,
+    timeout: Timeout = None,
+    nice: Nice = None,
 ) -> None:
     """Keep what was said before the command's name."""
-    ctx.obj = _Said(json_, no_progress, cores, dry_run, root)
+    ctx.obj = _Said(json_, no_progress, cores, dry_run, root, timeout, nice)
 
 
 def with_common(function: Callable[..., None]) -> Callable[..., None]:
@@ -98,8 +126,11 @@ def with_common(function: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(function)
     def command(ctx: typer.Context, **values: Any) -> None:
         said = _Said(**{f.name: values.pop(f.name) for f in fields(_Said)})
+        said = said.over(ctx.obj or _Said())
         try:
-            function(said.over(ctx.obj or _Said()).common(), **values)
+            if said.nice:
+                os.nice(said.nice)  # what this process starts is as nice
+            function(said.common(), **values)
         except KeyboardInterrupt:
             complain("interrupted; what is done stays done, run again to go on")
             raise typer.Exit(INTERRUPTED) from None

@@ -163,12 +163,18 @@ def _listed(text: str) -> tuple[str, ...]:
 
 
 def _short_names(names: Sequence[str]) -> list[str]:
-    """Of each the fewest last parts that tell it from the others."""
+    """Of each the fewest last parts that tell it from the others, and begin with a word of its own."""
     parts = [name.split(".") for name in names]
+
+    def short(each: Sequence[str], length: int) -> tuple[str, ...]:
+        while length < len(each) and (each[-length] == "keys" or not each[-length].isidentifier()):
+            length += 1
+        return tuple(each[-length:])
+
     length = 1
-    while len({tuple(each[-length:]) for each in parts}) < len(names):
+    while len({short(each, length) for each in parts}) < len(names):
         length += 1
-    return [".".join(each[-length:]) for each in parts]
+    return [".".join(short(each, length)) for each in parts]
 
 
 def _folder(settings: Sequence[str], taken: set[str]) -> str:

@@ -31,7 +31,8 @@ class Job:
 
     task     the function of `pipeline.production.tasks` that does it
     takes    the places among the plan's takes of those it works on: one, or for the film all
-    frames   the numbers it makes
+    frames   the numbers it makes, in the order in which it makes them
+    urgency  which of those that could go go first: the highest
     """
 
     name: str
@@ -41,16 +42,12 @@ class Job:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     threads: int = 1
-
-    @property
-    def priority(self) -> int:
-        """Simulations first: each is the work of one thread, and all the pictures of its shot wait for it."""
-        return 1 if self.task == "simulate" else 0
+    urgency: int = 0
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
         lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}
-        return cls(data["name"], data["task"], threads=data["threads"], **lists)
+        return cls(data["name"], data["task"], threads=data["threads"], urgency=data["urgency"], **lists)
 
 
 @dataclass(frozen=True)
@@ -117,9 +114,17 @@ class Plan:
 
 
 def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
-    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy."""
+    """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy.
+
+    They are runs of neighbours; but where frames come in another order than theirs, as coarse first, they are
+    dealt out, so that all cores work on the first ones first.
+    """
     size = max(1, min(BATCH, -(-len(numbers) // max(1, cores))))
-    return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
+    if list(numbers) == sorted(numbers):
+        return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
+    hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
+    dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
+    return [batch for batch in dealt if batch]
 
 
 def dealt_out(jobs: Sequence[Job], cores: int) -> list[Job]:

@@ -18,7 +18,7 @@ from pipeline.production.circumstances import code_keys, host, packages
 from pipeline.production.folder import NAME
 from pipeline.production.script import Script
 from pipeline.production.window import is_quality
-from pipeline.shot.surroundings import digest_of_file, is_there
+from pipeline.shot.named_files import digest_of_file, is_there
 from render.image import read_exr
 
 FILE = "provenance.json"

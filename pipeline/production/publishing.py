@@ -42,7 +42,7 @@ from pipeline.production.run import exclusive
 from pipeline.production.spent import seconds_by_stage, seconds_of
 from pipeline.production.store import Store
 from pipeline.production.take import Take
-from pipeline.shot.surroundings import digest_of_file
+from pipeline.shot.named_files import digest_of_file
 from render.errors import CorruptImageError, MissingImageError
 from render.movie import probe_movie
 

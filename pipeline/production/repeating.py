@@ -23,7 +23,7 @@ from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
-from pipeline.shot.surroundings import digest_of_file
+from pipeline.shot.named_files import digest_of_file
 from render.errors import RenderError
 from render.image import read_exr
 

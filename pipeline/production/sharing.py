@@ -8,13 +8,14 @@ of the others get their links when all is done, as from any store.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import groupby
-from typing import Any, cast
+from typing import Any
 
-from pipeline.production.framing import Framing
+from pipeline.production.cameras import CameraFile
 from pipeline.production.keyring import Keyring
+from pipeline.production.keys import Key
 from pipeline.production.plan import Job, Plan, dealt_out
 from pipeline.production.store import Store
 from pipeline.production.take import Take
@@ -41,15 +42,22 @@ def shared(plan: Plan, takes: Sequence[Take], store: Store, cores: int) -> Plan:
     return replace(plan, jobs=tuple(dealt_out(renamed, cores)), targets=once.renamed(plan.targets))
 
 
-@dataclass(frozen=True, eq=False)
-class _Promised:
+@dataclass(frozen=True)
+class _Promise:
     """The framing of a picture before it is found: where these are equal, so will the framings be."""
 
-    cameras: str
+    cameras: Key
     number: int
 
-    def as_data(self) -> list[Any]:
+    def as_data(self) -> Any:
         return [self.cameras, self.number]
+
+
+class _Promises(CameraFile):
+    """Those of all pictures of a take."""
+
+    def __getitem__(self, number: int) -> Any:
+        return _Promise(self.key, number)
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,11 +69,8 @@ class _Files:
 
     @classmethod
     def of(cls, take: Take, store: Store) -> _Files:
-        keys = take.picture_keys(store)
-        if keys is None:
-            promised = {n: _Promised(take.cameras_key, n) for n in take.poses}
-            keys = Keyring(take, store, cast(Mapping[int, Framing], promised))
-        return cls(take, keys)
+        promised = _Promises(store, f"promised {take.cameras_key}", dict.fromkeys(take.poses))
+        return cls(take, take.picture_keys(store) or Keyring(take, store, promised))
 
     def made_by(self, job: Job) -> Iterator[File]:
         """Each file that a job makes."""

@@ -3,26 +3,26 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Self
+from typing import TYPE_CHECKING, Any, Self
 
 from pipeline.frames import FrameRange
 from pipeline.production.layout import Folders
-from pipeline.production.movement import STEP
 from pipeline.production.poses import Pose, Turntable
 from pipeline.production.script import Script
 from pipeline.production.store import SUFFIXES
 from pipeline.production.window import base_of, quality_named
-from pipeline.resample import Thresholds
-from pipeline.shot import Shot
-from pipeline.shot.cameras import View
-from pipeline.shot.net import ControlNet
-from pipeline.shot.shutter import PictureLayers
-from render.measure import SPEED
-from render.quality import Quality
+
+if TYPE_CHECKING:
+    from pipeline.production.ledger import Ledger
+    from pipeline.resample import Thresholds
+    from pipeline.shot import Shot
+    from pipeline.shot.cameras import View
+    from pipeline.shot.shutter import PictureLayers
+    from render.quality import Quality
 
 
 @dataclass(frozen=True)
@@ -52,9 +52,9 @@ class Showing:
         }
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> Self:
+    def from_data(cls, data: Mapping[str, Any], ledger: Ledger | None = None) -> Self:
         return cls(
-            script=Script.from_data(data["script"]),
+            script=Script.from_data(data["script"], ledger),
             quality_name=data["quality"],
             variant=data["variant"],
             requested=tuple(data["requested"]),
@@ -72,7 +72,7 @@ class Showing:
         """The shot's, which is known without reading it."""
         return self.script.name
 
-    @property
+    @cached_property
     def quality(self) -> Quality:
         return quality_named(self.quality_name, self.shot.picture.qualities)
 
@@ -81,7 +81,7 @@ class Showing:
         """Width to height of the whole picture, whatever part of it is rendered and how small."""
         return self.shot.picture.qualities[base_of(self.quality_name)].aspect
 
-    @property
+    @cached_property
     def motion_folders(self) -> Folders:
         """Where mesh frames lie: with the shot, for its turntables too."""
         if self.home is not None:
@@ -89,7 +89,7 @@ class Showing:
         of_file = self.turntable and self.turntable.of_file
         return Folders.of_turntable(self.name) if of_file else Folders.of_shot(self.name)
 
-    @property
+    @cached_property
     def folders(self) -> Folders:
         """Where pictures lie."""
         if self.turntable is None:
@@ -124,7 +124,7 @@ class Showing:
     def poses(self) -> dict[int, Pose]:
         """By picture number, all that the take could show."""
         if self.turntable is None:
-            return {number: Pose(number) for number in self.shot.motion.frames}
+            return {number: Pose(number) for number in self.script.outline.frames}
         count = self.turntable.frames
         return {i + 1: Pose(self.turntable.at, 2 * math.pi * i / count) for i in range(count)}
 
@@ -145,12 +145,15 @@ class Showing:
 
     def thresholds(self, number: int) -> Thresholds:
         """Those of a frame; where resampling is off, for the sake of the hard angle, which shades creases."""
-        resampling = self.shot.motion.resampling_at(number)
-        return resampling.thresholds if resampling else Thresholds(1.0)
+        from pipeline.production.chain import thresholds_at
+
+        return thresholds_at(self.shot.motion, number)
 
     @property
     def net_pieces(self) -> int | None:
         """How finely the surface of a net is cut, which is what cameras look at; None of other subjects."""
+        from pipeline.shot.net import ControlNet
+
         is_net = isinstance(self.shot.motion.subject, ControlNet)
         return self.shot.picture.tessellate if is_net else None
 
@@ -164,7 +167,7 @@ class Showing:
         return 0.0 if self.turntable else self.shot.picture.camera.follow
 
     @property
-    def reach(self) -> int:
+    def steadied_over(self) -> int:
         """Pictures to either side that light is taken from; what keeps its noise would not know its own."""
         return 0 if self.quality.denoise == "off" else self.quality.steady
 
@@ -172,17 +175,7 @@ class Showing:
     def layers(self) -> PictureLayers:
         """Those that the shot asks for, and those that following its pixels to other frames takes."""
         asked = self.shot.picture.layers
-        return asked.with_("before", "after") if self.reach else asked
-
-    def window(self, number: int, is_there: Callable[[int], bool]) -> tuple[int, ...]:
-        """The pictures whose light a picture takes in, itself among them: those around it without a gap that
-        are there, being asked for as well or rendered before."""
-        first = last = number
-        while number - first < self.reach and is_there(first - 1):
-            first -= 1
-        while last - number < self.reach and is_there(last + 1):
-            last += 1
-        return tuple(range(first, last + 1))
+        return asked.with_("before", "after") if self.steadied_over else asked
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """When the shutter opens for a picture and closes, in frames from its moment; None: it shows one."""
@@ -191,6 +184,8 @@ class Showing:
 
     def moments_beside(self, number: int) -> tuple[float, ...]:
         """How far a picture looks beyond its own moment, in frames, each way or none."""
+        from pipeline.production.movement import STEP
+
         layers = self.layers.extra
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
         return (
@@ -201,13 +196,15 @@ class Showing:
     @property
     def measures_speed(self) -> bool:
         """Whether the colours of its pictures are the speed of the flow."""
+        from render.measure import SPEED
+
         measure = self.shot.picture.look.measure
         return measure is not None and measure.of == SPEED
 
-    def follows_flow(self, number: int) -> bool:
+    def goes_by_flow(self, number: int) -> bool:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
         return self.measures_speed or (self.turntable is None and bool(self.moments_beside(number)))
 
-    def needs_mesh(self, number: int) -> bool:
+    def is_made_of_mesh(self, number: int) -> bool:
         """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
-        return self.shot.picture.dicing is not None or self.follows_flow(number)
+        return self.shot.picture.dicing is not None or self.goes_by_flow(number)

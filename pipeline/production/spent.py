@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import re
 from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
@@ -32,18 +31,12 @@ def seconds_by_stage(take: Take, root: Path, raws: Mapping[int, Key]) -> dict[st
     """Of all of a take's frames together: what rendering them took, and what the event logs of the root last
     told of the other stages."""
     found: dict[str, dict[int, float]] = defaultdict(dict)
-    label = re.sub(r"\W", "_", take.label)
     for log in sorted((root / EVENTS).glob("*.jsonl")):
         for event in EventReader(log).new():
-            stage = event.get("stage")
-            is_ours = stage in _MOTION or (stage in _PICTURES and f"_{label}_" in event["job"])
-            if (
-                event["event"] == "frame"
-                and event["shot"] == take.folders.name
-                and is_ours
-                and not event["found"]
-            ):
-                found[str(stage)][event["frame"]] = event["seconds"]
+            if event["event"] == "frame" and event["shot"] == take.subject and not event["found"]:
+                stage = str(event["stage"])
+                if stage in _MOTION or (stage in _PICTURES and event.get("quality") == take.quality_name):
+                    found[stage][event["frame"]] = event["seconds"]
     rendering = [sum(seconds_of(take, root, number, raw).values()) for number, raw in raws.items()]
     told = {stage: round(sum(frames.values()), 3) for stage, frames in found.items()}
     return {**told, "render": round(sum(rendering), 3)}

@@ -5,35 +5,29 @@ A shot's own take shows each mesh frame once. A turntable's shows one mesh frame
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from pipeline.production.cameras import CameraFile
 from pipeline.production.edit import movie_bits
-from pipeline.production.framing import Framing
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import (
     FINISH_CODE,
     FRAMING_CODE,
     MOVIE_CODE,
-    NORMALS_CODE,
     PICTURE_CODE,
-    SIMULATION_CODE,
     STILL_CODE,
     Key,
     code_key,
     key_of,
 )
-from pipeline.production.movement import STEP, acting
 from pipeline.production.showing import Showing
 from pipeline.production.store import Store
-from pipeline.shot.data import as_data
-from render.errors import BadInputError
-from render.frame import seed_of
-from render.measure import SPEED
-from render.plain import to_plain
+
+if TYPE_CHECKING:
+    from pipeline.production.framing import Framing
 
 FORMS = ("png", "png16", "jpeg")
 """Of single frames as a display shows them; a task of the workflow has the name of each."""
@@ -43,29 +37,69 @@ FORMS = ("png", "png16", "jpeg")
 class Take(Showing):
     """The pictures of one shot at one quality, rendered by one variant: keys, each made of the one before."""
 
-    @cached_property
-    def _mesh_keys(self) -> dict[int, Key]:
-        """A chain: each key holds the one before and what acts between the two frames."""
-        motion = self.shot.motion
-        code = code_key(SIMULATION_CODE, ("numba", "numpy", "trimesh"))
-        key = key_of("mesh", code, motion.start_data())
-        first, *others = sorted(motion.frames)
-        keys = {first: key}
-        for number in others:
-            key = key_of(key, motion.step_data(number))
-            keys[number] = key
-        return keys
-
     def mesh_key(self, number: int) -> Key:
-        return self._mesh_keys[number]
+        return self.script.outline.meshes[number]
 
     def normals_key(self, number: int) -> Key:
-        angle = as_data(self.thresholds(number).hard_angle)
-        pieces = self.shot.picture.tessellate
-        return key_of("normals", code_key(NORMALS_CODE), self.mesh_key(number), angle, pieces)
+        return self.script.outline.normals[number]
+
+    @property
+    def cameras_key(self) -> Key:
+        return str(self._settled["cameras"])
 
     @cached_property
-    def cameras_key(self) -> Key:
+    def _settled(self) -> Mapping[str, Any]:
+        """What planning asks of it: the key of its cameras, how far pictures take light from others, how
+        their noise is removed, which of them follow the flow and need their meshes."""
+        ledger = self.script.ledger
+        found_from = "take", self.identity
+        known = None if ledger is None else ledger.recall(*found_from)
+        if known is None:
+            known = {
+                "cameras": self._cameras_key(),
+                "reach": self.steadied_over,
+                "denoise": self.quality.denoise,
+                "follow_flow": [n for n in self.poses if self.goes_by_flow(n)],
+                "need_mesh": [n for n in self.poses if self.is_made_of_mesh(n)],
+            }
+            if ledger is not None:
+                ledger.note(known, *found_from)
+        return {**known, **{name: frozenset(known[name]) for name in ("follow_flow", "need_mesh")}}
+
+    @cached_property
+    def identity(self) -> Key:
+        """Of all that decides the take's keys, but for what code does."""
+        outline = self.script.outline
+        data = {**self.as_data(), "requested": None}
+        data["script"] = {**data["script"], "pins": outline.pins}
+        return key_of(data, outline.meshes, outline.normals)
+
+    @property
+    def reach(self) -> int:
+        """Pictures to either side that light is taken from."""
+        return int(self._settled["reach"])
+
+    def window(self, number: int, is_there: Callable[[int], bool]) -> tuple[int, ...]:
+        """The pictures whose light a picture takes in, itself among them: those around it without a gap that
+        are there, being asked for as well or rendered before."""
+        first = last = number
+        while number - first < self.reach and is_there(first - 1):
+            first -= 1
+        while last - number < self.reach and is_there(last + 1):
+            last += 1
+        return tuple(range(first, last + 1))
+
+    def follows_flow(self, number: int) -> bool:
+        """`goes_by_flow`, which need not read the shot again."""
+        return number in self._settled["follow_flow"]
+
+    def needs_mesh(self, number: int) -> bool:
+        """`is_made_of_mesh`, which need not read the shot again."""
+        return number in self._settled["need_mesh"]
+
+    def _cameras_key(self) -> Key:
+        from render.plain import to_plain
+
         shown = sorted({pose.mesh for pose in self.poses.values()})
         return key_of(
             "cameras",
@@ -80,14 +114,8 @@ class Take(Showing):
 
     def framings(self, store: Store) -> dict[int, Framing] | None:
         """Every picture's camera and stage, where the store has them."""
-        try:
-            data = json.loads(store.path("cameras", self.cameras_key).read_text())
-            return {number: Framing.from_data(data[str(number)]) for number in self.poses}
-        except FileNotFoundError:
-            return None
-        except (ValueError, KeyError, TypeError, BadInputError):  # cut short; to be found anew
-            store.discard("cameras", self.cameras_key)
-            return None
+        cameras = CameraFile.of(store, self.cameras_key, self.poses)
+        return None if cameras is None else cameras.all()
 
     def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
         """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
@@ -96,7 +124,11 @@ class Take(Showing):
             return []
         around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
         turn = self.turntable.frames if self.turntable else None
-        flow = acting(self.shot.motion, number, offsets) if self.turntable is None and offsets else []
+        flow: list[Any] = []
+        if self.turntable is None and offsets:
+            from pipeline.production.movement import acting
+
+            flow = acting(self.shot.motion, number, offsets)
         opened = self.open_at(number)
         return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
 
@@ -104,11 +136,16 @@ class Take(Showing):
         """What decides the colours of a picture that shows speeds."""
         if not self.measures_speed:
             return []
+        from pipeline.production.movement import STEP, acting
+        from render.measure import SPEED
+
         return [[SPEED, acting(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
 
     @cached_property
     def _appearance(self) -> Key:
         """Of what is the same in all pictures."""
+        from render.plain import to_plain
+
         picture = self.shot.picture
         return key_of(
             to_plain(picture.look),
@@ -136,25 +173,32 @@ class Take(Showing):
     def frame_key(self, raw: Key, around: list[Key]) -> Key:
         """Of a finished picture; `around` are the raw ones whose light it takes in, if any."""
         code = code_key(FINISH_CODE, ("pyoidn", "OpenImageIO"))
-        return key_of("frame", code, raw, self.quality.denoise, around)
+        return key_of("frame", code, raw, self._settled["denoise"], around)
 
     def picture_keys(self, store: Store) -> Keyring | None:
         """The keys of the pictures of the take, once its cameras are known."""
-        framings = self.framings(store)
-        return Keyring(self, store, framings) if framings else None
+        cameras = CameraFile.of(store, self.cameras_key, self.poses)
+        return None if cameras is None else Keyring(self, store, cameras)
 
     def seed(self, number: int) -> int:
+        from render.frame import seed_of
+
         return seed_of(self.folders.name, number)
 
+    @property
+    def shown_as(self) -> Mapping[str, Any]:
+        """Plain data of what is between the light of its pictures and a display."""
+        return self.script.outline.shown_as
+
     def still_key(self, form: str, frame_key: Key) -> Key:
-        return key_of(form, code_key(STILL_CODE, ("OpenImageIO",)), frame_key, self.shot.picture.shown_as())
+        return key_of(form, code_key(STILL_CODE, ("OpenImageIO",)), frame_key, self.shown_as)
 
     def movie_key(self, frame_keys: list[Key]) -> Key:
         return key_of(
             "movie",
             code_key(MOVIE_CODE, ("av", "imageio", "OpenImageIO")),
             frame_keys,
-            str(self.shot.motion.rate),
-            self.shot.picture.shown_as(),
+            self.script.outline.rate,
+            self.shown_as,
             movie_bits(self.quality_name),
         )

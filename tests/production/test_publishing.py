@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.cli.main import app
+from pipeline.cli.main import command_line
 from pipeline.errors import FlowsculptError, FrameError, MachineError, MissingInputError, UsageError
 from pipeline.production import publishing
 from pipeline.production.plan import Plan
@@ -26,7 +26,7 @@ from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.work import PLACES
 from pipeline.production.variants import avoid
 from pipeline.production.workflow import Studio
-from pipeline.shot.surroundings import digest_of_file
+from pipeline.shot.named_files import digest_of_file
 from render.image import read_exr, write_exr
 
 NAME = "T010_tiny"
@@ -71,7 +71,8 @@ class Desk:
 
     def command(self, *words: str) -> tuple[int, str]:
         """Exit code and words of a command."""
-        said = CliRunner().invoke(app, ["--no-progress", "--root", str(self.root), *words])
+        asked = ["--no-progress", "--root", str(self.root), *words]
+        said = CliRunner().invoke(command_line(asked), asked)
         if isinstance(said.exception, FlowsculptError):
             return said.exception.exit_code, str(said.exception)
         return said.exit_code, said.output

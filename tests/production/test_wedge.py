@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from pipeline.cli.main import app
+from pipeline.cli.main import command_line
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production import sharing
 from pipeline.production.grid import Grid, Variation
@@ -49,7 +49,7 @@ class Desk:
 
     def command(self, *words: str) -> tuple[int, str]:
         asked = ["--no-progress", "--root", str(self.root), *words]
-        said = CliRunner().invoke(app, asked)
+        said = CliRunner().invoke(command_line(asked), asked)
         if isinstance(said.exception, FlowsculptError):
             return said.exception.exit_code, str(said.exception)
         return said.exit_code, said.output
@@ -129,7 +129,10 @@ def test_cells_are_told_apart_by_folders_and_captions() -> None:
     grid = Grid.parse(["flows.0.vortex.strength=1,2", "flows.1.vortex.strength=1,2", "look=[a/b],[a:b]"])
     cells = list(grid)
     assert len(grid) == len(cells) == len({cell.folder for cell in cells}) == 8
-    assert [name for name, _ in cells[0].caption] == ["0.vortex.strength", "1.vortex.strength", "look"]
+    said = [name for name, _ in cells[0].caption]
+    assert said == ["flows.0.vortex.strength", "flows.1.vortex.strength", "look"]
+    short = next(iter(Grid.parse(["flows.1.twist.amount.keys.57=0,80", "camera.target.1=0,1"]))).caption
+    assert short == (("amount.keys.57", "0"), ("target.1", "0"))
     assert all("/" not in cell.folder and len(cell.folder) <= 100 for cell in cells)
     assert cells[1].settings == ("flows.0.vortex.strength=1", "flows.1.vortex.strength=1", "look=[a:b]")
     assert grid.columns == 2 and Grid.parse(["a=1,2,3"]).columns is None

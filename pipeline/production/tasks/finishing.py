@@ -6,12 +6,13 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipeline.production import readers
 from pipeline.production.framing import Framing
 from pipeline.production.keyring import Keyring
 from pipeline.production.tasks.context import Context
 from render.denoise import denoise
 from render.frame import Layers
-from render.image import read_exr, write_exr
+from render.image import write_exr
 from render.steady import Moment, noise_of, steady
 
 
@@ -61,7 +62,8 @@ class _Desk:
     def _read(self, number: int) -> tuple[Layers, dict[str, Any]]:
         take = self.context.take
         place = take.folders.raw(take.quality_name, number)
-        return self.context.read("raw", self.keys[number].raw, place, read_exr)
+        key = self.keys[number].raw
+        return self.context.read("raw", key, place, readers.picture(key, take.quality.rendered_size))
 
     def _moment(self, number: int) -> Moment:
         layers, _ = self._read(number)

@@ -14,13 +14,12 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.production import halves
+from pipeline.production import halves, readers
 from pipeline.production.disk import disk_faults
 from pipeline.production.framing import Framing, turned
 from pipeline.production.keyring import PictureKeys
 from pipeline.production.keys import Key
 from pipeline.production.movement import Movement, Shown, flowing, framing_at, speeds, turning
-from pipeline.production.npz import read_npz
 from pipeline.production.shading import Shading
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import shading_of
@@ -96,7 +95,7 @@ class _Room:
             take.quality,
             take.seed(number),
             self.engine,
-            lambda done, most: self.stop.heed(),
+            partial(self._passed, number),
             aovs=take.layers.extra,
             shutter=shutter,
             following=following,
@@ -108,6 +107,10 @@ class _Room:
         write_exr(path, layers, header, dict(take.layers.precision))
         seconds = time.perf_counter() - begun
         _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
+
+    def _passed(self, number: int, done: int, most: int) -> None:
+        self.stop.heed()
+        self.context.passed(number, done, most)
 
 
 def _moments(
@@ -144,7 +147,8 @@ def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, 
     pose, picture = take.poses[number], take.shot.picture
     if picture.dicing is None:
         path = take.motion_folders.normals(pose.mesh)
-        arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
+        key = take.normals_key(pose.mesh)
+        arrays = context.read("normals", key, path, readers.arrays(key))
         return _with_edges(take.shot, arrays, picture.tessellate), None
     uncut = shading_of(context, pose.mesh)
     shading = uncut.cut_for(camera, take.quality, picture.dicing, pose.spin)
