@@ -10,8 +10,9 @@ from __future__ import annotations
 import json
 import os
 import time
+from collections import Counter
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -124,6 +125,13 @@ def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
     hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
     dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
     return [batch for batch in dealt if batch]
+
+
+def dealt_out(jobs: Sequence[Job], cores: int) -> list[Job]:
+    """Jobs, the simulations and the renders each as broad as lets all of their kind go side by side."""
+    many = Counter(job.task for job in jobs)
+    broad = {task: max(1, cores // many[task]) for task in ("simulate", "render") if many[task]}
+    return [replace(job, threads=broad.get(job.task, job.threads)) for job in jobs]
 
 
 def paths(places: Iterable[Path]) -> tuple[str, ...]:

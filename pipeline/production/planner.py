@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import UsageError
 from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
-from pipeline.production.plan import Job, Link, Plan, batches, paths
+from pipeline.production.plan import Job, Link, Plan, batches, dealt_out, paths
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 
@@ -114,7 +114,7 @@ class Planner:
         for keys in self._keyrings.values():
             if keys is not None:
                 keys.note()
-        jobs = self._sharing("render", self._sharing("simulate", self._jobs))
+        jobs = dealt_out(self._jobs, self.cores)
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
             film=self._cut.as_data() if self._cut else None,
@@ -129,11 +129,6 @@ class Planner:
         if take not in self._keyrings:
             self._keyrings[take] = take.picture_keys(self.store)
         return self._keyrings[take]
-
-    def _sharing(self, task: str, jobs: Sequence[Job]) -> list[Job]:
-        """Jobs, those of a task as broad as lets all of them go side by side."""
-        threads = max(1, self.cores // max(1, sum(job.task == task for job in jobs)))
-        return [replace(job, threads=threads) if job.task == task else job for job in jobs]
 
     def _surfaces(self, take: Take, unrendered: Sequence[int], cameras_known: bool) -> None:
         """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""

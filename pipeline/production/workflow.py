@@ -60,6 +60,11 @@ class Studio:
     _notes: list[str] = field(default_factory=list, repr=False)
 
     @property
+    def notes(self) -> list[str]:
+        """What the user is to be told with a plan."""
+        return self._notes
+
+    @property
     def store(self) -> Store:
         return Store(self.root)
 

@@ -151,4 +151,4 @@ class Context:
     @property
     def subject(self) -> str:
         """What the job is about: a shot's name, or the film."""
-        return "film" if self.job.task == "film" else self.take.folders.name
+        return "film" if self.job.task == "film" else self.take.subject
