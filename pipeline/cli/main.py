@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli import ask, author, files, flows, make, preview, start
-from pipeline.cli.options import Cores, DryRun, Json, NoProgress, Root, remember, with_common
+from pipeline.cli.options import Cores, DryRun, Json, NoProgress, ProfileName, Root, remember, with_common
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
 from render.errors import RenderError
@@ -45,12 +45,13 @@ def before_the_command(
     cores: Cores = None,
     dry_run: DryRun = False,
     root: Root = None,
+    profile: ProfileName = None,
     version_: Annotated[
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
-    remember(ctx, json_, no_progress, cores, dry_run, root)
+    remember(ctx, json_, no_progress, cores, dry_run, root, profile)
 
 
 for command in (

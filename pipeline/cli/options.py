@@ -12,6 +12,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.say import complain
+from pipeline.production.profile import Profile
 from render.engine import available_cores
 
 INTERRUPTED = 130
@@ -28,6 +29,7 @@ class Common:
     cores: int
     dry_run: bool
     root: Path
+    profile: Profile
 
 
 Json = Annotated[
@@ -52,6 +54,16 @@ Root = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+ProfileName = Annotated[
+    str | None,
+    typer.Option(
+        "--profile",
+        metavar="NAME|DIR",
+        envvar="FLOWSCULPT_PROFILE",
+        help="Where jobs run: local, slurm, or another folder in profiles/ or at a path; see docs/farm.md.",
+        rich_help_panel=_PANEL,
+    ),
+]
 
 
 @dataclass
@@ -63,6 +75,7 @@ class _Said:
     cores: Cores = None
     dry_run: DryRun = False
     root: Root = None
+    profile: ProfileName = None
 
     def over(self, earlier: _Said) -> _Said:
         """What is said after the command wins over what is said before it."""
@@ -75,6 +88,7 @@ class _Said:
             cores=self.cores or available_cores(),
             dry_run=self.dry_run,
             root=(self.root or Path()).resolve(),
+            profile=Profile.named(self.profile) if self.profile else Profile.local(),
         )
 
 
@@ -85,9 +99,10 @@ def remember(
     cores: Cores = None,
     dry_run: DryRun = False,
     root: Root = None,
+    profile: ProfileName = None,
 ) -> None:
     """Keep what was said before the command's name."""
-    ctx.obj = _Said(json_, no_progress, cores, dry_run, root)
+    ctx.obj = _Said(json_, no_progress, cores, dry_run, root, profile)
 
 
 def with_common(function: Callable[..., None]) -> Callable[..., None]:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field
@@ -18,10 +19,15 @@ from typing import Any
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
 from pipeline.production.layout import PLANS
+from pipeline.production.needs import UNMEASURED, Needs
 from pipeline.production.store import Store
 
 BATCH = 32
 """Frames a process renders before it gives its memory back."""
+
+
+FARMED = ("simulate", "render", "finish")
+"""The tasks that a farm's nodes do, one after the other; the rest is too short to wait in a queue for."""
 
 
 @dataclass(frozen=True)
@@ -40,16 +46,23 @@ class Job:
     inputs: tuple[str, ...]
     outputs: tuple[str, ...]
     threads: int = 1
+    needs: Needs = UNMEASURED
 
     @property
     def priority(self) -> int:
         """Simulations first: each is the work of one thread, and all the pictures of its shot wait for it."""
         return 1 if self.task == "simulate" else 0
 
+    @property
+    def stays(self) -> bool:
+        """Whether it runs where the plan was made, even if the others go to a farm."""
+        return self.task not in FARMED
+
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
         lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}
-        return cls(data["name"], data["task"], threads=data["threads"], **lists)
+        needs = Needs(**data["needs"])
+        return cls(data["name"], data["task"], threads=data["threads"], needs=needs, **lists)
 
 
 @dataclass(frozen=True)
@@ -64,7 +77,7 @@ class Link:
 @dataclass(frozen=True)
 class Plan:
     """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs; `notes` are
-    lines that the user is to be told."""
+    lines that the user is to be told; `host` is where it was made."""
 
     takes: tuple[dict[str, Any], ...]
     film: dict[str, Any] | None
@@ -73,6 +86,7 @@ class Plan:
     targets: tuple[str, ...]
     notes: tuple[str, ...] = ()
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
+    host: str = field(default_factory=platform.node)
 
     def restore_links(self, store: Store) -> int:
         """Show again what the store holds but a folder has lost; returns how many links were made."""
@@ -80,6 +94,12 @@ class Plan:
         for link in lost:
             store.link(link.kind, link.key, Path(link.target))
         return len(lost)
+
+    @property
+    def log_name(self) -> str:
+        """What the event log is called that this host writes while the plan runs."""
+        here = platform.node()
+        return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
     def raw_places(self) -> list[Path]:
@@ -109,15 +129,17 @@ class Plan:
             targets=tuple(data["targets"]),
             notes=tuple(data["notes"]),
             name=data["name"],
+            host=data["host"],
         )
 
     def job(self, name: str) -> Job:
         return next(job for job in self.jobs if job.name == name)
 
 
-def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
-    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy."""
-    size = max(1, min(BATCH, -(-len(numbers) // max(1, cores))))
+def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[int, ...]]:
+    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy,
+    but none needlessly shorter than `least`."""
+    size = max(1, min(BATCH, max(least, -(-len(numbers) // max(1, cores)))))
     return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
 
 

@@ -12,18 +12,25 @@ from pipeline.flow.python_file import require_permission
 from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
+from pipeline.production.needs import UNMEASURED, Experience, Needs
 from pipeline.production.plan import Job, Link, Plan, batches, paths
+from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 
 
 @dataclass
 class Planner:
-    """Collects the jobs of several takes, and of the film that they are cut into."""
+    """Collects the jobs of several takes, and of the film that they are cut into.
+
+    cores    how many jobs work side by side
+    share    what each of them has for itself on a farm's nodes; None where they share `cores`
+    """
 
     store: Store
     cores: int
     notes: Sequence[str] = ()
+    share: Share | None = None
     _takes: list[Take] = field(default_factory=list)
     _made: set[str] = field(default_factory=set)
     _jobs: list[Job] = field(default_factory=list)
@@ -56,9 +63,9 @@ class Planner:
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
             self._surfaces(take, unrendered, cameras_known=keys is not None)
-        for batch in batches(unrendered, self.cores):
+        for batch in self._batches(unrendered):
             self._render(take, batch)
-        for batch in batches(unfinished, self.cores):
+        for batch in self._batches(unfinished):
             seen = sorted({n for number in batch for n in around[number]})
             inputs = [take.folders.raw(take.quality_name, n) for n in seen]
             outputs = [take.folders.frame(take.quality_name, n) for n in batch]
@@ -76,7 +83,7 @@ class Planner:
                 self._link(form, key, take.still_path(form, number))
             else:
                 absent.append(number)
-        for batch in batches(absent, self.cores):
+        for batch in self._batches(absent):
             inputs = [take.folders.frame(take.quality_name, n) for n in batch]
             self._add(take, form, batch, inputs, [take.still_path(form, n) for n in batch])
 
@@ -110,6 +117,8 @@ class Planner:
     def plan(self) -> Plan:
         """What has been collected, the cores dealt out among the simulations and then among the renders."""
         jobs = self._sharing("render", self._sharing("simulate", self._jobs))
+        if self.share is not None:
+            jobs = self._measured(self._sharing("finish", jobs))
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
             film=self._cut.as_data() if self._cut else None,
@@ -127,8 +136,24 @@ class Planner:
 
     def _sharing(self, task: str, jobs: Sequence[Job]) -> list[Job]:
         """Jobs, those of a task as broad as lets all of them go side by side."""
+        if self.share is not None:
+            return [replace(job, threads=self.share.threads) if job.task == task else job for job in jobs]
         threads = max(1, self.cores // max(1, sum(job.task == task for job in jobs)))
         return [replace(job, threads=threads) if job.task == task else job for job in jobs]
+
+    def _measured(self, jobs: Sequence[Job]) -> list[Job]:
+        """Jobs, those that render asking for what earlier pictures took."""
+        places = [take.folders.statistics(take.quality_name, 0).parent for take in self._takes]
+        known = [Experience.of(self.store.root / place) for place in places]
+
+        def needs(job: Job) -> Needs:
+            experience = known[job.takes[0]] if job.task == "render" else None
+            return experience.needs(len(job.frames), job.threads) if experience else UNMEASURED
+
+        return [replace(job, needs=needs(job)) for job in jobs]
+
+    def _batches(self, frames: Sequence[int]) -> list[tuple[int, ...]]:
+        return batches(frames, self.cores, self.share.frames if self.share else 1)
 
     def _surfaces(self, take: Take, unrendered: Sequence[int], cameras_known: bool) -> None:
         """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""

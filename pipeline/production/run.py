@@ -16,6 +16,7 @@ from pipeline.production.disk import disk_faults
 from pipeline.production.events import Event, EventReader
 from pipeline.production.layout import EVENTS, STATE
 from pipeline.production.plan import Plan
+from pipeline.production.profile import Profile
 from pipeline.production.store import Store
 
 Watcher = AbstractContextManager[object]
@@ -98,10 +99,12 @@ def run(
     root: Path,
     cores: int,
     watch: Callable[[Plan, EventReader], Watcher],
+    profile: Profile | None = None,
 ) -> Outcome:
     """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
 
-    `watch(plan, reader)` is a context manager that shows progress while Snakemake works.
+    `watch(plan, reader)` is a context manager that shows progress while Snakemake works; `profile` says where
+    jobs run, by default here.
     Raises MachineError where the lock is held or the disk refuses.
     """
     store = Store(root)
@@ -114,7 +117,7 @@ def run(
             outcome.restored += outcome.plan.restore_links(store)
             if not (outcome.plan.jobs and heals):
                 break
-            events = _execute(outcome.plan, root, cores, watch)
+            events = _execute(outcome.plan, root, cores, watch, profile or Profile.local())
             outcome.events += events
             outcome.plan = make_plan()
             heals = round_ < ROUNDS and any(event["event"] == "healed" for event in events)
@@ -125,12 +128,12 @@ def run(
 
 
 def _execute(
-    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], Watcher]
+    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], Watcher], profile: Profile
 ) -> list[Event]:
     log = root / EVENTS / f"{plan.name}.jsonl"
     frozen = plan.freeze(root)
     with watch(plan, EventReader(log)):
-        well = scheduler.execute(frozen, root, cores)
+        well = scheduler.execute(frozen, root, cores, profile)
     events = list(EventReader(log).new())
     if not well and not any(event["event"] in ("fail", "healed") for event in events):
         events.append(_unexplained(plan, events, scheduler.log_of(frozen)))
