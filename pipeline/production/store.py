@@ -136,7 +136,7 @@ class Store:
             self.path(kind, key).unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Remove what killed processes left in `tmp/`: those of this host that are gone, and of others what is
+        """Remove what killed processes left in `tmp/`: of this host what nobody writes to, of others what is
         old. A farm's nodes may be at work though nobody holds the root's lock."""
         with contextlib.suppress(OSError):
             for path in sorted(self.scratch.iterdir()):

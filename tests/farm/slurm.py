@@ -210,7 +210,7 @@ def _write_configuration(folder: Path, programs: Programs, cpus: int) -> None:
 
 
 def _write_commands(folder: Path, programs: Programs, environment: dict[str, str]) -> None:
-    """Commands that know their configuration: the one in the environment does not reach every step of a job."""
+    """Commands that know their configuration: what the environment says does not reach every job step."""
     folder.mkdir(exist_ok=True)
     settings = " ".join(f"{name}={shlex.quote(value)}" for name, value in environment.items())
     for name in programs.commands:

@@ -48,8 +48,8 @@ class Context:
         return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / plan.log_name, job_name))
 
     def failed_for_good(self) -> bool:
-        """Whether an earlier attempt at this job has told why it failed: another would fail as it did. One that
-        was killed told nothing, and what the machine refused may be had on another."""
+        """Whether an earlier attempt at this job told why it failed, as another would. One that was killed
+        told nothing, and what the machine refused may be had on another."""
         log = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl")
         told = [event for event in log.new() if event["job"] == self.job.name]
         fails = [event.get("exit_code") for event in told if event["event"] == "fail"]
@@ -58,8 +58,8 @@ class Context:
         return known and ENVIRONMENT not in fails
 
     def bring_inputs_to_now(self) -> None:
-        """Give inputs that come from the future, by this host's clock, the present time: Snakemake takes results
-        that are older than what they were made from for a mistake, and clocks of a farm differ."""
+        """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
+        differ, and Snakemake takes results that are older than their inputs for a mistake."""
         now = time.time()
         for path in map(self.root.joinpath, self.job.inputs):
             with suppress(OSError):

@@ -47,7 +47,7 @@ def simulate(context: Context) -> bool:
 
 
 def _shown_again(context: Context, number: int) -> bool:
-    """Show a mesh frame that the store has by now: made by an earlier attempt at this job, which was killed."""
+    """Show a mesh frame that the store has by now, made by an earlier attempt that was killed."""
     key = context.take.mesh_key(number)
     if not context.store.holds("mesh", key):
         return False
