@@ -15,7 +15,7 @@ from snakemake.exceptions import WorkflowError
 
 try:
     plan, plan_file, logs = plan_of(
-        config, cores=workflow.cores or 1, main=workflow.is_main_process
+        config, cores=workflow.nodes or workflow.cores, main=workflow.is_main_process
     )
 except FlowsculptError as error:
     raise WorkflowError(error) from None
@@ -39,7 +39,10 @@ for job in plan.jobs:
         log:
             f"{logs}/{job.name}.log",
         priority: job.urgency
+        localrule: job.stays
         threads: job.threads
+        resources:
+            **job.needs.resources(),
         params:
             job=job.name,
             plan=plan_file,

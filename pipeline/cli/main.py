@@ -12,7 +12,18 @@ from typing import Annotated, get_args
 
 import typer
 
-from pipeline.cli.options import Cores, DryRun, Json, Nice, NoProgress, Root, Timeout, remember, with_common
+from pipeline.cli.options import (
+    Cores,
+    DryRun,
+    Json,
+    Nice,
+    NoProgress,
+    ProfileName,
+    Root,
+    Timeout,
+    remember,
+    with_common,
+)
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
 from render.errors import RenderError
@@ -63,12 +74,13 @@ def before_the_command(
     root: Root = None,
     timeout: Timeout = None,
     nice: Nice = None,
+    profile: ProfileName = None,
     version_: Annotated[
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
-    remember(ctx, json_, no_progress, cores, dry_run, root, timeout, nice)
+    remember(ctx, json_, no_progress, cores, dry_run, root, timeout, nice, profile)
 
 
 def command_line(words: Sequence[str]) -> typer.Typer:

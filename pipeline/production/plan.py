@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import time
 from collections import Counter
 from collections.abc import Iterable, Sequence
@@ -19,10 +20,16 @@ from typing import Any
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
 from pipeline.production.layout import PLANS
+from pipeline.production.needs import UNMEASURED, Needs
+from pipeline.production.profile import Share
 from pipeline.production.store import Store
 
 BATCH = 32
 """Frames a process renders before it gives its memory back."""
+
+
+FARMED = ("simulate", "render", "finish")
+"""The tasks that a farm's nodes do, one after the other; the rest is too short to wait in a queue for."""
 
 
 @dataclass(frozen=True)
@@ -43,11 +50,24 @@ class Job:
     outputs: tuple[str, ...]
     threads: int = 1
     urgency: int = 0
+    needs: Needs = UNMEASURED
+
+    @property
+    def stays(self) -> bool:
+        """Whether it runs where the plan was made, even if the others go to a farm."""
+        return self.task not in FARMED
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
         lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}
-        return cls(data["name"], data["task"], threads=data["threads"], urgency=data["urgency"], **lists)
+        return cls(
+            data["name"],
+            data["task"],
+            threads=data["threads"],
+            urgency=data["urgency"],
+            needs=Needs(**data["needs"]),
+            **lists,
+        )
 
 
 @dataclass(frozen=True)
@@ -62,7 +82,7 @@ class Link:
 @dataclass(frozen=True)
 class Plan:
     """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs; `notes` are
-    lines that the user is to be told."""
+    lines that the user is to be told; `host` is where it was made."""
 
     takes: tuple[dict[str, Any], ...]
     film: dict[str, Any] | None
@@ -71,6 +91,7 @@ class Plan:
     targets: tuple[str, ...]
     notes: tuple[str, ...] = ()
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
+    host: str = field(default_factory=platform.node)
 
     def restore_links(self, store: Store) -> int:
         """Show again what the store holds but a folder has lost; returns how many links were made."""
@@ -78,6 +99,12 @@ class Plan:
         for link in lost:
             store.link(link.kind, link.key, Path(link.target))
         return len(lost)
+
+    @property
+    def log_name(self) -> str:
+        """What the event log is called that this host writes while the plan runs."""
+        here = platform.node()
+        return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
     def raw_places(self) -> list[Path]:
@@ -107,19 +134,21 @@ class Plan:
             targets=tuple(data["targets"]),
             notes=tuple(data["notes"]),
             name=data["name"],
+            host=data["host"],
         )
 
     def job(self, name: str) -> Job:
         return next(job for job in self.jobs if job.name == name)
 
 
-def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
-    """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy.
+def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[int, ...]]:
+    """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
+    needlessly shorter than `least`.
 
     They are runs of neighbours; but where frames come in another order than theirs, as coarse first, they are
     dealt out, so that all cores work on the first ones first.
     """
-    size = max(1, min(BATCH, -(-len(numbers) // max(1, cores))))
+    size = max(1, min(BATCH, max(least, -(-len(numbers) // max(1, cores)))))
     if list(numbers) == sorted(numbers):
         return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
     hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
@@ -127,8 +156,11 @@ def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
     return [batch for batch in dealt if batch]
 
 
-def dealt_out(jobs: Sequence[Job], cores: int) -> list[Job]:
-    """Jobs, the simulations and the renders each as broad as lets all of their kind go side by side."""
+def dealt_out(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:
+    """Jobs, the simulations and the renders each as broad as lets all of their kind go side by side; those
+    that go to a farm as broad as `share` says."""
+    if share is not None:
+        return [replace(job, threads=job.threads if job.stays else share.threads) for job in jobs]
     many = Counter(job.task for job in jobs)
     broad = {task: max(1, cores // many[task]) for task in ("simulate", "render") if many[task]}
     return [replace(job, threads=broad.get(job.task, job.threads)) for job in jobs]

@@ -15,6 +15,7 @@ from pipeline.production.disk import disk_faults
 from pipeline.production.events import Event, EventReader
 from pipeline.production.layout import EVENTS, STATE
 from pipeline.production.plan import Plan
+from pipeline.production.profile import Profile
 from pipeline.production.remedies import Remedies
 from pipeline.production.store import Store
 from pipeline.production.watchdog import PATIENCE, Watchdog
@@ -96,12 +97,14 @@ def run(
     root: Path,
     cores: int,
     watch: Callable[[Plan, EventReader], Watcher],
+    profile: Profile | None = None,
     patience: float = PATIENCE,
 ) -> Outcome:
     """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
 
-    `watch(plan, reader)` is a context manager that shows progress while Snakemake works. A job that shows no
-    sign of life for `patience` seconds is ended, and tried once more.
+    `watch(plan, reader)` is a context manager that shows progress while Snakemake works; `profile` says where
+    jobs run, by default here. A job of this machine that shows no sign of life for `patience` seconds is
+    ended, and tried once more.
     Raises MachineError where the lock is held or the disk refuses.
     """
     store = Store(root)
@@ -114,7 +117,8 @@ def run(
             outcome.restored += outcome.plan.restore_links(store)
             if not (outcome.plan.jobs and hopeful):
                 break
-            events = _execute(outcome.plan, root, remedies.cores, watch, patience)
+            work = _Work(outcome.plan, root, remedies.cores, profile or Profile.local(), patience)
+            events = work.done(watch)
             outcome.events += events
             outcome.plan = make_plan()
             hopeful = remedies.help(events)
@@ -125,18 +129,27 @@ def run(
         return outcome
 
 
-def _execute(
-    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], Watcher], patience: float
-) -> list[Event]:
-    log = root / EVENTS / f"{plan.name}.jsonl"
-    frozen = plan.freeze(root)
-    with watch(plan, EventReader(log)), Watchdog(log, patience):
-        well = scheduler.execute(frozen, root, cores)
-    events = list(EventReader(log).new())
-    told = {"fail", "healed", "hung", "killed"}
-    if not well and not any(event["event"] in told for event in events):
-        events += _unexplained(events, scheduler.log_of(frozen))
-    return events
+@dataclass(frozen=True)
+class _Work:
+    """A plan to be carried out under `root`, with so many cores, where a profile says."""
+
+    plan: Plan
+    root: Path
+    cores: int
+    profile: Profile
+    patience: float
+
+    def done(self, watch: Callable[[Plan, EventReader], Watcher]) -> list[Event]:
+        """What was told while it was carried out."""
+        log = self.root / EVENTS / f"{self.plan.name}.jsonl"
+        frozen = self.plan.freeze(self.root)
+        with watch(self.plan, EventReader(log)), Watchdog(log, self.patience):
+            well = scheduler.execute(frozen, self.root, self.cores, self.profile)
+        events = list(EventReader(log).new())
+        told = {"fail", "healed", "hung", "killed"}
+        if not well and not any(event["event"] in told for event in events):
+            events += _unexplained(events, scheduler.log_of(frozen))
+        return events
 
 
 def _unexplained(events: list[Event], log: Path) -> list[Event]:

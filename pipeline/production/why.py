@@ -20,8 +20,9 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.differences import Difference, differences
 from pipeline.production.events import EventReader
 from pipeline.production.header import raw_header
+from pipeline.production.history import logs_of
 from pipeline.production.keys import PICTURE_CODE, SIMULATION_CODE, Key, code_key
-from pipeline.production.layout import EVENTS, PLANS
+from pipeline.production.layout import PLANS
 from pipeline.production.script import Script
 from pipeline.production.store import Store
 from pipeline.production.take import Take
@@ -152,7 +153,7 @@ class Question:
 
     def _script_of_run(self) -> Script | None:
         take = self.take
-        for log in sorted((self._root / EVENTS).glob("*.jsonl"), reverse=True):
+        for log in reversed(logs_of(self._root)):
             for event in EventReader(log).new():
                 about = event.get("shot"), event.get("quality"), event.get("frame")
                 if (
