@@ -11,7 +11,7 @@ import json
 import os
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -31,15 +31,18 @@ class Job:
     task     the function of `pipeline.production.tasks` that does it
     takes    the places among the plan's takes of those it works on: one, or for the film all
     frames   the numbers it makes
+    inputs   files that it reads, and outputs, those that it shows: known while a plan is made
+    needs    the names of the jobs that make what it reads: known of a plan that was frozen
     """
 
     name: str
     task: str
     takes: tuple[int, ...]
     frames: tuple[int, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
     threads: int = 1
+    needs: tuple[str, ...] = ()
 
     @property
     def priority(self) -> int:
@@ -48,7 +51,7 @@ class Job:
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
-        lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}
+        lists = {name: tuple(data[name]) for name in ("takes", "frames", "needs")}
         return cls(data["name"], data["task"], threads=data["threads"], **lists)
 
 
@@ -82,31 +85,56 @@ class Plan:
         return len(lost)
 
     @property
+    def last_jobs(self) -> list[Job]:
+        """Those that no other waits for, of a plan that was frozen."""
+        waited_for = {name for job in self.jobs for name in job.needs}
+        return [job for job in self.jobs if job.name not in waited_for]
+
+    @property
     def raw_places(self) -> list[Path]:
         """Where the raw pictures of the frames asked for are shown."""
         frames = [Path(target) for target in self.targets if Path(target).parent.name == "frames"]
         return [frame.parents[1] / "raw" / frame.name for frame in frames]
 
     def freeze(self, root: Path) -> Path:
-        """Write the plan under `root`; returns the file, relative to `root`."""
+        """Write the plan under `root`; returns the file, relative to `root`.
+
+        Which job needs which stands in it, and none of the files that they hand on to one another: those are
+        known by key. So plans stay small, and Snakemake has one file a job to look after, not one a frame.
+        """
         path = PLANS / f"{self.name}.json"
         with disk_faults(root / path):
             (root / PLANS).mkdir(parents=True, exist_ok=True)
             draft = root / PLANS / f".{self.name}.tmp"
-            draft.write_text(json.dumps(asdict(self)))
+            draft.write_text(json.dumps(self._as_data()))
             draft.replace(root / path)
         return path
 
+    def _as_data(self) -> dict[str, Any]:
+        maker = {output: job.name for job in self.jobs for output in job.outputs}
+        jobs = []
+        for job in self.jobs:
+            needs = dict.fromkeys(maker[file] for file in job.inputs if file in maker)
+            jobs.append({**asdict(replace(job, inputs=(), outputs=())), "needs": list(needs)})
+        return {
+            "name": self.name,
+            "takes": self.takes,
+            "film": self.film,
+            "jobs": jobs,
+            "notes": self.notes,
+        }
+
     @classmethod
     def thaw(cls, path: Path) -> Plan:
+        """What Snakemake and the tasks need of a frozen plan: its jobs; its links are restored by then."""
         data = json.loads(path.read_text())
         jobs = tuple(Job.from_data(job) for job in data["jobs"])
         return cls(
             takes=tuple(data["takes"]),
             film=data["film"],
             jobs=jobs,
-            links=tuple(Link(**link) for link in data["links"]),
-            targets=tuple(data["targets"]),
+            links=(),
+            targets=(),
             notes=tuple(data["notes"]),
             name=data["name"],
         )

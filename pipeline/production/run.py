@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -14,7 +15,7 @@ from pipeline.errors import FrameError, MachineError
 from pipeline.production import halves, scheduler
 from pipeline.production.disk import disk_faults
 from pipeline.production.events import Event, EventReader
-from pipeline.production.layout import EVENTS, STATE
+from pipeline.production.layout import EVENTS, MARKS, STATE
 from pipeline.production.plan import Plan
 from pipeline.production.store import Store
 
@@ -107,6 +108,7 @@ def run(
     store = Store(root)
     with exclusive(root):
         store.sweep()
+        shutil.rmtree(root / MARKS, ignore_errors=True)
         halves.sweep(store)
         outcome = Outcome(make_plan())
         heals = True
@@ -129,8 +131,11 @@ def _execute(
 ) -> list[Event]:
     log = root / EVENTS / f"{plan.name}.jsonl"
     frozen = plan.freeze(root)
-    with watch(plan, EventReader(log)):
-        well = scheduler.execute(frozen, root, cores)
+    try:
+        with watch(plan, EventReader(log)):
+            well = scheduler.execute(frozen, root, cores)
+    finally:
+        shutil.rmtree(root / MARKS / plan.name, ignore_errors=True)
     events = list(EventReader(log).new())
     if not well and not any(event["event"] in ("fail", "healed") for event in events):
         events.append(_unexplained(plan, events, scheduler.log_of(frozen)))
