@@ -37,6 +37,7 @@ COMMANDS = {
     "flows": "flows",
     "schema": "author",
     "status": "ask",
+    "report": "report",
     "doctor": "ask",
 }
 """In the order of the help, each with the module that holds its function: one command imports no others."""

@@ -1,10 +1,10 @@
 """The event log: one JSON object a line, appended by every task, read by whoever shows progress.
 
 A line is written with one `write` on a descriptor opened for appending, so lines of several processes
-never mix. Events: `begin`, `end` and `fail` of a job; `frame` of a stage, with the seconds it took and
-whether the store had it already; `healed` for what is made again; `warn` for what a frame was made in spite
-of; `resumed` for a frame that goes on from its last pass; `renewed` for a rendering process replaced by a
-fresh one.
+never mix. Events: `run`, with its cores, and `ran`; `begin`, with its threads, `end` and `fail` of a job;
+`frame` of a stage, with the seconds it took and whether the store had it already; `healed` for what is made
+again; `warn` for what a frame was made in spite of; `resumed` for a frame that goes on from its last pass;
+`renewed` for a rendering process replaced by a fresh one.
 """
 
 from __future__ import annotations

@@ -14,7 +14,7 @@ import filelock
 from pipeline.errors import FrameError, MachineError
 from pipeline.production import halves, scheduler
 from pipeline.production.disk import disk_faults
-from pipeline.production.events import Event, EventReader
+from pipeline.production.events import Event, EventLog, EventReader
 from pipeline.production.layout import EVENTS, MARKS, STATE
 from pipeline.production.plan import Plan
 from pipeline.production.store import Store
@@ -27,9 +27,13 @@ ROUNDS = 4
 
 @dataclass
 class Outcome:
-    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault)."""
+    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
+
+    runs  the names of its rounds: of their plans and event logs
+    """
 
     plan: Plan
+    runs: list[str] = field(default_factory=list)
     restored: int = 0
     events: list[Event] = field(default_factory=list)
     unfinished: bool = False
@@ -117,6 +121,7 @@ def run(
             if not (outcome.plan.jobs and heals):
                 break
             events = _execute(outcome.plan, root, cores, watch)
+            outcome.runs.append(outcome.plan.name)
             outcome.events += events
             outcome.plan = make_plan()
             heals = round_ < ROUNDS and any(event["event"] == "healed" for event in events)
@@ -131,10 +136,12 @@ def _execute(
 ) -> list[Event]:
     log = root / EVENTS / f"{plan.name}.jsonl"
     frozen = plan.freeze(root)
+    EventLog(log).write("run", cores=cores)
     try:
         with watch(plan, EventReader(log)):
             well = scheduler.execute(frozen, root, cores)
     finally:
+        EventLog(log).write("ran")
         shutil.rmtree(root / MARKS / plan.name, ignore_errors=True)
     events = list(EventReader(log).new())
     if not well and not any(event["event"] in ("fail", "healed") for event in events):

@@ -49,8 +49,8 @@ class Take(Showing):
 
     @cached_property
     def _settled(self) -> Mapping[str, Any]:
-        """What planning asks of it: the key of its cameras, how far pictures take light from others, how their
-        noise is removed, which of them follow the flow and need their meshes."""
+        """What planning asks of it: the key of its cameras, how far pictures take light from others, how
+        their noise is removed, which of them follow the flow and need their meshes."""
         ledger = self.script.ledger
         found_from = "take", self.identity
         known = None if ledger is None else ledger.recall(*found_from)

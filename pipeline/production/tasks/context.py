@@ -121,7 +121,15 @@ class Context:
             frame=number,
             found=found,
             seconds=round(seconds, 4),
+            place=self._place,
         )
+
+    @property
+    def _place(self) -> str | None:
+        """The folder of the pictures that the job is about."""
+        if self.job.task == "film":
+            return None
+        return (self.take.folders.home / self.take.quality_name).as_posix()
 
     def warn(self, number: int, message: str) -> None:
         """Something that a frame is made in spite of."""

@@ -32,7 +32,7 @@ def work(context: Context) -> int:
     """Do one job in this process; 0 where all went well, 1 where the event log says what failed, and RENEWED
     where a fresh process is to render the rest."""
     job = context.job
-    context.log.write("begin", stage=job.task)
+    context.log.write("begin", stage=job.task, threads=job.threads)
     # A kernel on more threads than the job was given waits for them, busily, while other jobs have the cores.
     numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
     try:
