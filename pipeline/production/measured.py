@@ -63,8 +63,8 @@ class Measured:
         return Sample(scale * sum(taken) / len(taken), len(taken), f"{found[0]} at {found[1]}")
 
     def _of_rendering(self, shot: str, quality: str) -> Sample | None:
-        """Of the same shot and quality or, where none is known, of the nearest: light goes by samples, all goes
-        by pixels."""
+        """Of the same shot and quality or, where none is known, of the nearest: light goes by samples, all by
+        pixels."""
         for name, at in ((shot, quality), (shot, "*"), ("*", quality), ("*", "*")):
             for place in _folders(self._root, name, at):
                 if place not in self._statistics:
