@@ -28,6 +28,7 @@ from typing import NamedTuple
 from benchmarks.report import Target, keep, show
 from pipeline.production import scheduler
 from pipeline.production.framing import Framing
+from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.take import Take
 from pipeline.production.workflow import Studio
@@ -107,7 +108,7 @@ def fill(plan: Plan) -> None:
     framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), Placement((0.0, -1.0, 0.0), 1.0, 0.0))
     store = Studio(Path.cwd(), CORES).store
     for data in plan.takes:
-        take = Take.from_data(data)
+        take = Take.from_data(data, Ledger(Path.cwd()))
         cameras = {str(number): framing.as_data() for number in take.poses}
         store.put("cameras", take.cameras_key, lambda path, data=cameras: _write(path, json.dumps(data)))
         keys = take.picture_keys(store)
@@ -116,6 +117,7 @@ def fill(plan: Plan) -> None:
         files += [("normals", take.normals_key(n)) for n in take.requested]
         files += [(kind, getattr(keys[n], kind)) for n in take.requested for kind in ("raw", "frame")]
         files.append(("movie", take.movie_key([keys[n].frame for n in sorted(take.requested)])))
+        keys.note()  # as finding cameras does
         for kind, key in files:
             store.put(kind, key, lambda path: _write(path, "a dummy"))
 

@@ -20,8 +20,11 @@ from pipeline.production.keys import Key
 from pipeline.production.layout import PLANS
 from pipeline.production.store import Store
 
-BATCH = 32
-"""Frames a process renders before it gives its memory back."""
+BATCH = 256
+"""Frames a process renders at most before it gives its memory back."""
+
+LAST = 32
+"""Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
 @dataclass(frozen=True)
@@ -144,9 +147,18 @@ class Plan:
 
 
 def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
-    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy."""
-    size = max(1, min(BATCH, -(-len(numbers) // max(1, cores))))
-    return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
+    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy.
+
+    Long ones first, for each costs a process the time to start, and shorter ones towards the end, so that no
+    core waits long for another (guided self-scheduling: Polychronopoulos & Kuck, 1987).
+    """
+    cores, found, begun = max(1, cores), [], 0
+    least = max(1, min(LAST, -(-len(numbers) // cores)))
+    while begun < len(numbers):
+        size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
+        found.append(tuple(numbers[begun : begun + size]))
+        begun += size
+    return found
 
 
 def paths(places: Iterable[Path]) -> tuple[str, ...]:
