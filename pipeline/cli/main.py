@@ -54,6 +54,7 @@ COMMANDS = {
     "why": "ask",
     "verify": "care",
     "clean": "care",
+    "report": "report",
     "doctor": "ask",
 }
 """In the order of the help, each with the module that holds its function: one command imports no others."""

@@ -24,8 +24,11 @@ from pipeline.production.needs import UNMEASURED, Needs
 from pipeline.production.profile import Share
 from pipeline.production.store import Store
 
-BATCH = 32
-"""Frames a process renders before it gives its memory back."""
+BATCH = 256
+"""Frames a process renders at most before it gives its memory back."""
+
+LAST = 32
+"""Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
 FARMED = ("simulate", "render", "finish")
@@ -39,18 +42,25 @@ class Job:
     task     the function of `pipeline.production.tasks` that does it
     takes    the places among the plan's takes of those it works on: one, or for the film all
     frames   the numbers it makes, in the order in which it makes them
-    urgency  which of those that could go go first: the highest
+    inputs   files that it reads, and outputs, those that it shows: known while a plan is made
+    after    the names of the jobs that make what it reads: known of a plan that was frozen
+    needs    what a farm is asked for on its behalf
     """
 
     name: str
     task: str
     takes: tuple[int, ...]
     frames: tuple[int, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
     threads: int = 1
-    urgency: int = 0
+    after: tuple[str, ...] = ()
     needs: Needs = UNMEASURED
+
+    @property
+    def urgency(self) -> int:
+        """Simulations first: each is the work of one thread, and all the pictures of its shot wait for it."""
+        return 1 if self.task == "simulate" else 0
 
     @property
     def stays(self) -> bool:
@@ -59,15 +69,9 @@ class Job:
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
-        lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}
-        return cls(
-            data["name"],
-            data["task"],
-            threads=data["threads"],
-            urgency=data["urgency"],
-            needs=Needs(**data["needs"]),
-            **lists,
-        )
+        lists = {name: tuple(data[name]) for name in ("takes", "frames", "after")}
+        needs = Needs(**data["needs"])
+        return cls(data["name"], data["task"], threads=data["threads"], needs=needs, **lists)
 
 
 @dataclass(frozen=True)
@@ -107,31 +111,56 @@ class Plan:
         return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
+    def last_jobs(self) -> list[Job]:
+        """Those that no other waits for, of a plan that was frozen."""
+        waited_for = {name for job in self.jobs for name in job.after}
+        return [job for job in self.jobs if job.name not in waited_for]
+
+    @property
     def raw_places(self) -> list[Path]:
         """Where the raw pictures of the frames asked for are shown."""
         frames = [Path(target) for target in self.targets if Path(target).parent.name == "frames"]
         return [frame.parents[1] / "raw" / frame.name for frame in frames]
 
     def freeze(self, root: Path) -> Path:
-        """Write the plan under `root`; returns the file, relative to `root`."""
+        """Write the plan under `root`; returns the file, relative to `root`.
+
+        Which job needs which stands in it, and none of the files that they hand on to one another: those are
+        known by key. So plans stay small, and Snakemake has one file a job to look after, not one a frame.
+        """
         path = PLANS / f"{self.name}.json"
         with disk_faults(root / path):
             (root / PLANS).mkdir(parents=True, exist_ok=True)
             draft = root / PLANS / f".{self.name}.tmp"
-            draft.write_text(json.dumps(asdict(self)))
+            draft.write_text(json.dumps(self._as_data()))
             draft.replace(root / path)
         return path
 
+    def _as_data(self) -> dict[str, Any]:
+        maker = {output: job.name for job in self.jobs for output in job.outputs}
+        jobs = []
+        for job in self.jobs:
+            after = dict.fromkeys(maker[file] for file in job.inputs if file in maker)
+            jobs.append({**asdict(replace(job, inputs=(), outputs=())), "after": list(after)})
+        return {
+            "name": self.name,
+            "takes": self.takes,
+            "film": self.film,
+            "jobs": jobs,
+            "notes": self.notes,
+        }
+
     @classmethod
     def thaw(cls, path: Path) -> Plan:
+        """What Snakemake and the tasks need of a frozen plan: its jobs; its links are restored by then."""
         data = json.loads(path.read_text())
         jobs = tuple(Job.from_data(job) for job in data["jobs"])
         return cls(
             takes=tuple(data["takes"]),
             film=data["film"],
             jobs=jobs,
-            links=tuple(Link(**link) for link in data["links"]),
-            targets=tuple(data["targets"]),
+            links=(),
+            targets=(),
             notes=tuple(data["notes"]),
             name=data["name"],
             host=data["host"],
@@ -145,12 +174,24 @@ def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[in
     """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
     needlessly shorter than `least`.
 
-    They are runs of neighbours; but where frames come in another order than theirs, as coarse first, they are
-    dealt out, so that all cores work on the first ones first.
+    They are runs of neighbours, long ones first, for each costs a process the time to start, and shorter ones
+    towards the end, so that no core waits long for another (guided self-scheduling: Polychronopoulos & Kuck,
+    1987). Where frames come in another order than theirs, as coarse first, they are dealt out, so that all
+    cores work on the first ones first.
     """
-    size = max(1, min(BATCH, max(least, -(-len(numbers) // max(1, cores)))))
-    if list(numbers) == sorted(numbers):
-        return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
+    cores, share = max(1, cores), -(-len(numbers) // max(1, cores))
+    if list(numbers) != sorted(numbers):
+        return _dealt(numbers, cores, min(BATCH, max(least, share)))
+    found: list[tuple[int, ...]] = []
+    least, begun = max(1, least, min(LAST, share)), 0
+    while begun < len(numbers):
+        size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
+        found.append(tuple(numbers[begun : begun + size]))
+        begun += size
+    return found
+
+
+def _dealt(numbers: Sequence[int], cores: int, size: int) -> list[tuple[int, ...]]:
     hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
     dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
     return [batch for batch in dealt if batch]

@@ -17,9 +17,6 @@ from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 
-FIRST = 1
-"""The urgency of simulations: each is the work of one thread, and all pictures of its shot wait for it."""
-
 
 @dataclass
 class Planner:
@@ -65,8 +62,8 @@ class Planner:
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
             self._surfaces(take, unrendered, cameras_known=keys is not None)
-        for place, batch in enumerate(self._batches(unrendered)):
-            self._render(take, batch, urgency=-(place // self.cores))
+        for batch in self._batches(unrendered):
+            self._render(take, batch)
         for batch in self._batches(unfinished):
             seen = sorted({n for number in batch for n in around[number]})
             inputs = [take.folders.raw(take.quality_name, n) for n in seen]
@@ -176,14 +173,14 @@ class Planner:
         missing = self._absent("mesh", take, wanted, take.mesh_key)
         if missing:
             _require_permission(take)
-        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing], FIRST)
+        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing])
 
-    def _render(self, take: Take, batch: Sequence[int], urgency: int) -> None:
+    def _render(self, take: Take, batch: Sequence[int]) -> None:
         meshes = dict.fromkeys(take.poses[n].mesh for n in batch)
         inputs = [take.folders.cameras(), *(take.motion_folders.normals(m) for m in meshes)]
         inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.needs_mesh(n)]
         outputs = [take.folders.raw(take.quality_name, n) for n in batch]
-        self._add(take, "render", batch, inputs, outputs, urgency)
+        self._add(take, "render", batch, inputs, outputs)
 
     def _enter(self, take: Take) -> int:
         """The take's place in the plan. Raises UsageError where another shot has its name."""
@@ -220,13 +217,12 @@ class Planner:
         frames: Sequence[int],
         inputs: list[Path],
         outputs: list[Path],
-        urgency: int = 0,
     ) -> None:
         if frames:
             label = re.sub(r"\W", "_", take.label)
             name = f"{task}_{len(self._jobs):04d}_{label}_{min(frames):04d}_{max(frames):04d}"
             takes = (self._enter(take),)
-            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs), urgency=urgency)
+            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs))
             self._jobs.append(job)
             self._made.update(paths(outputs))
 

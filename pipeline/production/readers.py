@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.animation import MeshFrame
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, UsageError
 from pipeline.production.keys import Key
@@ -17,6 +16,9 @@ from pipeline.production.npz import read_npz
 from pipeline.production.store import CorruptFileError
 from render.frame import Layers
 from render.image import read_exr
+
+if TYPE_CHECKING:
+    from pipeline.animation import MeshFrame
 
 Size = tuple[int, int]
 """Width and height in pixels."""
@@ -55,6 +57,7 @@ def arrays(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
 
 def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
     """Reads the mesh frame of a key."""
+    from pipeline.animation import MeshFrame
 
     def read(path: Path) -> MeshFrame:
         try:

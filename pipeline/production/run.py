@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -12,8 +13,8 @@ import filelock
 from pipeline.errors import FrameError, MachineError
 from pipeline.production import halves, scheduler
 from pipeline.production.disk import disk_faults
-from pipeline.production.events import Event, EventReader
-from pipeline.production.layout import EVENTS, STATE
+from pipeline.production.events import Event, EventLog, EventReader
+from pipeline.production.layout import EVENTS, MARKS, STATE
 from pipeline.production.plan import Plan
 from pipeline.production.profile import Profile
 from pipeline.production.remedies import Remedies
@@ -25,9 +26,13 @@ Watcher = AbstractContextManager[object]
 
 @dataclass
 class Outcome:
-    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault)."""
+    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
+
+    runs  the names of its rounds: of their plans and event logs
+    """
 
     plan: Plan
+    runs: list[str] = field(default_factory=list)
     restored: int = 0
     events: list[Event] = field(default_factory=list)
     unfinished: bool = False
@@ -110,6 +115,7 @@ def run(
     store = Store(root)
     with exclusive(root):
         store.sweep()
+        shutil.rmtree(root / MARKS, ignore_errors=True)
         halves.sweep(store)
         outcome, remedies = Outcome(make_plan()), Remedies(cores)
         hopeful = True
@@ -119,6 +125,7 @@ def run(
                 break
             work = _Work(outcome.plan, root, remedies.cores, profile or Profile.local(), patience)
             events = work.done(watch)
+            outcome.runs.append(outcome.plan.name)
             outcome.events += events
             outcome.plan = make_plan()
             hopeful = remedies.help(events)
@@ -143,8 +150,13 @@ class _Work:
         """What was told while it was carried out."""
         log = self.root / EVENTS / f"{self.plan.name}.jsonl"
         frozen = self.plan.freeze(self.root)
-        with watch(self.plan, EventReader(log)), Watchdog(log, self.patience):
-            well = scheduler.execute(frozen, self.root, self.cores, self.profile)
+        EventLog(log).write("run", cores=self.cores)
+        try:
+            with watch(self.plan, EventReader(log)), Watchdog(log, self.patience):
+                well = scheduler.execute(frozen, self.root, self.cores, self.profile)
+        finally:
+            EventLog(log).write("ran")
+            shutil.rmtree(self.root / MARKS / self.plan.name, ignore_errors=True)
         events = list(EventReader(log).new())
         told = {"fail", "healed", "hung", "killed"}
         if not well and not any(event["event"] in told for event in events):

@@ -135,11 +135,18 @@ class Context:
         return well
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
-        self._log("frame", number, found=found, seconds=round(seconds, 4))
+        self._log("frame", number, found=found, seconds=round(seconds, 4), place=self._place)
 
     def passed(self, number: int, done: int, most: int) -> None:
         """So many passes of a picture have been rendered, of at most so many."""
         self._log("pass", number, done=done, most=most)
+
+    @property
+    def _place(self) -> str | None:
+        """The folder of the pictures that the job is about."""
+        if self.job.task == "film":
+            return None
+        return (self.take.folders.home / self.take.quality_name).as_posix()
 
     def warn(self, number: int, message: str) -> None:
         """Something that a frame is made in spite of."""

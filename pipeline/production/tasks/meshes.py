@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -102,10 +103,20 @@ def frame_camera(context: Context) -> bool:
         context.survey({pose.mesh for _, pose in poses}, lambda number: read_mesh_frame(context, number))
         context.fail(error)
         return False
+    _note_keys(context)
     each = (time.perf_counter() - started) / len(poses)
     for number, _ in poses:
         context.tell(number, found, each)
     return True
+
+
+def _note_keys(context: Context) -> None:
+    """Find the keys of the pictures asked for, now that their cameras are known: who makes them need not."""
+    keys = context.picture_keys(context.take)
+    for number in context.take.requested:
+        with suppress(FlowsculptError):  # whoever makes that picture tells
+            keys[number]
+    keys.note()
 
 
 def shading_of(context: Context, number: int) -> Shading:
