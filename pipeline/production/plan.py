@@ -144,6 +144,7 @@ class Plan:
             jobs.append({**asdict(replace(job, inputs=(), outputs=())), "after": list(after)})
         return {
             "name": self.name,
+            "host": self.host,
             "takes": self.takes,
             "film": self.film,
             "jobs": jobs,
