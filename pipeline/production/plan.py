@@ -23,7 +23,7 @@ from pipeline.production.store import Store
 BATCH = 256
 """Frames a process renders at most before it gives its memory back."""
 
-LAST = 32
+LAST = 48
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
