@@ -1,4 +1,4 @@
-"""The workflow: a rule for each task of a plan, and a job for each of the plan's jobs.
+"""The workflow: rules for the tasks of a plan, and a job for each of the plan's jobs.
 
 `flowsculpt` hands over a frozen plan in `config["plan"]`. Called directly, `snakemake --cores 2` plans the
 film itself; `--config shot=A020_lorenz frames=10-20x2 quality=preview` plans frames of one shot,
@@ -11,31 +11,36 @@ must run.
 import sys
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.layout import MARKS
 from pipeline.production.snakefile import plan_of
 from snakemake.exceptions import WorkflowError
 
 try:
     plan, plan_file, logs = plan_of(
-        config, cores=workflow.cores or 1, main=workflow.is_main_process
+        config, cores=workflow.nodes or workflow.cores, main=workflow.is_main_process
     )
 except FlowsculptError as error:
     raise WorkflowError(error) from None
 
 jobs = {job.name: job for job in plan.jobs}
-marks = f"{MARKS.as_posix()}/{plan.name}"
 
 
 def mark(job):
-    return f"{marks}/{job.task}/{job.name}"
+    return plan.mark(job).as_posix()
 
 
-def marks_needed(wildcards):
-    return [mark(jobs[name]) for name in jobs[wildcards.job].needs]
+def marks_before(wildcards):
+    return [mark(jobs[name]) for name in jobs[wildcards.job].after]
 
 
 def threads_of(wildcards):
     return jobs[wildcards.job].threads
+
+
+def asked(name):
+    def amount(wildcards, attempt):
+        return jobs[wildcards.job].needs.resources()[name](wildcards, attempt)
+
+    return amount
 
 
 rule all:
@@ -44,19 +49,22 @@ rule all:
         [mark(job) for job in plan.last_jobs],
 
 
-for task, priority in {job.task: job.priority for job in plan.jobs}.items():
+for each in {job.rule: job for job in plan.jobs}.values():
 
     rule:
         name:
-            task
+            each.rule
         input:
-            marks_needed,
+            marks_before,
         output:
-            touch(f"{marks}/{task}/{{job}}"),
+            touch((plan.mark(each).parent / "{job}").as_posix()),
         log:
             f"{logs}/{{job}}.log",
-        priority: priority
+        priority: each.urgency
+        localrule: each.stays
         threads: threads_of
+        resources:
+            **{name: asked(name) for name in each.needs.resources()},
         params:
             plan=plan_file,
             python=sys.executable,

@@ -12,7 +12,18 @@ from typing import Annotated, get_args
 
 import typer
 
-from pipeline.cli.options import Cores, DryRun, Json, NoProgress, Root, remember, with_common
+from pipeline.cli.options import (
+    Cores,
+    DryRun,
+    Json,
+    Nice,
+    NoProgress,
+    ProfileName,
+    Root,
+    Timeout,
+    remember,
+    with_common,
+)
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
 from render.errors import RenderError
@@ -33,11 +44,17 @@ COMMANDS = {
     "turntable": "make",
     "preview": "preview",
     "curves": "preview",
+    "wedge": "wedge",
+    "publish": "publish",
+    "versions": "publish",
     "resample": "files",
     "flows": "flows",
     "schema": "author",
     "status": "ask",
     "report": "report",
+    "why": "ask",
+    "verify": "care",
+    "clean": "care",
     "doctor": "ask",
 }
 """In the order of the help, each with the module that holds its function: one command imports no others."""
@@ -56,12 +73,15 @@ def before_the_command(
     cores: Cores = None,
     dry_run: DryRun = False,
     root: Root = None,
+    timeout: Timeout = None,
+    nice: Nice = None,
+    profile: ProfileName = None,
     version_: Annotated[
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
-    remember(ctx, json_, no_progress, cores, dry_run, root)
+    remember(ctx, json_, no_progress, cores, dry_run, root, timeout, nice, profile)
 
 
 def command_line(words: Sequence[str]) -> typer.Typer:

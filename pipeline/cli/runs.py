@@ -63,7 +63,7 @@ def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
         _tell_notes(plan, told)
         return plan
 
-    outcome = run(planned, common.root, common.cores, watch)
+    outcome = run(planned, common.root, common.cores, watch, common.profile, common.patience)
     for message in outcome.warnings:
         warn(message)
     for failure in outcome.failures:

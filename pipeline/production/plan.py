@@ -9,15 +9,19 @@ from __future__ import annotations
 
 import json
 import os
+import platform
 import time
-from collections.abc import Iterable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
-from pipeline.production.layout import PLANS
+from pipeline.production.layout import MARKS, PLANS
+from pipeline.production.needs import UNMEASURED, Needs
+from pipeline.production.profile import Share
 from pipeline.production.store import Store
 
 BATCH = 256
@@ -27,15 +31,20 @@ LAST = 48
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
+FARMED = ("simulate", "render", "finish")
+"""The tasks that a farm's nodes do, one after the other; the rest is too short to wait in a queue for."""
+
+
 @dataclass(frozen=True)
 class Job:
-    """One rule of the workflow.
+    """One job of the workflow.
 
     task     the function of `pipeline.production.tasks` that does it
     takes    the places among the plan's takes of those it works on: one, or for the film all
-    frames   the numbers it makes
+    frames   the numbers it makes, in the order in which it makes them
     inputs   files that it reads, and outputs, those that it shows: known while a plan is made
-    needs    the names of the jobs that make what it reads: known of a plan that was frozen
+    urgency  which of those that could go go first: the highest
+    after    the names of the jobs that make what it reads: known of a plan that was frozen
     """
 
     name: str
@@ -45,17 +54,32 @@ class Job:
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     threads: int = 1
-    needs: tuple[str, ...] = ()
+    urgency: int = 0
+    needs: Needs = UNMEASURED
+    after: tuple[str, ...] = ()
 
     @property
-    def priority(self) -> int:
-        """Simulations first: each is the work of one thread, and all the pictures of its shot wait for it."""
-        return 1 if self.task == "simulate" else 0
+    def stays(self) -> bool:
+        """Whether it runs where the plan was made, even if the others go to a farm."""
+        return self.task not in FARMED
+
+    @property
+    def rule(self) -> str:
+        """The rule of the workflow that does it: one for all jobs of a task that are asked for alike."""
+        late = f"_{-self.urgency}" if self.urgency < 0 else ""
+        return f"{self.task}{late}" + ("" if self.needs.minutes is None else "_timed")
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
-        lists = {name: tuple(data[name]) for name in ("takes", "frames", "needs")}
-        return cls(data["name"], data["task"], threads=data["threads"], **lists)
+        lists = {name: tuple(data[name]) for name in ("takes", "frames", "after")}
+        return cls(
+            data["name"],
+            data["task"],
+            threads=data["threads"],
+            urgency=data["urgency"],
+            needs=Needs(**data["needs"]),
+            **lists,
+        )
 
 
 @dataclass(frozen=True)
@@ -70,7 +94,7 @@ class Link:
 @dataclass(frozen=True)
 class Plan:
     """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs; `notes` are
-    lines that the user is to be told."""
+    lines that the user is to be told; `host` is where it was made."""
 
     takes: tuple[dict[str, Any], ...]
     film: dict[str, Any] | None
@@ -79,6 +103,7 @@ class Plan:
     targets: tuple[str, ...]
     notes: tuple[str, ...] = ()
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
+    host: str = field(default_factory=platform.node)
 
     def restore_links(self, store: Store) -> int:
         """Show again what the store holds but a folder has lost; returns how many links were made."""
@@ -90,8 +115,18 @@ class Plan:
     @property
     def last_jobs(self) -> list[Job]:
         """Those that no other waits for, of a plan that was frozen."""
-        waited_for = {name for job in self.jobs for name in job.needs}
+        waited_for = {name for job in self.jobs for name in job.after}
         return [job for job in self.jobs if job.name not in waited_for]
+
+    def mark(self, job: Job) -> Path:
+        """Of a job that is done, while the plan runs."""
+        return MARKS / self.name / job.rule / job.name
+
+    @property
+    def log_name(self) -> str:
+        """What the event log is called that this host writes while the plan runs."""
+        here = platform.node()
+        return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
     def raw_places(self) -> list[Path]:
@@ -117,10 +152,11 @@ class Plan:
         maker = {output: job.name for job in self.jobs for output in job.outputs}
         jobs = []
         for job in self.jobs:
-            needs = dict.fromkeys(maker[file] for file in job.inputs if file in maker)
-            jobs.append({**asdict(replace(job, inputs=(), outputs=())), "needs": list(needs)})
+            after = dict.fromkeys(maker[file] for file in job.inputs if file in maker)
+            jobs.append({**asdict(replace(job, inputs=(), outputs=())), "after": list(after)})
         return {
             "name": self.name,
+            "host": self.host,
             "takes": self.takes,
             "film": self.film,
             "jobs": jobs,
@@ -140,25 +176,49 @@ class Plan:
             targets=(),
             notes=tuple(data["notes"]),
             name=data["name"],
+            host=data["host"],
         )
 
     def job(self, name: str) -> Job:
         return next(job for job in self.jobs if job.name == name)
 
 
-def batches(numbers: Sequence[int], cores: int) -> list[tuple[int, ...]]:
-    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy.
+def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[int, ...]]:
+    """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
+    needlessly shorter than `least`.
 
-    Long ones first, for each costs a process the time to start, and shorter ones towards the end, so that no
-    core waits long for another (guided self-scheduling: Polychronopoulos & Kuck, 1987).
+    They are runs of neighbours, long ones first, for each costs a process the time to start, and shorter ones
+    towards the end, so that no core waits long for another (guided self-scheduling: Polychronopoulos & Kuck,
+    1987). But where frames come in another order than theirs, as coarse first, they are dealt out, so that
+    all cores work on the first ones first.
     """
-    cores, found, begun = max(1, cores), [], 0
-    least = max(1, min(LAST, -(-len(numbers) // cores)))
+    cores = max(1, cores)
+    share = -(-len(numbers) // cores)
+    if list(numbers) == sorted(numbers):
+        return list(_guided(numbers, cores, max(1, least, min(LAST, share))))
+    size = max(1, min(BATCH, max(least, share)))
+    hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
+    dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
+    return [batch for batch in dealt if batch]
+
+
+def _guided(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[int, ...]]:
+    """Batches of half of each core's share of what is left."""
+    begun = 0
     while begun < len(numbers):
         size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
-        found.append(tuple(numbers[begun : begun + size]))
+        yield tuple(numbers[begun : begun + size])
         begun += size
-    return found
+
+
+def dealt_out(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:
+    """Jobs, the simulations and the renders each as broad as lets all of their kind go side by side; those
+    that go to a farm as broad as `share` says."""
+    if share is not None:
+        return [replace(job, threads=job.threads if job.stays else share.threads) for job in jobs]
+    many = Counter(job.task for job in jobs)
+    broad = {task: max(1, cores // many[task]) for task in ("simulate", "render") if many[task]}
+    return [replace(job, threads=broad.get(job.task, job.threads)) for job in jobs]
 
 
 def paths(places: Iterable[Path]) -> tuple[str, ...]:

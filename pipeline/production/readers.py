@@ -27,13 +27,13 @@ _USED = {"beauty", "albedo", "normal", "position", "matte", "before", "after"}
 """The layers that finished pictures are made of."""
 
 
-def picture(key: Key, size: Size) -> Callable[[Path], tuple[Layers, dict[str, Any]]]:
-    """Reads the picture of a key: its layers, and its header."""
+def picture(key: Key, size: Size | None = None) -> Callable[[Path], tuple[Layers, dict[str, Any]]]:
+    """Reads the picture of a key: its layers, and its header. Its size is looked at where one is given."""
 
     def read(path: Path) -> tuple[Layers, dict[str, Any]]:
         layers, header = read_exr(path)
         _require_key(path, header.get("key"), key)
-        if layers.size != size:
+        if size is not None and layers.size != size:
             raise CorruptFileError(f"{path}: {layers.size[0]} × {layers.size[1]} pixels, not {_times(size)}")
         for name in _USED & layers.arrays.keys():
             pixels = layers[name]

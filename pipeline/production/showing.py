@@ -31,6 +31,7 @@ class Showing:
 
     script     what its shot is read from
     requested  the frames asked for
+    home       the folder of its files, where it is not the shot's own; their names and seeds are the same
     """
 
     script: Script
@@ -38,6 +39,7 @@ class Showing:
     variant: str
     requested: tuple[int, ...]
     turntable: Turntable | None = None
+    home: str | None = None
 
     def as_data(self) -> dict[str, Any]:
         return {
@@ -46,6 +48,7 @@ class Showing:
             "variant": self.variant,
             "requested": list(self.requested),
             "turntable": asdict(self.turntable) if self.turntable else None,
+            "home": self.home,
         }
 
     @classmethod
@@ -56,6 +59,7 @@ class Showing:
             variant=data["variant"],
             requested=tuple(data["requested"]),
             turntable=Turntable(**data["turntable"]) if data["turntable"] else None,
+            home=data["home"],
         )
 
     @property
@@ -81,6 +85,8 @@ class Showing:
     @cached_property
     def motion_folders(self) -> Folders:
         """Where mesh frames lie: with the shot, for its turntables too."""
+        if self.home is not None:
+            return Folders(Path(self.home), self.name)
         of_file = self.turntable and self.turntable.of_file
         return Folders.of_turntable(self.name) if of_file else Folders.of_shot(self.name)
 
@@ -105,6 +111,11 @@ class Showing:
     def still_path(self, form: str, number: int) -> Path:
         """Where a frame is shown as a display shows it."""
         return self.folders.still(self.quality_name, form, number, SUFFIXES[form])
+
+    @property
+    def subject(self) -> str:
+        """What runs tell of: the shot, the turntable, or a shot with what is otherwise in it."""
+        return self.folders.name if self.home is None else f"{self.name} ({Path(self.home).name})"
 
     @property
     def label(self) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -13,12 +13,16 @@ from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.production.edit import Cut
 from pipeline.production.folder import FILM, find_shot
+from pipeline.production.history import History
 from pipeline.production.keyring import PictureKeys
 from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
+from pipeline.production.profile import Profile
 from pipeline.production.script import Script
+from pipeline.production.selection import is_in_words, selected
+from pipeline.production.state import FrameStates, mesh_states, picture_states
 from pipeline.production.store import Store
 from pipeline.production.take import FORMS, Take
 from pipeline.production.variants import variant_for
@@ -27,8 +31,11 @@ from pipeline.shot.edits import DEFAULTS
 from render.quality import QUALITIES
 
 if TYPE_CHECKING:
+    from pipeline.production.verifying import Damage
     from pipeline.shot import Film
     from pipeline.shot.shot import Clip
+
+States = Callable[[Take, Store, History], FrameStates]
 
 
 @dataclass(frozen=True)
@@ -40,6 +47,7 @@ class Studio:
     variant     the Mitsuba variant asked for; by default the first that works
     settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
     allow_code  whether shots may run the Python files that they name
+    profile     where the jobs of its plans run, and so how many there are of them
     """
 
     root: Path
@@ -47,10 +55,17 @@ class Studio:
     variant: str | None = None
     settings: tuple[str, ...] = ()
     allow_code: bool = False
+    profile: Profile = field(default_factory=Profile.local)
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
+    _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
     _notes: list[str] = field(default_factory=list, repr=False)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user is to be told with a plan."""
+        return self._notes
 
     @property
     def store(self) -> Store:
@@ -60,16 +75,17 @@ class Studio:
         """The mesh frames of shots."""
         planner = self._planner()
         for shot in shots:
-            planner.simulate(self.take(find_shot(shot), "draft", frames, variant="none"))
+            planner.simulate(self._asked(shot, "draft", frames, mesh_states, variant="none"))
         return planner.plan()
 
     def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
         """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
         planner = self._planner()
         for shot in shots:
-            take = self.take(find_shot(shot), quality, frames)
+            take = self._asked(shot, quality, frames, picture_states)
             planner.pictures(take)
-            planner.movie(take)
+            if frames is None or not is_in_words(frames):
+                planner.movie(take)
             whole = take.whole()
             keys = whole.picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)
@@ -84,7 +100,20 @@ class Studio:
             raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
         planner = self._planner()
         for shot in shots:
-            planner.stills(self.take(find_shot(shot), quality, frames), form)
+            planner.stills(self._asked(shot, quality, frames, picture_states), form)
+        return planner.plan()
+
+    def mended(self, damages: Iterable[Damage]) -> Plan:
+        """The files of takes that were faulty."""
+        planner = self._planner()
+        for damage in damages:
+            if damage.meshes:
+                planner.simulate(replace(damage.take, requested=damage.meshes))
+            if damage.pictures:
+                planner.pictures(replace(damage.take, requested=damage.pictures))
+            if damage.movie:
+                planner.pictures(damage.take.whole())
+                planner.movie(damage.take.whole())
         return planner.plan()
 
     def surfaces(self, take: Take) -> Plan:
@@ -138,6 +167,21 @@ class Studio:
         planner.movie(turn)
         return planner.plan()
 
+    def _asked(
+        self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None
+    ) -> Take:
+        """The frames of a shot that are asked for; what words mean is settled once."""
+        path = find_shot(shot)
+        if frames is None or not is_in_words(frames):
+            return self.take(path, quality, frames, variant)
+        whole = self.take(path, quality, variant=variant)
+        asked = path, quality, frames
+        if asked not in self._chosen:
+            self._chosen[asked] = selected(
+                frames, FrameRange(whole.requested), lambda: states(whole, self.store, History.of(self.root))
+            )
+        return replace(whole, requested=self._chosen[asked].numbers)
+
     def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
         """The pictures of a shot file at one quality, all or a range."""
         if base_of(quality) not in QUALITIES:
@@ -166,7 +210,8 @@ class Studio:
         return replace(self.take(clip.shot.path, quality), requested=tuple(clip.frames))
 
     def _planner(self) -> Planner:
-        return Planner(self.store, self.cores, self._notes)
+        side_by_side = self.profile.side_by_side(self.cores)
+        return Planner(self.store, side_by_side, self._notes, self.profile.share)
 
 
 def _shot_around(mesh: Path, look: str | None) -> str:

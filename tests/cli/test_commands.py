@@ -29,6 +29,9 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "turntable",
         "preview",
         "curves",
+        "wedge",
+        "publish",
+        "versions",
         "flows",
         "schema",
         "status",
@@ -38,8 +41,8 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview")
-TELLING = ("validate", "curves", "flows", "schema", "status", "doctor")
+MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish")
+TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "doctor")
 
 
 @pytest.mark.parametrize("command", ["new", *MAKING, *TELLING])

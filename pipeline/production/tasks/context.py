@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -9,10 +10,10 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.events import EventLog
+from pipeline.production.events import EventLog, EventReader
 from pipeline.production.keys import Key
 from pipeline.production.layout import EVENTS
 from pipeline.production.ledger import Ledger
@@ -45,7 +46,27 @@ class Context:
     @classmethod
     def of(cls, root: Path, plan: Plan, job_name: str) -> Context:
         """That of a job, which tells what it does in the plan's log."""
-        return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / f"{plan.name}.jsonl", job_name))
+        return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / plan.log_name, job_name))
+
+    def failed_for_good(self) -> bool:
+        """Whether an earlier attempt at this job told why it failed, as another would. One that was killed
+        told nothing, and what the machine refused may be had on another."""
+        log = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl")
+        told = [event for event in log.new() if event["job"] == self.job.name]
+        fails = [event.get("exit_code") for event in told if event["event"] == "fail"]
+        kinds = {event["event"] for event in told}
+        known = "healed" in kinds or (bool(fails) and "end" in kinds)
+        return known and ENVIRONMENT not in fails
+
+    def bring_inputs_to_now(self) -> None:
+        """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
+        differ, and Snakemake takes results that are older than their inputs for a mistake."""
+        now = time.time()
+        for name in self.job.after:
+            path = self.root / self.plan.mark(self.plan.job(name))
+            with suppress(OSError):
+                if path.stat().st_mtime > now:
+                    os.utime(path)
 
     @property
     def store(self) -> Store:
@@ -101,6 +122,7 @@ class Context:
         """
         well = True
         for number in frames:
+            self._log("start", number)
             started = time.perf_counter()
             try:
                 found = work(number)
@@ -114,15 +136,11 @@ class Context:
         return well
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
-        self.log.write(
-            "frame",
-            stage=self.job.task,
-            shot=self.subject,
-            frame=number,
-            found=found,
-            seconds=round(seconds, 4),
-            place=self._place,
-        )
+        self._log("frame", number, found=found, seconds=round(seconds, 4))
+
+    def passed(self, number: int, done: int, most: int) -> None:
+        """So many passes of a picture have been rendered, of at most so many."""
+        self._log("pass", number, done=done, most=most)
 
     @property
     def _place(self) -> str | None:
@@ -134,31 +152,31 @@ class Context:
     def warn(self, number: int, message: str) -> None:
         """Something that a frame is made in spite of."""
         print(message, file=sys.stderr)
-        self.log.write("warn", stage=self.job.task, shot=self.subject, frame=number, message=message)
+        self._log("warn", number, message=message)
 
     def resumed(self, number: int, passes: int) -> None:
         """A frame went on from where its passes had been kept."""
-        self.log.write("resumed", stage=self.job.task, shot=self.subject, frame=number, passes=passes)
+        self._log("resumed", number, passes=passes)
 
     def renewed(self, held: float, most: float | None) -> None:
         """This process holds so many MiB, more than it may, and another one makes the rest."""
         message = f"the renderer grew to {held:.0f} MiB; a fresh one goes on"
-        self.log.write(
-            "renewed", stage=self.job.task, shot=self.subject, message=message, held_mib=held, most_mib=most
-        )
+        self._log("renewed", message=message, held_mib=held, most_mib=most)
 
     def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:
         print(error, file=sys.stderr)
-        self.log.write(
-            "fail",
-            stage=self.job.task,
-            shot=self.subject,
-            frame=number,
-            message=str(error),
-            exit_code=error.exit_code,
-        )
+        self._log("fail", number, message=str(error), exit_code=error.exit_code)
+
+    def killed(self, signal: str) -> None:
+        """Something else ended a process of this job, as the system does where memory runs out."""
+        self._log("killed", message=f"{self.job.task} of {self.subject} was ended by {signal}")
+
+    def _log(self, event: str, number: int | None = None, **facts: Any) -> None:
+        quality = self.plan.takes[self.job.takes[0]]["quality"]
+        about = {"stage": self.job.task, "shot": self.subject, "quality": quality, "frame": number}
+        self.log.write(event, **about, **facts)
 
     @property
     def subject(self) -> str:
         """What the job is about: a shot's name, or the film."""
-        return "film" if self.job.task == "film" else self.take.folders.name
+        return "film" if self.job.task == "film" else self.take.subject

@@ -23,7 +23,9 @@ from pipeline.production.tasks.context import Context
 def simulate(context: Context) -> bool:
     """Make the missing mesh frames of a shot, going on from the last stored frame before them."""
     take, store = context.take, context.store
-    missing = set(context.job.frames)
+    missing = {number for number in context.job.frames if not _shown_again(context, number)}
+    if not missing:
+        return True
     started = time.perf_counter()
     number = min(missing)
     try:
@@ -42,6 +44,16 @@ def simulate(context: Context) -> bool:
     except FlowsculptError as error:
         context.fail(error, error.frame if isinstance(error, FrameError) and error.frame else min(missing))
         return False
+    return True
+
+
+def _shown_again(context: Context, number: int) -> bool:
+    """Show a mesh frame that the store has by now, made by an earlier attempt that was killed."""
+    key = context.take.mesh_key(number)
+    if not context.store.holds("mesh", key):
+        return False
+    context.store.link("mesh", key, context.take.motion_folders.mesh(number))
+    context.tell(number, True, 0.0)
     return True
 
 

@@ -7,7 +7,7 @@ import math
 import resource
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -18,6 +18,7 @@ from pipeline.arrays import AnyArray
 from pipeline.production import halves, readers
 from pipeline.production.disk import disk_faults
 from pipeline.production.framing import Framing, turned
+from pipeline.production.header import raw_header
 from pipeline.production.keyring import PictureKeys
 from pipeline.production.keys import Key
 from pipeline.production.tasks.context import Context
@@ -29,7 +30,6 @@ from render.engine import Engine, choose
 from render.frame import Layers, render_frame
 from render.image import write_exr
 from render.measure import SPEED
-from render.plain import to_plain
 from render.shutter import Moment, Shutter
 from render.spheres import Spheres
 from render.surface import Surface
@@ -96,7 +96,7 @@ class _Room:
             take.quality,
             take.seed(number),
             self.engine,
-            lambda done, most: self.stop.heed(),
+            partial(self._passed, number),
             aovs=take.layers.extra,
             shutter=shutter,
             following=following,
@@ -104,10 +104,14 @@ class _Room:
         )
         if keep.taken_up:
             context.resumed(number, keep.taken_up)
-        header = _header(context, number, self.framings[number], self.keys[number])
+        header = raw_header(context.take, number, self.framings[number], self.keys[number])
         write_exr(path, layers, header, dict(take.layers.precision))
         seconds = time.perf_counter() - begun
         _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
+
+    def _passed(self, number: int, done: int, most: int) -> None:
+        self.stop.heed()
+        self.context.passed(number, done, most)
 
 
 def _moments(
@@ -239,26 +243,3 @@ def _with_edges(shot: Shot, arrays: Mapping[str, AnyArray], pieces: int) -> Mapp
     if shot.picture.look.wireframe is None or is_net or "faces" not in arrays:
         return arrays
     return {**arrays, "edges": outlines(arrays["faces"], pieces)}
-
-
-def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
-    """What the EXR says of itself: enough to make it again."""
-    take = context.take
-    resampling = take.shot.motion.resampling_at(take.poses[number].mesh)
-    return {
-        "shot": take.shot.name,
-        "frame": number,
-        "quality": take.quality_name,
-        "key": keys.raw,
-        "mesh_key": take.mesh_key(take.poses[number].mesh),
-        "seed": take.seed(number),
-        "pose": to_plain(take.poses[number]),
-        "normals_key": take.normals_key(take.poses[number].mesh),
-        "look": to_plain(take.shot.picture.look),
-        "lights": to_plain(replace(take.shot.picture.lights, exposure=0.0)),
-        "stage": to_plain(take.shot.picture.stage),
-        "settings": to_plain(take.quality),
-        **framing.as_data(),
-        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
-        **(resampling.settings() if resampling else {"resample": "off"}),
-    }
