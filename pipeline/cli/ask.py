@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from pipeline.cli.arguments import Settings
+from pipeline.cli.arguments import Quality, Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain, duration, out
 from pipeline.errors import FlowsculptError
@@ -18,6 +18,7 @@ from pipeline.kernels import cache_folder, compile_all
 from pipeline.production.folder import find_shot, shot_names
 from pipeline.production.history import History
 from pipeline.production.state import FrameStates, states
+from pipeline.production.why import Answer, Question
 from pipeline.production.workflow import Studio
 from render import colour, engine, raster
 from render.quality import QUALITIES
@@ -48,6 +49,38 @@ def status(
     _tell(rows, common.json)
     if failed:
         raise typer.Exit(max(failure.exit_code for failure in failed))
+
+
+def why(
+    common: Common,
+    shot: Annotated[
+        str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")
+    ],
+    frame: Annotated[int, typer.Argument(metavar="FRAME", help="A frame of the shot.")],
+    quality: Quality = "draft",
+    settings: Settings = None,
+) -> None:
+    """Say why a frame would be made again, or why it is as it should be.
+
+    Keys decide: of the mesh, of the picture, of the code. What of them differs from what is there is told
+    part by part, and what was edited in the shot file since the frame was made.
+    """
+    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
+    take = studio.take(find_shot(shot), quality, str(frame))
+    found = Question(take, frame, studio.store).answer()
+    answer(_explained(found, shot, frame, quality), found.as_data(), common.json)
+
+
+def _explained(found: Answer, shot: str, frame: int, quality: str) -> str:
+    again = f"flowsculpt render {shot} -q {quality} -f {frame}"
+    if found.state == "done":
+        return f"{found.place} is what the shot file asks for."
+    lines = [f"{found.place} is {found.state}; {again} makes it."]
+    lines += [f"  {reason}" for reason in found.reasons]
+    lines += [f"  {part}" for part in found.parts]
+    if found.edits:
+        lines += ["Edited in the shot file since it was made:", *(f"  {edit}" for edit in found.edits)]
+    return "\n".join(lines)
 
 
 def _tell(rows: list[FrameStates], as_json: bool) -> None:

@@ -12,7 +12,18 @@ from typing import Annotated, get_args
 
 import typer
 
-from pipeline.cli.options import Cores, DryRun, Json, Nice, NoProgress, Root, Timeout, remember, with_common
+from pipeline.cli.options import (
+    Cores,
+    DryRun,
+    Json,
+    Nice,
+    NoProgress,
+    ProfileName,
+    Root,
+    Timeout,
+    remember,
+    with_common,
+)
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
 from render.errors import RenderError
@@ -40,6 +51,10 @@ COMMANDS = {
     "flows": "flows",
     "schema": "author",
     "status": "ask",
+    "why": "ask",
+    "verify": "care",
+    "clean": "care",
+    "report": "report",
     "doctor": "ask",
 }
 """In the order of the help, each with the module that holds its function: one command imports no others."""
@@ -60,12 +75,13 @@ def before_the_command(
     root: Root = None,
     timeout: Timeout = None,
     nice: Nice = None,
+    profile: ProfileName = None,
     version_: Annotated[
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
-    remember(ctx, json_, no_progress, cores, dry_run, root, timeout, nice)
+    remember(ctx, json_, no_progress, cores, dry_run, root, timeout, nice, profile)
 
 
 def command_line(words: Sequence[str]) -> typer.Typer:

@@ -31,7 +31,13 @@ def simulate(
     the edit left valid. Vertices are numbered for life in them, and new ones name their parents; those of
     method polyhedra are not.
     """
-    studio = Studio(common.root, common.cores, settings=tuple(settings or ()), allow_code=allow_code)
+    studio = Studio(
+        common.root,
+        common.cores,
+        settings=tuple(settings or ()),
+        allow_code=allow_code,
+        profile=common.profile,
+    )
     make(common, lambda: studio.meshes(shots, frames))
 
 
@@ -79,7 +85,7 @@ def render(
             "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
         )
     named = windowed(quality or "draft", crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
     make(common, lambda: studio.pictures(shots, named, frames))
 
 
@@ -105,7 +111,7 @@ def stills(
     are in renders/SHOT/QUALITY/frames and raw.
     """
     quality = windowed(quality, crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
     make(common, lambda: studio.stills(shots, form, quality, frames))
 
 
@@ -124,7 +130,7 @@ def film(
     Without a name it is shots/film.yaml; `flowsculpt film showreel` is shots/showreel.yaml. What is `--set`
     is set in every shot.
     """
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
     make(common, lambda: studio.film(quality, find_edit(edit)))
 
 
@@ -146,7 +152,7 @@ def turntable(
     """Turn one frame of a shot, or a mesh file, through 360° before the camera."""
     make(
         common,
-        lambda: Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code).turntable(
-            subject, quality, at, frames, look
-        ),
+        lambda: Studio(
+            common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile
+        ).turntable(subject, quality, at, frames, look),
     )

@@ -13,6 +13,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.say import complain
+from pipeline.production.profile import Profile
 from pipeline.production.watchdog import PATIENCE
 from render.engine import available_cores
 
@@ -31,6 +32,7 @@ class Common:
     dry_run: bool
     root: Path
     patience: float
+    profile: Profile
 
 
 Json = Annotated[
@@ -75,6 +77,16 @@ Nice = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+ProfileName = Annotated[
+    str | None,
+    typer.Option(
+        "--profile",
+        metavar="NAME|DIR",
+        envvar="FLOWSCULPT_PROFILE",
+        help="Where jobs run: local, slurm, or another folder in profiles/ or at a path; see docs/farm.md.",
+        rich_help_panel=_PANEL,
+    ),
+]
 
 
 @dataclass
@@ -88,6 +100,7 @@ class _Said:
     root: Root = None
     timeout: Timeout = None
     nice: Nice = None
+    profile: ProfileName = None
 
     def over(self, earlier: _Said) -> _Said:
         """What is said after the command wins over what is said before it."""
@@ -101,6 +114,7 @@ class _Said:
             dry_run=self.dry_run,
             root=(self.root or Path()).resolve(),
             patience=PATIENCE if self.timeout is None else 60.0 * self.timeout,
+            profile=Profile.named(self.profile) if self.profile else Profile.local(),
         )
 
 
@@ -113,9 +127,10 @@ def remember(
     root: Root = None,
     timeout: Timeout = None,
     nice: Nice = None,
+    profile: ProfileName = None,
 ) -> None:
     """Keep what was said before the command's name."""
-    ctx.obj = _Said(json_, no_progress, cores, dry_run, root, timeout, nice)
+    ctx.obj = _Said(json_, no_progress, cores, dry_run, root, timeout, nice, profile)
 
 
 def with_common(function: Callable[..., None]) -> Callable[..., None]:

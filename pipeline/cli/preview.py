@@ -51,7 +51,7 @@ def preview(
         raise UsageError(
             f"{output} is no {ending[1:].upper()}, which this preview is; end its name in {ending}"
         )
-    studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code)
+    studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
     chosen = str(at) if at is not None else frames
     take = studio.take(find_shot(shot), "preview", chosen, variant="none")
     if common.dry_run:

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
+from pipeline.errors import FrameError
 from pipeline.production.keys import Key
 from pipeline.production.store import Store
 from render.errors import BadInputError
@@ -33,19 +34,16 @@ class CameraFile(Mapping[int, "Framing"]):
             store.discard("cameras", key)
             return None
 
-    def all(self) -> dict[int, Framing] | None:
-        """Every one, built; None where one of them cannot be, and the file is then forgotten."""
-        try:
-            return {number: self[number] for number in self}
-        except (ValueError, KeyError, TypeError, BadInputError):
-            self._store.discard("cameras", self.key)
-            return None
-
     def __getitem__(self, number: int) -> Framing:
+        """Raises FrameError where it cannot be read; the file is then forgotten."""
         if number not in self._built:
             from pipeline.production.framing import Framing
 
-            self._built[number] = Framing.from_data(self._data[number])
+            try:
+                self._built[number] = Framing.from_data(self._data[number])
+            except (ValueError, TypeError, AttributeError, BadInputError) as error:
+                self._store.discard("cameras", self.key)
+                raise FrameError("its camera cannot be read; run again to find the cameras anew") from error
         return self._built[number]
 
     def __iter__(self) -> Iterator[int]:

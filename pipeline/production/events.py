@@ -1,11 +1,13 @@
 """The event log: one JSON object a line, appended by every task, read by whoever shows progress.
 
 A line is written with one `write` on a descriptor opened for appending, so lines of several processes
-never mix. Events: `begin`, with the process and its host, `end` and `fail` of a job; `start` of a frame,
-`pass` of a picture, and `frame` once it is there, with the seconds it took and whether the store had it
-already; `healed` for what is made again; `warn` for what a frame was made in spite of; `resumed` for a frame
-that goes on from its last pass; `renewed` for a rendering process replaced by a fresh one; `hung` and
-`killed` for a job that went silent and was ended, and for one that something else ended.
+never mix. Network file systems promise that for one host only, so every other host of a farm has a log of its
+own beside, `<plan>.<host>.jsonl`. Events: `run`, with its cores, and `ran`; `begin`, with its threads, the
+process and its host, `end` and `fail` of a job; `start` of a frame, `pass` of a picture, and `frame` once it
+is there, with the seconds it took and whether the store had it already; `healed` for what is made again;
+`warn` for what a frame was made in spite of; `resumed` for a frame that goes on from its last pass; `renewed`
+for a rendering process replaced by a fresh one; `hung` and `killed` for a job that went silent and was ended,
+and for one that something else ended.
 """
 
 from __future__ import annotations
@@ -42,20 +44,21 @@ class EventLog:
 
 @dataclass
 class EventReader:
-    """Reads a log that is still being written, from where the last reading ended."""
+    """Reads a log that is being written, and those of other hosts, from where the last reading ended."""
 
     path: Path
-    _offset: int = field(default=0, init=False)
+    _offsets: dict[Path, int] = field(default_factory=dict, init=False)
 
     def new(self) -> Iterator[Event]:
-        try:
-            with self.path.open("rb") as file:
-                file.seek(self._offset)
-                for line in file:
-                    if not line.endswith(b"\n"):  # still being written
-                        return
-                    self._offset += len(line)
-                    with contextlib.suppress(ValueError):  # cut short by a full disk
-                        yield json.loads(line)
-        except FileNotFoundError:
-            return
+        for path in sorted(self.path.parent.glob(f"{self.path.stem}.*jsonl")):
+            yield from self._new_in(path)
+
+    def _new_in(self, path: Path) -> Iterator[Event]:
+        with contextlib.suppress(FileNotFoundError), path.open("rb") as file:
+            file.seek(self._offsets.get(path, 0))
+            for line in file:
+                if not line.endswith(b"\n"):  # still being written
+                    return
+                self._offsets[path] = self._offsets.get(path, 0) + len(line)
+                with contextlib.suppress(ValueError):  # cut short by a full disk
+                    yield json.loads(line)

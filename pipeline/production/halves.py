@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import contextlib
 import time
-import uuid
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -38,7 +37,7 @@ def begun(
 
     path = store.root / HALVES / f"{_name(target)}.{key}{_SUFFIX}"
     _remove(other for other in _all(store.root) if _is_of(other, target) and other != path)
-    return Checkpoint(path, store.scratch / f"{uuid.uuid4().hex}{_SUFFIX}", warn, urgent)
+    return Checkpoint(path, store.draft(_SUFFIX), warn, urgent)
 
 
 def sweep(store: Store) -> None:

@@ -28,7 +28,7 @@ class History:
 
     @classmethod
     def of(cls, root: Path) -> History:
-        logs = sorted((root / EVENTS).glob("*.jsonl"))[-RUNS:]
+        logs = logs_of(root)[-RUNS:]
         return cls(tuple(tuple(EventReader(log).new()) for log in logs))
 
     def failed(self, shot: str, stages: Iterable[str], quality: str | None = None) -> dict[int, str]:
@@ -81,6 +81,11 @@ class History:
             elif event["event"] == "end":
                 processes.pop(event["job"], None)
         return {job for job, process in processes.items() if _works_on(process, job)}
+
+
+def logs_of(root: Path) -> list[Path]:
+    """The log of every run, the latest last; those of other hosts belong to them."""
+    return sorted(path for path in (root / EVENTS).glob("*.jsonl") if "." not in path.stem)
 
 
 def _is_of(event: Event, shot: str, stages: tuple[str, ...], quality: str | None) -> bool:

@@ -9,6 +9,8 @@ STATE = Path(".flowsculpt")
 PLANS = STATE / "plans"
 EVENTS = STATE / "events"
 LOGS = STATE / "logs"
+MARKS = STATE / "jobs"
+"""Of jobs that are done while a run lasts: what Snakemake goes by."""
 HALVES = STATE / "half"
 PUBLISHED = Path("renders") / "published"
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.production.keys import Key, key_of
+from pipeline.production.layout import STATE
 from pipeline.production.pinned import Pins, are_unchanged, pins_of
 
 if TYPE_CHECKING:
@@ -93,6 +94,6 @@ def _listings(pins: Pins) -> tuple[tuple[str, Key], ...]:
 
 def _names_in(folder: str) -> Key:
     try:
-        return key_of(sorted(path.name for path in Path(folder).iterdir()))
+        return key_of(sorted(path.name for path in Path(folder).iterdir() if path.name != STATE.name))
     except OSError:
         return ""

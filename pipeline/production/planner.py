@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.errors import UsageError
 from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
+from pipeline.production.needs import UNMEASURED, Experience, Needs
 from pipeline.production.plan import Job, Link, Plan, batches, dealt_out, paths
+from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
-
-FIRST = 1
-"""The urgency of simulations: each is the work of one thread, and all pictures of its shot wait for it."""
 
 
 @dataclass
 class Planner:
-    """Collects the jobs of several takes, and of the film that they are cut into."""
+    """Collects the jobs of several takes, and of the film that they are cut into.
+
+    cores    how many jobs work side by side
+    share    what each of them has for itself on a farm's nodes; None where they share `cores`
+    """
 
     store: Store
     cores: int
     notes: Sequence[str] = ()
+    share: Share | None = None
     _takes: list[Take] = field(default_factory=list)
     _made: set[str] = field(default_factory=set)
     _jobs: list[Job] = field(default_factory=list)
@@ -58,9 +62,9 @@ class Planner:
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
             self._surfaces(take, unrendered, cameras_known=keys is not None)
-        for place, batch in enumerate(batches(unrendered, self.cores)):
-            self._render(take, batch, urgency=-(place // self.cores))
-        for batch in batches(unfinished, self.cores):
+        for batch in self._batches(unrendered):
+            self._render(take, batch)
+        for batch in self._batches(unfinished):
             seen = sorted({n for number in batch for n in around[number]})
             inputs = [take.folders.raw(take.quality_name, n) for n in seen]
             outputs = [take.folders.frame(take.quality_name, n) for n in batch]
@@ -78,7 +82,7 @@ class Planner:
                 self._link(form, key, take.still_path(form, number))
             else:
                 absent.append(number)
-        for batch in batches(absent, self.cores):
+        for batch in self._batches(absent):
             inputs = [take.folders.frame(take.quality_name, n) for n in batch]
             self._add(take, form, batch, inputs, [take.still_path(form, n) for n in batch])
 
@@ -114,7 +118,9 @@ class Planner:
         for keys in self._keyrings.values():
             if keys is not None:
                 keys.note()
-        jobs = dealt_out(self._jobs, self.cores)
+        jobs = dealt_out(self._jobs, self.cores, self.share)
+        if self.share is not None:
+            jobs = self._measured(jobs)
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
             film=self._cut.as_data() if self._cut else None,
@@ -129,6 +135,20 @@ class Planner:
         if take not in self._keyrings:
             self._keyrings[take] = take.picture_keys(self.store)
         return self._keyrings[take]
+
+    def _measured(self, jobs: Sequence[Job]) -> list[Job]:
+        """Jobs, those that render asking for what earlier pictures took."""
+        places = [take.folders.statistics(take.quality_name, 0).parent for take in self._takes]
+        known = [Experience.of(self.store.root / place) for place in places]
+
+        def needs(job: Job) -> Needs:
+            experience = known[job.takes[0]] if job.task == "render" else None
+            return experience.needs(len(job.frames), job.threads) if experience else UNMEASURED
+
+        return [replace(job, needs=needs(job)) for job in jobs]
+
+    def _batches(self, frames: Sequence[int]) -> list[tuple[int, ...]]:
+        return batches(frames, self.cores, self.share.frames if self.share else 1)
 
     def _surfaces(self, take: Take, unrendered: Sequence[int], cameras_known: bool) -> None:
         """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""
@@ -153,14 +173,14 @@ class Planner:
         missing = self._absent("mesh", take, wanted, take.mesh_key)
         if missing:
             _require_permission(take)
-        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing], FIRST)
+        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing])
 
-    def _render(self, take: Take, batch: Sequence[int], urgency: int) -> None:
+    def _render(self, take: Take, batch: Sequence[int]) -> None:
         meshes = dict.fromkeys(take.poses[n].mesh for n in batch)
         inputs = [take.folders.cameras(), *(take.motion_folders.normals(m) for m in meshes)]
         inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.needs_mesh(n)]
         outputs = [take.folders.raw(take.quality_name, n) for n in batch]
-        self._add(take, "render", batch, inputs, outputs, urgency)
+        self._add(take, "render", batch, inputs, outputs)
 
     def _enter(self, take: Take) -> int:
         """The take's place in the plan. Raises UsageError where another shot has its name."""
@@ -197,13 +217,12 @@ class Planner:
         frames: Sequence[int],
         inputs: list[Path],
         outputs: list[Path],
-        urgency: int = 0,
     ) -> None:
         if frames:
             label = re.sub(r"\W", "_", take.label)
             name = f"{task}_{len(self._jobs):04d}_{label}_{min(frames):04d}_{max(frames):04d}"
             takes = (self._enter(take),)
-            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs), urgency=urgency)
+            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs))
             self._jobs.append(job)
             self._made.update(paths(outputs))
 

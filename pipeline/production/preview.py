@@ -74,7 +74,7 @@ class Sketch:
 
         return write_movie(path, pictures(), self.take.shot.rate.fps)
 
-    def _framings(self) -> dict[int, Framing]:
+    def _framings(self) -> Mapping[int, Framing]:
         found = self.take.framings(self.store)
         assert found is not None, "the plan has made them"
         return found

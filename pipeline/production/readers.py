@@ -5,11 +5,10 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.animation import MeshFrame
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, UsageError
 from pipeline.production.keys import Key
@@ -18,6 +17,9 @@ from pipeline.production.store import CorruptFileError
 from render.frame import Layers
 from render.image import read_exr
 
+if TYPE_CHECKING:
+    from pipeline.animation import MeshFrame
+
 Size = tuple[int, int]
 """Width and height in pixels."""
 
@@ -25,13 +27,13 @@ _USED = {"beauty", "albedo", "normal", "position", "matte", "before", "after"}
 """The layers that finished pictures are made of."""
 
 
-def picture(key: Key, size: Size) -> Callable[[Path], tuple[Layers, dict[str, Any]]]:
-    """Reads the picture of a key: its layers, and its header."""
+def picture(key: Key, size: Size | None = None) -> Callable[[Path], tuple[Layers, dict[str, Any]]]:
+    """Reads the picture of a key: its layers, and its header. Its size is looked at where one is given."""
 
     def read(path: Path) -> tuple[Layers, dict[str, Any]]:
         layers, header = read_exr(path)
         _require_key(path, header.get("key"), key)
-        if layers.size != size:
+        if size is not None and layers.size != size:
             raise CorruptFileError(f"{path}: {layers.size[0]} × {layers.size[1]} pixels, not {_times(size)}")
         for name in _USED & layers.arrays.keys():
             pixels = layers[name]
@@ -55,6 +57,7 @@ def arrays(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
 
 def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
     """Reads the mesh frame of a key."""
+    from pipeline.animation import MeshFrame
 
     def read(path: Path) -> MeshFrame:
         try:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -12,9 +13,10 @@ import filelock
 from pipeline.errors import FrameError, MachineError
 from pipeline.production import halves, scheduler
 from pipeline.production.disk import disk_faults
-from pipeline.production.events import Event, EventReader
-from pipeline.production.layout import EVENTS, STATE
+from pipeline.production.events import Event, EventLog, EventReader
+from pipeline.production.layout import EVENTS, MARKS, STATE
 from pipeline.production.plan import Plan
+from pipeline.production.profile import Profile
 from pipeline.production.remedies import Remedies
 from pipeline.production.store import Store
 from pipeline.production.watchdog import PATIENCE, Watchdog
@@ -24,9 +26,13 @@ Watcher = AbstractContextManager[object]
 
 @dataclass
 class Outcome:
-    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault)."""
+    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
+
+    runs  the names of its rounds: of their plans and event logs
+    """
 
     plan: Plan
+    runs: list[str] = field(default_factory=list)
     restored: int = 0
     events: list[Event] = field(default_factory=list)
     unfinished: bool = False
@@ -96,17 +102,20 @@ def run(
     root: Path,
     cores: int,
     watch: Callable[[Plan, EventReader], Watcher],
+    profile: Profile | None = None,
     patience: float = PATIENCE,
 ) -> Outcome:
     """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
 
-    `watch(plan, reader)` is a context manager that shows progress while Snakemake works. A job that shows no
-    sign of life for `patience` seconds is ended, and tried once more.
+    `watch(plan, reader)` is a context manager that shows progress while Snakemake works; `profile` says where
+    jobs run, by default here. A job of this machine that shows no sign of life for `patience` seconds is
+    ended, and tried once more.
     Raises MachineError where the lock is held or the disk refuses.
     """
     store = Store(root)
     with exclusive(root):
         store.sweep()
+        shutil.rmtree(root / MARKS, ignore_errors=True)
         halves.sweep(store)
         outcome, remedies = Outcome(make_plan()), Remedies(cores)
         hopeful = True
@@ -114,7 +123,9 @@ def run(
             outcome.restored += outcome.plan.restore_links(store)
             if not (outcome.plan.jobs and hopeful):
                 break
-            events = _execute(outcome.plan, root, remedies.cores, watch, patience)
+            work = _Work(outcome.plan, root, remedies.cores, profile or Profile.local(), patience)
+            events = work.done(watch)
+            outcome.runs.append(outcome.plan.name)
             outcome.events += events
             outcome.plan = make_plan()
             hopeful = remedies.help(events)
@@ -125,18 +136,32 @@ def run(
         return outcome
 
 
-def _execute(
-    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], Watcher], patience: float
-) -> list[Event]:
-    log = root / EVENTS / f"{plan.name}.jsonl"
-    frozen = plan.freeze(root)
-    with watch(plan, EventReader(log)), Watchdog(log, patience):
-        well = scheduler.execute(frozen, root, cores)
-    events = list(EventReader(log).new())
-    told = {"fail", "healed", "hung", "killed"}
-    if not well and not any(event["event"] in told for event in events):
-        events += _unexplained(events, scheduler.log_of(frozen))
-    return events
+@dataclass(frozen=True)
+class _Work:
+    """A plan to be carried out under `root`, with so many cores, where a profile says."""
+
+    plan: Plan
+    root: Path
+    cores: int
+    profile: Profile
+    patience: float
+
+    def done(self, watch: Callable[[Plan, EventReader], Watcher]) -> list[Event]:
+        """What was told while it was carried out."""
+        log = self.root / EVENTS / f"{self.plan.name}.jsonl"
+        frozen = self.plan.freeze(self.root)
+        EventLog(log).write("run", cores=self.cores)
+        try:
+            with watch(self.plan, EventReader(log)), Watchdog(log, self.patience):
+                well = scheduler.execute(frozen, self.root, self.cores, self.profile)
+        finally:
+            EventLog(log).write("ran")
+            shutil.rmtree(self.root / MARKS / self.plan.name, ignore_errors=True)
+        events = list(EventReader(log).new())
+        told = {"fail", "healed", "hung", "killed"}
+        if not well and not any(event["event"] in told for event in events):
+            events += _unexplained(events, scheduler.log_of(frozen))
+        return events
 
 
 def _unexplained(events: list[Event], log: Path) -> list[Event]:

@@ -1,13 +1,15 @@
-"""Snakemake, in a process of its own: the Snakefile, a frozen plan, this many cores.
+"""Snakemake, in a process of its own: the Snakefile, a frozen plan, a profile that says where its jobs run.
 
 A process of its own can be ended with all of its jobs, prints where it likes, and leaves our signal handlers
-alone. `python -m pipeline.production.scheduler PLAN CORES`, in the root, is that process.
+alone. `python -m pipeline.production.scheduler WORDS…`, in the root, is that process: Snakemake's own command
+line, so that a profile means here what it means to Snakemake.
 """
 
 from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import subprocess
 import sys
 import threading
@@ -19,9 +21,13 @@ import psutil
 from pipeline.errors import MachineError
 from pipeline.production.disk import disk_faults
 from pipeline.production.layout import LOGS
+from pipeline.production.profile import Profile, shipped
 
 PATIENCE = 5.0
 """Seconds that processes have to end before they are killed."""
+
+FARM_PATIENCE = 90.0
+"""Seconds that taking jobs back from a farm may take."""
 
 
 def snakefile() -> Path:
@@ -38,27 +44,48 @@ def log_of(plan: Path) -> Path:
     return LOGS / plan.stem / "snakemake.log"
 
 
-def execute(plan: Path, root: Path, cores: int) -> bool:
-    """Run a frozen plan (relative to `root`); whether every job ended well.
+def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:
+    """Run a frozen plan (relative to `root`) on this machine's cores or a farm; whether every job ended well.
 
-    An interrupt ends all jobs before it is passed on.
+    An interrupt ends all jobs, and takes those of a farm back, before it is passed on.
     """
     log = root / log_of(plan)
     with disk_faults(log):
         log.parent.mkdir(parents=True, exist_ok=True)
         output = log.open("w")
-    command = [sys.executable, "-m", "pipeline.production.scheduler", plan.as_posix(), str(cores)]
+    command = [sys.executable, "-m", "pipeline.production.scheduler", *_words(plan, cores, profile)]
     with (
         output,
         subprocess.Popen(
-            command, cwd=root, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+            command,
+            cwd=root,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=not profile.is_local,  # Ctrl-C would cut short what takes jobs back
         ) as process,
     ):
         try:
             return process.wait() == 0
         except BaseException:
+            if not profile.is_local:
+                _take_back(process)
             end_family(process.pid)
             raise
+
+
+def _words(plan: Path, cores: int, profile: Profile) -> list[str]:
+    """What Snakemake is called with. Its words win over our own settings, and these over the profile."""
+    ours = ["--snakefile", str(snakefile()), "--workflow-profile", str(shipped() / "default")]
+    here = ["--cores" if profile.is_local else "--local-cores", str(cores)]
+    return [*ours, *profile.arguments, *here, "--config", f"plan={plan.as_posix()}"]
+
+
+def _take_back(process: subprocess.Popen[bytes]) -> None:
+    """Have Snakemake cancel what it gave to a farm, as it does when it is interrupted, and wait for it."""
+    process.send_signal(signal.SIGINT)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(FARM_PATIENCE)
 
 
 def end_family(pid: int) -> None:
@@ -75,53 +102,29 @@ def end_family(pid: int) -> None:
                 member.kill()
 
 
-def _run_snakemake(plan: str, cores: int) -> bool:
-    """The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys
-    in the plan do, and a plan holds only jobs that are needed."""
-    from snakemake.api import SnakemakeApi
-    from snakemake.exceptions import WorkflowError
-    from snakemake.scheduling.greedy import SchedulerSettings as Greedy
-    from snakemake.settings import types as settings
-    from snakemake.settings.enums import RerunTrigger
-
-    output = settings.OutputSettings(show_failed_logs=True, enable_file_logging=False)
-    try:
-        with SnakemakeApi(output) as api:
-            workflow = api.workflow(
-                resource_settings=settings.ResourceSettings(cores=cores),
-                config_settings=settings.ConfigSettings(config={"plan": plan}),
-                snakefile=snakefile(),
-            )
-            dag = workflow.dag(
-                settings.DAGSettings(
-                    force_incomplete=True,
-                    rerun_triggers=frozenset({RerunTrigger.PARAMS}),
-                    max_checksum_file_size=0,
-                )
-            )
-            dag.execute_workflow(
-                execution_settings=settings.ExecutionSettings(keep_going=True, lock=False, latency_wait=5),
-                scheduling_settings=settings.SchedulingSettings(scheduler="greedy"),
-                scheduler_settings=Greedy(),
-                greedy_scheduler_settings=Greedy(),
-            )
-    except WorkflowError as error:
-        print(error, file=sys.stderr)
-        return False
-    return True
-
-
-def _leave_with(parent: int) -> None:
+def _leave_with(parent: int, of_farm: bool) -> None:
     """End this process and its jobs once the process that started it is gone, however it went."""
     while os.getppid() == parent:
         time.sleep(0.5)
+    if of_farm:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(FARM_PATIENCE)
     end_family(os.getpid())
 
 
-def main(plan: str, cores: str) -> int:
-    threading.Thread(target=_leave_with, args=(os.getppid(),), daemon=True).start()
-    return 0 if _run_snakemake(plan, int(cores)) else 1
+def main(words: list[str]) -> None:
+    """Snakemake's command line, which ends this process.
+
+    The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys in the
+    plan do, and a plan holds only jobs that are needed.
+    """
+    from snakemake.cli import main as snakemake
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # even where who started us had it ignored
+    watcher = threading.Thread(target=_leave_with, args=(os.getppid(), "--cores" not in words), daemon=True)
+    watcher.start()
+    snakemake(words)
 
 
 if __name__ == "__main__":
-    sys.exit(main(*sys.argv[1:]))
+    main(sys.argv[1:])

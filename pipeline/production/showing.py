@@ -73,7 +73,8 @@ class Showing:
         return self.script.name
 
     @cached_property
-    def quality(self) -> Quality:
+    def quality_of_shot(self) -> Quality:
+        """As the shot says it."""
         return quality_named(self.quality_name, self.shot.picture.qualities)
 
     @property
@@ -169,7 +170,7 @@ class Showing:
     @property
     def steadied_over(self) -> int:
         """Pictures to either side that light is taken from; what keeps its noise would not know its own."""
-        return 0 if self.quality.denoise == "off" else self.quality.steady
+        return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.steady
 
     @property
     def layers(self) -> PictureLayers:

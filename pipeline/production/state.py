@@ -55,12 +55,13 @@ def states(takes: list[Take], store: Store, history: History) -> list[FrameState
     """
     return [
         mesh_states(takes[0], store, history),
-        *(
-            picture_states(take, store, history)
-            for take in takes
-            if (store.root / take.folders.home / take.quality_name).exists()
-        ),
+        *(picture_states(take, store, history) for take in takes if is_begun(take, store)),
     ]
+
+
+def is_begun(take: Take, store: Store) -> bool:
+    """Whether pictures of a take were asked for at its quality."""
+    return (store.root / take.folders.home / take.quality_name).exists()
 
 
 def mesh_states(take: Take, store: Store, history: History) -> FrameStates:

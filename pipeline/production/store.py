@@ -9,11 +9,15 @@ from __future__ import annotations
 
 import contextlib
 import os
+import platform
 import shutil
+import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+
+import psutil
 
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
@@ -37,8 +41,12 @@ SUFFIXES = {
 }
 
 
-COARSEST_CLOCK = 2.0
-"""Seconds to which the simplest file systems round a file's time."""
+ENDS = 65536
+"""Bytes at each end of a file that tell it from others of its size: pictures have their keys near the
+beginning, npz ends with a checksum of every array."""
+
+OLD_DRAFT = 24 * 3600.0
+"""Seconds after which what another host was writing is taken for left behind."""
 
 
 @dataclass(frozen=True)
@@ -57,6 +65,16 @@ class Store:
     def holds(self, kind: str, key: Key | None) -> bool:
         return key is not None and self.path(kind, key).exists()
 
+    def entries(self) -> Iterator[tuple[str, Key, Path]]:
+        """Every file that is there: its kind, its key, and where it lies."""
+        for kind, suffix in SUFFIXES.items():
+            for path in sorted((self.root / STATE / "store" / kind).glob(f"*/*{suffix}")):
+                yield kind, path.stem, path
+
+    def draft(self, suffix: str = "") -> Path:
+        """Where this process may write what is not whole yet: the name says whose it is."""
+        return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
+
     def put(self, kind: str, key: Key, write: Callable[[Path], object]) -> Path:
         """Have `write(path)` make the file of `key`, unless it is there already; returns where it lies.
 
@@ -65,7 +83,7 @@ class Store:
         final = self.path(kind, key)
         if final.exists():
             return final
-        draft = self.scratch / f"{uuid.uuid4().hex}{SUFFIXES[kind]}"
+        draft = self.draft(SUFFIXES[kind])
         with disk_faults(final):
             try:
                 draft.parent.mkdir(parents=True, exist_ok=True)
@@ -83,7 +101,7 @@ class Store:
         if self.shows(kind, key, target):
             return
         source, place = self.path(kind, key), self.root / target
-        draft = self.scratch / uuid.uuid4().hex
+        draft = self.draft()
         with disk_faults(place):
             try:
                 place.parent.mkdir(parents=True, exist_ok=True)
@@ -103,15 +121,20 @@ class Store:
                 draft.unlink(missing_ok=True)
 
     def shows(self, kind: str, key: Key | None, target: Path) -> bool:
-        """Whether `target` is the file of `key`: the same inode, or a copy of the same size and time."""
+        """Whether `target` is the file of `key`: the same inode, or a copy by its size and both ends.
+
+        Times tell nothing: clocks of hosts differ, and Snakemake sets the times of what it has checked.
+        """
         if key is None:
             return False
+        ours, theirs = self.path(kind, key), self.root / target
         try:
-            ours, theirs = self.path(kind, key).stat(), (self.root / target).stat()
+            one, other = ours.stat(), theirs.stat()
+            if os.path.samestat(one, other):
+                return True
+            return one.st_size == other.st_size and _ends(ours, one.st_size) == _ends(theirs, one.st_size)
         except OSError:
             return False
-        same_moment = abs(ours.st_mtime - theirs.st_mtime) < COARSEST_CLOCK
-        return os.path.samestat(ours, theirs) or (ours.st_size == theirs.st_size and same_moment)
 
     def discard(self, kind: str, key: Key) -> None:
         """Forget a file found to be corrupt; it is made anew when next asked for."""
@@ -119,10 +142,29 @@ class Store:
             self.path(kind, key).unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Remove what killed processes left in `tmp/`. Only whoever holds the root's lock may call this."""
-        if self.scratch.exists():
-            with contextlib.suppress(OSError):
-                shutil.rmtree(self.scratch)
+        """Remove what killed processes left in `tmp/`: of this host what nobody writes to, of others what is
+        old. A farm's nodes may be at work though nobody holds the root's lock."""
+        with contextlib.suppress(OSError):
+            for path in sorted(self.scratch.iterdir()):
+                if _left_behind(path):
+                    path.unlink(missing_ok=True)
+            self.scratch.rmdir()
+
+
+def _left_behind(draft: Path) -> bool:
+    host, _, rest = draft.name.partition("+")
+    number = rest.partition("+")[0]
+    if host == platform.node() and number.isdecimal():
+        return int(number) == os.getpid() or not psutil.pid_exists(int(number))
+    return not number or time.time() - draft.stat().st_mtime > OLD_DRAFT
+
+
+def _ends(path: Path, size: int) -> bytes:
+    """The first and the last bytes of a file."""
+    with path.open("rb") as file:
+        first = file.read(ENDS)
+        file.seek(max(ENDS, size - ENDS))
+        return first + file.read(ENDS)
 
 
 def _sync(path: Path) -> None:

@@ -25,6 +25,8 @@ from pipeline.production.keys import (
 )
 from pipeline.production.showing import Showing
 from pipeline.production.store import Store
+from render.plain import from_plain, to_plain
+from render.quality import Quality
 
 if TYPE_CHECKING:
     from pipeline.production.framing import Framing
@@ -49,8 +51,8 @@ class Take(Showing):
 
     @cached_property
     def _settled(self) -> Mapping[str, Any]:
-        """What planning asks of it: the key of its cameras, how far pictures take light from others, how
-        their noise is removed, which of them follow the flow and need their meshes."""
+        """What planning asks of it: the key of its cameras, its quality, how far pictures take light from
+        others, which of them follow the flow and need their meshes."""
         ledger = self.script.ledger
         found_from = "take", self.identity
         known = None if ledger is None else ledger.recall(*found_from)
@@ -58,13 +60,18 @@ class Take(Showing):
             known = {
                 "cameras": self._cameras_key(),
                 "reach": self.steadied_over,
-                "denoise": self.quality.denoise,
+                "quality": to_plain(self.quality_of_shot),
+                "precision": [list(layer) for layer in self.shot.picture.layers.precision],
                 "follow_flow": [n for n in self.poses if self.goes_by_flow(n)],
                 "need_mesh": [n for n in self.poses if self.is_made_of_mesh(n)],
             }
             if ledger is not None:
                 ledger.note(known, *found_from)
-        return {**known, **{name: frozenset(known[name]) for name in ("follow_flow", "need_mesh")}}
+        return {
+            **known,
+            "quality": from_plain(Quality, known["quality"]),
+            **{name: frozenset(known[name]) for name in ("follow_flow", "need_mesh")},
+        }
 
     @cached_property
     def identity(self) -> Key:
@@ -73,6 +80,16 @@ class Take(Showing):
         data = {**self.as_data(), "requested": None}
         data["script"] = {**data["script"], "pins": outline.pins}
         return key_of(data, outline.meshes, outline.normals)
+
+    @property
+    def quality(self) -> Quality:
+        found: Quality = self._settled["quality"]
+        return found
+
+    @property
+    def precision(self) -> list[tuple[str, str]]:
+        """Of the layers that the shot speaks of, by name half or float."""
+        return [(name, precision) for name, precision in self._settled["precision"]]
 
     @property
     def reach(self) -> int:
@@ -98,8 +115,6 @@ class Take(Showing):
         return number in self._settled["need_mesh"]
 
     def _cameras_key(self) -> Key:
-        from render.plain import to_plain
-
         shown = sorted({pose.mesh for pose in self.poses.values()})
         return key_of(
             "cameras",
@@ -112,10 +127,9 @@ class Take(Showing):
             self.shot.picture.stage.room,
         )
 
-    def framings(self, store: Store) -> dict[int, Framing] | None:
+    def framings(self, store: Store) -> CameraFile | None:
         """Every picture's camera and stage, where the store has them."""
-        cameras = CameraFile.of(store, self.cameras_key, self.poses)
-        return None if cameras is None else cameras.all()
+        return CameraFile.of(store, self.cameras_key, self.poses)
 
     def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
         """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
@@ -144,8 +158,6 @@ class Take(Showing):
     @cached_property
     def _appearance(self) -> Key:
         """Of what is the same in all pictures."""
-        from render.plain import to_plain
-
         picture = self.shot.picture
         return key_of(
             to_plain(picture.look),
@@ -173,11 +185,11 @@ class Take(Showing):
     def frame_key(self, raw: Key, around: list[Key]) -> Key:
         """Of a finished picture; `around` are the raw ones whose light it takes in, if any."""
         code = code_key(FINISH_CODE, ("pyoidn", "OpenImageIO"))
-        return key_of("frame", code, raw, self._settled["denoise"], around)
+        return key_of("frame", code, raw, self.quality.denoise, around)
 
     def picture_keys(self, store: Store) -> Keyring | None:
         """The keys of the pictures of the take, once its cameras are known."""
-        cameras = CameraFile.of(store, self.cameras_key, self.poses)
+        cameras = self.framings(store)
         return None if cameras is None else Keyring(self, store, cameras)
 
     def seed(self, number: int) -> int:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,6 +19,7 @@ from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
+from pipeline.production.profile import Profile
 from pipeline.production.script import Script
 from pipeline.production.selection import is_in_words, selected
 from pipeline.production.state import FrameStates, mesh_states, picture_states
@@ -30,6 +31,7 @@ from pipeline.shot.edits import DEFAULTS
 from render.quality import QUALITIES
 
 if TYPE_CHECKING:
+    from pipeline.production.verifying import Damage
     from pipeline.shot import Film
     from pipeline.shot.shot import Clip
 
@@ -45,6 +47,7 @@ class Studio:
     variant     the Mitsuba variant asked for; by default the first that works
     settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
     allow_code  whether shots may run the Python files that they name
+    profile     where the jobs of its plans run, and so how many there are of them
     """
 
     root: Path
@@ -52,6 +55,7 @@ class Studio:
     variant: str | None = None
     settings: tuple[str, ...] = ()
     allow_code: bool = False
+    profile: Profile = field(default_factory=Profile.local)
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
@@ -97,6 +101,19 @@ class Studio:
         planner = self._planner()
         for shot in shots:
             planner.stills(self._asked(shot, quality, frames, picture_states), form)
+        return planner.plan()
+
+    def mended(self, damages: Iterable[Damage]) -> Plan:
+        """The files of takes that were faulty."""
+        planner = self._planner()
+        for damage in damages:
+            if damage.meshes:
+                planner.simulate(replace(damage.take, requested=damage.meshes))
+            if damage.pictures:
+                planner.pictures(replace(damage.take, requested=damage.pictures))
+            if damage.movie:
+                planner.pictures(damage.take.whole())
+                planner.movie(damage.take.whole())
         return planner.plan()
 
     def surfaces(self, take: Take) -> Plan:
@@ -193,7 +210,8 @@ class Studio:
         return replace(self.take(clip.shot.path, quality), requested=tuple(clip.frames))
 
     def _planner(self) -> Planner:
-        return Planner(self.store, self.cores, self._notes)
+        side_by_side = self.profile.side_by_side(self.cores)
+        return Planner(self.store, side_by_side, self._notes, self.profile.share)
 
 
 def _shot_around(mesh: Path, look: str | None) -> str:

@@ -1,8 +1,10 @@
 """The store: whole files or none, found again by key, shown as links."""
 
 import os
+import platform
 import resource
 import signal
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -63,9 +65,10 @@ def test_a_link_shows_the_file_and_replaces_what_was_there(store):
 
 def test_another_version_is_not_taken_for_this_one(store):
     other = "cd" * 16
-    fill(store), fill(store, "content", other)
+    fill(store), fill(store, "CONTENT", other)
     store.link("cameras", other, Path("shown.json"))
-    os.utime(store.path("cameras", KEY), ns=(1, 1))
+    times = store.path("cameras", other).stat()
+    os.utime(store.path("cameras", KEY), ns=(times.st_atime_ns, times.st_mtime_ns))
     assert not store.shows("cameras", KEY, Path("shown.json"))
 
 
@@ -81,6 +84,17 @@ def test_where_links_cannot_be_made_copies_serve(store, monkeypatch):
     assert [p.name for p in (store.root / "renders").iterdir()] == ["copy.json"]
 
 
+def test_a_copy_is_known_whatever_the_clock_said(store):
+    fill(store, "content" * 5000)
+    copy = store.root / "copy.json"
+    copy.write_bytes(store.path("cameras", KEY).read_bytes())
+    for moment in (0, 4_000_000_000):
+        os.utime(copy, (moment, moment))
+        assert store.shows("cameras", KEY, Path("copy.json"))
+    copy.write_bytes(copy.read_bytes()[:-1] + b"!")
+    assert not store.shows("cameras", KEY, Path("copy.json"))
+
+
 def test_a_disk_that_is_full_is_told_in_one_line_and_nothing_is_left(store):
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
@@ -92,6 +106,20 @@ def test_a_disk_that_is_full_is_told_in_one_line_and_nothing_is_left(store):
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not store.holds("cameras", KEY)
     assert leftovers(store) == []
+
+
+def test_sweeping_leaves_what_others_are_writing(store):
+    store.scratch.mkdir(parents=True)
+    here = platform.node()
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    kept = [store.scratch / f"{here}+{os.getppid()}+a.exr", store.scratch / "node7+12+b.exr"]
+    left = [store.scratch / f"{here}+{gone.pid}+c.exr", store.scratch / "node7+12+d.exr", store.draft(".exr")]
+    for path in (*kept, *left):
+        path.write_text("half a frame")
+    os.utime(left[1], (0, 0))
+    store.sweep()
+    assert sorted(leftovers(store)) == sorted(kept)
 
 
 def test_sweeping_removes_what_a_killed_process_left(store):

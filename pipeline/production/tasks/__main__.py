@@ -6,6 +6,7 @@ by the process that does it alone, so that who watches is there at once.
 
 from __future__ import annotations
 
+import signal
 import sys
 from dataclasses import replace
 from importlib import import_module
@@ -23,7 +24,12 @@ def main(plan_path: str, job_name: str, settled: int | None = None) -> int:
              None lets rendering happen in such processes. One that has grown large returns `wear.RENEWED`.
     """
     root = Path.cwd()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm sends first
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
+    if settled is None:
+        if context.failed_for_good():
+            return 1
+        context.bring_inputs_to_now()
     if settled is not None:
         context = replace(context, job=replace(context.job, frames=context.job.frames[settled:]))
     elif context.job.task == "render":

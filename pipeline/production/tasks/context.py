@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -12,7 +13,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.events import EventLog
+from pipeline.production.events import EventLog, EventReader
 from pipeline.production.keys import Key
 from pipeline.production.layout import EVENTS
 from pipeline.production.ledger import Ledger
@@ -45,7 +46,26 @@ class Context:
     @classmethod
     def of(cls, root: Path, plan: Plan, job_name: str) -> Context:
         """That of a job, which tells what it does in the plan's log."""
-        return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / f"{plan.name}.jsonl", job_name))
+        return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / plan.log_name, job_name))
+
+    def failed_for_good(self) -> bool:
+        """Whether an earlier attempt at this job told why it failed, as another would. One that was killed
+        told nothing, and what the machine refused may be had on another."""
+        log = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl")
+        told = [event for event in log.new() if event["job"] == self.job.name]
+        fails = [event.get("exit_code") for event in told if event["event"] == "fail"]
+        kinds = {event["event"] for event in told}
+        known = "healed" in kinds or (bool(fails) and "end" in kinds)
+        return known and ENVIRONMENT not in fails
+
+    def bring_inputs_to_now(self) -> None:
+        """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
+        differ, and Snakemake takes results that are older than their inputs for a mistake."""
+        now = time.time()
+        for path in map(self.root.joinpath, self.job.inputs):
+            with suppress(OSError):
+                if path.stat().st_mtime > now:
+                    os.utime(path)
 
     @property
     def store(self) -> Store:
@@ -115,11 +135,18 @@ class Context:
         return well
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
-        self._log("frame", number, found=found, seconds=round(seconds, 4))
+        self._log("frame", number, found=found, seconds=round(seconds, 4), place=self._place)
 
     def passed(self, number: int, done: int, most: int) -> None:
         """So many passes of a picture have been rendered, of at most so many."""
         self._log("pass", number, done=done, most=most)
+
+    @property
+    def _place(self) -> str | None:
+        """The folder of the pictures that the job is about."""
+        if self.job.task == "film":
+            return None
+        return (self.take.folders.home / self.take.quality_name).as_posix()
 
     def warn(self, number: int, message: str) -> None:
         """Something that a frame is made in spite of."""

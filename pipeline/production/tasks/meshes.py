@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
@@ -22,7 +23,9 @@ from pipeline.production.tasks.context import Context
 def simulate(context: Context) -> bool:
     """Make the missing mesh frames of a shot, going on from the last stored frame before them."""
     take, store = context.take, context.store
-    missing = set(context.job.frames)
+    missing = {number for number in context.job.frames if not _shown_again(context, number)}
+    if not missing:
+        return True
     started = time.perf_counter()
     number = min(missing)
     try:
@@ -41,6 +44,16 @@ def simulate(context: Context) -> bool:
     except FlowsculptError as error:
         context.fail(error, error.frame if isinstance(error, FrameError) and error.frame else min(missing))
         return False
+    return True
+
+
+def _shown_again(context: Context, number: int) -> bool:
+    """Show a mesh frame that the store has by now, made by an earlier attempt that was killed."""
+    key = context.take.mesh_key(number)
+    if not context.store.holds("mesh", key):
+        return False
+    context.store.link("mesh", key, context.take.motion_folders.mesh(number))
+    context.tell(number, True, 0.0)
     return True
 
 
@@ -90,10 +103,20 @@ def frame_camera(context: Context) -> bool:
         context.survey({pose.mesh for _, pose in poses}, lambda number: read_mesh_frame(context, number))
         context.fail(error)
         return False
+    _note_keys(context)
     each = (time.perf_counter() - started) / len(poses)
     for number, _ in poses:
         context.tell(number, found, each)
     return True
+
+
+def _note_keys(context: Context) -> None:
+    """Find the keys of the pictures asked for, now that their cameras are known: who makes them need not."""
+    keys = context.picture_keys(context.take)
+    for number in context.take.requested:
+        with suppress(FlowsculptError):  # whoever makes that picture tells
+            keys[number]
+    keys.note()
 
 
 def shading_of(context: Context, number: int) -> Shading:

@@ -1,0 +1,86 @@
+"""What tests of farms share: a SLURM of one node, and a profile for it."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import pytest
+
+from pipeline.production.profile import shipped
+
+SLURM = Path(__file__).with_name("slurm.py")
+
+
+@dataclass(frozen=True)
+class Farm:
+    """A SLURM at work; its commands are on PATH."""
+
+    def jobs(self) -> list[dict[str, str]]:
+        """All of its jobs, ended ones too, as `scontrol show job` tells of them."""
+        told = self.said("scontrol", "show", "job", "--oneliner")
+        lines = [line for line in told.splitlines() if line.startswith("JobId=")]
+        return [dict(word.split("=", 1) for word in line.split() if "=" in word) for line in lines]
+
+    def said(self, *command: str) -> str:
+        return subprocess.run(command, capture_output=True, text=True, check=True).stdout
+
+
+@pytest.fixture(scope="session")
+def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
+    """SLURM from Debian packages, on this machine alone; skips where `make soak` has not fetched them."""
+    pytest.importorskip("snakemake_executor_plugin_slurm")
+    folder = tmp_path_factory.mktemp("slurm")
+    process = subprocess.Popen(
+        [sys.executable, str(SLURM), "serve", str(folder)],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None and process.stderr is not None
+    line = process.stdout.readline()
+    if not line:
+        _, complaint = process.communicate()
+        pytest.skip(f"no SLURM here: {complaint.strip()}")
+    before = os.environ["PATH"]
+    os.environ.update(json.loads(line))
+    yield Farm()
+    os.environ["PATH"] = before
+    process.communicate()
+
+
+@pytest.fixture(scope="session")
+def fetched() -> None:
+    """Unpack SLURM where it is not here yet."""
+    done = subprocess.run(
+        [sys.executable, str(SLURM), "fetch"], capture_output=True, text=True, stdin=subprocess.DEVNULL
+    )
+    if done.returncode:
+        print(done.stderr)
+
+
+def quick_profile(folder: Path) -> None:
+    """The shipped profile, changed as it may be in a working folder: for a small node that answers fast."""
+    text = (shipped() / "slurm" / "profile.yaml").read_text()
+    for old, new in (
+        ("threads: 4", "threads: 1"),
+        ("frames: 4", "frames: 6"),
+        ("status-checks: 5", "status-checks: 1"),
+    ):
+        assert old in text
+        text = text.replace(old, new)
+    (folder / "profiles" / "slurm").mkdir(parents=True)
+    (folder / "profiles" / "slurm" / "profile.yaml").write_text(text)
+
+
+@pytest.fixture
+def on_slurm(studio, slurm: Farm):
+    """A studio whose working folder holds a profile for this SLURM."""
+    quick_profile(studio.path)
+    return studio

@@ -1,0 +1,132 @@
+"""The same work on a SLURM of one node: the same files, few hops, and nothing lost with a killed job."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from pipeline.production.layout import STATE
+from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.meshes import simulate
+from pipeline.production.workflow import Studio
+
+NAME = "T010_tiny"
+QUALITY = "preview.scale10"
+SLOW = ("--set", "quality.preview={samples: 1024}")
+
+
+def files(root):
+    """What a run made, by its place: links show files of the store, whose names are keys."""
+    return {
+        path.relative_to(root): path.read_bytes()
+        for path in sorted(root.rglob("*"))
+        if path.suffix in (".npz", ".exr", ".mp4") and "logs" not in path.parts
+    }
+
+
+def events(root, kind="frame"):
+    lines = [
+        line for log in (root / STATE / "events").glob("*.jsonl") for line in log.read_text().splitlines()
+    ]
+    return [event for event in map(json.loads, lines) if event["event"] == kind]
+
+
+def wait_until(there, seconds=120):
+    deadline = time.monotonic() + seconds
+    while not there():
+        assert time.monotonic() < deadline, "waited in vain"
+        time.sleep(0.1)
+
+
+def running(slurm, task):
+    return [
+        job["JobId"]
+        for job in slurm.jobs()
+        if job["JobState"] == "RUNNING" and job["Comment"].startswith(f"rule_{task}")
+    ]
+
+
+def start(studio, *words):
+    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "--json", *words, "--profile", "slurm"]
+    return subprocess.Popen(
+        command, cwd=studio.path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def test_a_simulation_on_a_node_makes_the_same_meshes(on_slurm, slurm, monkeypatch):
+    before = len(slurm.jobs())
+    far = on_slurm.run("--json", "--root", "far", "simulate", NAME, "-f", "1-2", "--profile", "slurm")
+    assert far.code == 0, far.err
+    assert json.loads(far.out)["made"] == {"simulate": 2}
+    (job,) = slurm.jobs()[before:]
+    assert job["JobState"] == "COMPLETED" and job["MinMemoryNode"] == "4G"
+    near = on_slurm.path / "near"
+    monkeypatch.chdir(on_slurm.path)
+    plan = Studio(near, 2).meshes([NAME], "1-2")
+    assert simulate(Context.of(near, plan, plan.jobs[0].name))
+    assert files(on_slurm.path / "far") == files(near)
+
+
+@pytest.mark.soak
+@pytest.mark.usefixtures("fetched")
+class TestFilms:
+    def test_a_film_is_the_same_to_the_bit_after_three_hops(self, on_slurm, slurm):
+        before = len(slurm.jobs())
+        words = ("film", "-q", QUALITY)
+        for root, where in (("far", "slurm"), ("near", "local")):
+            done = on_slurm.run("--root", root, *words, "--profile", where)
+            assert done.code == 0, done.err
+        far, near = files(on_slurm.path / "far"), files(on_slurm.path / "near")
+        assert len(far) == len(near) > 24
+        assert far == near
+        tasks = [job["Comment"].split("_")[1] for job in slurm.jobs()[before:]]
+        assert sorted(set(tasks)) == ["finish", "render", "simulate"]
+
+    def test_a_job_killed_mid_batch_is_tried_again_and_loses_no_frame(self, on_slurm, slurm):
+        process = start(on_slurm, "--root", "far", "render", NAME, "-q", QUALITY, *SLOW)
+        raw = on_slurm.path / "far" / "renders" / NAME / QUALITY / "raw"
+        wait_until(lambda: len(list(raw.glob("*.exr"))) > 1)
+        (job,) = running(slurm, "render")
+        slurm.said("scancel", "--signal=KILL", "--full", job)
+        out, err = process.communicate(timeout=300)
+        assert process.returncode == 0, err
+        assert json.loads(out)["made"]["render"] == 6
+        found = [
+            event["frame"]
+            for event in events(on_slurm.path / "far")
+            if event["stage"] == "render" and event["found"]
+        ]
+        assert found[:2] == [1, 2]
+        near = on_slurm.run("--root", "near", "render", NAME, "-q", QUALITY, *SLOW)
+        assert near.code == 0, near.err
+        assert files(on_slurm.path / "far") == files(on_slurm.path / "near")
+
+    def test_an_interrupt_takes_jobs_back_and_leaves_no_draft(self, on_slurm, slurm):
+        process = start(on_slurm, "render", NAME, "-q", QUALITY, *SLOW)
+        wait_until(lambda: on_slurm.frames(QUALITY, "raw"))
+        process.send_signal(signal.SIGINT)
+        _, err = process.communicate(timeout=120)
+        assert process.returncode == 130, err
+        wait_until(
+            lambda: (
+                not [job for job in slurm.jobs() if job["JobState"] in ("RUNNING", "COMPLETING", "PENDING")]
+            ),
+            30,
+        )
+        assert slurm.jobs()[-1]["JobState"] == "CANCELLED"
+        assert not list(Path(on_slurm.path, STATE, "tmp").glob("*"))
+        assert list((on_slurm.path / STATE / "half").glob("*"))
+
+    def test_who_kills_the_command_leaves_no_job_behind(self, on_slurm, slurm):
+        process = start(on_slurm, "render", NAME, "-q", QUALITY, *SLOW)
+        wait_until(lambda: running(slurm, "simulate"))
+        os.kill(process.pid, signal.SIGKILL)
+        process.communicate()
+        wait_until(lambda: slurm.jobs()[-1]["JobState"] in ("CANCELLED", "COMPLETED"), 60)
+        time.sleep(2)
+        assert not running(slurm, "render")
