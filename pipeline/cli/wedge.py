@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from typing import Annotated
 
 import typer
@@ -14,7 +13,7 @@ from pipeline.cli.runs import carried_out
 from pipeline.cli.say import answer, warn
 from pipeline.production.folder import find_shot
 from pipeline.production.grid import MOST_CELLS, OPTION, Grid
-from pipeline.production.wedge import Wedge
+from pipeline.production.wedge import Wedge, frames_by_task
 from pipeline.production.window import windowed
 from pipeline.production.workflow import Studio
 
@@ -87,18 +86,16 @@ def wedge(
 
 def _tell(common: Common, made: Wedge) -> None:
     """The grid, and what is to be done for it."""
-    plan, spared = made.plan(), made.spared()
+    apart, plan = made.plans()
+    counts, spared = frames_by_task(plan), frames_by_task(apart) - frames_by_task(plan)
     for note in plan.notes:
         warn(note)
-    counts: Counter[str] = Counter()
-    for job in plan.jobs:
-        counts[job.task] += len(job.frames)
     todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
     facts = {
         "cells": _cells(made),
         "frame": made.number,
         "to_be_made": todo,
-        "shared": spared,
+        "shared": dict(spared),
         "jobs": [{"job": job.name, "task": job.task, "frames": list(job.frames)} for job in plan.jobs],
     }
     lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.takes]
