@@ -13,7 +13,7 @@ from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
 from pipeline.production.needs import HERE, UNMEASURED, Experience, Needs
-from pipeline.production.plan import Job, Link, Plan, batches, dealt_out, paths
+from pipeline.production.plan import FEWEST, Job, Link, Plan, batches, dealt_out, paths
 from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
@@ -151,7 +151,7 @@ class Planner:
         return [replace(job, needs=needs(job)) for job in jobs]
 
     def _batches(self, frames: Sequence[int]) -> list[tuple[int, ...]]:
-        return batches(frames, self.cores, self.share.frames if self.share else 1)
+        return batches(frames, self.cores, self.share.frames if self.share else FEWEST)
 
     def _surfaces(self, take: Take, unrendered: Sequence[int], cameras_known: bool) -> None:
         """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""
