@@ -62,7 +62,8 @@ class Context:
         """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
         differ, and Snakemake takes results that are older than their inputs for a mistake."""
         now = time.time()
-        for path in map(self.root.joinpath, self.job.inputs):
+        for name in self.job.after:
+            path = self.root / self.plan.mark(self.plan.job(name))
             with suppress(OSError):
                 if path.stat().st_mtime > now:
                     os.utime(path)
@@ -135,7 +136,7 @@ class Context:
         return well
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
-        self._log("frame", number, found=found, seconds=round(seconds, 4), place=self._place)
+        self._log("frame", number, found=found, seconds=round(seconds, 4))
 
     def passed(self, number: int, done: int, most: int) -> None:
         """So many passes of a picture have been rendered, of at most so many."""
