@@ -22,7 +22,6 @@ from pipeline.production import layout
 from pipeline.production.grid import OPTION, Cell, Grid, Variation
 from pipeline.production.keyring import Keyring
 from pipeline.production.plan import Plan
-from pipeline.production.planner import Planner
 from pipeline.production.sharing import shared
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
@@ -86,13 +85,13 @@ class Wedge:
     def plans(self) -> tuple[Plan, Plan]:
         """The same with each cell for itself, and together."""
         takes, studio = [take for _, take in self.takes], self.studio
-        planner = Planner(studio.store, max(1, studio.cores // len(takes)), studio.notes)
+        planner = studio.planner_of(len(takes))
         for take in takes:
             planner.pictures(take)
             if len(take.requested) > 1:
                 planner.movie(take)
         apart = planner.plan()
-        return apart, shared(apart, takes, studio.store, studio.cores)
+        return apart, shared(apart, takes, studio.store, studio.cores, studio.profile.share)
 
     # Sheets
 
