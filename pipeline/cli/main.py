@@ -9,7 +9,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli import ask, author, files, flows, make, preview, start
+from pipeline.cli import ask, author, export, files, flows, make, preview, start
 from pipeline.cli.options import Cores, DryRun, Json, NoProgress, ProfileName, Root, remember, with_common
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
@@ -71,6 +71,7 @@ for command in (
     ask.doctor,
 ):
     app.command()(with_common(command))
+app.add_typer(export.app, name="export")
 
 
 def main() -> None:

@@ -12,15 +12,17 @@ import os
 import platform
 import time
 from collections.abc import Iterable, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.frames import FrameRange
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
 from pipeline.production.layout import PLANS
 from pipeline.production.needs import UNMEASURED, Needs
 from pipeline.production.store import Store
+from render.engine import available_cores
 
 BATCH = 32
 """Frames a process renders before it gives its memory back."""
@@ -110,12 +112,16 @@ class Plan:
     def freeze(self, root: Path) -> Path:
         """Write the plan under `root`; returns the file, relative to `root`."""
         path = PLANS / f"{self.name}.json"
-        with disk_faults(root / path):
-            (root / PLANS).mkdir(parents=True, exist_ok=True)
-            draft = root / PLANS / f".{self.name}.tmp"
-            draft.write_text(json.dumps(asdict(self)))
-            draft.replace(root / path)
+        self.write(root / path)
         return path
+
+    def write(self, path: Path) -> None:
+        """Write the plan to a file, which appears whole or not at all."""
+        with disk_faults(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft = path.with_name(f".{path.stem}.tmp")
+            draft.write_text(json.dumps(asdict(self)))
+            draft.replace(path)
 
     @classmethod
     def thaw(cls, path: Path) -> Plan:
@@ -133,7 +139,13 @@ class Plan:
         )
 
     def job(self, name: str) -> Job:
-        return next(job for job in self.jobs if job.name == name)
+        """The job of a name; `render:3,17` makes just those of the frames that jobs of the task make."""
+        task, _, frames = name.partition(":")
+        if not frames:
+            return next(job for job in self.jobs if job.name == name)
+        whole = next(job for job in self.jobs if job.task == task)
+        numbers = tuple(FrameRange.parse(frames))
+        return replace(whole, name=name, frames=numbers, inputs=(), outputs=(), threads=available_cores())
 
 
 def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[int, ...]]:
