@@ -28,6 +28,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "film",
         "turntable",
         "preview",
+        "export",
         "curves",
         "flows",
         "schema",
@@ -38,15 +39,15 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview")
+MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "export openjd")
 TELLING = ("validate", "curves", "flows", "schema", "status", "doctor")
 
 
 @pytest.mark.parametrize("command", ["new", *MAKING, *TELLING])
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
-    done = studio.run(command, "--help")
+    done = studio.run(*command.split(), "--help")
     assert done.code == 0
-    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root"):
+    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root", "--profile"):
         assert option in done.out
 
 
