@@ -7,8 +7,6 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from render._kernels_noise import add_value_noise, find_spots
-
 Rows = NDArray[np.float64]
 
 _SEEDS = 2**32
@@ -20,6 +18,8 @@ def fractal_noise(points: Rows, octaves: int, seed: int) -> Rows:
 
     Cubic interpolation of the eight values around (quintic fade after Perlin, *Improving noise*, 2002).
     """
+    from render._kernels_noise import add_value_noise  # compiled code, which most looks do without
+
     total, strength, turn = np.zeros((len(points), 3)), 0.5, _turn()
     place = np.ascontiguousarray(points, dtype=np.float64)
     for octave in range(octaves):
@@ -34,6 +34,8 @@ def nearest_spot(points: Rows, seed: int) -> NDArray[np.float64]:
 
     One spot a cell (Worley, *A cellular texture basis function*, SIGGRAPH 1996), between half and full size.
     """
+    from render._kernels_noise import find_spots
+
     nearest = np.empty(len(points))
     find_spots(np.ascontiguousarray(points, dtype=np.float64), seed % _SEEDS, nearest)
     return nearest

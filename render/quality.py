@@ -82,6 +82,12 @@ class Quality:
             )
 
     @property
+    def rendered_size(self) -> tuple[int, int]:
+        """Width and height of what is rendered: the picture, or the part of it."""
+        x0, y0, x1, y1 = self.crop or (0, 0, self.width, self.height)
+        return x1 - x0, y1 - y0
+
+    @property
     def aspect(self) -> float:
         return self.width / self.height
 

@@ -13,7 +13,11 @@ Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in sh
 Frames = Annotated[
     str | None,
     typer.Option(
-        "-f", "--frames", metavar="RANGE", help="Frames: 12, 1-48, 1-48x2, 1-24,30; by default all."
+        "-f",
+        "--frames",
+        metavar="RANGE",
+        help="Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or in words, as status tells "
+        "them: missing, stale, failed. By default all.",
     ),
 ]
 Variant = Annotated[

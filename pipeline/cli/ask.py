@@ -10,13 +10,15 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from pipeline.cli.arguments import Settings
+from pipeline.cli.arguments import Quality, Settings
 from pipeline.cli.options import Common
-from pipeline.cli.say import answer, complain, out
+from pipeline.cli.say import answer, complain, duration, out
 from pipeline.errors import FlowsculptError
 from pipeline.kernels import cache_folder, compile_all
 from pipeline.production.folder import find_shot, shot_names
+from pipeline.production.history import History
 from pipeline.production.state import FrameStates, states
+from pipeline.production.why import Answer, Question
 from pipeline.production.workflow import Studio
 from render import colour, engine, raster
 from render.quality import QUALITIES
@@ -27,14 +29,19 @@ def status(
     shots: Annotated[list[str] | None, typer.Argument(metavar="SHOT…", help="By default every shot.")] = None,
     settings: Settings = None,
 ) -> None:
-    """Say of every shot which frames are done, stale and missing, at each quality that was begun."""
+    """Say of every shot which frames are done, stale and missing, at each quality that was begun.
+
+    Failed frames failed when they were last tried; running ones are being made now. The time left is what the
+    undone take if they come as fast as the last did.
+    """
     studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
+    history = History.of(common.root)
     rows: list[FrameStates] = []
     failed: list[FlowsculptError] = []
     for shot in shots or shot_names():
         try:
             takes = [studio.take(find_shot(shot), quality) for quality in QUALITIES]
-            rows += states(takes, studio.store)
+            rows += states(takes, studio.store, history)
         except FlowsculptError as error:
             failed.append(error)
     for failure in failed:
@@ -44,17 +51,51 @@ def status(
         raise typer.Exit(max(failure.exit_code for failure in failed))
 
 
+def why(
+    common: Common,
+    shot: Annotated[
+        str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")
+    ],
+    frame: Annotated[int, typer.Argument(metavar="FRAME", help="A frame of the shot.")],
+    quality: Quality = "draft",
+    settings: Settings = None,
+) -> None:
+    """Say why a frame would be made again, or why it is as it should be.
+
+    Keys decide: of the mesh, of the picture, of the code. What of them differs from what is there is told
+    part by part, and what was edited in the shot file since the frame was made.
+    """
+    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
+    take = studio.take(find_shot(shot), quality, str(frame))
+    found = Question(take, frame, studio.store).answer()
+    answer(_explained(found, shot, frame, quality), found.as_data(), common.json)
+
+
+def _explained(found: Answer, shot: str, frame: int, quality: str) -> str:
+    again = f"flowsculpt render {shot} -q {quality} -f {frame}"
+    if found.state == "done":
+        return f"{found.place} is what the shot file asks for."
+    lines = [f"{found.place} is {found.state}; {again} makes it."]
+    lines += [f"  {reason}" for reason in found.reasons]
+    lines += [f"  {part}" for part in found.parts]
+    if found.edits:
+        lines += ["Edited in the shot file since it was made:", *(f"  {edit}" for edit in found.edits)]
+    return "\n".join(lines)
+
+
 def _tell(rows: list[FrameStates], as_json: bool) -> None:
     if as_json:
         answer("", [row.as_data() for row in rows], as_json=True)
         return
     table = Table(box=None, pad_edge=False)
-    for heading in ("shot", "what", "done", "stale", "missing"):
+    columns = ["done", "stale", "missing"]
+    columns += [name for name in ("failed", "running") if any(getattr(row, name) for row in rows)]
+    timed = any(row.seconds_left for row in rows)
+    for heading in ("shot", "what", *columns, *(["time left"] if timed else [])):
         table.add_column(heading)
     for row in rows:
-        table.add_row(
-            row.shot, row.what, str(row.done) or "–", str(row.stale) or "–", str(row.missing) or "–"
-        )
+        left = [] if not timed else ["–" if row.seconds_left is None else duration(row.seconds_left)]
+        table.add_row(row.shot, row.what, *(str(getattr(row, name)) or "–" for name in columns), *left)
     out.print(table if rows else "No shots here; flowsculpt new makes one.")
 
 

@@ -18,13 +18,16 @@ from pipeline.production.folder import NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.beginning import SCHEMA, shot_of_flow, shot_of_shot
 from pipeline.shot.catalogue import DOCUMENTS
-from pipeline.shot.layers import DEFAULTS
+from pipeline.shot.edits import DEFAULTS
 from pipeline.shot.schema import defaults_schema, film_schema, shot_schema
 from pipeline.shot.source import Source
 from pipeline.shot.staging import STAGED, staging_of
 
 SCHEMAS = Path(".schema")
 """Beside shots: the folder of the schemas that editors check them by."""
+
+FOLDERS = ("film", "published", "repeated", "turntable", "wedge")
+"""In renders/, where shots have theirs: no shot may be called so."""
 
 
 def new(
@@ -44,7 +47,7 @@ def new(
     Beside it go the schemas by which editors complete and check shot files, in shots/.schema, and a file
     that the flow reads, where it needs one.
     """
-    if not re.fullmatch(NAME, name) or name in ("film", "turntable", Path(DEFAULTS).stem):
+    if not re.fullmatch(NAME, name) or name in (*FOLDERS, Path(DEFAULTS).stem):
         raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
     path = SHOTS / f"{name}.yaml"
     if path.exists():

@@ -1,4 +1,4 @@
-"""Commands that write what other programs run: export openjd."""
+"""The command that writes what other programs run: export."""
 
 from __future__ import annotations
 
@@ -9,19 +9,22 @@ import typer
 from ruamel.yaml import YAML
 
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
-from pipeline.cli.options import Common, with_common
+from pipeline.cli.options import Common
 from pipeline.cli.say import answer
-from pipeline.errors import UsageError
+from pipeline.errors import UsageError, suggestion
 from pipeline.production import openjd as job_description
 from pipeline.production.disk import disk_faults
 from pipeline.production.window import windowed
 from pipeline.production.workflow import Studio
 
-app = typer.Typer(no_args_is_help=True, help="Write work for other programs to do: a render manager's job.")
+FORMATS = ("openjd",)
 
 
-def openjd(
+def export(
     common: Common,
+    form: Annotated[
+        str, typer.Argument(metavar="FORMAT", help="openjd: Open Job Description, for render managers.")
+    ],
     shot: Annotated[str, typer.Argument(metavar="SHOT", help="Its name in shots/, or the path of its file.")],
     output: Annotated[
         Path, typer.Option("-o", "--output", metavar="FILE", help="Where the template is written.")
@@ -34,12 +37,14 @@ def openjd(
     settings: Settings = None,
     allow_code: AllowCode = False,
 ) -> None:
-    """Write an Open Job Description template that renders a shot and assembles its movie.
+    """Write a render manager's job: a template that renders a shot and assembles its movie.
 
     Beside FILE goes the frozen plan that its tasks read, FILE.plan.json: edits of the shot after this are
     not in it. `openjd run template.yaml` does the work here, a render manager on its workers, which see the
     root under its path or under the one given as parameter Root. What is done stays done: tasks find it.
     """
+    if form not in FORMATS:
+        raise UsageError(f"{form!r} is no format to export. {suggestion(form, FORMATS)}")
     if output.suffix not in (".yaml", ".yml", ".json"):
         raise UsageError(
             f"{output}: a template's name ends in .yaml, .yml or .json; call it {output.stem}.yaml"
@@ -60,6 +65,3 @@ def openjd(
                 yaml.dump(made, file)
     done = f"{output}, {beside}: {'would be ' if common.dry_run else ''}written."
     answer(done, {"template": str(output), "plan": str(beside), "targets": list(plan.targets)}, common.json)
-
-
-app.command()(with_common(openjd))

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import inspect
 import signal
 import sys
+from collections.abc import Iterator, Sequence
+from importlib import import_module
 from importlib.metadata import version
-from typing import Annotated
+from typing import Annotated, get_args
 
 import typer
 
-from pipeline.cli import ask, author, export, files, flows, make, preview, start
-from pipeline.cli.options import Cores, DryRun, Json, NoProgress, ProfileName, Root, remember, with_common
+from pipeline.cli.options import (
+    Cores,
+    DryRun,
+    Json,
+    Nice,
+    NoProgress,
+    ProfileName,
+    Root,
+    Timeout,
+    remember,
+    with_common,
+)
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
 from render.errors import RenderError
@@ -21,14 +34,31 @@ EPILOG = (
     "What is done stays done: run again to go on."
 )
 
-app = typer.Typer(
-    name="flowsculpt",
-    help="Flow sculpture films: shapes that flow like putty, from a shot file to a finished film.",
-    epilog=EPILOG,
-    no_args_is_help=True,
-    pretty_exceptions_enable=False,
-    add_completion=False,
-)
+COMMANDS = {
+    "new": "author",
+    "validate": "start",
+    "simulate": "make",
+    "render": "make",
+    "stills": "make",
+    "film": "make",
+    "turntable": "make",
+    "preview": "preview",
+    "curves": "preview",
+    "wedge": "wedge",
+    "publish": "publish",
+    "versions": "publish",
+    "export": "export",
+    "resample": "files",
+    "flows": "flows",
+    "schema": "author",
+    "status": "ask",
+    "why": "ask",
+    "verify": "care",
+    "clean": "care",
+    "report": "report",
+    "doctor": "ask",
+}
+"""In the order of the help, each with the module that holds its function: one command imports no others."""
 
 
 def _print_version(wanted: bool) -> None:
@@ -37,7 +67,6 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-@app.callback()
 def before_the_command(
     ctx: typer.Context,
     json_: Json = False,
@@ -45,40 +74,61 @@ def before_the_command(
     cores: Cores = None,
     dry_run: DryRun = False,
     root: Root = None,
+    timeout: Timeout = None,
+    nice: Nice = None,
     profile: ProfileName = None,
     version_: Annotated[
         bool,
         typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
     ] = False,
 ) -> None:
-    remember(ctx, json_, no_progress, cores, dry_run, root, profile)
+    remember(ctx, json_, no_progress, cores, dry_run, root, timeout, nice, profile)
 
 
-for command in (
-    author.new,
-    start.validate,
-    make.simulate,
-    make.render,
-    make.stills,
-    make.film,
-    make.turntable,
-    preview.preview,
-    preview.curves,
-    files.resample,
-    flows.flows,
-    author.schema,
-    ask.status,
-    ask.doctor,
-):
-    app.command()(with_common(command))
-app.add_typer(export.app, name="export")
+def command_line(words: Sequence[str]) -> typer.Typer:
+    """The command line that understands `words`: with the command that they name or, for help, with all."""
+    app = typer.Typer(
+        name="flowsculpt",
+        help="Flow sculpture films: shapes that flow like putty, from a shot file to a finished film.",
+        epilog=EPILOG,
+        no_args_is_help=True,
+        pretty_exceptions_enable=False,
+        add_completion=False,
+    )
+    app.callback()(before_the_command)
+    named = next(_arguments(words), "")
+    for name in [named] if named in COMMANDS else COMMANDS:
+        module = import_module(f"pipeline.cli.{COMMANDS[name]}")
+        app.command()(with_common(getattr(module, name)))
+    return app
+
+
+def _arguments(words: Sequence[str]) -> Iterator[str]:
+    """Words that are neither options nor values of those that stand before a command; none after --help."""
+    rest, takes_a_value = iter(words), set(_taking_a_value())
+    for word in rest:
+        if word == "--help":
+            return
+        if word in takes_a_value:
+            next(rest, None)
+        elif not word.startswith("-"):
+            yield word
+
+
+def _taking_a_value() -> Iterator[str]:
+    """The options before a command that do."""
+    for parameter in inspect.signature(remember, eval_str=True).parameters.values():
+        kind, *options = get_args(parameter.annotation) or (bool,)
+        for option in options if kind is not bool else ():
+            written = (option.default, *(option.param_decls or ()))  # typer takes the first for a default
+            yield from [w for w in written if isinstance(w, str)] or [f"--{parameter.name}"]
 
 
 def main() -> None:
     """Run the command line; never shows a traceback for what a user can mend."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm or a service manager sends
     try:
-        app()
+        command_line(sys.argv[1:])()
     except (FlowsculptError, RenderError) as error:
         complain(str(error))
         sys.exit(error.exit_code)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -9,10 +10,12 @@ import typer
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Shots, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.runs import make
+from pipeline.errors import UsageError
 from pipeline.production.folder import FILM, find_edit
 from pipeline.production.take import FORMS
 from pipeline.production.window import windowed
 from pipeline.production.workflow import Studio
+from render.quality import QUALITIES
 
 
 def simulate(
@@ -40,9 +43,22 @@ def simulate(
 
 def render(
     common: Common,
-    shots: Shots,
+    shots: Annotated[
+        list[str] | None, typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")
+    ] = None,
     frames: Frames = None,
-    quality: Quality = "draft",
+    quality: Annotated[
+        str | None,
+        typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.", show_default="draft"),
+    ] = None,
+    provenance: Annotated[
+        Path | None,
+        typer.Option(
+            "--from",
+            metavar="PROVENANCE",
+            help="Make a published version again from its provenance.json, and compare.",
+        ),
+    ] = None,
     variant: Variant = None,
     crop: Crop = None,
     scale: Scale = None,
@@ -54,10 +70,23 @@ def render(
     Only what is missing or stale is made: `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six
     frames, and nothing when called again. Parts and scaled pictures have folders of their own, such as
     preview.scale50; a part shows what the whole picture does there, with other noise.
+
+    `flowsculpt render --from renders/published/A010_cube/v001/provenance.json` makes a published version
+    again in renders/repeated, from its shot file as it was then, and says which frames are the same to the
+    last bit.
     """
-    quality = windowed(quality, crop, scale)
+    if provenance is not None:
+        from pipeline.cli.publish import repeat
+
+        repeat(common, provenance, frames, variant, allow_code, [shots, quality, crop, scale, settings])
+        return
+    if not shots:
+        raise UsageError(
+            "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
+        )
+    named = windowed(quality or "draft", crop, scale)
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
-    make(common, lambda: studio.pictures(shots, quality, frames))
+    make(common, lambda: studio.pictures(shots, named, frames))
 
 
 def stills(

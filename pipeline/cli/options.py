@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import functools
 import inspect
+import os
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -13,6 +14,7 @@ import typer
 
 from pipeline.cli.say import complain
 from pipeline.production.profile import Profile
+from pipeline.production.watchdog import PATIENCE
 from render.engine import available_cores
 
 INTERRUPTED = 130
@@ -29,6 +31,7 @@ class Common:
     cores: int
     dry_run: bool
     root: Path
+    patience: float
     profile: Profile
 
 
@@ -54,6 +57,26 @@ Root = Annotated[
         rich_help_panel=_PANEL,
     ),
 ]
+Timeout = Annotated[
+    float | None,
+    typer.Option(
+        min=0.01,
+        metavar="MINUTES",
+        help="End a job that shows no sign of life for so long, and try it again; by default "
+        f"{PATIENCE / 60.0:g}.",
+        rich_help_panel=_PANEL,
+    ),
+]
+Nice = Annotated[
+    int | None,
+    typer.Option(
+        min=0,
+        max=19,
+        metavar="N",
+        help="Let other programs go first, the more the higher N is: 10 is usual.",
+        rich_help_panel=_PANEL,
+    ),
+]
 ProfileName = Annotated[
     str | None,
     typer.Option(
@@ -75,6 +98,8 @@ class _Said:
     cores: Cores = None
     dry_run: DryRun = False
     root: Root = None
+    timeout: Timeout = None
+    nice: Nice = None
     profile: ProfileName = None
 
     def over(self, earlier: _Said) -> _Said:
@@ -88,6 +113,7 @@ class _Said:
             cores=self.cores or available_cores(),
             dry_run=self.dry_run,
             root=(self.root or Path()).resolve(),
+            patience=PATIENCE if self.timeout is None else 60.0 * self.timeout,
             profile=Profile.named(self.profile) if self.profile else Profile.local(),
         )
 
@@ -99,10 +125,12 @@ def remember(
     cores: Cores = None,
     dry_run: DryRun = False,
     root: Root = None,
+    timeout: Timeout = None,
+    nice: Nice = None,
     profile: ProfileName = None,
 ) -> None:
     """Keep what was said before the command's name."""
-    ctx.obj = _Said(json_, no_progress, cores, dry_run, root, profile)
+    ctx.obj = _Said(json_, no_progress, cores, dry_run, root, timeout, nice, profile)
 
 
 def with_common(function: Callable[..., None]) -> Callable[..., None]:
@@ -113,8 +141,11 @@ def with_common(function: Callable[..., None]) -> Callable[..., None]:
     @functools.wraps(function)
     def command(ctx: typer.Context, **values: Any) -> None:
         said = _Said(**{f.name: values.pop(f.name) for f in fields(_Said)})
+        said = said.over(ctx.obj or _Said())
         try:
-            function(said.over(ctx.obj or _Said()).common(), **values)
+            if said.nice:
+                os.nice(said.nice)  # what this process starts is as nice
+            function(said.common(), **values)
         except KeyboardInterrupt:
             complain("interrupted; what is done stays done, run again to go on")
             raise typer.Exit(INTERRUPTED) from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections import Counter
+from collections.abc import Mapping
 from types import TracebackType
 
 from rich.console import Console
@@ -52,13 +53,16 @@ class Bars:
             TimeElapsedColumn(),
             TextColumn("left"),
             TimeRemainingColumn(),
+            TextColumn("{task.fields[now]}", style="dim"),
             console=console,
         )
         self._tasks: dict[str, TaskID] = {
-            stage: self._progress.add_task(words, total=totals[stage], start=False)
+            stage: self._progress.add_task(words, total=totals[stage], start=False, now="")
             for stage, words in STAGES.items()
             if totals[stage]
         }
+        self._settled: Counter[str] = Counter()
+        self._under_way: dict[tuple[str, object], dict[object, float]] = {}
         self._done = threading.Event()
         self._thread = threading.Thread(target=self._follow, daemon=True)
 
@@ -84,10 +88,39 @@ class Bars:
             self._show(event)
 
     def _show(self, event: Event) -> None:
-        task = self._tasks.get(event.get("stage", ""))
-        if event["event"] == "begin" and task is not None:
-            self._progress.start_task(task)
-        elif event["event"] == "frame" and task is not None:
-            self._progress.advance(task)
-        elif event["event"] == "healed":
+        stage, what = event.get("stage", ""), event["event"]
+        if what in ("healed", "hung", "killed"):
             self._console.print(event["message"], style="yellow", markup=False, highlight=False)
+        if stage not in self._tasks:
+            return
+        under_way = self._under_way.setdefault((stage, event["job"]), {})
+        frame = event.get("frame")
+        if what == "begin":
+            self._progress.start_task(self._tasks[stage])
+            under_way.clear()
+        elif what == "start":
+            under_way[frame] = 0.0
+        elif what == "pass":
+            under_way[frame] = event["done"] / event["most"]
+        elif what in ("frame", "fail"):
+            under_way.pop(frame, None)
+            self._settled[stage] += what == "frame"
+        self._draw(stage)
+
+    def _draw(self, stage: str) -> None:
+        """A bar with what is done of the frames under way, which are named beside it."""
+        now = {
+            frame: share
+            for (of, _), frames in self._under_way.items()
+            if of == stage
+            for frame, share in frames.items()
+        }
+        self._progress.update(
+            self._tasks[stage], completed=self._settled[stage] + sum(now.values()), now=_named(now)
+        )
+
+
+def _named(now: Mapping[object, float]) -> str:
+    """`frames 12 (75%), 40`"""
+    parts = [f"{frame} ({share:.0%})" if share else f"{frame}" for frame, share in now.items()]
+    return f"frame{'s' * (len(parts) > 1)} {', '.join(parts)}" if parts else ""

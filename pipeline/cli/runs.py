@@ -14,8 +14,11 @@ import typer
 from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES, Bars
 from pipeline.cli.say import answer, complain, err, warn
+from pipeline.cli.sizes import duration, size
+from pipeline.production.cost import Estimate, estimate
 from pipeline.production.plan import Plan
 from pipeline.production.run import Outcome, run
+from pipeline.production.spending import Spending
 from pipeline.production.take import FORMS
 
 
@@ -27,14 +30,23 @@ def make(common: Common, make_plan: Callable[[], Plan]) -> None:
     started = time.monotonic()
     outcome = carried_out(common, make_plan)
     seconds = time.monotonic() - started
-    answer(_achieved(outcome, seconds), _outcome_facts(outcome, seconds), common.json)
+    words = _achieved(outcome, seconds)
+    if outcome.runs:
+        spending = Spending.of(common.root, outcome.runs[-1], common.cores)
+        words += f"\nWhere the time went: {spending.in_brief()}. flowsculpt report says more."
+    answer(words, _outcome_facts(outcome, seconds), common.json)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
 
 
 def tell_plan(common: Common, plan: Plan) -> None:
+    """What would be done, how long it would take and how large it would be."""
     _tell_notes(plan, set())
-    answer(_intended(plan), _plan_facts(plan), common.json)
+    expected = estimate(plan, common.root, common.cores)
+    if not expected.fits:
+        warn(_too_large(expected))
+    words = _intended(plan) + (f"\n{_expected(expected)}" if plan.jobs else "")
+    answer(words, {**_plan_facts(plan), "estimate": expected.as_data()}, common.json)
 
 
 def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
@@ -51,7 +63,7 @@ def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
         _tell_notes(plan, told)
         return plan
 
-    outcome = run(planned, common.root, common.cores, watch, common.profile)
+    outcome = run(planned, common.root, common.cores, watch, common.profile, common.patience)
     for message in outcome.warnings:
         warn(message)
     for failure in outcome.failures:
@@ -75,6 +87,27 @@ def _intended(plan: Plan) -> str:
         counts[job.task] += len(job.frames)
     stages = ", ".join(f"{STAGES[task]} {counts[task]} frames" for task in STAGES if counts[task])
     return f"To be done: {stages}."
+
+
+def _expected(expected: Estimate) -> str:
+    """Time and space, as far as they are known."""
+    told = []
+    if expected.core_seconds:
+        by = f", by {expected.by}" if expected.by else ""
+        told.append(f"It takes about {duration(expected.seconds)} on {expected.cores} cores{by}.")
+    if expected.unmeasured:
+        stages = ", ".join(dict.fromkeys(STAGES[stage] for stage in expected.unmeasured))
+        told.append(f"How long {stages} takes is not known: none was done here yet.")
+    if expected.bytes:
+        told.append(f"It needs {size(expected.bytes)} of the {size(expected.free)} that are free.")
+    return " ".join(told)
+
+
+def _too_large(expected: Estimate) -> str:
+    return (
+        f"what is to be made needs about {size(expected.bytes or 0.0)}, and the disk has "
+        f"{size(expected.free)} left; free some space, or choose another disk with --root"
+    )
 
 
 def _achieved(outcome: Outcome, seconds: float) -> str:
@@ -112,6 +145,7 @@ def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
     return {
         "done": not outcome.unfinished,
         "seconds": round(seconds, 2),
+        "runs": list(outcome.runs),
         "made": {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)},
         "links_restored": outcome.restored,
         "warnings": [*outcome.plan.notes, *outcome.warnings],

@@ -17,6 +17,14 @@ def answer(words: str, facts: Any, as_json: bool) -> None:
     typer.echo(json.dumps(facts, indent=2) if as_json else words)
 
 
+def duration(seconds: float) -> str:
+    """`40 s`, `12 min`, `3 h 05 min`."""
+    minutes = round(seconds / 60.0)
+    if seconds < 90.0:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 90 else f"{minutes // 60} h {minutes % 60:02d} min"
+
+
 def complain(words: str) -> None:
     err.print(words, style="red", markup=False)
 

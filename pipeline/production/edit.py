@@ -5,13 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRate
 from pipeline.production import layout
 from pipeline.production.keys import MOVIE_CODE, Key, code_key, key_of
 from pipeline.production.window import base_of
-from pipeline.shot import Film
+
+if TYPE_CHECKING:
+    from pipeline.shot import Film
 
 
 def movie_bits(quality_name: str) -> int:

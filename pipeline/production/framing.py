@@ -11,15 +11,17 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.shot.cameras import Lens, View
 from render.camera import Camera
 from render.plain import from_plain, to_plain
 from render.stage import Placement, Stage
+
+if TYPE_CHECKING:
+    from pipeline.shot.cameras import Lens, View
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""

@@ -11,11 +11,14 @@ import contextlib
 import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.production.keys import Key
 from pipeline.production.layout import HALVES
 from pipeline.production.store import Store
-from render.checkpoint import Checkpoint
+
+if TYPE_CHECKING:
+    from render.checkpoint import Checkpoint
 
 KEPT_SECONDS = 7 * 24 * 3600.0
 
@@ -30,6 +33,8 @@ def begun(
 
     warn, urgent  see `Checkpoint`
     """
+    from render.checkpoint import Checkpoint
+
     path = store.root / HALVES / f"{_name(target)}.{key}{_SUFFIX}"
     _remove(other for other in _all(store.root) if _is_of(other, target) and other != path)
     return Checkpoint(path, store.draft(_SUFFIX), warn, urgent)

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from pipeline.production.framing import Framing
+from pipeline.production.cameras import CameraFile
 from pipeline.production.keys import Key
 from pipeline.production.store import Store
 
@@ -24,12 +24,18 @@ class PictureKeys:
 
 
 class Keyring(Mapping[int, PictureKeys]):
-    """The keys of a take's pictures, each found when it is asked for: most runs are about few of them."""
+    """The keys of a take's pictures, each found when it is asked for: most runs are about few of them.
 
-    def __init__(self, take: Take, store: Store, framings: Mapping[int, Framing]) -> None:
-        self._take, self._store, self._framings = take, store, framings
+    Those of what is rendered are looked up in the ledger first, and `note` notes those that it lacks.
+    """
+
+    def __init__(self, take: Take, store: Store, cameras: CameraFile) -> None:
+        self._take, self._store, self._cameras = take, store, cameras
+        self._ledger = take.script.ledger
         self._asked_for = set(take.requested)
-        self._raws: dict[int, Key] = {}
+        known = None if self._ledger is None else self._ledger.recall(*self._found_from)
+        self._raws: dict[int, Key] = {int(number): key for number, key in (known or {}).items()}
+        self._noted = len(self._raws)
         self._found: dict[int, PictureKeys] = {}
 
     def __getitem__(self, number: int) -> PictureKeys:
@@ -46,6 +52,16 @@ class Keyring(Mapping[int, PictureKeys]):
     def __len__(self) -> int:
         return len(self._take.poses)
 
+    def note(self) -> None:
+        """Remember what was found beyond what the ledger knew."""
+        if self._ledger is not None and len(self._raws) > self._noted:
+            self._ledger.note(self._raws, *self._found_from)
+            self._noted = len(self._raws)
+
+    @property
+    def _found_from(self) -> tuple[str, ...]:
+        return "raw", self._take.identity, self._cameras.key
+
     def _is_there(self, number: int) -> bool:
         """Whether a picture was asked for, or was rendered before."""
         if number in self._asked_for:
@@ -54,5 +70,5 @@ class Keyring(Mapping[int, PictureKeys]):
 
     def _raw(self, number: int) -> Key:
         if number not in self._raws:
-            self._raws[number] = self._take.raw_key(number, self._framings)
+            self._raws[number] = self._take.raw_key(number, self._cameras)
         return self._raws[number]

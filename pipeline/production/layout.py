@@ -9,7 +9,10 @@ STATE = Path(".flowsculpt")
 PLANS = STATE / "plans"
 EVENTS = STATE / "events"
 LOGS = STATE / "logs"
+MARKS = STATE / "jobs"
+"""Of jobs that are done while a run lasts: what Snakemake goes by."""
 HALVES = STATE / "half"
+PUBLISHED = Path("renders") / "published"
 
 
 @dataclass(frozen=True)
@@ -65,3 +68,18 @@ class Folders:
 def film(quality: str, name: str) -> Path:
     """The film of an edit, which is called as the edit is."""
     return Path("renders") / "film" / quality / f"{name}.mp4"
+
+
+def published(name: str) -> Path:
+    """Where the versions of a shot are frozen."""
+    return PUBLISHED / name
+
+
+def repeated(name: str, version: str) -> Path:
+    """The root of its own in which a published version is made again."""
+    return Path("renders") / "repeated" / f"{name}.{version}"
+
+
+def wedge(name: str) -> Path:
+    """Where the cells of a shot's wedges lie, and their sheets."""
+    return Path("renders") / "wedge" / name

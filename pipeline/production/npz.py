@@ -19,7 +19,7 @@ def write_npz(path: Path, arrays: Mapping[str, AnyArray]) -> None:
 def read_npz(path: Path) -> dict[str, AnyArray]:
     """All arrays of the file. Raises CorruptFileError where it cannot be read to its end."""
     try:
-        with np.load(path, allow_pickle=False) as arrays:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
             return {name: arrays[name] for name in arrays.files}
     except (zipfile.BadZipFile, ValueError, KeyError, EOFError) as error:
         raise CorruptFileError(f"{path}: {error}") from error

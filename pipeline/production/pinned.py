@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.shot.surroundings import digest_of_file
+from pipeline.shot.named_files import digest_of_file
 
 Pins = tuple[tuple[str, str], ...]
 """Paths and the SHA-256 of their contents, in the order of the paths."""
@@ -16,15 +16,25 @@ def pins_of(files: Iterable[tuple[Path, str]]) -> Pins:
     return tuple(sorted((str(path), digest) for path, digest in files))
 
 
+def are_unchanged(pins: Pins) -> bool:
+    """Whether every file is what it was."""
+    return next(_changed_files(pins), None) is None
+
+
 def require_unchanged(pins: Pins) -> None:
     """Raises UsageError for the first file that is not what it was."""
+    for path in _changed_files(pins):
+        raise _changed(path)
+
+
+def _changed_files(pins: Pins) -> Iterator[str]:
     for path, digest in pins:
         try:
             now = digest_of_file(Path(path))
         except MissingInputError:
             now = ""
         if now != digest:
-            raise _changed(path)
+            yield path
 
 
 def require_same(pins: Pins, others: Pins) -> None:

@@ -11,6 +11,7 @@ import json
 import os
 import platform
 import time
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -19,13 +20,16 @@ from typing import Any
 from pipeline.frames import FrameRange
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
-from pipeline.production.layout import PLANS
+from pipeline.production.layout import MARKS, PLANS
 from pipeline.production.needs import UNMEASURED, Needs
+from pipeline.production.profile import Share
 from pipeline.production.store import Store
-from render.engine import available_cores
 
-BATCH = 32
-"""Frames a process renders before it gives its memory back."""
+BATCH = 256
+"""Frames a process renders at most before it gives its memory back."""
+
+LAST = 32
+"""Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
 FARMED = ("simulate", "render", "finish")
@@ -38,20 +42,24 @@ class Job:
 
     task     the function of `pipeline.production.tasks` that does it
     takes    the places among the plan's takes of those it works on: one, or for the film all
-    frames   the numbers it makes
+    frames   the numbers it makes, in the order in which it makes them
+    inputs   files that it reads, and outputs, those that it shows: known while a plan is made
+    after    the names of the jobs that make what it reads: known of a plan that was frozen
+    needs    what a farm is asked for on its behalf
     """
 
     name: str
     task: str
     takes: tuple[int, ...]
     frames: tuple[int, ...]
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
+    inputs: tuple[str, ...] = ()
+    outputs: tuple[str, ...] = ()
     threads: int = 1
+    after: tuple[str, ...] = ()
     needs: Needs = UNMEASURED
 
     @property
-    def priority(self) -> int:
+    def urgency(self) -> int:
         """Simulations first: each is the work of one thread, and all the pictures of its shot wait for it."""
         return 1 if self.task == "simulate" else 0
 
@@ -62,7 +70,7 @@ class Job:
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
-        lists = {name: tuple(data[name]) for name in ("takes", "frames", "inputs", "outputs")}
+        lists = {name: tuple(data[name]) for name in ("takes", "frames", "after")}
         needs = Needs(**data["needs"])
         return cls(data["name"], data["task"], threads=data["threads"], needs=needs, **lists)
 
@@ -104,13 +112,23 @@ class Plan:
         return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
+    def last_jobs(self) -> list[Job]:
+        """Those that no other waits for, of a plan that was frozen."""
+        waited_for = {name for job in self.jobs for name in job.after}
+        return [job for job in self.jobs if job.name not in waited_for]
+
+    @property
     def raw_places(self) -> list[Path]:
         """Where the raw pictures of the frames asked for are shown."""
         frames = [Path(target) for target in self.targets if Path(target).parent.name == "frames"]
         return [frame.parents[1] / "raw" / frame.name for frame in frames]
 
     def freeze(self, root: Path) -> Path:
-        """Write the plan under `root`; returns the file, relative to `root`."""
+        """Write the plan under `root`; returns the file, relative to `root`.
+
+        Which job needs which stands in it, and none of the files that they hand on to one another: those are
+        known by key. So plans stay small, and Snakemake has one file a job to look after, not one a frame.
+        """
         path = PLANS / f"{self.name}.json"
         self.write(root / path)
         return path
@@ -120,39 +138,91 @@ class Plan:
         with disk_faults(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             draft = path.with_name(f".{path.stem}.tmp")
-            draft.write_text(json.dumps(asdict(self)))
+            draft.write_text(json.dumps(self._as_data()))
             draft.replace(path)
+
+    def _as_data(self) -> dict[str, Any]:
+        maker = {output: job.name for job in self.jobs for output in job.outputs}
+        jobs = []
+        for job in self.jobs:
+            after = dict.fromkeys(maker[file] for file in job.inputs if file in maker)
+            jobs.append({**asdict(replace(job, inputs=(), outputs=())), "after": list(after)})
+        return {
+            "name": self.name,
+            "host": self.host,
+            "takes": self.takes,
+            "film": self.film,
+            "jobs": jobs,
+            "notes": self.notes,
+        }
 
     @classmethod
     def thaw(cls, path: Path) -> Plan:
+        """What Snakemake and the tasks need of a frozen plan: its jobs; its links are restored by then."""
         data = json.loads(path.read_text())
         jobs = tuple(Job.from_data(job) for job in data["jobs"])
         return cls(
             takes=tuple(data["takes"]),
             film=data["film"],
             jobs=jobs,
-            links=tuple(Link(**link) for link in data["links"]),
-            targets=tuple(data["targets"]),
+            links=(),
+            targets=(),
             notes=tuple(data["notes"]),
             name=data["name"],
             host=data["host"],
         )
+
+    def mark(self, job: Job) -> Path:
+        """The file, relative to the root, by which Snakemake sees that a job is done."""
+        return MARKS / self.name / job.task / job.name
 
     def job(self, name: str) -> Job:
         """The job of a name; `render:3,17` makes just those of the frames that jobs of the task make."""
         task, _, frames = name.partition(":")
         if not frames:
             return next(job for job in self.jobs if job.name == name)
+        from render.engine import available_cores  # what else is in it takes time to import
+
         whole = next(job for job in self.jobs if job.task == task)
         numbers = tuple(FrameRange.parse(frames))
-        return replace(whole, name=name, frames=numbers, inputs=(), outputs=(), threads=available_cores())
+        return replace(whole, name=name, frames=numbers, threads=available_cores())
 
 
 def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[int, ...]]:
-    """Split frames into runs of neighbours, none longer than BATCH, enough of them to keep the cores busy,
-    but none needlessly shorter than `least`."""
-    size = max(1, min(BATCH, max(least, -(-len(numbers) // max(1, cores)))))
-    return [tuple(numbers[i : i + size]) for i in range(0, len(numbers), size)]
+    """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
+    needlessly shorter than `least`.
+
+    They are runs of neighbours, long ones first, for each costs a process the time to start, and shorter ones
+    towards the end, so that no core waits long for another (guided self-scheduling: Polychronopoulos & Kuck,
+    1987). Where frames come in another order than theirs, as coarse first, they are dealt out, so that all
+    cores work on the first ones first.
+    """
+    cores, share = max(1, cores), -(-len(numbers) // max(1, cores))
+    if list(numbers) != sorted(numbers):
+        return _dealt(numbers, cores, min(BATCH, max(least, share)))
+    found: list[tuple[int, ...]] = []
+    least, begun = max(1, least, min(LAST, share)), 0
+    while begun < len(numbers):
+        size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
+        found.append(tuple(numbers[begun : begun + size]))
+        begun += size
+    return found
+
+
+def _dealt(numbers: Sequence[int], cores: int, size: int) -> list[tuple[int, ...]]:
+    hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
+    dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
+    return [batch for batch in dealt if batch]
+
+
+def dealt_out(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:
+    """Jobs, the simulations and the renders each as broad as lets all of their kind go side by side; those
+    that go to a farm as broad as `share` says."""
+    if share is not None:
+        return [replace(job, threads=job.threads if job.stays else share.threads) for job in jobs]
+    many = Counter(job.task for job in jobs)
+    broad = {task: max(1, cores // many[task]) for task in ("simulate", "render") if many[task]}
+    return [replace(job, threads=broad.get(job.task, job.threads)) for job in jobs]
 
 
 def paths(places: Iterable[Path]) -> tuple[str, ...]:

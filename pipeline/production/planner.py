@@ -8,12 +8,11 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.errors import UsageError
-from pipeline.flow.python_file import require_permission
 from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
 from pipeline.production.needs import UNMEASURED, Experience, Needs
-from pipeline.production.plan import Job, Link, Plan, batches, paths
+from pipeline.production.plan import Job, Link, Plan, batches, dealt_out, paths
 from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
@@ -48,7 +47,7 @@ class Planner:
     def surfaces(self, take: Take) -> None:
         """Ask for what pictures of a take are made from: meshes with normals, and its cameras."""
         self._enter(take)
-        self._surfaces(take, take.requested, cameras_known=take.framings(self.store) is not None)
+        self._surfaces(take, take.requested, cameras_known=self._keys(take) is not None)
         self._targets += [take.folders.cameras(), *(take.motion_folders.normals(n) for n in take.requested)]
 
     def pictures(self, take: Take) -> None:
@@ -59,7 +58,7 @@ class Planner:
         self._targets += [take.folders.frame(take.quality_name, n) for n in frames]
         unfinished = self._absent("frame", take, frames, lambda n: keys[n].frame if keys else None)
         around = {n: keys[n].window if keys else take.window(n, set(frames).__contains__) for n in unfinished}
-        needed = sorted({n for window in around.values() for n in window})
+        needed = list(dict.fromkeys([*unfinished, *(n for window in around.values() for n in window)]))
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
             self._surfaces(take, unrendered, cameras_known=keys is not None)
@@ -116,9 +115,12 @@ class Planner:
 
     def plan(self) -> Plan:
         """What has been collected, the cores dealt out among the simulations and then among the renders."""
-        jobs = self._sharing("render", self._sharing("simulate", self._jobs))
+        for keys in self._keyrings.values():
+            if keys is not None:
+                keys.note()
+        jobs = dealt_out(self._jobs, self.cores, self.share)
         if self.share is not None:
-            jobs = self._measured(self._sharing("finish", jobs))
+            jobs = self._measured(jobs)
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
             film=self._cut.as_data() if self._cut else None,
@@ -133,13 +135,6 @@ class Planner:
         if take not in self._keyrings:
             self._keyrings[take] = take.picture_keys(self.store)
         return self._keyrings[take]
-
-    def _sharing(self, task: str, jobs: Sequence[Job]) -> list[Job]:
-        """Jobs, those of a task as broad as lets all of them go side by side."""
-        if self.share is not None:
-            return [replace(job, threads=self.share.threads) if job.task == task else job for job in jobs]
-        threads = max(1, self.cores // max(1, sum(job.task == task for job in jobs)))
-        return [replace(job, threads=threads) if job.task == task else job for job in jobs]
 
     def _measured(self, jobs: Sequence[Job]) -> list[Job]:
         """Jobs, those that render asking for what earlier pictures took."""
@@ -164,7 +159,7 @@ class Planner:
         if cameras_known:
             self._link("cameras", take.cameras_key, cameras)
         if any(map(take.follows_flow, unrendered)):
-            require_permission(take.shot.motion.flow)
+            _require_permission(take)
         needed = {take.poses[n].mesh for n in unrendered if take.needs_mesh(n)}
         self._meshes(take, sorted({*rough, *needed}) if cameras_known else all_shown)
         folders = take.motion_folders
@@ -177,7 +172,7 @@ class Planner:
     def _meshes(self, take: Take, wanted: Sequence[int]) -> None:
         missing = self._absent("mesh", take, wanted, take.mesh_key)
         if missing:
-            require_permission(take.shot.motion.flow)
+            _require_permission(take)
         self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing])
 
     def _render(self, take: Take, batch: Sequence[int]) -> None:
@@ -216,14 +211,28 @@ class Planner:
         self._links[path.as_posix()] = Link(kind, key, path.as_posix())
 
     def _add(
-        self, take: Take, task: str, frames: Sequence[int], inputs: list[Path], outputs: list[Path]
+        self,
+        take: Take,
+        task: str,
+        frames: Sequence[int],
+        inputs: list[Path],
+        outputs: list[Path],
     ) -> None:
         if frames:
             label = re.sub(r"\W", "_", take.label)
             name = f"{task}_{len(self._jobs):04d}_{label}_{min(frames):04d}_{max(frames):04d}"
             takes = (self._enter(take),)
-            self._jobs.append(Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs)))
+            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs))
+            self._jobs.append(job)
             self._made.update(paths(outputs))
+
+
+def _require_permission(take: Take) -> None:
+    """Raises UsageError where the shot runs Python files, and may not."""
+    if take.script.outline.runs_python:
+        from pipeline.flow.python_file import require_permission
+
+        require_permission(take.shot.motion.flow)
 
 
 def film_key(cut: Cut, takes: Sequence[Take], known: Sequence[Keyring | None]) -> Key | None:
@@ -233,5 +242,5 @@ def film_key(cut: Cut, takes: Sequence[Take], known: Sequence[Keyring | None]) -
         if keys is None:
             return None
         frames += [keys[n].frame for n in take.requested]
-    shown = [take.shot.picture.shown_as() for take in takes]
+    shown = [take.shown_as for take in takes]
     return cut.key(takes[0].quality_name, frames, shown)

@@ -2,22 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.animation import MeshFrame
 from pipeline.arrays import AnyArray, Floats
+from pipeline.errors import FrameError
 from pipeline.mesh import icosphere
+from pipeline.production import readers
 from pipeline.production.framing import Framing
+from pipeline.production.keys import Key
 from pipeline.production.movement import speeds
-from pipeline.production.npz import read_npz
 from pipeline.production.shading import Shading
-from pipeline.production.store import Store
+from pipeline.production.store import CorruptFileError, Store
 from pipeline.production.take import Take
 from pipeline.production.ways import Ways, ways_at
 from render.colour import quantise
@@ -28,6 +29,8 @@ from render.measure import SPEED
 from render.movie import write_movie
 from render.raster import Preview, Set, Shape, preview, with_lines
 from render.surface import Surface
+
+T = TypeVar("T")
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}
 
@@ -71,7 +74,7 @@ class Sketch:
 
         return write_movie(path, pictures(), self.take.shot.rate.fps)
 
-    def _framings(self) -> dict[int, Framing]:
+    def _framings(self) -> Mapping[int, Framing]:
         found = self.take.framings(self.store)
         assert found is not None, "the plan has made them"
         return found
@@ -79,7 +82,8 @@ class Sketch:
     def _picture(
         self, number: int, framing: Framing, size: tuple[int, int], display: str
     ) -> NDArray[np.float32]:
-        arrays = read_npz(self.store.path("normals", self.take.normals_key(number)))
+        key = self.take.normals_key(number)
+        arrays = self._read("normals", key, number, readers.arrays(key))
         picture = self.take.shot.picture
         brought = {SPEED: self._speeds(number)} if self.take.measures_speed else {}
         subject = _shape(arrays, picture.look, brought)
@@ -92,10 +96,20 @@ class Sketch:
 
     def _speeds(self, number: int) -> AnyArray:
         """(V, 1) of the vertices of a frame's pictures."""
-        frame = MeshFrame.from_arrays(read_npz(self.store.path("mesh", self.take.mesh_key(number))))
+        key = self.take.mesh_key(number)
+        frame = self._read("mesh", key, number, readers.mesh_frame(key))
         shot = self.take.shot
         shading = Shading.of(frame, self.take.thresholds(number), shot.picture.tessellate)
         return speeds(shot.motion, shading)
+
+    def _read(self, kind: str, key: Key, number: int, reader: Callable[[Path], T]) -> T:
+        """A stored file. A corrupt one is forgotten, so that the next run makes it anew."""
+        try:
+            return reader(self.store.path(kind, key))
+        except (CorruptFileError, FileNotFoundError) as error:
+            self.store.discard(kind, key)
+            place = self.take.place(kind, number)
+            raise FrameError(f"{place} cannot be read to its end; run again to make it anew") from error
 
 
 def _shape(arrays: Mapping[str, AnyArray], look: Look, brought: Mapping[str, AnyArray]) -> Shape:

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
-from itertools import count
 from pathlib import Path
 
 import filelock
@@ -13,23 +13,26 @@ import filelock
 from pipeline.errors import FrameError, MachineError
 from pipeline.production import halves, scheduler
 from pipeline.production.disk import disk_faults
-from pipeline.production.events import Event, EventReader
-from pipeline.production.layout import EVENTS, STATE
+from pipeline.production.events import Event, EventLog, EventReader
+from pipeline.production.layout import EVENTS, MARKS, STATE
 from pipeline.production.plan import Plan
 from pipeline.production.profile import Profile
+from pipeline.production.remedies import Remedies
 from pipeline.production.store import Store
+from pipeline.production.watchdog import PATIENCE, Watchdog
 
 Watcher = AbstractContextManager[object]
-
-ROUNDS = 4
-"""How often a run plans anew after something healed: a corrupt file forgotten, a crashed variant avoided."""
 
 
 @dataclass
 class Outcome:
-    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault)."""
+    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
+
+    runs  the names of its rounds: of their plans and event logs
+    """
 
     plan: Plan
+    runs: list[str] = field(default_factory=list)
     restored: int = 0
     events: list[Event] = field(default_factory=list)
     unfinished: bool = False
@@ -100,49 +103,72 @@ def run(
     cores: int,
     watch: Callable[[Plan, EventReader], Watcher],
     profile: Profile | None = None,
+    patience: float = PATIENCE,
 ) -> Outcome:
     """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
 
     `watch(plan, reader)` is a context manager that shows progress while Snakemake works; `profile` says where
-    jobs run, by default here.
+    jobs run, by default here. A job of this machine that shows no sign of life for `patience` seconds is
+    ended, and tried once more.
     Raises MachineError where the lock is held or the disk refuses.
     """
     store = Store(root)
     with exclusive(root):
         store.sweep()
+        shutil.rmtree(root / MARKS, ignore_errors=True)
         halves.sweep(store)
-        outcome = Outcome(make_plan())
-        heals = True
-        for round_ in count(1):
+        outcome, remedies = Outcome(make_plan()), Remedies(cores)
+        hopeful = True
+        while True:
             outcome.restored += outcome.plan.restore_links(store)
-            if not (outcome.plan.jobs and heals):
+            if not (outcome.plan.jobs and hopeful):
                 break
-            events = _execute(outcome.plan, root, cores, watch, profile or Profile.local())
+            work = _Work(outcome.plan, root, remedies.cores, profile or Profile.local(), patience)
+            events = work.done(watch)
+            outcome.runs.append(outcome.plan.name)
             outcome.events += events
             outcome.plan = make_plan()
-            heals = round_ < ROUNDS and any(event["event"] == "healed" for event in events)
+            hopeful = remedies.help(events)
         outcome.unfinished = bool(outcome.plan.jobs)
+        outcome.events += remedies.given_up
         if not outcome.unfinished:
             halves.forget(root, outcome.plan.raw_places)
         return outcome
 
 
-def _execute(
-    plan: Plan, root: Path, cores: int, watch: Callable[[Plan, EventReader], Watcher], profile: Profile
-) -> list[Event]:
-    log = root / EVENTS / f"{plan.name}.jsonl"
-    frozen = plan.freeze(root)
-    with watch(plan, EventReader(log)):
-        well = scheduler.execute(frozen, root, cores, profile)
-    events = list(EventReader(log).new())
-    if not well and not any(event["event"] in ("fail", "healed") for event in events):
-        events.append(_unexplained(plan, events, scheduler.log_of(frozen)))
-    return events
+@dataclass(frozen=True)
+class _Work:
+    """A plan to be carried out under `root`, with so many cores, where a profile says."""
+
+    plan: Plan
+    root: Path
+    cores: int
+    profile: Profile
+    patience: float
+
+    def done(self, watch: Callable[[Plan, EventReader], Watcher]) -> list[Event]:
+        """What was told while it was carried out."""
+        log = self.root / EVENTS / f"{self.plan.name}.jsonl"
+        frozen = self.plan.freeze(self.root)
+        EventLog(log).write("run", cores=self.cores)
+        try:
+            with watch(self.plan, EventReader(log)), Watchdog(log, self.patience):
+                well = scheduler.execute(frozen, self.root, self.cores, self.profile)
+        finally:
+            EventLog(log).write("ran")
+            shutil.rmtree(self.root / MARKS / self.plan.name, ignore_errors=True)
+        events = list(EventReader(log).new())
+        told = {"fail", "healed", "hung", "killed"}
+        if not well and not any(event["event"] in told for event in events):
+            events += _unexplained(events, scheduler.log_of(frozen))
+        return events
 
 
-def _unexplained(plan: Plan, events: list[Event], log: Path) -> Event:
-    """A failure that no job has told of: one was killed, or Snakemake itself went wrong."""
+def _unexplained(events: list[Event], log: Path) -> list[Event]:
+    """What no job has told of: some were killed, or Snakemake itself went wrong."""
     ended = {event["job"] for event in events if event["event"] == "end"}
-    killed = [e["job"] for e in events if e["event"] == "begin" and e["job"] not in ended]
-    fact = f"{killed[0]} was killed; is there memory enough?" if killed else "the workflow failed"
-    return {"event": "fail", "shot": "workflow", "stage": "", "message": f"{fact} {log} says more"}
+    killed = [e for e in events if e["event"] == "begin" and e["job"] not in ended]
+    if not killed:
+        message = f"the workflow failed; {log} says more"
+        return [{"event": "fail", "shot": "workflow", "stage": "", "message": message}]
+    return [{**each, "event": "killed", "message": f"{each['job']} was killed"} for each in killed]

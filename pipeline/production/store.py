@@ -13,7 +13,7 @@ import platform
 import shutil
 import time
 import uuid
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -64,6 +64,12 @@ class Store:
 
     def holds(self, kind: str, key: Key | None) -> bool:
         return key is not None and self.path(kind, key).exists()
+
+    def entries(self) -> Iterator[tuple[str, Key, Path]]:
+        """Every file that is there: its kind, its key, and where it lies."""
+        for kind, suffix in SUFFIXES.items():
+            for path in sorted((self.root / STATE / "store" / kind).glob(f"*/*{suffix}")):
+                yield kind, path.stem, path
 
     def draft(self, suffix: str = "") -> Path:
         """Where this process may write what is not whole yet: the name says whose it is."""

@@ -36,6 +36,12 @@ def windowed(quality: str, crop: str | None = None, scale: str | None = None) ->
     return name
 
 
+def is_quality(name: str) -> bool:
+    """Whether it is the name of a quality, of a part or of a scaled picture of one."""
+    match = _NAME.fullmatch(name)
+    return match is not None and match[1] in QUALITIES
+
+
 def base_of(name: str) -> str:
     """The quality that a name is a part or a scaled picture of."""
     match = _NAME.fullmatch(name)

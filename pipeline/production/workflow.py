@@ -4,31 +4,39 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.mesh.io import FORMATS
 from pipeline.production.edit import Cut
 from pipeline.production.folder import FILM, find_shot
+from pipeline.production.history import History
 from pipeline.production.keyring import PictureKeys
 from pipeline.production.layout import STATE
+from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
 from pipeline.production.poses import Turntable
 from pipeline.production.profile import Profile
 from pipeline.production.script import Script
+from pipeline.production.selection import is_in_words, selected
+from pipeline.production.state import FrameStates, mesh_states, picture_states
 from pipeline.production.store import Store
 from pipeline.production.take import FORMS, Take
 from pipeline.production.variants import variant_for
 from pipeline.production.window import base_of
-from pipeline.shot import Film, read_film
-from pipeline.shot.layers import rests_on
-from pipeline.shot.shot import Clip
-from render.look import LOOKS
+from pipeline.shot.edits import DEFAULTS
 from render.quality import QUALITIES
+
+if TYPE_CHECKING:
+    from pipeline.production.verifying import Damage
+    from pipeline.shot import Film
+    from pipeline.shot.shot import Clip
+
+States = Callable[[Take, Store, History], FrameStates]
 
 
 @dataclass(frozen=True)
@@ -52,7 +60,13 @@ class Studio:
     _texts: dict[Path, str] = field(default_factory=dict, repr=False)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
     _films: dict[Path, Film] = field(default_factory=dict, repr=False)
+    _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
     _notes: list[str] = field(default_factory=list, repr=False)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user is to be told with a plan."""
+        return self._notes
 
     @property
     def store(self) -> Store:
@@ -62,16 +76,17 @@ class Studio:
         """The mesh frames of shots."""
         planner = self._planner()
         for shot in shots:
-            planner.simulate(self.take(find_shot(shot), "draft", frames, variant="none"))
+            planner.simulate(self._asked(shot, "draft", frames, mesh_states, variant="none"))
         return planner.plan()
 
     def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
         """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
         planner = self._planner()
         for shot in shots:
-            take = self.take(find_shot(shot), quality, frames)
+            take = self._asked(shot, quality, frames, picture_states)
             planner.pictures(take)
-            planner.movie(take)
+            if frames is None or not is_in_words(frames):
+                planner.movie(take)
             whole = take.whole()
             keys = whole.picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)
@@ -95,7 +110,20 @@ class Studio:
             raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
         planner = self._planner()
         for shot in shots:
-            planner.stills(self.take(find_shot(shot), quality, frames), form)
+            planner.stills(self._asked(shot, quality, frames, picture_states), form)
+        return planner.plan()
+
+    def mended(self, damages: Iterable[Damage]) -> Plan:
+        """The files of takes that were faulty."""
+        planner = self._planner()
+        for damage in damages:
+            if damage.meshes:
+                planner.simulate(replace(damage.take, requested=damage.meshes))
+            if damage.pictures:
+                planner.pictures(replace(damage.take, requested=damage.pictures))
+            if damage.movie:
+                planner.pictures(damage.take.whole())
+                planner.movie(damage.take.whole())
         return planner.plan()
 
     def surfaces(self, take: Take) -> Plan:
@@ -109,6 +137,8 @@ class Studio:
 
         It is called as the file of the edit is.
         """
+        from pipeline.shot import read_film
+
         film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
         planner = self._planner()
         takes = [self._clip(clip, quality) for clip in film.clips]
@@ -120,6 +150,8 @@ class Studio:
 
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
         """A full turn of one frame of a shot, or of a mesh file."""
+        from pipeline.mesh.io import FORMATS
+
         if frames < 2:
             raise UsageError(
                 f"a turntable of {frames} frames does not turn; it needs at least 2, and 72 is usual"
@@ -145,15 +177,31 @@ class Studio:
         planner.movie(turn)
         return planner.plan()
 
+    def _asked(
+        self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None
+    ) -> Take:
+        """The frames of a shot that are asked for; what words mean is settled once."""
+        path = find_shot(shot)
+        if frames is None or not is_in_words(frames):
+            return self.take(path, quality, frames, variant)
+        whole = self.take(path, quality, variant=variant)
+        asked = path, quality, frames
+        if asked not in self._chosen:
+            self._chosen[asked] = selected(
+                frames, FrameRange(whole.requested), lambda: states(whole, self.store, History.of(self.root))
+            )
+        return replace(whole, requested=self._chosen[asked].numbers)
+
     def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
         """The pictures of a shot file at one quality, all or a range."""
         if base_of(quality) not in QUALITIES:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
         path = path.absolute()
         text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
-        beside = self._beside.get(path) or self._beside.setdefault(path, rests_on(path, text))
-        script = Script(text, path, self.settings, tuple(beside.items()), self.allow_code).pinned()
-        whole = script.shot.frames
+        beside = self._beside.get(path) or self._beside.setdefault(path, _rests_on(path, text))
+        read = Script(text, path, self.settings, tuple(beside.items()), self.allow_code)
+        script = replace(read, ledger=Ledger(self.root)).pinned()
+        whole = FrameRange(script.outline.frames)
         requested = FrameRange.parse(frames) if frames is not None else whole
         outside = requested.outside(whole)
         if outside:
@@ -180,6 +228,8 @@ def _shot_around(mesh: Path, look: str | None) -> str:
     """The text of a shot that shows a mesh file as it is."""
     if not mesh.is_file():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
+    from render.look import LOOKS
+
     if look is not None and look not in LOOKS:
         raise UsageError(f"{look!r} is not a look; choose {', '.join(LOOKS)}")
     shot = {
@@ -190,6 +240,19 @@ def _shot_around(mesh: Path, look: str | None) -> str:
         "look": look or "clay",
     }
     return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
+
+
+def _rests_on(path: Path, text: str) -> dict[str, str]:
+    """The text of all other files that a shot is made of, by their names; most rest on no shot."""
+    if "extends" in text:
+        from pipeline.shot.layers import rests_on
+
+        return rests_on(path, text)
+    defaults = path.with_name(DEFAULTS)
+    try:
+        return {DEFAULTS: defaults.read_text(encoding="utf-8")}
+    except (OSError, UnicodeDecodeError):
+        return {}
 
 
 def _text(path: Path) -> str:

@@ -14,10 +14,10 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.catalogue import DOCUMENTS
 from pipeline.shot.clock import Clock
 from pipeline.shot.fields import LARGEST, is_number
+from pipeline.shot.named_files import digest_of_file, is_there, shown
 from pipeline.shot.net import NETS, NetOfSolid
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Measure, Solid
-from pipeline.shot.surroundings import digest_of_file, is_there, shown
 from render.look import LOOKS
 
 Problem = tuple[Where, str]

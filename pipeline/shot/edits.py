@@ -1,9 +1,12 @@
-"""Which of the files beside shots are edits: what a film is cut by, rather than what it is cut from."""
+"""Which of the files beside shots are none: edits, by which films are cut, and what holds for all shots."""
 
 from __future__ import annotations
 
 import re
 from pathlib import Path
+
+DEFAULTS = "defaults.yaml"
+"""Beside shots: what holds for all of them unless they say otherwise."""
 
 _EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subject|extends)\s*:", re.MULTILINE)
 

@@ -10,13 +10,12 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import checks
 from pipeline.shot.documents import FilmDocument
-from pipeline.shot.edits import is_edit
-from pipeline.shot.layers import DEFAULTS
+from pipeline.shot.edits import DEFAULTS, is_edit
+from pipeline.shot.named_files import is_there, shown
 from pipeline.shot.parse import parsed
 from pipeline.shot.read import read_shot
 from pipeline.shot.shot import Clip, Film, Shot
 from pipeline.shot.source import Source, Where
-from pipeline.shot.surroundings import is_there, shown
 
 
 def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:

@@ -10,8 +10,9 @@ from typing import Any
 from pipeline.errors import suggestion
 from pipeline.shot.checks import Problem
 from pipeline.shot.fields import is_number
+from pipeline.shot.named_files import digest_of_file, is_there, shown
 from pipeline.shot.source import Source, Where
-from pipeline.shot.surroundings import Surroundings, digest_of_file, is_there, shown
+from pipeline.shot.surroundings import Surroundings
 from render.bsdf import BSDFS, FORMS, TEXTURES, Bsdf, Form
 from render.errors import RenderError
 from render.inline import refusal

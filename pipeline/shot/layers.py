@@ -11,12 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MissingInputError, ShotError, suggestion
+from pipeline.shot.edits import DEFAULTS
+from pipeline.shot.named_files import shown
 from pipeline.shot.settings import with_settings
 from pipeline.shot.source import Source, Where
-from pipeline.shot.surroundings import shown
-
-DEFAULTS = "defaults.yaml"
-"""Beside shots: what holds for all of them unless they say otherwise."""
 
 ANOTHER_KIND = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
 """A mapping with one of these names says what a thing is, and is not mixed with another."""

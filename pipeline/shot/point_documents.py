@@ -13,10 +13,10 @@ from pipeline.mesh.lattice import LEAST, Lattice
 from pipeline.mesh.points_file import read_net, read_points
 from pipeline.shot.cloud import MOST_POINTS, Cloud, CloudInSolid, CloudOfFile, radii_of
 from pipeline.shot.fields import Document, Positive, Triple, one_of
+from pipeline.shot.named_files import digest_of_file, is_there
 from pipeline.shot.net import NETS, ControlNet, NetOfFile, NetOfRows, NetOfSolid
 from pipeline.shot.source import Source, Where
 from pipeline.shot.subject import SOLIDS, Solid
-from pipeline.shot.surroundings import digest_of_file, is_there
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
 """Which ends of a net follow each other: the last row and the first, the last column and the first."""

@@ -29,6 +29,7 @@ from pipeline.shot.documents import ModelDocument, ShotDocument
 from pipeline.shot.fields import Document
 from pipeline.shot.layers import layered
 from pipeline.shot.motion import DEFAULT_STRIDE, Motion
+from pipeline.shot.named_files import digest_of_file
 from pipeline.shot.net import ControlNet, NetOfFile
 from pipeline.shot.parse import parsed
 from pipeline.shot.point_documents import SolidDocument
@@ -38,7 +39,7 @@ from pipeline.shot.shutter import PictureLayers, Shutter
 from pipeline.shot.source import Source
 from pipeline.shot.speed import with_speed
 from pipeline.shot.subject import Model, Subject
-from pipeline.shot.surroundings import Surroundings, digest_of_file
+from pipeline.shot.surroundings import Surroundings
 from render.look import LOOKS
 from render.quality import QUALITIES
 

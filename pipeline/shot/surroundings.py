@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -11,7 +10,8 @@ from typing import TypeVar
 from pydantic import ValidationInfo
 from pydantic_core import PydanticCustomError
 
-from pipeline.errors import FlowsculptError, MissingInputError
+from pipeline.errors import FlowsculptError
+from pipeline.shot.named_files import digest_of_file, is_there, shown
 
 T = TypeVar("T")
 
@@ -69,31 +69,6 @@ class Surroundings:
                 f"no file fits {shown(name)}; they are looked for in {shown(around)}. Correct the name."
             )
         return tuple(found)
-
-
-def is_there(path: Path) -> bool:
-    """Whether a path names a file; one that can name none, being too long for one, does not."""
-    try:
-        return path.is_file()
-    except (OSError, ValueError):
-        return False
-
-
-def digest_of_file(path: Path) -> str:
-    """SHA-256 of a file's contents. Raises MissingInputError where it cannot be read."""
-    try:
-        with path.open("rb") as file:
-            return hashlib.file_digest(file, "sha256").hexdigest()
-    except OSError as error:
-        raise MissingInputError(
-            f"{path}: it cannot be read ({error.strerror or error}); look at its permissions"
-        ) from None
-
-
-def shown(name: str | Path) -> str:
-    """A name as a message holds it: not too long, and without what cannot be printed."""
-    text = str(name) if str(name).isprintable() else repr(str(name))
-    return text if len(text) <= 200 else f"{text[:100]}…{text[-40:]}"
 
 
 def finding(text: str) -> PydanticCustomError:

@@ -30,6 +30,9 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "preview",
         "export",
         "curves",
+        "wedge",
+        "publish",
+        "versions",
         "flows",
         "schema",
         "status",
@@ -39,13 +42,13 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "export openjd")
-TELLING = ("validate", "curves", "flows", "schema", "status", "doctor")
+MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish", "export")
+TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "doctor")
 
 
 @pytest.mark.parametrize("command", ["new", *MAKING, *TELLING])
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
-    done = studio.run(*command.split(), "--help")
+    done = studio.run(command, "--help")
     assert done.code == 0
     for option in ("--json", "--no-progress", "-j", "--dry-run", "--root", "--profile"):
         assert option in done.out

@@ -81,6 +81,14 @@ def test_frames_are_written_as_the_specification_writes_them(frames):
 
 
 def test_a_template_is_called_as_one(tmp_path):
-    common = Common(False, False, 1, False, tmp_path, Profile.local())
+    common = Common(
+        json=False,
+        progress=False,
+        cores=1,
+        dry_run=False,
+        root=tmp_path,
+        patience=60.0,
+        profile=Profile.local(),
+    )
     with pytest.raises(UsageError, match=r"job\.yaml"):
-        export.openjd(common, NAME, Path("job.txt"))
+        export.export(common, "openjd", NAME, Path("job.txt"))

@@ -10,7 +10,7 @@ import pytest
 from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.production.events import EventLog, EventReader
 from pipeline.production.layout import EVENTS
-from pipeline.production.needs import LEAST_MIB, START_MINUTES, UNMEASURED, Experience
+from pipeline.production.needs import LEAST_MIB, START_MINUTES, Experience
 from pipeline.production.plan import Job, Plan, batches
 from pipeline.production.profile import SIDE_BY_SIDE, Profile
 from pipeline.production.scheduler import _words
@@ -36,13 +36,11 @@ def profile(folder, text, name="mine"):
 
 def hops(plan):
     """The longest chain of jobs that a farm does one after the other."""
-    maker = {output: job for job in plan.jobs for output in job.outputs}
 
     def depth(job):
-        before = {maker[path].name: maker[path] for path in job.inputs if path in maker}
-        return (not job.stays) + max(map(depth, before.values()), default=0)
+        return (not job.stays) + max((depth(plan.job(name)) for name in job.after), default=0)
 
-    return max(map(depth, plan.jobs))
+    return max(map(depth, plan.last_jobs))
 
 
 def test_a_name_is_looked_up_in_the_working_folder_before_the_shipped_profiles(folder):
@@ -81,14 +79,15 @@ def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
     renders = [job for job in plan.jobs if job.task == "render"]
     assert [job.frames for job in renders] == [(1, 2), (3, 4), (5, 6)]
     assert {job.threads for job in plan.jobs if not job.stays} == {8}
-    assert hops(plan) == 3
+    frozen = Plan.thaw(folder / plan.freeze(folder))
+    assert [job.threads for job in frozen.jobs] == [job.threads for job in plan.jobs]
+    assert hops(frozen) == 3
     assert {job.task for job in plan.jobs if job.stays} == {
         "smooth_normals",
         "frame_camera",
         "assemble",
         "film",
     }
-    assert Plan.thaw(folder / plan.freeze(folder)).jobs == plan.jobs
 
 
 def test_snakemake_is_given_the_profile_and_what_this_machine_has(folder):
@@ -101,11 +100,10 @@ def test_snakemake_is_given_the_profile_and_what_this_machine_has(folder):
 
 def test_batches_are_not_needlessly_short():
     assert batches(range(6), 100, 4) == [(0, 1, 2, 3), (4, 5)]
-    assert len(batches(range(100), 4, 4)) == 4
-    assert max(map(len, batches(range(1000), 4, 4))) == 32
+    assert min(map(len, batches(range(1000), 100, 4))) >= 4
 
 
-def test_what_earlier_pictures_took_is_asked_for_and_more_at_each_attempt(tmp_path):
+def test_what_earlier_pictures_took_is_asked_for(tmp_path):
     assert Experience.of(tmp_path) is None
     for number, mib in ((1, 700), (2, 3000)):
         told = {"seconds": {"rendering": 25.0, "building": 5.0}, "threads": 4, "peak_memory_mib": mib}
@@ -115,17 +113,13 @@ def test_what_earlier_pictures_took_is_asked_for_and_more_at_each_attempt(tmp_pa
     needs = experience.needs(frames=10, threads=2)
     assert needs.mib == 4500 + LEAST_MIB // 2
     assert needs.minutes == START_MINUTES + 40  # four times ten frames of a minute of two cores
-    asked = needs.resources()
-    assert [asked["mem_mb"](None, attempt) for attempt in (1, 2)] == [needs.mib, 2 * needs.mib]
-    assert asked["runtime"](None, 3) == 150
-    assert set(UNMEASURED.resources()) == {"mem_mb"}
 
 
 @pytest.fixture
 def context(tmp_path):
-    """A job that makes one file of another."""
-    job = Job("render_1", "render", (), (1,), ("in.exr",), ("out.exr",))
-    plan = Plan(takes=(), film=None, jobs=(job,), links=(), targets=("out.exr",))
+    """A job that waits for another."""
+    jobs = Job("simulate_1", "simulate", (), (1,)), Job("render_1", "render", (), (1,), after=("simulate_1",))
+    plan = Plan(takes=(), film=None, jobs=jobs, links=(), targets=())
     return Context.of(tmp_path, plan, "render_1")
 
 
@@ -147,8 +141,9 @@ def test_a_job_that_said_why_it_failed_is_not_tried_again_and_a_killed_one_is(co
 
 
 def test_inputs_from_the_future_are_given_the_present_time(context):
-    source = context.root / "in.exr"
-    source.write_text("raw")
+    source = context.root / context.plan.mark(context.plan.jobs[0])
+    source.parent.mkdir(parents=True)
+    source.touch()
     os.utime(source, (0, 0))
     context.bring_inputs_to_now()
     assert source.stat().st_mtime == 0

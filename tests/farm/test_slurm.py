@@ -1,4 +1,4 @@
-"""The same work on a SLURM of one node: the same files, three hops, and nothing lost with a killed job."""
+"""The same work on a SLURM of one node: the same files, few hops, and nothing lost with a killed job."""
 
 import json
 import os
@@ -6,6 +6,7 @@ import signal
 import subprocess
 import sys
 import time
+from pathlib import Path
 
 import pytest
 
@@ -118,7 +119,7 @@ class TestFilms:
             30,
         )
         assert slurm.jobs()[-1]["JobState"] == "CANCELLED"
-        assert not list((on_slurm.path / STATE / "tmp").glob("*"))
+        assert not list(Path(on_slurm.path, STATE, "tmp").glob("*"))
         assert list((on_slurm.path / STATE / "half").glob("*"))
 
     def test_who_kills_the_command_leaves_no_job_behind(self, on_slurm, slurm):

@@ -10,12 +10,13 @@ from contextlib import suppress
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.events import EventLog, EventReader
 from pipeline.production.keys import Key
 from pipeline.production.layout import EVENTS
+from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Job, Plan
 from pipeline.production.store import CorruptFileError, Store
 from render.errors import CorruptImageError, MissingImageError, RenderError
@@ -61,7 +62,7 @@ class Context:
         """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
         differ, and Snakemake takes results that are older than their inputs for a mistake."""
         now = time.time()
-        for path in map(self.root.joinpath, self.job.inputs):
+        for path in (self.root / self.plan.mark(self.plan.job(name)) for name in self.job.after):
             with suppress(OSError):
                 if path.stat().st_mtime > now:
                     os.utime(path)
@@ -79,7 +80,8 @@ class Context:
     def takes(self) -> list[Take]:
         from pipeline.production.take import Take  # a second's work, which who only watches never needs
 
-        return [Take.from_data(self.plan.takes[place]) for place in self.job.takes]
+        ledger = Ledger(self.root)
+        return [Take.from_data(self.plan.takes[place], ledger) for place in self.job.takes]
 
     def picture_keys(self, take: Take) -> Keyring:
         """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
@@ -99,6 +101,9 @@ class Context:
     def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
         """A stored file, read whole. A corrupt one is forgotten, so that the next round makes it anew."""
         path = self.store.path(kind, key)
+        if not path.exists():
+            with suppress(OSError):
+                list(path.parent.iterdir())  # a network file system may remember that it was not there
         try:
             return reader(path)
         except (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError) as error:
@@ -119,6 +124,7 @@ class Context:
         """
         well = True
         for number in frames:
+            self._log("start", number)
             started = time.perf_counter()
             try:
                 found = work(number)
@@ -132,43 +138,47 @@ class Context:
         return well
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
-        self.log.write(
-            "frame",
-            stage=self.job.task,
-            shot=self.subject,
-            frame=number,
-            found=found,
-            seconds=round(seconds, 4),
-        )
+        self._log("frame", number, found=found, seconds=round(seconds, 4), place=self._place)
+
+    def passed(self, number: int, done: int, most: int) -> None:
+        """So many passes of a picture have been rendered, of at most so many."""
+        self._log("pass", number, done=done, most=most)
+
+    @property
+    def _place(self) -> str | None:
+        """The folder of the pictures that the job is about."""
+        if self.job.task == "film":
+            return None
+        return (self.take.folders.home / self.take.quality_name).as_posix()
 
     def warn(self, number: int, message: str) -> None:
         """Something that a frame is made in spite of."""
         print(message, file=sys.stderr)
-        self.log.write("warn", stage=self.job.task, shot=self.subject, frame=number, message=message)
+        self._log("warn", number, message=message)
 
     def resumed(self, number: int, passes: int) -> None:
         """A frame went on from where its passes had been kept."""
-        self.log.write("resumed", stage=self.job.task, shot=self.subject, frame=number, passes=passes)
+        self._log("resumed", number, passes=passes)
 
     def renewed(self, held: float, most: float | None) -> None:
         """This process holds so many MiB, more than it may, and another one makes the rest."""
         message = f"the renderer grew to {held:.0f} MiB; a fresh one goes on"
-        self.log.write(
-            "renewed", stage=self.job.task, shot=self.subject, message=message, held_mib=held, most_mib=most
-        )
+        self._log("renewed", message=message, held_mib=held, most_mib=most)
 
     def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:
         print(error, file=sys.stderr)
-        self.log.write(
-            "fail",
-            stage=self.job.task,
-            shot=self.subject,
-            frame=number,
-            message=str(error),
-            exit_code=error.exit_code,
-        )
+        self._log("fail", number, message=str(error), exit_code=error.exit_code)
+
+    def killed(self, signal: str) -> None:
+        """Something else ended a process of this job, as the system does where memory runs out."""
+        self._log("killed", message=f"{self.job.task} of {self.subject} was ended by {signal}")
+
+    def _log(self, event: str, number: int | None = None, **facts: Any) -> None:
+        quality = self.plan.takes[self.job.takes[0]]["quality"]
+        about = {"stage": self.job.task, "shot": self.subject, "quality": quality, "frame": number}
+        self.log.write(event, **about, **facts)
 
     @property
     def subject(self) -> str:
         """What the job is about: a shot's name, or the film."""
-        return "film" if self.job.task == "film" else self.take.folders.name
+        return "film" if self.job.task == "film" else self.take.subject

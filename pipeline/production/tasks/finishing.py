@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from pipeline.production.framing import Framing
+from pipeline.production import readers
 from pipeline.production.keyring import Keyring
 from pipeline.production.tasks.context import Context
 from render.denoise import denoise
 from render.frame import Layers
-from render.image import read_exr, write_exr
-from render.steady import Moment, noise_of, steady
+from render.image import write_exr
+
+if TYPE_CHECKING:
+    from pipeline.production.framing import Framing
+    from render.steady import Moment
 
 
 def finish(context: Context) -> bool:
@@ -20,12 +24,11 @@ def finish(context: Context) -> bool:
     take = context.take
     keys = context.picture_keys(take)
     desk = _Desk(context, keys, take.framings(context.store) or {})
-    precision = dict(take.shot.picture.layers.precision)
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             light, header = desk.finished(number)
-            write_exr(path, light, {**header, "key": keys[number].frame}, precision)
+            write_exr(path, light, {**header, "key": keys[number].frame}, dict(take.precision))
 
         target = take.folders.frame(take.quality_name, number)
         return context.make("frame", keys[number].frame, target, write)
@@ -39,7 +42,7 @@ class _Desk:
 
     context: Context
     keys: Keyring
-    framings: dict[int, Framing]
+    framings: Mapping[int, Framing]
     _moments: dict[int, Moment] = field(default_factory=dict)
 
     def finished(self, number: int) -> tuple[Layers, dict[str, Any]]:
@@ -50,6 +53,8 @@ class _Desk:
             effort = self.context.take.quality.denoise
             light = layers["beauty"] if effort == "off" else denoise(layers, effort)
         else:
+            from render.steady import steady
+
             kept = {n: moment for n, moment in self._moments.items() if n in window}
             self._moments = {n: kept[n] if n in kept else self._moment(n) for n in window}
             quality = self.context.take.quality
@@ -61,9 +66,12 @@ class _Desk:
     def _read(self, number: int) -> tuple[Layers, dict[str, Any]]:
         take = self.context.take
         place = take.folders.raw(take.quality_name, number)
-        return self.context.read("raw", self.keys[number].raw, place, read_exr)
+        key = self.keys[number].raw
+        return self.context.read("raw", key, place, readers.picture(key, take.quality.rendered_size))
 
     def _moment(self, number: int) -> Moment:
+        from render.steady import Moment, noise_of
+
         layers, _ = self._read(number)
         light = denoise(layers, self.context.take.quality.denoise)
         known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}

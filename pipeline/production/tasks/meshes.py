@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import suppress
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
 from pipeline.animation import MeshFrame, animate
-from pipeline.errors import FlowsculptError, FrameError, MeshError, UsageError
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.bspline import bspline_surface
+from pipeline.production import readers
 from pipeline.production.framing import Balls, frame_all, turned, with_room
-from pipeline.production.npz import read_npz, write_npz
+from pipeline.production.npz import write_npz
 from pipeline.production.shading import Shading, radii
-from pipeline.production.store import CorruptFileError
 from pipeline.production.tasks.context import Context
 
 
@@ -32,7 +33,7 @@ def simulate(context: Context) -> bool:
             number = frame.number
             key, target = take.mesh_key(number), take.motion_folders.mesh(number)
             found = store.holds("mesh", key)
-            store.put("mesh", key, partial(write_npz, arrays=frame.to_arrays()))
+            store.put("mesh", key, partial(write_npz, arrays=readers.keyed(key, frame.to_arrays())))
             if number in missing:
                 store.link("mesh", key, target)
                 context.tell(number, found, time.perf_counter() - started)
@@ -64,12 +65,12 @@ def smooth_normals(context: Context) -> bool:
     take = context.take
 
     def work(number: int) -> bool:
-        target = take.motion_folders.normals(number)
+        key, target = take.normals_key(number), take.motion_folders.normals(number)
 
         def write(path: Path) -> None:
-            write_npz(path, shading_of(context, number).arrays())
+            write_npz(path, readers.keyed(key, shading_of(context, number).arrays()))
 
-        return context.make("normals", take.normals_key(number), target, write)
+        return context.make("normals", key, target, write)
 
     return context.each(context.job.frames, work)
 
@@ -102,10 +103,20 @@ def frame_camera(context: Context) -> bool:
         context.survey({pose.mesh for _, pose in poses}, lambda number: read_mesh_frame(context, number))
         context.fail(error)
         return False
+    _note_keys(context)
     each = (time.perf_counter() - started) / len(poses)
     for number, _ in poses:
         context.tell(number, found, each)
     return True
+
+
+def _note_keys(context: Context) -> None:
+    """Find the keys of the pictures asked for, now that their cameras are known: who makes them need not."""
+    keys = context.picture_keys(context.take)
+    for number in context.take.requested:
+        with suppress(FlowsculptError):  # whoever makes that picture tells
+            keys[number]
+    keys.note()
 
 
 def shading_of(context: Context, number: int) -> Shading:
@@ -116,15 +127,8 @@ def shading_of(context: Context, number: int) -> Shading:
 
 def read_mesh_frame(context: Context, number: int) -> MeshFrame:
     """A mesh frame from the store. Raises FrameError where it is missing or corrupt."""
-    take = context.take
-
-    def reader(path: Path) -> MeshFrame:
-        try:
-            return MeshFrame.from_arrays(read_npz(path))
-        except (UsageError, MeshError) as error:
-            raise CorruptFileError(f"{path}: {error}") from error
-
-    return context.read("mesh", take.mesh_key(number), take.motion_folders.mesh(number), reader)
+    take, key = context.take, context.take.mesh_key(number)
+    return context.read("mesh", key, take.motion_folders.mesh(number), readers.mesh_frame(key))
 
 
 def _last_before(context: Context, number: int) -> MeshFrame | None:

@@ -9,6 +9,7 @@ from pathlib import Path
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
+from pipeline.production import readers
 from pipeline.production.edit import Cut, movie_bits
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
@@ -17,7 +18,6 @@ from pipeline.production.take import Take
 from pipeline.production.tasks.context import REPORTED, Context
 from render.colour import quantise, to_display
 from render.frame import Layers
-from render.image import read_exr
 from render.movie import Frame, write_movie
 from render.titles import TitleCard, title_frames
 
@@ -98,8 +98,8 @@ def _shown(context: Context, take: Take, keys: Keyring, numbers: list[int]) -> I
     picture = take.shot.picture
 
     def read(number: int) -> Layers:
-        target = take.folders.frame(take.quality_name, number)
-        return context.read("frame", keys[number].frame, target, read_exr)[0]
+        key, target = keys[number].frame, take.folders.frame(take.quality_name, number)
+        return context.read("frame", key, target, readers.picture(key, take.quality.rendered_size))[0]
 
     try:
         for number in numbers:

@@ -7,38 +7,38 @@ import math
 import resource
 import time
 from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.production import halves
+from pipeline.production import halves, readers
 from pipeline.production.disk import disk_faults
 from pipeline.production.framing import Framing, turned
+from pipeline.production.header import raw_header
 from pipeline.production.keyring import PictureKeys
 from pipeline.production.keys import Key
-from pipeline.production.movement import Movement, Shown, flowing, framing_at, speeds, turning
-from pipeline.production.npz import read_npz
-from pipeline.production.shading import Shading
 from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.meshes import shading_of
 from pipeline.production.tasks.stopping import Stop, stopping
 from pipeline.production.tasks.wear import Wear
-from pipeline.shot.net import ControlNet
-from pipeline.shot.shot import Shot
 from render.camera import Camera
 from render.checkpoint import Checkpoint
 from render.engine import Engine, choose
 from render.frame import Layers, render_frame
 from render.image import write_exr
 from render.measure import SPEED
-from render.plain import to_plain
 from render.shutter import Moment, Shutter
 from render.spheres import Spheres
 from render.surface import Surface
 from render.wireframe import outlines
+
+if TYPE_CHECKING:  # what only some pictures need takes half a second
+    from pipeline.production.movement import Movement, Shown
+    from pipeline.production.shading import Shading
+    from pipeline.shot import Shot
 
 
 def render(context: Context) -> bool:
@@ -49,7 +49,7 @@ def render(context: Context) -> bool:
     """
     take = context.take
     engine = choose([take.variant], threads=context.job.threads)
-    framings = take.framings(context.store) or {}
+    framings: Mapping[int, Framing] = take.framings(context.store) or {}
     keys = context.picture_keys(take)
     with stopping() as stop:
         room = _Room(context, engine, framings, keys, stop, Wear())
@@ -96,7 +96,7 @@ class _Room:
             take.quality,
             take.seed(number),
             self.engine,
-            lambda done, most: self.stop.heed(),
+            partial(self._passed, number),
             aovs=take.layers.extra,
             shutter=shutter,
             following=following,
@@ -104,10 +104,14 @@ class _Room:
         )
         if keep.taken_up:
             context.resumed(number, keep.taken_up)
-        header = _header(context, number, self.framings[number], self.keys[number])
+        header = raw_header(context.take, number, self.framings[number], self.keys[number])
         write_exr(path, layers, header, dict(take.layers.precision))
         seconds = time.perf_counter() - begun
         _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
+
+    def _passed(self, number: int, done: int, most: int) -> None:
+        self.stop.heed()
+        self.context.passed(number, done, most)
 
 
 def _moments(
@@ -125,6 +129,8 @@ def _moments(
     measured = _measured(context, number, shading)
     if not take.moments_beside(number):
         return Moment(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
+    from pipeline.production.movement import framing_at
+
     movement = _movement(context, number, arrays, shading)
     attributes = {**_attributes(movement, take.layers.extra), **measured}
 
@@ -144,8 +150,11 @@ def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, 
     pose, picture = take.poses[number], take.shot.picture
     if picture.dicing is None:
         path = take.motion_folders.normals(pose.mesh)
-        arrays = context.read("normals", take.normals_key(pose.mesh), path, read_npz)
+        key = take.normals_key(pose.mesh)
+        arrays = context.read("normals", key, path, readers.arrays(key))
         return _with_edges(take.shot, arrays, picture.tessellate), None
+    from pipeline.production.tasks.meshes import shading_of
+
     uncut = shading_of(context, pose.mesh)
     shading = uncut.cut_for(camera, take.quality, picture.dicing, pose.spin)
     return _with_edges(take.shot, shading.arrays(), shading.pieces), shading
@@ -154,6 +163,9 @@ def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, 
 def _movement(
     context: Context, number: int, arrays: Mapping[str, AnyArray], shading: Shading | None
 ) -> Movement:
+    from pipeline.production.movement import flowing, turning
+    from pipeline.production.tasks.meshes import shading_of
+
     take = context.take
     pose, motion = take.poses[number], take.shot.motion
     if take.turntable is not None:
@@ -167,6 +179,9 @@ def _measured(context: Context, number: int, shading: Shading | None) -> dict[st
     take = context.take
     if not take.measures_speed:
         return {}
+    from pipeline.production.movement import speeds
+    from pipeline.production.tasks.meshes import shading_of
+
     return {SPEED: speeds(take.shot.motion, shading or shading_of(context, take.poses[number].mesh))}
 
 
@@ -222,30 +237,9 @@ def _tell_statistics(
 def _with_edges(shot: Shot, arrays: Mapping[str, AnyArray], pieces: int) -> Mapping[str, AnyArray]:
     """With the edges of the mesh that was resampled, where they are drawn, however finely it is cut now;
     of a net all are drawn."""
+    from pipeline.shot.net import ControlNet
+
     is_net = isinstance(shot.motion.subject, ControlNet)
     if shot.picture.look.wireframe is None or is_net or "faces" not in arrays:
         return arrays
     return {**arrays, "edges": outlines(arrays["faces"], pieces)}
-
-
-def _header(context: Context, number: int, framing: Framing, keys: PictureKeys) -> dict[str, object]:
-    """What the EXR says of itself: enough to make it again."""
-    take = context.take
-    resampling = take.shot.motion.resampling_at(take.poses[number].mesh)
-    return {
-        "shot": take.shot.name,
-        "frame": number,
-        "quality": take.quality_name,
-        "key": keys.raw,
-        "mesh_key": take.mesh_key(take.poses[number].mesh),
-        "seed": take.seed(number),
-        "pose": to_plain(take.poses[number]),
-        "normals_key": take.normals_key(take.poses[number].mesh),
-        "look": to_plain(take.shot.picture.look),
-        "lights": to_plain(replace(take.shot.picture.lights, exposure=0.0)),
-        "stage": to_plain(take.shot.picture.stage),
-        "settings": to_plain(take.quality),
-        **framing.as_data(),
-        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
-        **(resampling.settings() if resampling else {"resample": "off"}),
-    }

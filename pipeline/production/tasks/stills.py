@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+from pipeline.production import readers
 from pipeline.production.tasks.context import Context
 from render.colour import quantise, to_display
-from render.image import read_exr, write_jpeg, write_png
+from render.image import write_jpeg, write_png
 
 
 def png(context: Context) -> bool:
@@ -35,7 +36,8 @@ def _stills(context: Context, form: str, bits: int, write_still: Callable[..., N
         key = take.still_key(form, keys[number].frame)
 
         def write(path: Path) -> None:
-            layers, _ = context.read("frame", keys[number].frame, frame, read_exr)
+            whole = readers.picture(keys[number].frame, take.quality.rendered_size)
+            layers, _ = context.read("frame", keys[number].frame, frame, whole)
             shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
             write_still(path, quantise(shown, bits), {"shot": take.name, "frame": number, "key": key})
 

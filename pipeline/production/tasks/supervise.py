@@ -8,7 +8,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pipeline.errors import FrameError
 from pipeline.production.events import EventReader
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.stopping import SIGNALS, heard
@@ -45,6 +44,8 @@ class Supervisor:
                 return INTERRUPTED
             if code == RENEWED:
                 continue
+            if any(event["event"] == "hung" for event in news):
+                return 1  # who ended it for that has said so
             if code < 0:
                 return self._ended_by(signal.Signals(-code))
             return code if well else 1
@@ -71,9 +72,7 @@ class Supervisor:
         context = self.context
         if number in CRASHES and fall_over(context, f"crashed ({number.name})"):
             return 1
-        context.fail(
-            FrameError(f"{context.subject}: the renderer was ended by {number.name}; is there memory enough?")
-        )
+        context.killed(number.name)
         return 1
 
 

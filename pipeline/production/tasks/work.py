@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import socket
+import sys
 import traceback
 from importlib import import_module
-
-import numba
 
 from pipeline.errors import FrameError
 from pipeline.production.tasks.context import REPORTED, Context
 from pipeline.production.tasks.supervise import fall_over
 from pipeline.production.tasks.wear import RENEWED, WornOutError
 from pipeline.production.variants import ON_GPU
+from render.engine import available_cores
 
 PLACES = {
     "simulate": "meshes",
@@ -32,9 +34,9 @@ def work(context: Context) -> int:
     """Do one job in this process; 0 where all went well, 1 where the event log says what failed, and RENEWED
     where a fresh process is to render the rest."""
     job = context.job
-    context.log.write("begin", stage=job.task)
-    # A kernel on more threads than the job was given waits for them, busily, while other jobs have the cores.
-    numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
+    here = {"process": os.getpid(), "host": socket.gethostname()}
+    context.log.write("begin", stage=job.task, threads=job.threads, **here)
+    _limit_kernels(job.threads)
     try:
         task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
         well = task(context)
@@ -53,3 +55,16 @@ def work(context: Context) -> int:
         well = False
     context.log.write("end", stage=job.task)
     return 0 if well else 1
+
+
+def _limit_kernels(threads: int) -> None:
+    """A kernel on more threads than a job was given waits for them, busily, while others have the cores.
+
+    numba looks at the environment when it is first imported, which many jobs never do.
+    """
+    if "numba" not in sys.modules:
+        os.environ["NUMBA_NUM_THREADS"] = str(min(threads, available_cores()))
+        return
+    import numba
+
+    numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))

@@ -1,0 +1,173 @@
+"""`python -m benchmarks.orchestration [FRAMES]`: what a run costs beyond the work that it is about.
+
+Shots of a box that is twisted, 1000 frames each, in a folder of their own. Where something is to be there
+already the store is filled with dummies under the right keys, and nothing is rendered. Orchestration is a run
+of a plan that was made for an empty store while the store holds everything: Snakemake runs every job, in
+processes of its own, and each job finds its frames there and links them. Only simulation is left out, which
+has nothing to find beyond the frame that it goes on from.
+
+Targets are held against the seconds of all cores together, of a run on two cores against half of them: the
+clock of a busy machine says more.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import chdir
+from dataclasses import replace
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.report import Target, keep, show
+from pipeline.production import scheduler
+from pipeline.production.framing import Framing
+from pipeline.production.ledger import Ledger
+from pipeline.production.plan import Plan
+from pipeline.production.take import Take
+from pipeline.production.workflow import Studio
+from render.camera import Camera
+from render.stage import Placement
+
+CORES = 2
+FEW, MANY = 10, 100
+"""Shots that are planned at once."""
+
+SHOT = """\
+title: A box, twisted
+frames: 1-{frames}
+subject: {{solid: box, size: [2, 2, 2]}}
+resample: {{max_edge_length: 0.5}}
+flows:
+  - twist: {{axis: y, amount: {{ease: linear, keys: {{1: 0, {frames}: {degrees}}}}}}}
+camera: {{azimuth: {{keys: {{1: -30, {frames}: 30}}}}, elevation: 14}}
+"""
+
+
+class Spent(NamedTuple):
+    """Seconds: of all cores together, and by the clock."""
+
+    cpu: float
+    clock: float
+
+
+def main(frames: int = 1000) -> list[Target]:
+    """Measure all, print the table and keep the numbers; answers the targets."""
+    with tempfile.TemporaryDirectory() as folder, chdir(folder):
+        names = write_shots(MANY, frames)
+        lines = [*planning(names[:FEW], frames, most=6.0), *planning(names, frames, most=15.0)]
+        lines += running(names[0], frames)
+    rows = [line.row for line in lines]
+    show("Orchestration", rows)
+    keep("orchestration", rows)
+    return lines
+
+
+def planning(names: list[str], frames: int, most: float) -> Iterator[Target]:
+    """From the command to the plan, once with nothing known and once again, and Snakemake's part."""
+    work, words = f"{len(names)} × {frames} frames", ("render", *names, "-q", "preview")
+    for when, bound in (("first plan", most), ("planned again", most)):
+        spent = timed(lambda: command("--dry-run", *words))
+        yield Target(work, f"{when}: s of a core", spent.cpu, most=bound)
+        yield Target(work, f"{when}: s by the clock", spent.clock)
+    plan = Studio(Path.cwd(), CORES).pictures(names, "preview")
+    spent = timed(lambda: snakemake_looks_at(plan))
+    yield Target(work, f"Snakemake's graph of {len(plan.jobs)} jobs: s of a core", spent.cpu)
+
+
+def running(name: str, frames: int) -> Iterator[Target]:
+    """A run of jobs that find all that they would make, and a run that has nothing to do."""
+    plan = Studio(Path.cwd(), CORES).pictures([name], "preview")
+    fill(plan)
+    work, spent = f"{frames} frames", timed(lambda: carry_out(plan))
+    yield Target(work, "ms a frame, two cores", 1000 * spent.cpu / CORES / frames, most=10.0)
+    yield Target(work, "ms a frame by the clock", 1000 * spent.clock / frames)
+    for _ in range(2):  # the first notes the keys that it finds
+        spent = timed(lambda: command("render", name, "-q", "preview"))
+    yield Target(work, "nothing to be done: s of a core", spent.cpu, most=1.5)
+    yield Target(work, "nothing to be done: s by the clock", spent.clock)
+
+
+def write_shots(count: int, frames: int) -> list[str]:
+    """Shots in `shots/` of the working folder that no two meshes are shared by; their names."""
+    Path("shots").mkdir()
+    names = [f"P{number:03d}_box" for number in range(1, count + 1)]
+    for number, name in enumerate(names):
+        Path(f"shots/{name}.yaml").write_text(SHOT.format(frames=frames, degrees=60 + number))
+    return names
+
+
+def fill(plan: Plan) -> None:
+    """Put dummies into the store for every file of a plan's takes, and cameras that stand still."""
+    framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), Placement((0.0, -1.0, 0.0), 1.0, 0.0))
+    store = Studio(Path.cwd(), CORES).store
+    for data in plan.takes:
+        take = Take.from_data(data, Ledger(Path.cwd()))
+        cameras = {str(number): framing.as_data() for number in take.poses}
+        store.put("cameras", take.cameras_key, lambda path, data=cameras: _write(path, json.dumps(data)))
+        keys = take.picture_keys(store)
+        assert keys is not None
+        files = [("mesh", take.mesh_key(n)) for n in take.requested]
+        files += [("normals", take.normals_key(n)) for n in take.requested]
+        files += [(kind, getattr(keys[n], kind)) for n in take.requested for kind in ("raw", "frame")]
+        files.append(("movie", take.movie_key([keys[n].frame for n in sorted(take.requested)])))
+        keys.note()  # as finding cameras does
+        for kind, key in files:
+            store.put(kind, key, lambda path: _write(path, "a dummy"))
+
+
+def carry_out(plan: Plan) -> None:
+    """Have Snakemake run all jobs of a plan but its simulations."""
+    kept = replace(plan, jobs=tuple(job for job in plan.jobs if job.task != "simulate"))
+    assert scheduler.execute(kept.freeze(Path.cwd()), Path.cwd(), CORES), "a job failed"
+
+
+def snakemake_looks_at(plan: Plan) -> None:
+    """Have Snakemake find out what a plan's jobs are and in which order they run, and run none."""
+    words = [
+        sys.executable,
+        "-m",
+        "snakemake",
+        "--snakefile",
+        str(scheduler.snakefile()),
+        "--cores",
+        str(CORES),
+    ]
+    words += ["--workflow-profile", str(scheduler.snakefile().parent / "profiles/default"), "--quiet", "all"]
+    frozen = plan.freeze(Path.cwd())
+    subprocess.run([*words, "--dry-run", "--config", f"plan={frozen}"], check=True, stdout=subprocess.DEVNULL)
+
+
+def command(*words: str) -> None:
+    line = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", str(CORES), *words]
+    subprocess.run(line, check=True, stdout=subprocess.DEVNULL, env={**os.environ, "PYTHONPATH": _room()})
+
+
+def timed(work: Callable[[], None]) -> Spent:
+    """What the processes that `work` starts take, and it itself."""
+    before, begun = _cpu(), time.perf_counter()
+    work()
+    return Spent(_cpu() - before, time.perf_counter() - begun)
+
+
+def _cpu() -> float:
+    used = [resource.getrusage(who) for who in (resource.RUSAGE_CHILDREN, resource.RUSAGE_SELF)]
+    return sum(usage.ru_utime + usage.ru_stime for usage in used)
+
+
+def _room() -> str:
+    return str(Path(__file__).parents[1])
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text)
+
+
+if __name__ == "__main__":
+    main(*(int(word) for word in sys.argv[1:2]))

@@ -1,0 +1,79 @@
+"""What was made is looked after: damage is found and mended, and what nobody needs is cleared away."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.production.cleaning import sweep
+from pipeline.production.folder import find_shot
+from pipeline.production.store import Store
+from pipeline.production.verifying import verified
+from pipeline.production.workflow import Studio
+from render.image import read_header
+
+NAME = "T010_tiny"
+
+
+def damage(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[-len(content) // 3] ^= 0x40
+    path.chmod(0o644)
+    path.write_bytes(bytes(content))
+
+
+def stored(studio: Any, kind: str, place: Path) -> Path:
+    key = read_header(place)["key"]
+    return Path(studio.path / ".flowsculpt/store" / kind / key[:2] / f"{key}.exr")
+
+
+def test_a_flipped_bit_is_found_wherever_it_is(finished: Any) -> None:
+    store = Store(finished.path)
+    assert not [each for each in verified(store, 2) if each.fault]
+    for kind in ("mesh", "normals", "raw", "frame"):
+        victim = next(path for of, _, path in store.entries() if of == kind)
+        damage(victim)
+        (found,) = [each for each in verified(store, 2) if each.fault]
+        assert (found.kind, found.path) == (kind, victim)
+        victim.unlink()
+
+
+def test_verify_makes_again_what_is_damaged_and_nothing_else(finished: Any) -> None:
+    damage(stored(finished, "raw", finished.frames(kind="raw")[2]))
+    damage(stored(finished, "frame", finished.frames()[2]))
+    only_told = finished.run("--dry-run", "verify")
+    assert only_told.code == 1 and "2 files" in only_told.out
+    done = finished.run("--json", "verify")
+    assert done.code == 0, done.err
+    facts = json.loads(done.out)
+    assert facts["healed"] and len(facts["faulty"]) == 2
+    assert not [each for each in verified(Store(finished.path), 2) if each.fault]
+    assert finished.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
+
+
+def test_cleaning_keeps_what_today_and_the_last_runs_need(
+    finished: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Links of a copied studio are copies, so that what renders/ shows keeps nothing here."""
+    monkeypatch.chdir(finished.path)
+    store, text = Store(finished.path), finished.shot.read_text()
+    everything = {path for _, _, path in store.entries()}
+
+    def takes() -> list[Any]:
+        return [Studio(finished.path, 2).take(find_shot(NAME), "preview")]
+
+    def gone_but_films(keep: int) -> list[Path]:
+        """Those are no shot's, and stay for being shown."""
+        return [p for p in sweep(store, takes(), keep, only_tell=True).gone if p.suffix != ".mp4"]
+
+    assert not gone_but_films(0)
+    finished.shot.write_text(text.replace("6: 60}", "6: 90}"))
+    assert not gone_but_films(2)
+    gone = sweep(store, takes(), 0, only_tell=True)
+    meshes = [path for path in gone.gone if "/mesh/" in str(path)]
+    assert len(meshes) == 2 and gone.freed > 0 and {p for _, _, p in store.entries()} == everything
+    sweep(store, takes(), 0, only_tell=False)
+    assert {p for _, _, p in store.entries()} == everything - set(gone.gone)

@@ -1,0 +1,144 @@
+"""What goes wrong at night: workers that hang or are killed, full disks, clocks, runs killed repeatedly."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+
+from render.image import read_exr
+
+NAME = "T010_tiny"
+
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
+
+
+def start(studio: Any, *words: str) -> subprocess.Popen[str]:
+    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words]
+    return subprocess.Popen(
+        command,
+        cwd=studio.path,
+        start_new_session=True,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def wait_until(condition: Callable[[], Any], seconds: float = 120.0) -> None:
+    limit = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < limit, "waited in vain"
+        time.sleep(0.01)
+
+
+def renderers(process: subprocess.Popen[str]) -> list[psutil.Process]:
+    try:
+        family = psutil.Process(process.pid).children(recursive=True)
+        return [each for each in family if "--child" in each.cmdline()]
+    except psutil.NoSuchProcess:
+        return []
+
+
+def same_pixels(one: Any, other: Any) -> bool:
+    pairs = zip(one.frames(), other.frames(), strict=True)
+    return all(np.array_equal(read_exr(a)[0]["beauty"], read_exr(b)[0]["beauty"]) for a, b in pairs)
+
+
+def left_over(studio: Any) -> list[Path]:
+    state = studio.path / ".flowsculpt"
+    return [*studio.path.rglob("*.tmp"), *(state / "tmp").glob("*"), *(state / "half").glob("*")]
+
+
+@pytest.mark.soak
+def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
+    studio: Any, finished_studio: Any
+) -> None:
+    process = start(studio, "render", NAME, "-q", "preview", "--timeout", "0.5")
+    wait_until(lambda: renderers(process))
+    renderers(process)[0].suspend()
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, out + err
+    assert same_pixels(studio, finished_studio) and not left_over(studio)
+
+
+@pytest.mark.soak
+def test_a_worker_that_is_killed_for_its_memory_is_followed_by_fewer(
+    studio: Any, finished_studio: Any
+) -> None:
+    process = start(studio, "render", NAME, "-q", "preview")
+    wait_until(lambda: len(renderers(process)) == 2)
+    renderers(process)[0].kill()
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == 0, out + err
+    assert same_pixels(studio, finished_studio) and not left_over(studio)
+
+
+def test_the_time_of_files_decides_nothing(finished: Any) -> None:
+    """As where hosts disagree about it, or a clock was set back."""
+    chance = random.Random(1)
+    for path in finished.path.rglob("*.*"):
+        when = time.time() + chance.uniform(-3e7, 3e7)
+        os.utime(path, (when, when))
+    assert finished.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of 12 MiB."""
+    place = tmp_path / "small"
+    place.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=12m", "tmpfs", str(place)], capture_output=True
+    )
+    if mounted.returncode:
+        pytest.skip("file systems cannot be mounted here")
+    yield place
+    subprocess.run(["umount", str(place)], check=True)
+
+
+@pytest.mark.soak
+def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
+    studio: Any, finished_studio: Any, small_disk: Path
+) -> None:
+    ballast = small_disk / "ballast"
+    ballast.write_bytes(bytes(11 << 20))
+    full = studio.run("--root", str(small_disk), "render", NAME, "-q", "preview")
+    assert full.code == 4 and "full" in full.err, full.out + full.err
+    valid = sorted((small_disk / ".flowsculpt" / "store").rglob("*.npz"))
+    ballast.unlink()
+    done = studio.run("--root", str(small_disk), "render", NAME, "-q", "preview")
+    assert done.code == 0, done.err
+    assert all(path.exists() for path in valid)
+    (studio.path / "renders").symlink_to(small_disk / "renders")
+    assert same_pixels(studio, finished_studio)
+
+
+@pytest.mark.soak
+def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
+    studio: Any, finished_studio: Any
+) -> None:
+    chance, kills = random.Random(50), 0
+    for _ in range(50):
+        process = start(studio, "film", "-q", "preview")
+        try:
+            process.communicate(timeout=chance.uniform(0.5, 14.0))
+            break
+        except subprocess.TimeoutExpired:
+            os.killpg(process.pid, signal.SIGKILL)
+            process.communicate()
+            kills += 1
+    done = studio.run("film", "-q", "preview")
+    assert done.code == 0, done.err
+    assert kills > 1
+    assert same_pixels(studio, finished_studio) and not left_over(studio)

@@ -1,0 +1,133 @@
+"""The ledger tells what reading a shot would find, or nothing."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from pipeline.production import ledger, script
+from pipeline.production.ledger import Ledger
+from pipeline.production.outline import Outline
+from pipeline.production.pinned import pins_of
+from pipeline.production.poses import Turntable
+from pipeline.production.take import Take
+from pipeline.production.workflow import Studio
+from pipeline.shot.named_files import digest_of_file
+
+SHOT = """\
+title: T
+frames: 1-5
+subject: {model: wedge.obj}
+resample: {max_edge_length: 0.5, hard_angle: {keys: {1: 30, 5: 60}}}
+flows:
+  - twist: {axis: y, amount: {keys: {1: 0, 5: 60}}}
+shutter: {angle: 180}
+"""
+WEDGE = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+
+
+@pytest.fixture
+def shot(tmp_path: Path) -> Path:
+    (tmp_path / "a.yaml").write_text(SHOT)
+    (tmp_path / "wedge.obj").write_text(WEDGE)
+    return tmp_path / "a.yaml"
+
+
+def take_of(shot: Path, quality: str = "draft") -> Take:
+    return Studio(shot.parent, 2).take(shot, quality, variant="none")
+
+
+def keys_of(take: Take) -> list[object]:
+    frames = range(1, 6)
+    told = [(take.mesh_key(n), take.normals_key(n), take.follows_flow(n)) for n in frames]
+    return [told, take.cameras_key, take.reach, take.movie_key([]), take.still_key("png", "0")]
+
+
+def never(*arguments: object) -> None:
+    raise AssertionError("the shot was read")
+
+
+def forgetful(take: Take) -> Take:
+    return replace(take, script=replace(take.script, ledger=None))
+
+
+@pytest.mark.parametrize("quality", ["draft", "final"])
+def test_what_is_remembered_is_what_reading_the_shot_finds(
+    shot: Path, quality: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    turn = Turntable(2, 5)
+    first = [keys_of(take_of(shot, quality)), keys_of(replace(take_of(shot, quality), turntable=turn))]
+    read = [forgetful(take_of(shot, quality)), replace(forgetful(take_of(shot, quality)), turntable=turn)]
+    assert [keys_of(take) for take in read] == first
+    monkeypatch.setattr("pipeline.shot.read.read_shot", never)
+    again = [take_of(shot, quality), replace(take_of(shot, quality), turntable=turn)]
+    assert [keys_of(take) for take in again] == first
+
+
+def test_an_edit_of_the_shot_or_of_a_file_that_it_reads_is_seen(shot: Path) -> None:
+    keys = [keys_of(take_of(shot))]
+    shot.write_text(SHOT.replace("5: 60}}}", "5: 70}}}"))
+    keys.append(keys_of(take_of(shot)))
+    (shot.parent / "wedge.obj").write_text(WEDGE.replace("v 2 0 0", "v 3 0 0"))
+    keys.append(keys_of(take_of(shot)))
+    assert keys[0] != keys[1] != keys[2] != keys[0]
+    (shot.parent / "wedge.obj").write_text(WEDGE)
+    shot.write_text(SHOT)
+    assert keys_of(take_of(shot)) == keys[0]
+
+
+def test_a_file_that_comes_to_lie_beside_those_that_were_read_has_the_shot_read_again(shot: Path) -> None:
+    outline = Outline.from_data(take_of(shot).script.outline.as_data())
+    assert outline.holds
+    (shot.parent / "wedge2.obj").write_text(WEDGE)
+    assert not outline.holds
+
+
+def test_other_code_knows_nothing_of_it(shot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    book = Ledger(shot.parent)
+    book.note({"a": 1}, "of this")
+    assert book.recall("of this") == {"a": 1}
+    assert book.recall("of that") is None
+    monkeypatch.setattr(ledger, "_code", lambda: ["other"])
+    assert book.recall("of this") is None
+
+
+@pytest.mark.parametrize("damage", [b"", b"\xff", b"{}", b"0\n{}"])
+def test_a_damaged_entry_counts_as_none(shot: Path, damage: bytes) -> None:
+    keys = keys_of(take_of(shot))
+    entries = list((shot.parent / ".flowsculpt/ledger").glob("*.json"))
+    assert entries
+    for entry in entries:
+        entry.write_bytes(damage)
+    assert keys_of(take_of(shot)) == keys
+
+
+def test_a_disk_that_refuses_hinders_nothing(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    book = Ledger(tmp_path / "file")
+    book.note({"a": 1}, "of this")
+    assert book.recall("of this") is None
+
+
+def test_entries_that_nobody_asks_for_go(tmp_path: Path) -> None:
+    book = Ledger(tmp_path)
+    book.note({}, "old")
+    (entry,) = (tmp_path / ".flowsculpt/ledger").iterdir()
+    os.utime(entry, (0.0, 0.0))
+    book.note({}, "new")
+    assert not entry.exists()
+    assert book.recall("new") == {}
+
+
+def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) -> None:
+    planned = take_of(shot)
+    (shot.parent / "wedge.obj").write_text(WEDGE.replace("v 2 0 0", "v 3 0 0"))
+    take_of(shot)
+    late = script.Script.from_data(planned.script.as_data(), Ledger(shot.parent))
+    assert late.pins == pins_of([(shot.parent / "wedge.obj", planned.script.pins[0][1])])
+    assert late.pins[0][1] != digest_of_file(shot.parent / "wedge.obj")
+    with pytest.raises(Exception, match="changed since the work was planned"):
+        assert late.outline

@@ -1,0 +1,324 @@
+"""Versions: frozen whole, never overwritten, and made again from what stands beside them."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pipeline.cli.main import command_line
+from pipeline.errors import FlowsculptError, FrameError, MachineError, MissingInputError, UsageError
+from pipeline.production import publishing
+from pipeline.production.plan import Plan
+from pipeline.production.provenance import FILE, Provenance, pixels_of
+from pipeline.production.publishing import Release
+from pipeline.production.repeating import Repetition
+from pipeline.production.run import exclusive
+from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.work import PLACES
+from pipeline.production.variants import avoid
+from pipeline.production.workflow import Studio
+from pipeline.shot.named_files import digest_of_file
+from render.image import read_exr, write_exr
+
+NAME = "T010_tiny"
+QUALITY = "preview.scale10"
+SHOT = """\
+title: A wedge, twisted
+frames: 1-4
+subject: {model: ../models/wedge.obj}
+resample: {max_edge_length: 0.9}
+flows:
+  - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 4: 40}}}
+quality: {preview: {samples: 2, guides: 2, denoise: fast, steady: 1}}
+"""
+MODEL = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
+RENDER = f"flowsculpt render {NAME} -q preview --scale 10%"
+
+
+@dataclass(frozen=True)
+class Desk:
+    """A working folder, whose jobs are done one by one in this process."""
+
+    root: Path
+
+    @property
+    def shot(self) -> Path:
+        return self.root / "shots" / f"{NAME}.yaml"
+
+    @property
+    def home(self) -> Path:
+        return self.root / "renders" / "published" / NAME
+
+    def release(self, note: str = "", version: str | None = None) -> Release:
+        studio = Studio(self.root, 1)
+        return Release(studio.take(self.shot, QUALITY), studio.store, RENDER, note, version)
+
+    def render(self) -> None:
+        done(self.root, Studio(self.root, 1).pictures([NAME], QUALITY))
+
+    def repetition(self, frames: str | None = None, **others: str) -> Repetition:
+        source = self.home / "v001" / FILE
+        return Repetition(Provenance.read(source), source, self.root, 1, frames, **others)
+
+    def command(self, *words: str) -> tuple[int, str]:
+        """Exit code and words of a command."""
+        asked = ["--no-progress", "--root", str(self.root), *words]
+        said = CliRunner().invoke(command_line(asked), asked)
+        if isinstance(said.exception, FlowsculptError):
+            return said.exception.exit_code, str(said.exception)
+        return said.exit_code, said.output
+
+
+def done(root: Path, plan: Plan) -> None:
+    for job in plan.jobs:
+        module = import_module(f"pipeline.production.tasks.{PLACES[job.task]}")
+        assert getattr(module, job.task)(Context.of(root, plan, job.name))
+
+
+@pytest.fixture(scope="module")
+def published(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    """A shot rendered and published as v001; tests work on copies of it."""
+    root = tmp_path_factory.mktemp("published")
+    for file, text in ((f"shots/{NAME}.yaml", SHOT), ("models/wedge.obj", MODEL)):
+        (root / file).parent.mkdir()
+        (root / file).write_text(text)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        desk = Desk(root)
+        with pytest.raises(MissingInputError) as refused:
+            desk.release().publish()
+        assert f"frames 1-4 missing. What is published is made from the shot file of today; {RENDER}" in str(
+            refused.value
+        )
+        desk.render()
+        first = desk.release("first look").publish()
+        assert (first.version, first.before) == ("v001", False)
+    yield desk
+
+
+@pytest.fixture
+def desk(published: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
+    root = tmp_path / "studio"
+    shutil.copytree(published.root, root, copy_function=os.link)
+    for file in (root / "shots").iterdir():  # these are edited in place
+        text = file.read_text()
+        file.unlink()
+        file.write_text(text)
+    monkeypatch.chdir(root)
+    return Desk(root)
+
+
+def test_a_version_is_read_only_and_tells_all_that_it_was_made_from(published: Desk) -> None:
+    folder = published.home / "v001"
+    record = Provenance.read(folder / FILE)
+    assert (record.note, record.quality, list(record.frames)) == ("first look", QUALITY, [1, 2, 3, 4])
+    assert record.script.text == SHOT and record.script.path == Path(f"shots/{NAME}.yaml")
+    assert record.script.pins == (("models/wedge.obj", digest_of_file(published.root / "models/wedge.obj")),)
+    assert set(record.packages) >= {"mitsuba", "numba", "flowsculpt"} and record.host["cores"] >= 1
+    assert record.timings["render"] > 0.0 and record.timings["simulate"] > 0.0
+    for frame in record.frames.values():
+        file = folder / frame.file
+        assert (digest_of_file(file), pixels_of(file)) == (frame.sha256, frame.pixels)
+        assert frame.seconds and len({frame.mesh, frame.normals, frame.raw, frame.frame}) == 4
+    files = [path for path in folder.rglob("*") if path.is_file()]
+    assert len(files) == 4 + 2 and all(path.stat().st_mode & 0o222 == 0 for path in files)
+    assert Provenance.from_data(json.loads(json.dumps(record.as_data()))) == record
+
+
+def test_the_same_content_is_published_once(desk: Desk) -> None:
+    desk.shot.write_text("# the same picture\n" + SHOT)
+    for asked in (None, "v001", "v007"):
+        again = desk.release("once more", asked).publish()
+        assert (again.version, again.before) == ("v001", True)
+    assert [place.name for place in desk.home.iterdir()] == ["v001"]
+    code, said = desk.command("publish", NAME, "-q", "preview", "--scale", "10%")
+    assert code == 0 and "already published as v001" in said
+
+
+def test_what_was_edited_since_is_stale_until_it_is_rendered_and_then_the_next_version(desk: Desk) -> None:
+    before = {path: path.read_bytes() for path in desk.home.rglob("*") if path.is_file()}
+    desk.shot.write_text(SHOT.replace("4: 40", "4: 60"))
+    code, said = desk.command("publish", NAME, "-q", "preview", "--scale", "10%")
+    assert code == 2 and "frames 1-4 stale: made from another shot file" in said
+    assert said.endswith(f"{RENDER} makes it.")
+    desk.render()
+    with pytest.raises(UsageError, match=r"v001 is published already, with other frames.*the next is v002"):
+        desk.release(version="v001").publish()
+    with pytest.raises(UsageError, match="--version 2 is no version; write it as v002"):
+        desk.release(version="2").publish()
+    assert not desk.release().publish(dry=True).before and not (desk.home / "v002").exists()
+    assert desk.release().publish().version == "v002"
+    assert all(path.read_bytes() == content for path, content in before.items())
+    code, said = desk.command("versions", NAME, "--json")
+    assert [(fact["version"], fact["note"]) for fact in json.loads(said)] == [
+        ("v001", "first look"),
+        ("v002", ""),
+    ]
+
+
+def test_a_frame_that_cannot_be_read_is_forgotten_and_not_published(desk: Desk) -> None:
+    desk.shot.write_text(SHOT.replace("4: 40", "4: 50"))
+    desk.render()
+    take = desk.release().take
+    keys = take.picture_keys(desk.release().store)
+    assert keys is not None
+    stored = desk.release().store.path("frame", keys[3].frame)
+    stored.chmod(0o644)
+    os.truncate(stored, 500)
+    with pytest.raises(FrameError, match=f"frame 3 cannot be read to its end.*{RENDER} makes it anew"):
+        desk.release().publish()
+    assert not stored.exists() and [place.name for place in desk.home.iterdir()] == ["v001"]
+
+
+def test_a_version_is_there_whole_or_not_at_all(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    shutil.rmtree(desk.home / "v001")
+    (desk.home / ".draft.v001.killed").mkdir()
+
+    def full(source: Path, place: Path) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(publishing, "_frozen", full)
+        with pytest.raises(MachineError, match="the disk is full"):
+            desk.release().publish()
+    assert list(desk.home.iterdir()) == []
+    with exclusive(desk.root), pytest.raises(MachineError, match="another flowsculpt run"):
+        desk.release().publish()
+    monkeypatch.setattr(publishing.os, "link", full)  # a file system without links
+    assert desk.release().publish().folder.is_dir()
+    assert desk.repetition().record.frames[1].sha256 == digest_of_file(
+        desk.home / f"v001/frames/{NAME}.0001.exr"
+    )
+
+
+def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk: Desk) -> None:
+    """Of a range, with the frames around it whose light it takes in."""
+    desk.shot.write_text("title: another shot by now\n")
+    shutil.rmtree(desk.root / ".flowsculpt")
+    one = desk.repetition("2")
+    assert one.take.requested == (1, 2, 3) and one.notes == []
+    source = str(desk.home / "v001" / FILE)
+    done(one.home, one.plan())
+    assert [(each.what, each.same) for each in one.comparisons()] == [("frame 2", True)]
+    again = desk.repetition()
+    done(again.home, again.plan())
+    code, said = desk.command("render", "--from", source)
+    assert code == 0 and "frames 1-4 and the movie identical" in said
+    assert one.home == desk.root / "renders" / "repeated" / f"{NAME}.v001"
+    changed = again.take.picture_keys(again.store)
+    assert changed is not None
+    file = again.store.path("frame", changed[3].frame)
+    layers, header = read_exr(file)
+    layers["beauty"][0, 0, 0] += 0.5
+    file.unlink()
+    write_exr(file, layers, header)
+    code, said = desk.command("render", "--from", source)
+    assert code == 1 and "frame 3: differs in 0.08% of its pixels, by up to 0.5" in said
+    facts = json.loads(desk.command("--json", "render", "--from", source)[1])
+    assert list(facts["different"]) == ["frame 3"] and facts["identical"] == [
+        "frame 1",
+        "frame 2",
+        "frame 4",
+        "movie",
+    ]
+
+
+def test_what_is_otherwise_than_it_was_is_told_before(desk: Desk) -> None:
+    again = desk.repetition()
+    record = replace(
+        again.record,
+        packages={**again.record.packages, "mitsuba": "3.0"},
+        code={**again.record.code, "finish": "another"},
+        host={**again.record.host, "processor": "an abacus"},
+    )
+    other = "scalar_rgb" if record.variant != "scalar_rgb" else "llvm_ad_rgb"
+    told = "\n".join(record.differences(other))
+    assert f"{other} renders now, {record.variant} did then" in told
+    assert "mitsuba is" in told and "was 3.0" in told
+    assert "the code of finish is not what it was" in told and "was an abacus" in told
+
+
+def test_a_variant_that_crashed_is_not_replaced_behind_the_users_back(desk: Desk) -> None:
+    again = desk.repetition()
+    avoid(again.home, NAME, again.record.variant, f"{again.record.variant} crashed (SIGABRT)")
+    with pytest.raises(MachineError, match=r"crashed \(SIGABRT\); --variant renders v001 with another,"):
+        again.plan()
+
+
+def test_a_file_that_it_reads_must_be_what_it_was(desk: Desk) -> None:
+    model = desk.root / "models" / "wedge.obj"
+    model.unlink()
+    with pytest.raises(MissingInputError, match=r"wedge.obj: gone, and T010_tiny v001 was made"):
+        desk.repetition().plan()
+    model.write_text(MODEL.replace("v 2 0 0", "v 3 0 0"))
+    code, said = desk.command("render", "--from", str(desk.home / "v001" / FILE))
+    assert code == 2 and "wedge.obj: changed since T010_tiny v001 was made" in said
+    assert said.count("\n") <= 1
+
+
+def test_a_provenance_gives_no_leave_to_run_code(desk: Desk) -> None:
+    source = desk.home / "v001" / FILE
+    data = json.loads(source.read_text())
+    data["script"]["allow_code"] = True
+    source.unlink()
+    source.write_text(json.dumps(data))
+    assert desk.repetition().take.script.allow_code is False
+    assert desk.repetition(allow_code=True).take.script.allow_code is True
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        "",
+        "[]",
+        '{"format": 1}',
+        {"shot": "../elsewhere"},
+        {"version": "../v001"},
+        {"quality": "finest"},
+        {"frames": {}},
+        {"frames": {"1": {}}},
+        {"movie": {}},
+        {"packages": []},
+        {"format": 2},
+        {"script": None},
+    ],
+)
+def test_what_is_no_provenance_is_told_in_one_line(
+    tmp_path: Path, published: Desk, change: str | dict
+) -> None:
+    data = json.loads((published.home / "v001" / FILE).read_text())
+    source = Desk(tmp_path).home / "v001" / FILE
+    source.parent.mkdir(parents=True)
+    source.write_text(change if isinstance(change, str) else json.dumps({**data, **change}))
+    with pytest.raises(UsageError, match="this is no provenance of a published version"):
+        Provenance.read(source)
+    code, said = Desk(tmp_path).command("versions")
+    assert code == 2 and "this is no provenance" in said
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "told"),
+    [
+        (("versions", "B999"), 3, f"B999 is not published in .*; published are {NAME}"),
+        (("render",), 2, "render needs the name of a shot, or --from"),
+        (("render", "--from", "nowhere.json"), 3, "nowhere.json: no such provenance"),
+        (("render", NAME, "--from", "nowhere.json"), 2, "it says itself which shot is rendered"),
+        (
+            ("render", "--from", f"renders/published/{NAME}/v001/{FILE}", "-f", "9"),
+            2,
+            "frames 9 are not in v001",
+        ),
+    ],
+)
+def test_mistakes_are_told_in_one_line(desk: Desk, words: tuple[str, ...], code: int, told: str) -> None:
+    ended, said = desk.command(*words)
+    assert ended == code and re.search(told, said) and said.count("\n") <= 1

@@ -1,0 +1,85 @@
+"""What is read back from the store is found out if it is anything but what was put there."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.animation import animate
+from pipeline.production import readers
+from pipeline.production.npz import write_npz
+from pipeline.production.store import CorruptFileError
+from pipeline.shot import read_shot
+from render.errors import CorruptImageError
+from render.frame import Layers
+from render.image import write_exr
+
+KEY, OTHER = "0123456789abcdef" * 2, "f" * 32
+SIZE = (16, 9)
+BOX = "title: A\nframes: 1-1\nsubject: {solid: box, size: [2, 2, 2]}\nresample: {max_edge_length: 0.5}\n"
+
+
+def write_picture(path: Path, key: str = KEY, size: tuple[int, int] = SIZE, value: float = 0.5) -> None:
+    beauty = np.random.default_rng(1).random((size[1], size[0], 3), np.float32)
+    beauty[3, 4] = value
+    write_exr(path, Layers({"beauty": beauty}), {"key": key})
+
+
+def cut(path: Path, share: float) -> None:
+    content = path.read_bytes()
+    path.write_bytes(content[: int(share * len(content))])
+
+
+def flip(path: Path) -> None:
+    content = bytearray(path.read_bytes())
+    content[len(content) // 2] ^= 0x10
+    path.write_bytes(bytes(content))
+
+
+PICTURES: dict[str, Callable[[Path], None]] = {
+    "foreign": lambda path: write_picture(path, key=OTHER),
+    "of another size": lambda path: write_picture(path, size=(8, 9)),
+    "not finite": lambda path: write_picture(path, value=np.nan),
+    "infinite": lambda path: write_picture(path, value=np.inf),
+    "truncated": lambda path: cut(path, 0.6),
+    "empty": lambda path: cut(path, 0.0),
+    "no picture": lambda path: path.write_text("a picture") and None,
+}
+
+
+def test_a_picture_comes_back_with_its_header(tmp_path: Path) -> None:
+    write_picture(tmp_path / "a.exr")
+    layers, header = readers.picture(KEY, SIZE)(tmp_path / "a.exr")
+    assert layers.size == SIZE and header["key"] == KEY
+
+
+@pytest.mark.parametrize("what", PICTURES)
+def test_a_picture_that_is_another_or_broken_is_found_out(what: str, tmp_path: Path) -> None:
+    write_picture(tmp_path / "a.exr")
+    PICTURES[what](tmp_path / "a.exr")
+    with pytest.raises((CorruptFileError, CorruptImageError)):
+        readers.picture(KEY, SIZE)(tmp_path / "a.exr")
+
+
+def test_a_mesh_that_is_another_or_broken_is_found_out(tmp_path: Path) -> None:
+    (tmp_path / "a.yaml").write_text(BOX)
+    frame = next(iter(animate(read_shot(tmp_path / "a.yaml"))))
+    good, path = tmp_path / "good.npz", tmp_path / "a.npz"
+    write_npz(good, readers.keyed(KEY, frame.to_arrays()))
+    assert np.array_equal(readers.mesh_frame(KEY)(good).mesh.vertices, frame.mesh.vertices)
+    damages: tuple[Callable[[Path], None], ...] = (
+        flip,
+        lambda path: cut(path, 0.7),
+        lambda path: cut(path, 0.0),
+        lambda path: write_npz(path, readers.keyed(OTHER, frame.to_arrays())),
+        lambda path: write_npz(path, readers.keyed(KEY, {"number": np.array(1)})),
+    )
+    for damage in damages:
+        shutil.copy(good, path)
+        damage(path)
+        with pytest.raises(CorruptFileError):
+            readers.mesh_frame(KEY)(path)

@@ -1,0 +1,95 @@
+"""What hangs is ended and tried again, what was killed has more room the next time, and nothing goes on for
+ever."""
+
+from __future__ import annotations
+
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+
+from pipeline.production.events import EventLog, EventReader
+from pipeline.production.remedies import ROUNDS, Remedies
+from pipeline.production.watchdog import Watchdog
+
+STUCK = [sys.executable, "-c", "import time; time.sleep(60)"]
+
+
+def wait_until(condition: Callable[[], Any], seconds: float = 20.0) -> None:
+    limit = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < limit, "waited in vain"
+        time.sleep(0.02)
+
+
+def begun(log: EventLog, process: int, host: str | None = None) -> None:
+    log.write("begin", stage="render", process=process, host=host or socket.gethostname())
+
+
+def events(log: EventLog, kind: str) -> list[dict[str, Any]]:
+    return [event for event in EventReader(log.path).new() if event["event"] == kind]
+
+
+@pytest.mark.parametrize("stopped", [False, True])
+def test_a_job_that_is_silent_is_ended_and_the_log_says_which_frame_it_was_at(
+    stopped: bool, tmp_path: Path
+) -> None:
+    log = EventLog(tmp_path / "a.jsonl", "job")
+    with subprocess.Popen(STUCK) as process, Watchdog(log.path, 0.3):
+        begun(log, process.pid)
+        log.write("start", stage="render", shot="A010", frame=12)
+        if stopped:
+            psutil.Process(process.pid).suspend()
+        process.wait(20)
+    (hung,) = events(log, "hung")
+    assert (hung["shot"], hung["frame"], hung["stage"]) == ("A010", 12, "render")
+    assert "no sign of life for 0.3 s" in hung["message"]
+
+
+def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(tmp_path: Path) -> None:
+    log, other = EventLog(tmp_path / "a.jsonl", "job"), EventLog(tmp_path / "a.jsonl", "other")
+    with subprocess.Popen(STUCK) as process, Watchdog(log.path, 1.0):
+        begun(other, process.pid)
+        other.write("end")
+        begun(EventLog(log.path, "far"), process.pid, "another host")
+        begun(log, process.pid)
+        for done in range(12):
+            log.write("pass", frame=1, done=done, most=12)
+            time.sleep(0.15)
+        assert process.poll() is None
+        process.kill()
+    assert not events(log, "hung")
+
+
+def event(kind: str, frame: int | None = None) -> dict[str, Any]:
+    about = {"job": "render_0001", "stage": "render", "shot": "A010", "frame": frame}
+    return {"event": kind, **about, "message": "it went wrong"}
+
+
+def test_a_frame_that_hangs_is_tried_once_more() -> None:
+    remedies = Remedies(2)
+    assert remedies.help([event("hung", 3)])
+    assert remedies.help([event("hung", 4)]), "another frame has its own try"
+    assert not remedies.help([event("hung", 3)])
+    (failure,) = remedies.given_up
+    assert failure["event"] == "fail" and failure["frame"] == 3 and "--timeout" in failure["message"]
+
+
+def test_what_was_killed_has_fewer_jobs_beside_it_until_it_is_alone() -> None:
+    remedies = Remedies(4)
+    assert remedies.help([event("killed")]) and remedies.cores == 2
+    assert remedies.help([event("killed")]) and remedies.cores == 1
+    assert not remedies.help([event("killed")])
+    assert "memory" in remedies.given_up[0]["message"]
+
+
+def test_a_bad_shot_is_not_tried_again_and_healing_ends_some_time() -> None:
+    assert not Remedies(2).help([event("fail", 1)])
+    remedies = Remedies(2)
+    assert [remedies.help([event("healed")]) for _ in range(ROUNDS)] == [True] * (ROUNDS - 1) + [False]

@@ -1,0 +1,92 @@
+"""Frames may be asked for in words, and coarse first."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.errors import UsageError
+from pipeline.frames import FrameRange
+from pipeline.production.events import EventLog
+from pipeline.production.history import History
+from pipeline.production.layout import EVENTS
+from pipeline.production.plan import BATCH, batches
+from pipeline.production.selection import is_in_words, selected
+from pipeline.production.state import FrameStates, picture_states
+from pipeline.production.workflow import Studio
+
+NAME = "T010_tiny"
+NONE = FrameRange(())
+
+
+def known() -> FrameStates:
+    def some(text: str) -> FrameRange:
+        return FrameRange.parse(text)
+
+    return FrameStates("A", "draft", some("1-4"), some("5,7"), some("8-9"), some("7"), NONE, None)
+
+
+def test_words_mean_what_status_tells() -> None:
+    whole = FrameRange.parse("1-9")
+    assert str(selected("missing", whole, known)) == "8-9"
+    assert str(selected("failed, missing", whole, known)) == "7-9"
+    assert selected("all", whole, known) == whole
+    assert is_in_words("stale") and not is_in_words("1-48x2,60") and not is_in_words("1-100:10")
+
+
+@pytest.mark.parametrize(
+    ("text", "told"), [("mising", "Did you mean 'missing'?"), ("1-4,failed", "words alone")]
+)
+def test_what_is_neither_is_told(text: str, told: str) -> None:
+    with pytest.raises(UsageError, match="is not a frame range") as error:
+        selected(text, FrameRange.parse("1-9"), known)
+    assert told in str(error.value)
+
+
+@given(st.permutations(range(1, 90)), st.integers(1, 7))
+def test_batches_hold_every_frame_once_and_the_first_of_them_go_first(order: list[int], cores: int) -> None:
+    found = batches(order, cores)
+    assert sorted(n for batch in found for n in batch) == sorted(order)
+    assert max(map(len, found)) <= BATCH
+    if order != sorted(order):
+        side_by_side = min(cores, len(found))
+        assert {batch[0] for batch in found[:side_by_side]} == set(order[:side_by_side])
+
+
+def test_coarse_frames_of_a_range_are_rendered_first(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(studio.path)
+    plan = Studio(studio.path, 1).pictures([NAME], "preview", "1-6:5")
+    (render,) = [job for job in plan.jobs if job.task == "render"]
+    assert render.frames == (1, 6, 2, 3, 4, 5) or render.frames[:2] == (1, 6)
+
+
+def log_of(root: Path, *events: tuple[str, int]) -> History:
+    log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "job")
+    for event, frame in events:
+        about = {"shot": NAME, "stage": "render", "quality": "draft", "frame": frame}
+        log.write(event, **about, message="it failed", found=False)
+    return History.of(root)
+
+
+def test_frames_that_failed_are_known_until_they_are_made(tmp_path: Path) -> None:
+    told = ("start", 1), ("fail", 1), ("start", 2), ("fail", 2), ("start", 1), ("frame", 1)
+    history = log_of(tmp_path, *told)
+    assert set(history.failed(NAME, ["render"], "draft")) == {2}
+    assert not history.failed(NAME, ["render"], "final") and not history.failed("B", ["render"], "draft")
+    assert not history.running(NAME, ["render"], "draft")
+
+
+def test_what_failed_is_tried_again_by_that_word(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(studio.path)
+    log_of(studio.path, ("fail", 3), ("fail", 5))
+    studio_ = Studio(studio.path, 2)
+    assert str(FrameRange.of(studio_._asked(NAME, "draft", "failed", picture_states).requested)) == "3,5"
+    log_of(studio.path, ("frame", 3))
+    assert len(studio_._asked(NAME, "draft", "failed", picture_states).requested) == 2, "settled for this run"
+    assert Studio(studio.path, 2)._asked(NAME, "draft", "failed", picture_states).requested == (5,)
+    targets = Studio(studio.path, 2).pictures([NAME], "draft", "failed").targets
+    assert [Path(target).suffix for target in targets] == [".exr"]

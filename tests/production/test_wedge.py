@@ -1,0 +1,301 @@
+"""Wedges: every combination of values, all that is alike made once, and a sheet of it."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+import pytest
+from typer.testing import CliRunner
+
+from pipeline.cli.main import command_line
+from pipeline.errors import FlowsculptError, UsageError
+from pipeline.production import sharing
+from pipeline.production.grid import Grid, Variation
+from pipeline.production.plan import Plan
+from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.work import PLACES
+from pipeline.production.variants import avoid
+from pipeline.production.wedge import Wedge
+from pipeline.production.workflow import Studio
+from render.image import read_exr, read_png
+from render.movie import probe_movie
+
+NAME = "T010_tiny"
+QUALITY = "preview.scale10"
+SHOT = """\
+title: A box, twisted
+frames: 1-12
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 1}
+flows:
+  - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 9: 20, 12: 60}}}
+quality: {preview: {samples: 1, guides: 1, denoise: off}}
+"""
+LATE, LOOK = "flows.0.twist.amount.keys.12=50,60,70", "look=clay,glaze"
+
+
+@dataclass(frozen=True)
+class Desk:
+    root: Path
+
+    def wedge(self, *vary: str, frames: str | None = None, at: int | None = None, cores: int = 4) -> Wedge:
+        shot = self.root / "shots" / f"{NAME}.yaml"
+        return Wedge(Studio(self.root, cores), shot, Grid.parse(vary), QUALITY, frames, at)
+
+    def command(self, *words: str) -> tuple[int, str]:
+        asked = ["--no-progress", "--root", str(self.root), *words]
+        said = CliRunner().invoke(command_line(asked), asked)
+        if isinstance(said.exception, FlowsculptError):
+            return said.exception.exit_code, str(said.exception)
+        return said.exit_code, said.output
+
+
+@pytest.fixture(scope="module")
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+    root = tmp_path_factory.mktemp("wedge")
+    (root / "shots").mkdir()
+    (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.chdir(root)
+        yield Desk(root)
+
+
+def done(root: Path, plan: Plan) -> None:
+    """Do the jobs of a plan, each after those that make what it reads, whatever their order in the plan."""
+    waiting, made = list(plan.jobs), {output for job in plan.jobs for output in job.outputs}
+    while waiting:
+        job = next(job for job in waiting if not made & set(job.inputs))
+        module = import_module(f"pipeline.production.tasks.{PLACES[job.task]}")
+        assert getattr(module, job.task)(Context.of(root, plan, job.name))
+        waiting.remove(job)
+        made -= set(job.outputs)
+
+
+def frames(plan: Plan) -> dict[str, int]:
+    counts: Counter[str] = Counter()
+    for job in plan.jobs:
+        counts[job.task] += len(job.frames)
+    return dict(counts)
+
+
+@pytest.mark.parametrize(
+    ("text", "values"),
+    [
+        ("a.b=1:3:5", ("1", "1.5", "2", "2.5", "3")),
+        ("a=-1:1:3", ("-1", "0", "1")),
+        ("a=0:1:4", ("0", "0.333333", "0.666667", "1")),
+        ("a=3:1:2", ("3", "1")),
+        ("a = 0.05, 0.1", ("0.05", "0.1")),
+        ("a=clay,glaze", ("clay", "glaze")),
+        ("a=[1, 0, 0],[0, 1, 0]", ("[1, 0, 0]", "[0, 1, 0]")),
+        ("a={material: clay, colour: [1, 0, 0]},'x, y'", ("{material: clay, colour: [1, 0, 0]}", "'x, y'")),
+        ("a=1s:2s,3", ("1s:2s", "3")),
+    ],
+)
+def test_values_are_steps_or_a_list(text: str, values: tuple[str, ...]) -> None:
+    assert Variation.parse(text).values == values
+
+
+@pytest.mark.parametrize(
+    ("texts", "told"),
+    [
+        ((), "a wedge needs --vary"),
+        (("strength",), "--vary strength: this varies nothing"),
+        (("=1,2",), "this varies nothing"),
+        (("a=",), "this varies nothing"),
+        (("a=5",), r"--vary a=5: that is one value.*--set a=5 sets one"),
+        (("a=1:3:1",), "that is one value"),
+        (("a=1:3:0",), "no value at all"),
+        (("a=1:3:99999999999999",), "are too many"),
+        (("a=1e999:3:4",), "too large to be one"),
+        (("a=2:2:3",), "2 is in it twice"),
+        (("a=x,y,x",), "x is in it twice"),
+        (("a=1,2", "a=3,4"), "--vary a=3,4: a is varied twice"),
+        (("a=1:2:11", "b=1:2:10"), "11 × 10 = 110 cells.*at most 100; .*--yes"),
+    ],
+)
+def test_a_mistake_in_the_grid_is_told_at_its_argument(texts: tuple[str, ...], told: str) -> None:
+    with pytest.raises(UsageError, match=told) as refused:
+        Grid.parse(texts)
+    assert "\n" not in str(refused.value)
+
+
+def test_cells_are_told_apart_by_folders_and_captions() -> None:
+    grid = Grid.parse(["flows.0.vortex.strength=1,2", "flows.1.vortex.strength=1,2", "look=[a/b],[a:b]"])
+    cells = list(grid)
+    assert len(grid) == len(cells) == len({cell.folder for cell in cells}) == 8
+    said = [name for name, _ in cells[0].caption]
+    assert said == ["flows.0.vortex.strength", "flows.1.vortex.strength", "look"]
+    short = next(iter(Grid.parse(["flows.1.twist.amount.keys.57=0,80", "camera.target.1=0,1"]))).caption
+    assert short == (("amount.keys.57", "0"), ("target.1", "0"))
+    assert all("/" not in cell.folder and len(cell.folder) <= 100 for cell in cells)
+    assert cells[1].settings == ("flows.0.vortex.strength=1", "flows.1.vortex.strength=1", "look=[a:b]")
+    assert grid.columns == 2 and Grid.parse(["a=1,2,3"]).columns is None
+    assert len(Grid.parse(["a=1:2:11", "b=1:2:10"], many=True)) == 110
+
+
+def test_a_wedge_over_looks_simulates_once(desk: Desk) -> None:
+    plan = desk.wedge(LOOK, frames="2-3").plan()
+    assert frames(plan) == {
+        "simulate": 12,
+        "smooth_normals": 2,
+        "frame_camera": 12,
+        "render": 4,
+        "finish": 4,
+        "assemble": 4,
+    }
+    assert [job.threads for job in plan.jobs if job.task == "simulate"] == [4]
+    assert [job.threads for job in plan.jobs if job.task == "render"] == [1, 1, 1, 1]
+
+
+def test_what_a_display_shows_alone_renders_once(desk: Desk) -> None:
+    wedge = desk.wedge("lights.exposure=-1,0,1", frames="1-2")
+    assert frames(wedge.plan()) == {
+        "simulate": 12,
+        "smooth_normals": 2,
+        "frame_camera": 12,
+        "render": 2,
+        "finish": 2,
+        "assemble": 6,
+    }
+    assert wedge.spared() == {
+        "simulate": 24,
+        "smooth_normals": 4,
+        "frame_camera": 24,
+        "render": 4,
+        "finish": 4,
+    }
+
+
+def test_a_late_key_shares_the_simulation_before_it(desk: Desk) -> None:
+    plan = desk.wedge(LATE, LOOK).plan()
+    simulations = [job for job in plan.jobs if job.task == "simulate"]
+    assert [(min(job.frames), max(job.frames)) for job in simulations] == [
+        (1, 9),
+        (10, 12),
+        (10, 12),
+        (10, 12),
+    ]
+    first, *others = simulations
+    assert first.inputs == () and all(job.inputs == (first.outputs[-1],) for job in others)
+
+
+def test_short_beginnings_are_not_waited_for(desk: Desk) -> None:
+    plan = desk.wedge("flows.0.twist.amount.keys.9=10,20,30").plan()
+    simulations = [job for job in plan.jobs if job.task == "simulate"]
+    assert [len(job.frames) for job in simulations] == [12, 12, 12]
+    assert all(not job.inputs for job in simulations)
+
+
+@pytest.mark.parametrize(
+    "vary", [(LATE, LOOK), ("flows.0.twist.amount=1:5:4",), ("lights.exposure=0,1", LOOK)]
+)
+def test_whatever_is_shared_every_job_finds_what_it_reads(desk: Desk, vary: tuple[str, ...]) -> None:
+    """All inputs and targets are made by one job each, and nothing is waited for in a circle."""
+    wedge = desk.wedge(*vary, frames="1-10x3")
+    apart, plan = wedge.plan_apart(), wedge.plan()
+    made = Counter(output for job in plan.jobs for output in job.outputs)
+    assert set(made.values()) == {1}
+    assert {place for job in plan.jobs for place in job.inputs} | set(plan.targets) <= set(made)
+    assert len({job.name for job in plan.jobs}) == len(plan.jobs) <= len(apart.jobs) + 3
+    waiting, missing = list(plan.jobs), set(made)
+    while waiting:
+        ready = [job for job in waiting if not missing & set(job.inputs)]
+        assert ready, "jobs wait for each other"
+        missing -= {output for job in ready for output in job.outputs}
+        waiting = [job for job in waiting if job not in ready]
+
+
+def test_a_wedge_is_rendered_and_drawn_and_leaves_the_shot_alone(desk: Desk) -> None:
+    wedge = desk.wedge(LATE, "lights.exposure=0,1", frames="11-12")
+    done(desk.root, wedge.plan())
+    again = wedge.plan()
+    assert again.jobs == () and wedge.spared() == {}
+    assert again.restore_links(wedge.studio.store) == 6, "the frames of cells whose light is that of others"
+    assert not (desk.root / "renders" / NAME).exists()
+    home = desk.root / "renders" / "wedge" / NAME
+    assert {path.name for path in home.iterdir()} == {
+        f"flows.0.twist.amount.keys.12={late},lights.exposure={stops}"
+        for late in (50, 60, 70)
+        for stops in (0, 1)
+    }
+    places = [home / cell.folder / QUALITY / "frames" / f"{NAME}.0012.exr" for cell, _ in wedge.takes]
+    pictures = [read_exr(place)[0]["beauty"].tobytes() for place in places]
+    assert pictures[::2] == pictures[1::2] and len(set(pictures)) == 3
+    still, movie = (desk.root / path for path in wedge.draw())
+    page = read_png(still)
+    assert still.name == f"flows.0.twist.amount.keys.12,lights.exposure.{QUALITY}.0012.png"
+    facts, sides = probe_movie(movie), (page.shape[1], page.shape[0])
+    assert facts.frames == 2 and (facts.width, facts.height) == tuple(side + side % 2 for side in sides)
+    keys = wedge.takes[2][1].picture_keys(wedge.studio.store)
+    assert keys is not None
+    wedge.studio.store.discard("frame", keys[12].frame)
+    wedge.draw()
+    lost = read_png(still)
+    assert lost.shape == page.shape and (lost != page).any(), "a sheet is drawn of what is there"
+
+
+def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Desk, tmp_path: Path) -> None:
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots" / f"{NAME}.yaml").write_text(SHOT)
+    folders = []
+    for many in (sharing.LONG, 1000):
+        with pytest.MonkeyPatch.context() as patch:
+            patch.setattr(sharing, "LONG", many)
+            root = tmp_path / str(many)
+            root.mkdir()
+            wedge = Wedge(
+                Studio(root, 2), tmp_path / "shots" / f"{NAME}.yaml", Grid.parse([LATE]), QUALITY, frames="12"
+            )
+            plan = wedge.plan()
+            simulations = [job for job in plan.jobs if job.task == "simulate"]
+            done(root, Plan(plan.takes, None, tuple(simulations), (), ()))
+            folders.append({path.name: path.read_bytes() for path in root.rglob("store/mesh/*/*.npz")})
+    assert len(folders[0]) == 9 + 3 * 3 and folders[0] == folders[1]
+
+
+def test_after_a_crash_all_cells_are_rendered_by_the_next_variant(desk: Desk, tmp_path: Path) -> None:
+    wedge = Wedge(Studio(tmp_path, 2), desk.root / "shots" / f"{NAME}.yaml", Grid.parse([LOOK]), QUALITY)
+    (before,) = {take["variant"] for take in wedge.plan().takes}
+    if not avoid(tmp_path, NAME, before, f"{before} crashed"):
+        pytest.skip("there is only one variant here to choose from")
+    (after,) = {take["variant"] for take in wedge.plan().takes}
+    assert after != before
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (
+            ["--vary", "flows.0.twst.amount=1,2"],
+            "--vary flows.0.twst.amount=1,2: at 1, flows.0 has no twst. Did",
+        ),
+        (["--vary", "look=clay,cley"], "--vary look=clay,cley: at cley, "),
+        (["--vary", "resample.max_edge_length=1,-1"], "--vary resample.max_edge_length=1,-1: at -1, "),
+        (["--vary", "lok=clay,glaze"], "--vary lok=clay,glaze: at clay, "),
+        ([LOOK.join(("--vary=", "")), "--at", "99"], "--at 99: no such frame is rendered, but 1-12"),
+        ([f"--vary={LOOK}", "-f", "3-4", "--at", "5"], "--at 5: no such frame is rendered, but 3-4"),
+        ([f"--vary={LOOK}", "-f", "30"], "frames 30 are not in the shot"),
+        ([f"--vary={LOOK}", "-q", "fnal"], "'fnal' is not a quality"),
+        ([f"--vary={LOOK}", "--set", "lok=clay"], "lok"),
+    ],
+)
+def test_a_mistake_is_one_message_at_its_argument(desk: Desk, words: list[str], told: str) -> None:
+    code, said = desk.command("--dry-run", "wedge", NAME, *words)
+    assert code == 2 and told in said and said.count("\n") <= 1, said
+
+
+def test_a_dry_run_tells_the_grid_and_what_is_shared(desk: Desk) -> None:
+    words = ("--dry-run", "wedge", NAME, "--vary", "stage=none,plinth", "--vary", LATE, "--set", "rate=25")
+    code, said = desk.command(*words)
+    assert code == 0
+    assert "stage=none  flows.0.twist.amount.keys.12=50\n" in said
+    assert "6 cells of 1 frame, the sheet at 7." in said and "Shared, and so not done again: " in said
+    facts = json.loads(desk.command("--json", *words)[1])
+    assert len(facts["cells"]) == 6 and facts["shared"]["simulate"] > 0
+    assert facts["cells"][0]["folder"].startswith(f"renders/wedge/{NAME}/stage=none,")
