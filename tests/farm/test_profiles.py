@@ -13,7 +13,7 @@ from pipeline.production.layout import EVENTS
 from pipeline.production.needs import LEAST_MIB, START_MINUTES, Experience
 from pipeline.production.plan import Job, Plan, batches
 from pipeline.production.profile import SIDE_BY_SIDE, Profile
-from pipeline.production.scheduler import _words
+from pipeline.production.scheduler import _words, complaint
 from pipeline.production.store import Store
 from pipeline.production.tasks.context import Context
 from pipeline.production.workflow import Studio
@@ -96,6 +96,16 @@ def test_snakemake_is_given_the_profile_and_what_this_machine_has(folder):
     assert words[words.index("--local-cores") + 1] == "2"
     assert words[words.index("--jobs") + 1] == str(SIDE_BY_SIDE)
     assert "--cores" in _words(Path("plan.json"), 2, Profile.local())
+
+
+def test_a_farm_that_takes_no_job_is_told_in_its_own_words(tmp_path):
+    log = tmp_path / "snakemake.log"
+    assert complaint(log) is None
+    log.write_text("rule simulate:\n    jobid: 1\n    message: None\n")
+    assert complaint(log) is None
+    with log.open("a") as file:
+        file.write("    message: Job submission failed: no sbatch.For further error details see the log\n")
+    assert complaint(log) == "Job submission failed: no sbatch."
 
 
 def test_batches_are_not_needlessly_short():
