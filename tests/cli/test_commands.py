@@ -28,6 +28,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "film",
         "turntable",
         "preview",
+        "export",
         "curves",
         "wedge",
         "publish",
@@ -41,7 +42,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish")
+MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish", "export")
 TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "doctor")
 
 
@@ -49,7 +50,7 @@ TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "docto
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
     done = studio.run(command, "--help")
     assert done.code == 0
-    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root"):
+    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root", "--profile"):
         assert option in done.out
 
 
