@@ -42,7 +42,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
 
 
 MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish")
-TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "doctor")
+TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "report", "doctor")
 
 
 @pytest.mark.parametrize("command", ["new", *MAKING, *TELLING])
