@@ -36,11 +36,17 @@ def threads_of(wildcards):
     return jobs[wildcards.job].threads
 
 
-def asked(name):
-    def amount(wildcards, attempt):
-        return jobs[wildcards.job].needs.resources()[name](wildcards, attempt)
+def memory_of(wildcards, attempt):
+    return jobs[wildcards.job].needs.mib * attempt
 
-    return amount
+
+def minutes_of(wildcards, attempt):
+    return jobs[wildcards.job].needs.minutes * attempt
+
+
+def resources_of(rule):
+    timed = all(job.needs.minutes for job in plan.jobs if job.rule == rule)
+    return {"mem_mb": memory_of, **({"runtime": minutes_of} if timed else {})}
 
 
 rule all:
@@ -64,7 +70,7 @@ for each in {job.rule: job for job in plan.jobs}.values():
         localrule: each.stays
         threads: threads_of
         resources:
-            **{name: asked(name) for name in each.needs.resources()},
+            **resources_of(each.rule),
         params:
             plan=plan_file,
             python=sys.executable,

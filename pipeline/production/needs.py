@@ -1,14 +1,12 @@
-"""What a farm is asked for on behalf of a job: memory and time, by what earlier pictures of the shot took."""
+"""What a job asks for, of a farm or of this machine: memory and time, by what earlier pictures took."""
 
 from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 UNMEASURED_MIB = 4096
 """Memory for a job of which nothing is known: five times what a film frame of 4 million faces takes."""
@@ -28,24 +26,16 @@ START_MINUTES = 10
 
 @dataclass(frozen=True)
 class Needs:
-    """Memory in MiB and time in minutes, None where it is not known; each attempt asks for as much again."""
+    """Memory in MiB, and time in minutes, None where it is not known; each attempt asks for as much again."""
 
     mib: int = UNMEASURED_MIB
     minutes: int | None = None
 
-    def resources(self) -> dict[str, Callable[..., int]]:
-        """As Snakemake takes them."""
-
-        def memory(wildcards: Any, attempt: int) -> int:
-            return self.mib * attempt
-
-        def runtime(wildcards: Any, attempt: int) -> int:
-            return (self.minutes or 0) * attempt
-
-        return {"mem_mb": memory, **({} if self.minutes is None else {"runtime": runtime})}
-
 
 UNMEASURED = Needs()
+
+HERE = Needs(LEAST_MIB)
+"""Of such a job on this machine, where more is tried at once, and fewer once something was killed."""
 
 
 @dataclass(frozen=True)

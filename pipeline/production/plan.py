@@ -27,6 +27,9 @@ from pipeline.production.store import Store
 BATCH = 256
 """Frames a process renders at most before it gives its memory back."""
 
+FEWEST = 4
+"""Frames that are not worth the start of a second process: one renders them on all cores."""
+
 LAST = 48
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
@@ -183,7 +186,7 @@ class Plan:
         return next(job for job in self.jobs if job.name == name)
 
 
-def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[int, ...]]:
+def batches(numbers: Sequence[int], cores: int, least: int = FEWEST) -> list[tuple[int, ...]]:
     """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
     needlessly shorter than `least`.
 
@@ -195,8 +198,8 @@ def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[in
     cores = max(1, cores)
     share = -(-len(numbers) // cores)
     if list(numbers) == sorted(numbers):
-        return list(_guided(numbers, cores, max(1, least, min(LAST, share))))
-    size = max(1, min(BATCH, max(least, share)))
+        return list(_guided(numbers, cores, max(least, min(LAST, share))))
+    size = min(BATCH, max(least, share))
     hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
     dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
     return [batch for batch in dealt if batch]

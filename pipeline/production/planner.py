@@ -5,20 +5,18 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 from pipeline.errors import UsageError
 from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
-from pipeline.production.needs import UNMEASURED, Experience, Needs
-from pipeline.production.plan import Job, Link, Plan, batches, dealt_out, paths
+from pipeline.production.needs import HERE, UNMEASURED, Experience, Needs
+from pipeline.production.plan import FEWEST, Job, Link, Plan, batches, dealt_out, paths
 from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
-
-FIRST = 1
-"""The urgency of simulations: each is the work of one thread, and all pictures of its shot wait for it."""
 
 
 @dataclass
@@ -65,8 +63,8 @@ class Planner:
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
             self._surfaces(take, unrendered, cameras_known=keys is not None)
-        for place, batch in enumerate(self._batches(unrendered)):
-            self._render(take, batch, urgency=-(place // self.cores))
+        for batch in self._batches(unrendered):
+            self._render(take, batch)
         for batch in self._batches(unfinished):
             seen = sorted({n for number in batch for n in around[number]})
             inputs = [take.folders.raw(take.quality_name, n) for n in seen]
@@ -122,12 +120,10 @@ class Planner:
             if keys is not None:
                 keys.note()
         jobs = dealt_out(self._jobs, self.cores, self.share)
-        if self.share is not None:
-            jobs = self._measured(jobs)
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
             film=self._cut.as_data() if self._cut else None,
-            jobs=tuple(jobs),
+            jobs=tuple(self._measured(jobs)),
             links=tuple(self._links.values()),
             targets=tuple(dict.fromkeys(paths(self._targets))),
             notes=tuple(dict.fromkeys(self.notes)),
@@ -141,17 +137,21 @@ class Planner:
 
     def _measured(self, jobs: Sequence[Job]) -> list[Job]:
         """Jobs, those that render asking for what earlier pictures took."""
-        places = [take.folders.statistics(take.quality_name, 0).parent for take in self._takes]
-        known = [Experience.of(self.store.root / place) for place in places]
+        unknown = UNMEASURED if self.share else HERE
+
+        @cache
+        def known(place: int) -> Experience | None:
+            take = self._takes[place]
+            return Experience.of(self.store.root / take.folders.statistics(take.quality_name, 0).parent)
 
         def needs(job: Job) -> Needs:
-            experience = known[job.takes[0]] if job.task == "render" else None
-            return experience.needs(len(job.frames), job.threads) if experience else UNMEASURED
+            experience = known(job.takes[0]) if job.task == "render" else None
+            return experience.needs(len(job.frames), job.threads) if experience else unknown
 
         return [replace(job, needs=needs(job)) for job in jobs]
 
     def _batches(self, frames: Sequence[int]) -> list[tuple[int, ...]]:
-        return batches(frames, self.cores, self.share.frames if self.share else 1)
+        return batches(frames, self.cores, self.share.frames if self.share else FEWEST)
 
     def _surfaces(self, take: Take, unrendered: Sequence[int], cameras_known: bool) -> None:
         """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""
@@ -176,14 +176,14 @@ class Planner:
         missing = self._absent("mesh", take, wanted, take.mesh_key)
         if missing:
             _require_permission(take)
-        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing], FIRST)
+        self._add(take, "simulate", missing, [], [take.motion_folders.mesh(n) for n in missing])
 
-    def _render(self, take: Take, batch: Sequence[int], urgency: int) -> None:
+    def _render(self, take: Take, batch: Sequence[int]) -> None:
         meshes = dict.fromkeys(take.poses[n].mesh for n in batch)
         inputs = [take.folders.cameras(), *(take.motion_folders.normals(m) for m in meshes)]
         inputs += [take.motion_folders.mesh(take.poses[n].mesh) for n in batch if take.needs_mesh(n)]
         outputs = [take.folders.raw(take.quality_name, n) for n in batch]
-        self._add(take, "render", batch, inputs, outputs, urgency)
+        self._add(take, "render", batch, inputs, outputs)
 
     def _enter(self, take: Take) -> int:
         """The take's place in the plan. Raises UsageError where another shot has its name."""
@@ -220,13 +220,12 @@ class Planner:
         frames: Sequence[int],
         inputs: list[Path],
         outputs: list[Path],
-        urgency: int = 0,
     ) -> None:
         if frames:
             label = re.sub(r"\W", "_", take.label)
             name = f"{task}_{len(self._jobs):04d}_{label}_{min(frames):04d}_{max(frames):04d}"
             takes = (self._enter(take),)
-            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs), urgency=urgency)
+            job = Job(name, task, takes, tuple(frames), paths(inputs), paths(outputs))
             self._jobs.append(job)
             self._made.update(paths(outputs))
 

@@ -33,7 +33,7 @@ class Farm:
 
 @pytest.fixture(scope="session")
 def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
-    """SLURM from Debian packages, on this machine alone. Skips where they are not; `make soak` fetches them."""
+    """SLURM from Debian packages, on this machine alone; skips where `make soak` has not fetched them."""
     pytest.importorskip("snakemake_executor_plugin_slurm")
     folder = tmp_path_factory.mktemp("slurm")
     process = subprocess.Popen(

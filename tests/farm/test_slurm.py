@@ -1,4 +1,4 @@
-"""The same work on a SLURM of one node: the same files, three hops at most, nothing lost with a killed job."""
+"""The same work on a SLURM of one node: the same files, few hops, and nothing lost with a killed job."""
 
 import json
 import os
