@@ -52,7 +52,7 @@ def resources_of(rule):
 rule all:
     default_target: True
     input:
-        [mark(job) for job in plan.last_jobs],
+        [mark(job) for job in plan.last_jobs] or plan_file,
 
 
 for each in {job.rule: job for job in plan.jobs}.values():

@@ -123,7 +123,7 @@ class Plan:
         return [job for job in self.jobs if job.name not in waited_for]
 
     def mark(self, job: Job) -> Path:
-        """Of a job that is done, while the plan runs."""
+        """The file, relative to the root, by which Snakemake sees that a job is done."""
         return MARKS / self.name / job.rule / job.name
 
     @property
@@ -186,10 +186,6 @@ class Plan:
             name=data["name"],
             host=data["host"],
         )
-
-    def mark(self, job: Job) -> Path:
-        """The file, relative to the root, by which Snakemake sees that a job is done."""
-        return MARKS / self.name / job.task / job.name
 
     def job(self, name: str) -> Job:
         """The job of a name; `render:3,17` makes just those of the frames that jobs of the task make."""
