@@ -65,7 +65,7 @@ def wedge(
     common is made once: a wedge over looks simulates nothing again.
     """
     grid = Grid.parse(vary or [], yes)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
     made = Wedge(studio, find_shot(shot), grid, windowed(quality, crop, scale), frames, at, columns)
     if common.dry_run:
         _tell(common, made)
