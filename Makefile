@@ -38,6 +38,7 @@ pictures: figures film
 	$(BIN)/python docs/pictures/gallery.py
 	$(BIN)/python docs/pictures/sets.py
 	$(BIN)/python docs/pictures/looks.py
+	$(BIN)/python docs/pictures/wedge.py
 
 setup: .venv/ready
 

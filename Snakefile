@@ -1,4 +1,4 @@
-"""The workflow: a rule for each task of a plan, and a job for each of the plan's jobs.
+"""The workflow: rules for the tasks of a plan, and a job for each of the plan's jobs.
 
 `flowsculpt` hands over a frozen plan in `config["plan"]`. Called directly, `snakemake --cores 2` plans the
 film itself; `--config shot=A020_lorenz frames=10-20x2 quality=preview` plans frames of one shot,
@@ -11,8 +11,6 @@ must run.
 import sys
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.layout import MARKS
-from pipeline.production.plan import FARMED
 from pipeline.production.snakefile import plan_of
 from snakemake.exceptions import WorkflowError
 
@@ -24,14 +22,13 @@ except FlowsculptError as error:
     raise WorkflowError(error) from None
 
 jobs = {job.name: job for job in plan.jobs}
-marks = f"{MARKS.as_posix()}/{plan.name}"
 
 
 def mark(job):
     return plan.mark(job).as_posix()
 
 
-def marks_needed(wildcards):
+def marks_before(wildcards):
     return [mark(jobs[name]) for name in jobs[wildcards.job].after]
 
 
@@ -47,33 +44,33 @@ def minutes_of(wildcards, attempt):
     return jobs[wildcards.job].needs.minutes * attempt
 
 
-def resources_of(task):
-    timed = all(job.needs.minutes for job in plan.jobs if job.task == task)
+def resources_of(rule):
+    timed = all(job.needs.minutes for job in plan.jobs if job.rule == rule)
     return {"mem_mb": memory_of, **({"runtime": minutes_of} if timed else {})}
 
 
 rule all:
     default_target: True
     input:
-        [mark(job) for job in plan.last_jobs],
+        [mark(job) for job in plan.last_jobs] or plan_file,
 
 
-for task, urgency in {job.task: job.urgency for job in plan.jobs}.items():
+for each in {job.rule: job for job in plan.jobs}.values():
 
     rule:
         name:
-            task
+            each.rule
         input:
-            marks_needed,
+            marks_before,
         output:
-            touch(f"{marks}/{task}/{{job}}"),
+            touch((plan.mark(each).parent / "{job}").as_posix()),
         log:
             f"{logs}/{{job}}.log",
-        priority: urgency
-        localrule: task not in FARMED
+        priority: each.urgency
+        localrule: each.stays
         threads: threads_of
         resources:
-            **resources_of(task),
+            **resources_of(each.rule),
         params:
             plan=plan_file,
             python=sys.executable,

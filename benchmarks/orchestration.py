@@ -30,6 +30,7 @@ from pipeline.production import scheduler
 from pipeline.production.framing import Framing
 from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
+from pipeline.production.profile import Profile
 from pipeline.production.take import Take
 from pipeline.production.workflow import Studio
 from render.camera import Camera
@@ -125,7 +126,7 @@ def fill(plan: Plan) -> None:
 def carry_out(plan: Plan) -> None:
     """Have Snakemake run all jobs of a plan but its simulations."""
     kept = replace(plan, jobs=tuple(job for job in plan.jobs if job.task != "simulate"))
-    assert scheduler.execute(kept.freeze(Path.cwd()), Path.cwd(), CORES), "a job failed"
+    assert scheduler.execute(kept.freeze(Path.cwd()), Path.cwd(), CORES, Profile.local()), "a job failed"
 
 
 def snakemake_looks_at(plan: Plan) -> None:

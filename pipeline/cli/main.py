@@ -52,10 +52,10 @@ COMMANDS = {
     "flows": "flows",
     "schema": "author",
     "status": "ask",
+    "report": "report",
     "why": "ask",
     "verify": "care",
     "clean": "care",
-    "report": "report",
     "doctor": "ask",
 }
 """In the order of the help, each with the module that holds its function: one command imports no others."""

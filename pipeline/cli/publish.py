@@ -151,7 +151,7 @@ def repeat(
             "settings; leave these out"
         )
     record = Provenance.read(source)
-    again = Repetition(record, source, common.root, common.cores, frames, variant, allow_code)
+    again = Repetition(record, source, common.root, common.cores, frames, variant, allow_code, common.profile)
     here = replace(common, root=again.home)
     plan = again.plan()
     for note in again.notes:

@@ -45,7 +45,7 @@ def tell_plan(common: Common, plan: Plan) -> None:
     expected = estimate(plan, common.root, common.cores)
     if not expected.fits:
         warn(_too_large(expected))
-    words = _intended(plan) + (f"\n{_expected(expected)}" if plan.jobs else "")
+    words = _intended(plan) + (f"\n{expected_words(expected)}" if plan.jobs else "")
     answer(words, {**_plan_facts(plan), "estimate": expected.as_data()}, common.json)
 
 
@@ -89,7 +89,7 @@ def _intended(plan: Plan) -> str:
     return f"To be done: {stages}."
 
 
-def _expected(expected: Estimate) -> str:
+def expected_words(expected: Estimate) -> str:
     """Time and space, as far as they are known."""
     told = []
     if expected.core_seconds:

@@ -2,12 +2,12 @@
 
 A line is written with one `write` on a descriptor opened for appending, so lines of several processes
 never mix. Network file systems promise that for one host only, so every other host of a farm has a log of its
-own beside, `<plan>.<host>.jsonl`. Events: `run`, with its cores, and `ran`; `begin`, with its threads, the
-process and its host, `end` and `fail` of a job; `start` of a frame, `pass` of a picture, and `frame` once it
-is there, with the seconds it took and whether the store had it already; `healed` for what is made again;
-`warn` for what a frame was made in spite of; `resumed` for a frame that goes on from its last pass; `renewed`
-for a rendering process replaced by a fresh one; `hung` and `killed` for a job that went silent and was ended,
-and for one that something else ended.
+own beside, `<plan>.<host>.jsonl`. Events: `run`, with its cores, and `ran`; `begin`, with its threads, its
+process and host, `end` and `fail` of a job; `start` of a frame, `pass` of a picture, and `frame` once it is
+there, with the seconds it took and whether the store had it already; `healed` for what is made again; `warn`
+for what a frame was made in spite of; `resumed` for a frame that goes on from its last pass; `renewed` for a
+rendering process replaced by a fresh one; `hung` and `killed` for a job that went silent and was ended, and
+for one that something else ended.
 """
 
 from __future__ import annotations

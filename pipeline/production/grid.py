@@ -9,8 +9,8 @@ from dataclasses import dataclass
 from itertools import product
 
 from pipeline.errors import UsageError
-from pipeline.frames import shortened
 from pipeline.production.keys import key_of
+from pipeline.shot.named_files import shown
 
 OPTION = "--vary"
 MOST_CELLS = 100
@@ -43,22 +43,24 @@ class Variation:
         Raises UsageError, with the option, for what is neither, for fewer than two values and for equal ones.
         """
         name, equals, rest = (part.strip() for part in text.partition("="))
-        place = f"{OPTION} {text}"
+        place = f"{OPTION} {shown(text)}"
         if not (name and equals and rest):
             raise UsageError(
-                f"{shortened(place)[1:-1]}: this varies nothing. Write name=first:last:count, such as "
+                f"{place}: this varies nothing. Write name=first:last:count, such as "
                 "flows.0.vortex.strength=1:3:5, or name=value,value."
             )
         steps = _STEPS.fullmatch(rest)
         values = _steps(place, *steps.groups()) if steps else _listed(rest)
         if len(values) < 2:
             raise UsageError(
-                f"{place}: that is one value, and a wedge needs two; --set {name}={rest} sets one. Write "
+                f"{place}: that is one value, and a wedge needs two; --set sets one. Write "
                 "name=first:last:count, or values with commas between them."
             )
         if len(set(values)) < len(values):
             twice = next(value for value in values if values.count(value) > 1)
-            raise UsageError(f"{place}: {twice} is in it twice, and would be rendered as one. Take one out.")
+            raise UsageError(
+                f"{place}: {shown(twice)} is in it twice, and would be rendered as one. Take one out."
+            )
         return cls(name, values, text)
 
     def setting(self, value: str) -> str:
@@ -96,15 +98,15 @@ class Grid:
         for i, name in enumerate(names):
             if name in names[:i]:
                 raise UsageError(
-                    f"{OPTION} {texts[i]}: {name} is varied twice; write its values in one option"
+                    f"{OPTION} {shown(texts[i])}: {shown(name)} is varied twice; write its values in one"
                 )
         grid = cls(variations)
         if len(grid) > (MOST_AT_ALL if many else MOST_CELLS):
             counts = " × ".join(str(len(variation.values)) for variation in variations)
             remedy = "take fewer values" if many else "take fewer values, or add --yes if you mean it"
             raise UsageError(
-                f"{OPTION} {texts[-1]}: that makes {counts} = {len(grid)} cells, and a wedge has at most "
-                f"{MOST_AT_ALL if many else MOST_CELLS}; {remedy}"
+                f"{OPTION} {shown(texts[-1])}: that makes {counts} = {len(grid)} cells, and a wedge has at "
+                f"most {MOST_AT_ALL if many else MOST_CELLS}; {remedy}"
             )
         return grid
 
@@ -142,7 +144,8 @@ def _steps(place: str, first: str, last: str, count: str) -> tuple[str, ...]:
     begin, end = float(first), float(last)
     if not (math.isfinite(begin) and math.isfinite(end)):
         raise UsageError(f"{place}: one of the numbers is too large to be one; take smaller ones")
-    return tuple(f"{begin + (end - begin) * i / max(1, many - 1):.6g}" for i in range(many))
+    shares = (i / max(1, many - 1) for i in range(many))
+    return tuple(f"{begin * (1.0 - share) + end * share:.6g}" for share in shares)
 
 
 def _listed(text: str) -> tuple[str, ...]:

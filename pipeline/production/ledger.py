@@ -13,7 +13,6 @@ import json
 import os
 import sys
 import time
-import uuid
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
@@ -22,6 +21,7 @@ from typing import Any
 
 from pipeline.production.keys import Key, code_key, key_of
 from pipeline.production.layout import STATE
+from pipeline.production.store import Store
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
 KEPT_SECONDS = 60 * 24 * 3600.0
@@ -49,11 +49,15 @@ class Ledger:
         return json.loads(text)
 
     def note(self, data: Any, *found_from: Any) -> None:
-        """Remember plain data. A disk that refuses hinders nothing."""
+        """Remember plain data, where there is something to be remembered for: a root that no run has begun
+        in stays as it is. A disk that refuses hinders nothing."""
         path, text = self._path(found_from), json.dumps(data, separators=(",", ":"))
-        draft = path.with_name(f".{uuid.uuid4().hex}.tmp")
+        draft = Store(self.root).draft(".json")
         with contextlib.suppress(OSError):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            if not (self.root / STATE).is_dir():
+                return
+            for folder in (path.parent, draft.parent):
+                folder.mkdir(exist_ok=True)
             try:
                 draft.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
                 draft.replace(path)

@@ -105,8 +105,8 @@ class Measured:
                 if event["event"] == "begin":
                     threads[event["job"]] = int(event.get("threads", 1))
                 elif event["event"] == "frame" and not event["found"]:
-                    quality = Path(event.get("place") or "").name
-                    quality = quality if base_of(quality) in QUALITIES else "draft"
+                    said = event.get("quality", "draft")
+                    quality = said if base_of(said) in QUALITIES else "draft"
                     taken = float(event["seconds"]) * threads.get(event["job"], 1)
                     found[event["stage"]][event["shot"], quality].append(taken)
         return found

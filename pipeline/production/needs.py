@@ -1,4 +1,4 @@
-"""What a farm is asked for on behalf of a job: memory and time, by what earlier pictures of the shot took."""
+"""What a job asks for, of a farm or of this machine: memory and time, by what earlier pictures took."""
 
 from __future__ import annotations
 
@@ -33,6 +33,9 @@ class Needs:
 
 
 UNMEASURED = Needs()
+
+HERE = Needs(LEAST_MIB)
+"""Of such a job on this machine, where more is tried at once, and fewer once something was killed."""
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ import os
 import platform
 import time
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -28,7 +28,10 @@ from pipeline.production.store import Store
 BATCH = 256
 """Frames a process renders at most before it gives its memory back."""
 
-LAST = 32
+FEWEST = 4
+"""Frames that are not worth the start of a second process: one renders them on all cores."""
+
+LAST = 48
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
@@ -38,14 +41,14 @@ FARMED = ("simulate", "render", "finish")
 
 @dataclass(frozen=True)
 class Job:
-    """One rule of the workflow.
+    """One job of the workflow.
 
     task     the function of `pipeline.production.tasks` that does it
     takes    the places among the plan's takes of those it works on: one, or for the film all
     frames   the numbers it makes, in the order in which it makes them
     inputs   files that it reads, and outputs, those that it shows: known while a plan is made
+    urgency  which of those that could go go first: the highest
     after    the names of the jobs that make what it reads: known of a plan that was frozen
-    needs    what a farm is asked for on its behalf
     """
 
     name: str
@@ -55,24 +58,32 @@ class Job:
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
     threads: int = 1
-    after: tuple[str, ...] = ()
+    urgency: int = 0
     needs: Needs = UNMEASURED
-
-    @property
-    def urgency(self) -> int:
-        """Simulations first: each is the work of one thread, and all the pictures of its shot wait for it."""
-        return 1 if self.task == "simulate" else 0
+    after: tuple[str, ...] = ()
 
     @property
     def stays(self) -> bool:
         """Whether it runs where the plan was made, even if the others go to a farm."""
         return self.task not in FARMED
 
+    @property
+    def rule(self) -> str:
+        """The rule of the workflow that does it: one for all jobs of a task that are asked for alike."""
+        late = f"_{-self.urgency}" if self.urgency < 0 else ""
+        return f"{self.task}{late}" + ("" if self.needs.minutes is None else "_timed")
+
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
         lists = {name: tuple(data[name]) for name in ("takes", "frames", "after")}
-        needs = Needs(**data["needs"])
-        return cls(data["name"], data["task"], threads=data["threads"], needs=needs, **lists)
+        return cls(
+            data["name"],
+            data["task"],
+            threads=data["threads"],
+            urgency=data["urgency"],
+            needs=Needs(**data["needs"]),
+            **lists,
+        )
 
 
 @dataclass(frozen=True)
@@ -106,16 +117,20 @@ class Plan:
         return len(lost)
 
     @property
-    def log_name(self) -> str:
-        """What the event log is called that this host writes while the plan runs."""
-        here = platform.node()
-        return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
-
-    @property
     def last_jobs(self) -> list[Job]:
         """Those that no other waits for, of a plan that was frozen."""
         waited_for = {name for job in self.jobs for name in job.after}
         return [job for job in self.jobs if job.name not in waited_for]
+
+    def mark(self, job: Job) -> Path:
+        """The file, relative to the root, by which Snakemake sees that a job is done."""
+        return MARKS / self.name / job.rule / job.name
+
+    @property
+    def log_name(self) -> str:
+        """What the event log is called that this host writes while the plan runs."""
+        here = platform.node()
+        return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
     def raw_places(self) -> list[Path]:
@@ -172,10 +187,6 @@ class Plan:
             host=data["host"],
         )
 
-    def mark(self, job: Job) -> Path:
-        """The file, relative to the root, by which Snakemake sees that a job is done."""
-        return MARKS / self.name / job.task / job.name
-
     def job(self, name: str) -> Job:
         """The job of a name; `render:3,17` makes just those of the frames that jobs of the task make."""
         task, _, frames = name.partition(":")
@@ -188,31 +199,32 @@ class Plan:
         return replace(whole, name=name, frames=numbers, threads=available_cores())
 
 
-def batches(numbers: Sequence[int], cores: int, least: int = 1) -> list[tuple[int, ...]]:
+def batches(numbers: Sequence[int], cores: int, least: int = FEWEST) -> list[tuple[int, ...]]:
     """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
     needlessly shorter than `least`.
 
     They are runs of neighbours, long ones first, for each costs a process the time to start, and shorter ones
     towards the end, so that no core waits long for another (guided self-scheduling: Polychronopoulos & Kuck,
-    1987). Where frames come in another order than theirs, as coarse first, they are dealt out, so that all
-    cores work on the first ones first.
+    1987). But where frames come in another order than theirs, as coarse first, they are dealt out, so that
+    all cores work on the first ones first.
     """
-    cores, share = max(1, cores), -(-len(numbers) // max(1, cores))
-    if list(numbers) != sorted(numbers):
-        return _dealt(numbers, cores, min(BATCH, max(least, share)))
-    found: list[tuple[int, ...]] = []
-    least, begun = max(1, least, min(LAST, share)), 0
-    while begun < len(numbers):
-        size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
-        found.append(tuple(numbers[begun : begun + size]))
-        begun += size
-    return found
-
-
-def _dealt(numbers: Sequence[int], cores: int, size: int) -> list[tuple[int, ...]]:
+    cores = max(1, cores)
+    share = -(-len(numbers) // cores)
+    if list(numbers) == sorted(numbers):
+        return list(_guided(numbers, cores, max(least, min(LAST, share))))
+    size = min(BATCH, max(least, share))
     hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
     dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
     return [batch for batch in dealt if batch]
+
+
+def _guided(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[int, ...]]:
+    """Batches of half of each core's share of what is left."""
+    begun = 0
+    while begun < len(numbers):
+        size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
+        yield tuple(numbers[begun : begun + size])
+        begun += size
 
 
 def dealt_out(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:

@@ -5,14 +5,15 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 from pathlib import Path
 
 from pipeline.errors import UsageError
 from pipeline.production.edit import Cut
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
-from pipeline.production.needs import UNMEASURED, Experience, Needs
-from pipeline.production.plan import Job, Link, Plan, batches, dealt_out, paths
+from pipeline.production.needs import HERE, UNMEASURED, Experience, Needs
+from pipeline.production.plan import FEWEST, Job, Link, Plan, batches, dealt_out, paths
 from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
@@ -119,12 +120,10 @@ class Planner:
             if keys is not None:
                 keys.note()
         jobs = dealt_out(self._jobs, self.cores, self.share)
-        if self.share is not None:
-            jobs = self._measured(jobs)
         return Plan(
             takes=tuple(take.as_data() for take in self._takes),
             film=self._cut.as_data() if self._cut else None,
-            jobs=tuple(jobs),
+            jobs=tuple(self._measured(jobs)),
             links=tuple(self._links.values()),
             targets=tuple(dict.fromkeys(paths(self._targets))),
             notes=tuple(dict.fromkeys(self.notes)),
@@ -138,17 +137,21 @@ class Planner:
 
     def _measured(self, jobs: Sequence[Job]) -> list[Job]:
         """Jobs, those that render asking for what earlier pictures took."""
-        places = [take.folders.statistics(take.quality_name, 0).parent for take in self._takes]
-        known = [Experience.of(self.store.root / place) for place in places]
+        unknown = UNMEASURED if self.share else HERE
+
+        @cache
+        def known(place: int) -> Experience | None:
+            take = self._takes[place]
+            return Experience.of(self.store.root / take.folders.statistics(take.quality_name, 0).parent)
 
         def needs(job: Job) -> Needs:
-            experience = known[job.takes[0]] if job.task == "render" else None
-            return experience.needs(len(job.frames), job.threads) if experience else UNMEASURED
+            experience = known(job.takes[0]) if job.task == "render" else None
+            return experience.needs(len(job.frames), job.threads) if experience else unknown
 
         return [replace(job, needs=needs(job)) for job in jobs]
 
     def _batches(self, frames: Sequence[int]) -> list[tuple[int, ...]]:
-        return batches(frames, self.cores, self.share.frames if self.share else 1)
+        return batches(frames, self.cores, self.share.frames if self.share else FEWEST)
 
     def _surfaces(self, take: Take, unrendered: Sequence[int], cameras_known: bool) -> None:
         """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""

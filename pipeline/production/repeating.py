@@ -6,7 +6,7 @@ was rendered before, and nothing of these is touched.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -18,6 +18,7 @@ from pipeline.production.keyring import Keyring
 from pipeline.production.layout import repeated
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
+from pipeline.production.profile import Profile
 from pipeline.production.provenance import Provenance, pixels_of, restored
 from pipeline.production.script import Script
 from pipeline.production.store import Store
@@ -59,6 +60,7 @@ class Repetition:
     frames: str | None = None
     variant: str | None = None
     allow_code: bool = False
+    profile: Profile = field(default_factory=Profile.local)
 
     @property
     def home(self) -> Path:
@@ -114,7 +116,8 @@ class Repetition:
 
     def plan(self) -> Plan:
         """Raises what `take` raises."""
-        planner, take = Planner(self.store, self.cores), self.take
+        side_by_side = self.profile.side_by_side(self.cores)
+        planner, take = Planner(self.store, side_by_side, share=self.profile.share), self.take
         planner.pictures(take)
         if self.frames is None:
             planner.movie(take)

@@ -91,7 +91,9 @@ def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:
 def _words(plan: Path, cores: int, profile: Profile) -> list[str]:
     """What Snakemake is called with. Its words win over our own settings, and these over the profile."""
     ours = ["--snakefile", str(snakefile()), "--workflow-profile", str(shipped() / "default")]
-    here = ["--cores" if profile.is_local else "--local-cores", str(cores)]
+    here = ["--local-cores", str(cores)]
+    if profile.is_local:
+        here = ["--cores", str(cores), "--resources", f"mem_mb={psutil.virtual_memory().available >> 20}"]
     return [*ours, *profile.arguments, *here, "--config", f"plan={plan.as_posix()}"]
 
 

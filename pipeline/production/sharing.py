@@ -17,6 +17,7 @@ from pipeline.production.cameras import CameraFile
 from pipeline.production.keyring import Keyring
 from pipeline.production.keys import Key
 from pipeline.production.plan import Job, Plan, dealt_out
+from pipeline.production.profile import Share
 from pipeline.production.store import Store
 from pipeline.production.take import Take
 
@@ -33,13 +34,16 @@ _WHOLE = ("frame_camera", "assemble")
 """Tasks that make one file of all their frames; others make one of each."""
 
 
-def shared(plan: Plan, takes: Sequence[Take], store: Store, cores: int) -> Plan:
-    """The plan with everything made once; `takes` are the plan's own, in its order."""
+def shared(plan: Plan, takes: Sequence[Take], store: Store, cores: int, share: Share | None = None) -> Plan:
+    """The plan with everything made once; `takes` are the plan's own, in its order.
+
+    cores, share  what its jobs have together, and on a farm each for itself
+    """
     known = [_Files.of(take, store) for take in takes]
     once = _Once(known, _users(plan, known))
     jobs = [kept for job in plan.jobs for kept in once.kept(job)]
     renamed = [replace(job, inputs=once.renamed(job.inputs)) for job in jobs]
-    return replace(plan, jobs=tuple(dealt_out(renamed, cores)), targets=once.renamed(plan.targets))
+    return replace(plan, jobs=tuple(dealt_out(renamed, cores, share)), targets=once.renamed(plan.targets))
 
 
 @dataclass(frozen=True)

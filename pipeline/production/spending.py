@@ -123,8 +123,12 @@ def named_run(root: Path, name: str | None) -> str:
 
 def statistics_of(root: Path, event: Event) -> Path:
     """Where it is told what rendering a frame took. Raises KeyError for logs that do not say."""
-    place: str = event["place"]
-    return root / place / "statistics" / f"{event['shot']}.{event['frame']:04d}.json"
+    shot: str = event["shot"]
+    place = Path(event["quality"]) / "statistics"
+    homes = (root / "renders" / shot, root / "renders" / "turntable" / shot)
+    files = [home / place / f"{shot}.{event['frame']:04d}.json" for home in homes]
+    found = [file for file in files if file.exists()]
+    return found[0] if found else files[0]
 
 
 def _turns(events: Iterable[Event], last: float) -> Iterator[tuple[str, float, float]]:

@@ -7,7 +7,7 @@ renders/wedge/<shot>/<wedge>.<quality>.0024.png    the contact sheet; of several
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -22,11 +22,11 @@ from pipeline.production import layout
 from pipeline.production.grid import OPTION, Cell, Grid, Variation
 from pipeline.production.keyring import Keyring
 from pipeline.production.plan import Plan
-from pipeline.production.planner import Planner
 from pipeline.production.sharing import shared
 from pipeline.production.take import Take
 from pipeline.production.variants import variant_for
 from pipeline.production.workflow import Studio
+from pipeline.shot.named_files import shown
 from render.colour import quantise, to_display
 from render.contact_sheet import ContactSheet, columns_for, reduced, reduction
 from render.errors import RenderError
@@ -65,13 +65,13 @@ class Wedge:
 
     @cached_property
     def _read(self) -> list[tuple[Cell, Take]]:
-        return [(cell, self._take(cell)) for cell in self.grid]
+        still = str(self.number)  # what is wrong with the frames themselves is told before any cell is
+        return [(cell, self._take(cell, self.frames or still)) for cell in self.grid]
 
     @cached_property
     def number(self) -> int:
         """The frame of the sheet. Raises UsageError where it is none of those rendered."""
-        shot = self.studio.take(self.shot, self.quality)
-        known = FrameRange.parse(self.frames) if self.frames is not None else FrameRange.of(shot.requested)
+        known = FrameRange.of(self.studio.take(self.shot, self.quality, self.frames).requested)
         if self.at is None:
             return sorted(known)[len(known) // 2]
         if self.at not in known:
@@ -80,25 +80,18 @@ class Wedge:
 
     def plan(self) -> Plan:
         """What is left to be done for all cells together, each file made once."""
-        takes = [take for _, take in self.takes]
-        return shared(self._apart(takes), takes, self.studio.store, self.studio.cores)
+        return self.plans()[1]
 
-    def plan_apart(self) -> Plan:
-        """The same with each cell for itself."""
-        return self._apart([take for _, take in self.takes])
-
-    def _apart(self, takes: Sequence[Take]) -> Plan:
-        planner = Planner(self.studio.store, max(1, self.studio.cores // len(self.grid)), self.studio.notes)
+    def plans(self) -> tuple[Plan, Plan]:
+        """The same with each cell for itself, and together."""
+        takes, studio = [take for _, take in self.takes], self.studio
+        planner = studio.planner_of(len(takes))
         for take in takes:
             planner.pictures(take)
             if len(take.requested) > 1:
                 planner.movie(take)
-        return planner.plan()
-
-    def spared(self) -> dict[str, int]:
-        """Frames by task that cells share with each other."""
-        apart, together = (_frames(plan) for plan in (self.plan_apart(), self.plan()))
-        return {task: apart[task] - together[task] for task in apart if apart[task] > together[task]}
+        apart = planner.plan()
+        return apart, shared(apart, takes, studio.store, studio.cores, studio.profile.share)
 
     # Sheets
 
@@ -188,9 +181,8 @@ class Wedge:
     def _home(self) -> Path:
         return layout.wedge(self.shot.stem)
 
-    def _take(self, cell: Cell) -> Take:
+    def _take(self, cell: Cell, frames: str) -> Take:
         studio = replace(self.studio, settings=(*self.studio.settings, *cell.settings))
-        frames = self.frames if self.frames is not None else str(self.number)
         try:
             take = studio.take(self.shot, self.quality, frames)
         except ShotError as error:
@@ -205,12 +197,15 @@ def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cel
     """What is wrong with a cell, told at the variation whose value it is about."""
     for variation, setting in zip(variations, cell.settings, strict=True):
         if message.startswith(f"--set {setting}: "):
-            value = setting.partition("=")[2]
-            return f"{OPTION} {variation.said}: at {value}, {message.removeprefix(f'--set {setting}: ')}"
+            value = shown(setting.partition("=")[2])
+            return (
+                f"{OPTION} {shown(variation.said)}: at {value}, {message.removeprefix(f'--set {setting}: ')}"
+            )
     return f"{OPTION} with {', '.join(cell.settings)}: {message}"
 
 
-def _frames(plan: Plan) -> Counter[str]:
+def frames_by_task(plan: Plan) -> Counter[str]:
+    """How many frames the jobs of each task have."""
     counts: Counter[str] = Counter()
     for job in plan.jobs:
         counts[job.task] += len(job.frames)

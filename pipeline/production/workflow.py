@@ -220,7 +220,11 @@ class Studio:
         return replace(self.take(clip.shot.path, quality), requested=tuple(clip.frames))
 
     def _planner(self) -> Planner:
-        side_by_side = self.profile.side_by_side(self.cores)
+        return self.planner_of(1)
+
+    def planner_of(self, many: int) -> Planner:
+        """For so many takes that are made side by side."""
+        side_by_side = max(1, self.profile.side_by_side(self.cores) // many)
         return Planner(self.store, side_by_side, self._notes, self.profile.share)
 
 

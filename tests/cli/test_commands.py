@@ -43,10 +43,11 @@ def test_help_names_every_command_and_the_exit_codes(studio):
 
 
 MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish", "export")
-TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "doctor")
+TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "why", "report", "doctor")
+CARING = ("verify", "clean")
 
 
-@pytest.mark.parametrize("command", ["new", *MAKING, *TELLING])
+@pytest.mark.parametrize("command", ["new", *MAKING, *TELLING, *CARING])
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
     done = studio.run(command, "--help")
     assert done.code == 0

@@ -62,6 +62,7 @@ def test_what_is_remembered_is_what_reading_the_shot_finds(
     first = [keys_of(take_of(shot, quality)), keys_of(replace(take_of(shot, quality), turntable=turn))]
     read = [forgetful(take_of(shot, quality)), replace(forgetful(take_of(shot, quality)), turntable=turn)]
     assert [keys_of(take) for take in read] == first
+    assert [take.quality for take in read] == [take.quality_of_shot for take in read]
     monkeypatch.setattr("pipeline.shot.read.read_shot", never)
     again = [take_of(shot, quality), replace(take_of(shot, quality), turntable=turn)]
     assert [keys_of(take) for take in again] == first

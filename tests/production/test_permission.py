@@ -132,7 +132,7 @@ def snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:
         "--workflow-profile",
         str(project / "profiles/default"),
         "--until",
-        "simulate_0000_P010_preview_0001_0003",
+        "simulate",
     ]
     command += ["--config", "shot=P010", "quality=preview", *config]
     return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)

@@ -39,7 +39,7 @@ def test_words_mean_what_status_tells() -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "told"), [("mising", "Did you mean 'missing'?"), ("1-4,failed", "words alone")]
+    ("text", "told"), [("staled", "Did you mean 'stale'?"), ("1-4,failed", "words alone")]
 )
 def test_what_is_neither_is_told(text: str, told: str) -> None:
     with pytest.raises(UsageError, match="is not a frame range") as error:

@@ -24,7 +24,14 @@ def log(root: Path, name: str, *events: dict[str, object]) -> None:
 
 
 def frame(time: float, job: str, number: int, seconds: float, found: bool = False) -> dict[str, object]:
-    facts = {"stage": job, "shot": "A", "frame": number, "seconds": seconds, "found": found, "place": PLACE}
+    facts = {
+        "stage": job,
+        "shot": "A",
+        "frame": number,
+        "seconds": seconds,
+        "found": found,
+        "quality": "draft",
+    }
     return {"time": time, "event": "frame", "job": job, **facts}
 
 

@@ -138,7 +138,7 @@ class Context:
         return well
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
-        self._log("frame", number, found=found, seconds=round(seconds, 4), place=self._place)
+        self._log("frame", number, found=found, seconds=round(seconds, 4))
 
     def passed(self, number: int, done: int, most: int) -> None:
         """So many passes of a picture have been rendered, of at most so many."""

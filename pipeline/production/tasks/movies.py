@@ -28,7 +28,9 @@ def assemble(context: Context) -> bool:
     keys, numbers = context.picture_keys(take), sorted(take.requested)
     key = take.movie_key([keys[n].frame for n in numbers])
     frames = _shown(context, take, keys, numbers)
-    return _movie(context, key, take.movie_path, frames, take.shot.motion.rate, take.quality_name)
+    return _movie(
+        context, key, take.movie_path, frames, FrameRate.of(take.script.outline.rate), take.quality_name
+    )
 
 
 def film(context: Context) -> bool:

@@ -34,8 +34,9 @@ def work(context: Context) -> int:
     """Do one job in this process; 0 where all went well, 1 where the event log says what failed, and RENEWED
     where a fresh process is to render the rest."""
     job = context.job
-    here = {"process": os.getpid(), "host": socket.gethostname()}
-    context.log.write("begin", stage=job.task, threads=job.threads, **here)
+    context.log.write(
+        "begin", stage=job.task, threads=job.threads, process=os.getpid(), host=socket.gethostname()
+    )
     _limit_kernels(job.threads)
     try:
         task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)

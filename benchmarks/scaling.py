@@ -1,0 +1,137 @@
+"""`python -m benchmarks.scaling [ROOT [RUN]]`: how long a job takes on more nodes.
+
+With a ROOT a run that was recorded there is replayed: a small simulation of discrete events, in which workers
+take jobs whose predecessors are done, the most urgent first, and hold them for as long as the event log says.
+By as many workers as the run had it must come to what the clock said then. Without one the model of
+docs/scaling.md is evaluated: shots as plans have them, on a farm whose jobs each wait for its queue.
+"""
+
+from __future__ import annotations
+
+import heapq
+import sys
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from benchmarks.report import Row, keep, show
+from pipeline.production.events import EventReader
+from pipeline.production.layout import EVENTS, PLANS
+from pipeline.production.plan import Plan, batches
+from pipeline.production.spending import named_run
+
+HOP = 14.0
+"""Seconds that a job of a farm waits for its queue, its start and its end being seen (measured: 13 to 15)."""
+
+START = 2.0
+"""Seconds until a process makes its first frame."""
+
+SECONDS = {"motion": 1.0, "render": 85.0, "finish": 3.4, "movie": 1.0}
+"""Of a node of two cores, a frame of 67 thousand vertices, 1280 × 720, 64 samples (docs/benchmarks.md)."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """A job of the simulation: what it waits for, and how long it holds a worker."""
+
+    name: str
+    after: tuple[str, ...]
+    seconds: float
+    urgency: int = 0
+
+
+def replayed(tasks: Sequence[Task], workers: int, hop: float = 0.0) -> float:
+    """Seconds until all tasks are done by so many workers; `hop` is what passes before each can begin."""
+    waiting = {task.name: len(task.after) for task in tasks}
+    followers: dict[str, list[Task]] = defaultdict(list)
+    for task in tasks:
+        for name in task.after:
+            followers[name].append(task)
+    ready = [(-task.urgency, number, task) for number, task in enumerate(tasks) if not task.after]
+    heapq.heapify(ready)
+    running: list[tuple[float, int, Task]] = []
+    now, free, count = 0.0, workers, len(tasks)
+    while ready or running:
+        while ready and free:
+            _, number, task = heapq.heappop(ready)
+            heapq.heappush(running, (now + hop + task.seconds, number, task))
+            free -= 1
+        now, _, done = heapq.heappop(running)
+        free += 1
+        for task in followers[done.name]:
+            waiting[task.name] -= 1
+            if not waiting[task.name]:
+                count += 1
+                heapq.heappush(ready, (-task.urgency, count, task))
+    return now
+
+
+def recorded(root: Path, run: str) -> tuple[list[Task], int, float]:
+    """The jobs of a run with the seconds that they held a worker, how many workers it had, and its length.
+
+    A job holds its worker from the end of the one before it, or from the beginning: what passes until it says
+    so is its start.
+    """
+    events = list(EventReader(root / EVENTS / f"{run}.jsonl").new())
+    jobs = {job.name: job for job in Plan.thaw(root / PLANS / f"{run}.json").jobs}
+    cores = next(int(event["cores"]) for event in events if event["event"] == "run")
+    begun = {event["job"]: event for event in reversed(events) if event["event"] == "begin"}
+    ended = {event["job"]: event["time"] for event in events if event["event"] == "end"}
+    first, last = events[0]["time"], events[-1]["time"]
+    tasks = []
+    for name, event in begun.items():
+        before = max((t for t in ended.values() if t < event["time"]), default=first)
+        tasks.append(Task(name, jobs[name].after, ended[name] - before, jobs[name].urgency))
+    return tasks, cores, last - first
+
+
+def shot(number: int, frames: int, nodes: int) -> list[Task]:
+    """A shot's jobs as plans have them, dealt out to so many nodes."""
+    motion = f"motion{number}"
+    tasks = [Task(motion, (), START + frames * SECONDS["motion"], urgency=1)]
+    finished = []
+    for place, batch in enumerate(batches(range(1, frames + 1), nodes)):
+        rendered, done = f"render{number}.{place}", f"finish{number}.{place}"
+        tasks.append(Task(rendered, (motion,), START + len(batch) * SECONDS["render"], -(place // nodes)))
+        tasks.append(Task(done, (rendered,), START + len(batch) * SECONDS["finish"], -(place // nodes)))
+        finished.append(done)
+    return [*tasks, Task(f"movie{number}", tuple(finished), START + frames * SECONDS["movie"])]
+
+
+def check(root: Path, run: str) -> None:
+    """Replay a recorded run on its own workers and on more."""
+    tasks, cores, seconds = recorded(root, run)
+    rows: list[Row] = [
+        {
+            "workers": float(n),
+            "replayed, s": replayed(tasks, n),
+            "by the clock, s": seconds if n == cores else "",
+        }
+        for n in (cores, 2 * cores, 4 * cores, 16 * cores)
+    ]
+    show(f"{run}: {len(tasks)} jobs on {cores} workers", rows)
+    keep("scaling_replay", rows)
+
+
+def model() -> None:
+    """Shots of 100 frames, 1 to 1000 of them, on 1 to 1000 nodes."""
+    rows: list[Row] = []
+    for shots in (1, 10, 100, 1000):
+        for nodes in (1, 10, 100, 1000):
+            tasks = [task for number in range(shots) for task in shot(number, 100, max(1, nodes // shots))]
+            hours = replayed(tasks, nodes, HOP) / 3600
+            work = sum(task.seconds for task in tasks) / 3600
+            row: Row = {"frames": 100.0 * shots, "nodes": float(nodes), "jobs": float(len(tasks))}
+            rows.append(
+                {**row, "hours": hours, "node hours of work": work, "busy, %": 100 * work / hours / nodes}
+            )
+    show("Final frames, 1280 × 720, 64 samples, nodes of two cores", rows)
+    keep("scaling", rows)
+
+
+if __name__ == "__main__":
+    if len(sys.argv) > 1:
+        check(Path(sys.argv[1]), named_run(Path(sys.argv[1]), next(iter(sys.argv[2:]), None)))
+    else:
+        model()

@@ -1,0 +1,66 @@
+"""Plans as Snakemake sees them: few jobs, each after those that make what it reads, and in one small file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.production.plan import BATCH, LAST, Plan, batches
+from pipeline.production.workflow import Studio
+
+SHOT = (
+    "title: T\nframes: 1-{frames}\nsubject: {{solid: box}}\nresample: off\n"
+    "flows:\n  - twist: {{axis: y, amount: {{keys: {{1: 0, 5: 60}}}}}}\n"
+)
+
+
+@given(st.integers(1, 2000), st.integers(1, 64))
+def test_batches_hold_every_frame_once_and_shrink_towards_the_end(count: int, cores: int) -> None:
+    found = batches(range(count), cores)
+    assert [number for batch in found for number in batch] == list(range(count))
+    sizes = [len(batch) for batch in found]
+    assert sizes == sorted(sizes, reverse=True)
+    assert max(sizes) <= BATCH
+    assert len(found) >= min(cores, -(-count // max(1, -(-count // cores))))
+
+
+def test_long_shots_begin_with_long_batches_and_end_with_short_ones() -> None:
+    sizes = [len(batch) for batch in batches(range(1000), 2)]
+    assert sizes[0] == 250 and sizes[-2] == LAST
+    assert len(sizes) < 12
+    assert [len(batch) for batch in batches(range(96), 2)] == [48, 48]
+
+
+@pytest.fixture
+def plan(tmp_path: Path) -> Plan:
+    (tmp_path / "a.yaml").write_text(SHOT.format(frames=300))
+    return Studio(tmp_path, 2, variant="scalar_rgb").pictures([str(tmp_path / "a.yaml")], "preview")
+
+
+def test_a_frozen_plan_names_the_jobs_that_each_waits_for(plan: Plan, tmp_path: Path) -> None:
+    thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
+    by_name = {job.name: job for job in thawed.jobs}
+    assert [job.name for job in thawed.jobs] == [job.name for job in plan.jobs]
+    tasks = {job.task: {by_name[name].task for name in job.after} for job in thawed.jobs}
+    assert tasks == {
+        "simulate": set(),
+        "smooth_normals": {"simulate"},
+        "frame_camera": {"simulate"},
+        "render": {"frame_camera", "smooth_normals"},
+        "finish": {"render"},
+        "assemble": {"finish"},
+    }
+    assert [job.task for job in thawed.last_jobs] == ["assemble"]
+
+
+def test_a_frozen_plan_does_not_grow_by_a_file_name_a_frame(plan: Plan, tmp_path: Path) -> None:
+    assert (tmp_path / plan.freeze(tmp_path)).stat().st_size < 300 * 50
+
+
+def test_marks_of_jobs_are_apart(plan: Plan) -> None:
+    marks = [plan.mark(job) for job in plan.jobs]
+    assert len(set(marks)) == len(marks)
+    assert {mark.parent.name for mark in marks} == {job.rule for job in plan.jobs}
