@@ -34,7 +34,6 @@ class Farm:
 @pytest.fixture(scope="session")
 def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     """SLURM from Debian packages, on this machine alone; skips where `make soak` has not fetched them."""
-    pytest.importorskip("snakemake_executor_plugin_slurm")
     folder = tmp_path_factory.mktemp("slurm")
     process = subprocess.Popen(
         [sys.executable, str(SLURM), "serve", str(folder)],
@@ -48,10 +47,11 @@ def slurm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Farm]:
     if not line:
         _, complaint = process.communicate()
         pytest.skip(f"no SLURM here: {complaint.strip()}")
-    before = os.environ["PATH"]
-    os.environ.update(json.loads(line))
-    yield Farm()
-    os.environ["PATH"] = before
+    with pytest.MonkeyPatch.context() as found:
+        for name, value in json.loads(line).items():
+            found.setenv(name, value)
+        found.syspath_prepend(os.environ["PYTHONPATH"].partition(":")[0])
+        yield Farm()
     process.communicate()
 
 

@@ -1,6 +1,7 @@
 """A SLURM of one node, to try `--profile slurm` on and to test it.
 
-    python tests/farm/slurm.py fetch           unpack SLURM from Debian packages under the environment
+    python tests/farm/slurm.py fetch           unpack SLURM from Debian packages under the environment, and
+                                               Snakemake's plugin for it beside
     python tests/farm/slurm.py run COMMAND…    start it, run a command that finds it, stop it
     python tests/farm/slurm.py serve FOLDER    start it there, print its environment as JSON, end with stdin
 
@@ -35,6 +36,9 @@ from render.errors import RenderEnvironmentError
 PACKAGES = ("slurmctld", "slurmd", "slurm-client", "munge")
 
 FETCHED = Path(sys.prefix) / "slurm"
+
+REQUIREMENTS = Path(__file__).with_name("requirements.txt")
+"""Snakemake's plugin and pandas, which each start of Snakemake would import were they in the environment."""
 
 PATIENCE = 20.0
 """Seconds that daemons have to be ready, and to end."""
@@ -144,10 +148,17 @@ def fetch(time_limit: float = 300.0) -> None:
             if not missing:
                 raise SlurmError(f"apt offers none of {', '.join(PACKAGES)}")
             apt.unpack(list(missing), Path(work) / "unpacked")
+            _install(Path(work) / "unpacked" / "python")
             shutil.rmtree(FETCHED, ignore_errors=True)
             (Path(work) / "unpacked").replace(FETCHED)
     except (RenderEnvironmentError, OSError) as error:
         raise SlurmError(f"SLURM cannot be fetched: {error}") from None
+
+
+def _install(folder: Path) -> None:
+    words = ["--quiet", "--require-hashes", "--no-deps", "--target", str(folder), "-r", str(REQUIREMENTS)]
+    if subprocess.run([sys.executable, "-m", "pip", "install", *words]).returncode:
+        raise SlurmError(f"{REQUIREMENTS} cannot be installed; pip says why")
 
 
 @contextmanager
@@ -187,7 +198,8 @@ def running(folder: Path, cpus: int | None = None) -> Iterator[dict[str, str]]:
         start(programs.path("slurmctld"), "-D", "-c")
         start(programs.path("slurmd"), "-D", "-c", "-d", programs.path("slurmstepd"))
         _wait_until(lambda: _idle(programs, environment), "the node", folder)
-        yield {"PATH": f"{folder / 'bin'}:{os.environ['PATH']}"}
+        paths = [str(FETCHED / "python"), os.environ.get("PYTHONPATH", "")]
+        yield {"PATH": f"{folder / 'bin'}:{os.environ['PATH']}", "PYTHONPATH": ":".join(filter(None, paths))}
 
 
 def _write_configuration(folder: Path, programs: Programs, cpus: int) -> None:

@@ -28,6 +28,14 @@ def folder(studio, monkeypatch):
     return studio.path
 
 
+@pytest.fixture(autouse=True)
+def plugin(tmp_path_factory, monkeypatch):
+    """An executor that seems to be installed; nothing is run here."""
+    place = tmp_path_factory.mktemp("plugin")
+    (place / "snakemake_executor_plugin_slurm.py").touch()
+    monkeypatch.syspath_prepend(place)
+
+
 def profile(folder, text, name="mine"):
     (folder / "profiles" / name).mkdir(parents=True, exist_ok=True)
     (folder / "profiles" / name / "profile.yaml").write_text(text)
