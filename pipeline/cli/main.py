@@ -47,6 +47,7 @@ COMMANDS = {
     "wedge": "wedge",
     "publish": "publish",
     "versions": "publish",
+    "export": "export",
     "resample": "files",
     "flows": "flows",
     "schema": "author",

@@ -49,7 +49,7 @@ def publish(
     command that makes it. What is published already is not published twice.
     """
     name = windowed(quality, crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()))
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), profile=common.profile)
     take = studio.take(find_shot(shot), name)
     said = {"--crop": crop, "--scale": scale, "--variant": variant}
     words = ["flowsculpt", "render", shot, "-q", quality]

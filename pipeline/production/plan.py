@@ -17,6 +17,7 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.frames import FrameRange
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
 from pipeline.production.layout import MARKS, PLANS
@@ -122,7 +123,7 @@ class Plan:
         return [job for job in self.jobs if job.name not in waited_for]
 
     def mark(self, job: Job) -> Path:
-        """Of a job that is done, while the plan runs."""
+        """The file, relative to the root, by which Snakemake sees that a job is done."""
         return MARKS / self.name / job.rule / job.name
 
     @property
@@ -144,12 +145,16 @@ class Plan:
         known by key. So plans stay small, and Snakemake has one file a job to look after, not one a frame.
         """
         path = PLANS / f"{self.name}.json"
-        with disk_faults(root / path):
-            (root / PLANS).mkdir(parents=True, exist_ok=True)
-            draft = root / PLANS / f".{self.name}.tmp"
-            draft.write_text(json.dumps(self._as_data()))
-            draft.replace(root / path)
+        self.write(root / path)
         return path
+
+    def write(self, path: Path) -> None:
+        """Write the plan to a file, which appears whole or not at all."""
+        with disk_faults(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft = path.with_name(f".{path.stem}.tmp")
+            draft.write_text(json.dumps(self._as_data()))
+            draft.replace(path)
 
     def _as_data(self) -> dict[str, Any]:
         maker = {output: job.name for job in self.jobs for output in job.outputs}
@@ -183,7 +188,15 @@ class Plan:
         )
 
     def job(self, name: str) -> Job:
-        return next(job for job in self.jobs if job.name == name)
+        """The job of a name; `render:3,17` makes just those of the frames that jobs of the task make."""
+        task, _, frames = name.partition(":")
+        if not frames:
+            return next(job for job in self.jobs if job.name == name)
+        from render.engine import available_cores  # what else is in it takes time to import
+
+        whole = next(job for job in self.jobs if job.task == task)
+        numbers = tuple(FrameRange.parse(frames))
+        return replace(whole, name=name, frames=numbers, threads=available_cores())
 
 
 def batches(numbers: Sequence[int], cores: int, least: int = FEWEST) -> list[tuple[int, ...]]:

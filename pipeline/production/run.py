@@ -160,15 +160,19 @@ class _Work:
         events = list(EventReader(log).new())
         told = {"fail", "healed", "hung", "killed"}
         if not well and not any(event["event"] in told for event in events):
-            events += _unexplained(events, scheduler.log_of(frozen))
+            said = scheduler.log_of(frozen)
+            events += _unexplained(events, said, scheduler.complaint(self.root / said))
         return events
 
 
-def _unexplained(events: list[Event], log: Path) -> list[Event]:
-    """What no job has told of: some were killed, or Snakemake itself went wrong."""
+def _unexplained(events: list[Event], log: Path, complaint: str | None) -> list[Event]:
+    """What no job has told of: some were killed, a farm refused them, or Snakemake itself went wrong."""
     ended = {event["job"] for event in events if event["event"] == "end"}
     killed = [e for e in events if e["event"] == "begin" and e["job"] not in ended]
     if not killed:
-        message = f"the workflow failed; {log} says more"
-        return [{"event": "fail", "shot": "workflow", "stage": "", "message": message}]
+        if complaint is None:
+            message, code = f"the workflow failed; {log} says more", FrameError.exit_code
+        else:
+            message, code = f"no job could run: {complaint} {log} says more", MachineError.exit_code
+        return [{"event": "fail", "shot": "workflow", "stage": "", "message": message, "exit_code": code}]
     return [{**each, "event": "killed", "message": f"{each['job']} was killed"} for each in killed]

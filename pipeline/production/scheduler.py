@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -42,6 +43,19 @@ def snakefile() -> Path:
 def log_of(plan: Path) -> Path:
     """What Snakemake prints while it runs a plan, relative to the root."""
     return LOGS / plan.stem / "snakemake.log"
+
+
+def complaint(log: Path) -> str | None:
+    """What Snakemake's log tells first of a job that could not be run, such as that a farm refused it."""
+    told = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", _text(log), re.MULTILINE)
+    return told.group(1).strip().rstrip(".") + "." if told else None
+
+
+def _text(log: Path) -> str:
+    try:
+        return log.read_text(errors="replace")
+    except OSError:
+        return ""
 
 
 def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:

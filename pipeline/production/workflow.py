@@ -15,6 +15,7 @@ from pipeline.production.edit import Cut
 from pipeline.production.folder import FILM, find_shot
 from pipeline.production.history import History
 from pipeline.production.keyring import PictureKeys
+from pipeline.production.layout import STATE
 from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.planner import Planner
@@ -92,6 +93,15 @@ class Studio:
             if keys and all(self._rendered(keys[n]) for n in rest):
                 planner.pictures(whole)
                 planner.movie(whole)
+        return planner.plan()
+
+    def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of a shot and their movie, from the beginning, whatever is there already."""
+        nothing = Store(self.root / STATE / "nothing")
+        planner = Planner(nothing, 1, self._notes)
+        take = self.take(find_shot(shot), quality, frames)
+        planner.pictures(take)
+        planner.movie(take)
         return planner.plan()
 
     def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:

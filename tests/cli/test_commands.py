@@ -28,6 +28,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "film",
         "turntable",
         "preview",
+        "export",
         "curves",
         "wedge",
         "publish",
@@ -41,15 +42,16 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish")
-TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "report", "doctor")
+MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish", "export")
+TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "why", "report", "doctor")
+CARING = ("verify", "clean")
 
 
-@pytest.mark.parametrize("command", ["new", *MAKING, *TELLING])
+@pytest.mark.parametrize("command", ["new", *MAKING, *TELLING, *CARING])
 def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
     done = studio.run(command, "--help")
     assert done.code == 0
-    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root"):
+    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root", "--profile"):
         assert option in done.out
 
 

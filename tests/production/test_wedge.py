@@ -152,7 +152,7 @@ def test_a_wedge_over_looks_simulates_once(desk: Desk) -> None:
         "assemble": 4,
     }
     assert [job.threads for job in plan.jobs if job.task == "simulate"] == [4]
-    assert [job.threads for job in plan.jobs if job.task == "render"] == [1, 1, 1, 1]
+    assert [job.threads for job in plan.jobs if job.task == "render"] == [2, 2]
 
 
 def test_what_a_display_shows_alone_renders_once(desk: Desk) -> None:

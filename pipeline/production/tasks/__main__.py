@@ -17,17 +17,18 @@ from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.supervise import Supervisor, renderer
 
 
-def main(plan_path: str, job_name: str, settled: int | None = None) -> int:
+def main(plan_path: str, job_name: str, settled: int | None = None, insist: bool = False) -> int:
     """Do one job; 0 where all of it went well, 1 where something failed and the event log says what.
 
     settled  of a process that renders: how many of the job's frames others before it have made, or failed at;
              None lets rendering happen in such processes. One that has grown large returns `wear.RENEWED`.
+    insist   do it again though an earlier attempt has said why it failed
     """
     root = Path.cwd()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm sends first
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
     if settled is None:
-        if context.failed_for_good():
+        if not insist and context.failed_for_good():
             return 1
         context.bring_inputs_to_now()
     if settled is not None:
@@ -39,6 +40,6 @@ def main(plan_path: str, job_name: str, settled: int | None = None) -> int:
 
 if __name__ == "__main__":
     try:
-        sys.exit(main(sys.argv[1], sys.argv[2], *(int(n) for n in sys.argv[4:5])))
+        sys.exit(main(sys.argv[1], sys.argv[2], next(map(int, sys.argv[4:5]), None)))
     except KeyboardInterrupt:
         sys.exit(130)

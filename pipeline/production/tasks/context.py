@@ -62,8 +62,7 @@ class Context:
         """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
         differ, and Snakemake takes results that are older than their inputs for a mistake."""
         now = time.time()
-        for name in self.job.after:
-            path = self.root / self.plan.mark(self.plan.job(name))
+        for path in (self.root / self.plan.mark(self.plan.job(name)) for name in self.job.after):
             with suppress(OSError):
                 if path.stat().st_mtime > now:
                     os.utime(path)
@@ -102,6 +101,9 @@ class Context:
     def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
         """A stored file, read whole. A corrupt one is forgotten, so that the next round makes it anew."""
         path = self.store.path(kind, key)
+        if not path.exists():
+            with suppress(OSError):
+                list(path.parent.iterdir())  # a network file system may remember that it was not there
         try:
             return reader(path)
         except (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError) as error:

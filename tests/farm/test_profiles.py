@@ -1,0 +1,192 @@
+"""Profiles say where jobs run; plans are made by them."""
+
+import json
+import os
+import time
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import MachineError, MissingInputError, UsageError
+from pipeline.production.events import EventLog, EventReader
+from pipeline.production.layout import EVENTS
+from pipeline.production.needs import LEAST_MIB, START_MINUTES, Experience
+from pipeline.production.plan import Job, Plan, batches
+from pipeline.production.profile import SIDE_BY_SIDE, Profile
+from pipeline.production.scheduler import _words, complaint
+from pipeline.production.store import Store
+from pipeline.production.tasks.context import Context
+from pipeline.production.workflow import Studio
+
+NAME = "T010_tiny"
+
+
+@pytest.fixture
+def folder(studio, monkeypatch):
+    """The working folder of a studio."""
+    monkeypatch.chdir(studio.path)
+    return studio.path
+
+
+def profile(folder, text, name="mine"):
+    (folder / "profiles" / name).mkdir(parents=True, exist_ok=True)
+    (folder / "profiles" / name / "profile.yaml").write_text(text)
+    return Profile.named(name)
+
+
+def hops(plan):
+    """The longest chain of jobs that a farm does one after the other."""
+
+    def depth(job):
+        return (not job.stays) + max((depth(plan.job(name)) for name in job.after), default=0)
+
+    return max(map(depth, plan.last_jobs))
+
+
+def test_a_name_is_looked_up_in_the_working_folder_before_the_shipped_profiles(folder):
+    assert Profile.named("slurm").executor == "slurm"
+    assert Profile.named("local") == Profile.local() and Profile.local().is_local
+    ours = profile(folder, "executor: local\n", "slurm")
+    assert ours.folder == folder / "profiles" / "slurm" and ours.is_local
+    assert Profile.named("profiles/slurm").folder == ours.folder
+
+
+@pytest.mark.parametrize(
+    ("text", "error", "says"),
+    [
+        ("executor: moonbase\n", MachineError, "pip install snakemake-executor-plugin-moonbase"),
+        ("executor: [slurm]\n", UsageError, "it must be a name"),
+        ("executor: slurm\njobs: many\n", UsageError, "jobs is 'many'; it must be a whole number"),
+        ("executor: slurm\nconfig: {threads: 0}\n", UsageError, "config: threads is 0"),
+        ("executor: {\n", UsageError, "not a profile"),
+        ("slurm\n", UsageError, "executor: slurm"),
+    ],
+)
+def test_what_is_wrong_with_a_profile_is_said_in_one_line(folder, text, error, says):
+    with pytest.raises(error, match=r"profile\.yaml") as told:
+        Studio(folder, 2, profile=profile(folder, text)).meshes([NAME])
+    assert says in str(told.value) and "\n" not in str(told.value)
+
+
+def test_a_profile_that_is_not_there_is_told_with_those_there_are(folder):
+    with pytest.raises(MissingInputError, match="Did you mean 'slurm'"):
+        Profile.named("slrum")
+
+
+def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
+    farm = profile(folder, "executor: slurm\njobs: 50\nconfig: {threads: 8, frames: 2}\n")
+    plan = Studio(folder, 2, profile=farm).film("preview")
+    renders = [job for job in plan.jobs if job.task == "render"]
+    assert [job.frames for job in renders] == [(1, 2), (3, 4), (5, 6)]
+    assert {job.threads for job in plan.jobs if not job.stays} == {8}
+    frozen = Plan.thaw(folder / plan.freeze(folder))
+    assert [job.threads for job in frozen.jobs] == [job.threads for job in plan.jobs]
+    assert hops(frozen) == 3
+    assert {job.task for job in plan.jobs if job.stays} == {
+        "smooth_normals",
+        "frame_camera",
+        "assemble",
+        "film",
+    }
+
+
+def test_snakemake_is_given_the_profile_and_what_this_machine_has(folder):
+    farm = profile(folder, "executor: slurm\n")
+    words = _words(Path("plan.json"), 2, farm)
+    assert words[words.index("--local-cores") + 1] == "2"
+    assert words[words.index("--jobs") + 1] == str(SIDE_BY_SIDE)
+    assert "--cores" in _words(Path("plan.json"), 2, Profile.local())
+
+
+def test_a_farm_that_takes_no_job_is_told_in_its_own_words(tmp_path):
+    log = tmp_path / "snakemake.log"
+    assert complaint(log) is None
+    log.write_text("rule simulate:\n    jobid: 1\n    message: None\n")
+    assert complaint(log) is None
+    with log.open("a") as file:
+        file.write("    message: Job submission failed: no sbatch.For further error details see the log\n")
+    assert complaint(log) == "Job submission failed: no sbatch."
+
+
+def test_batches_are_not_needlessly_short():
+    assert batches(range(6), 100, 4) == [(0, 1, 2, 3), (4, 5)]
+    assert min(map(len, batches(range(1000), 100, 4))) >= 4
+
+
+def test_what_earlier_pictures_took_is_asked_for(tmp_path):
+    assert Experience.of(tmp_path) is None
+    for number, mib in ((1, 700), (2, 3000)):
+        told = {"seconds": {"rendering": 25.0, "building": 5.0}, "threads": 4, "peak_memory_mib": mib}
+        (tmp_path / f"a.{number:04d}.json").write_text(json.dumps(told))
+    (tmp_path / "a.0003.json").write_text('{"seconds": ')
+    experience = Experience.of(tmp_path)
+    needs = experience.needs(frames=10, threads=2)
+    assert needs.mib == 4500 + LEAST_MIB // 2
+    assert needs.minutes == START_MINUTES + 40  # four times ten frames of a minute of two cores
+
+
+@pytest.fixture
+def context(tmp_path):
+    """A job that waits for another."""
+    jobs = Job("simulate_1", "simulate", (), (1,)), Job("render_1", "render", (), (1,), after=("simulate_1",))
+    plan = Plan(takes=(), film=None, jobs=jobs, links=(), targets=())
+    return Context.of(tmp_path, plan, "render_1")
+
+
+def test_a_job_that_said_why_it_failed_is_not_tried_again_and_a_killed_one_is(context):
+    log = context.log
+    log.write("begin")
+    assert not context.failed_for_good()
+    log.write("fail", exit_code=4)
+    log.write("end")
+    assert not context.failed_for_good()  # a full disk of one node
+    context.log.path.unlink()
+    log.write("fail", frame=3, exit_code=1)
+    assert not context.failed_for_good()  # killed at a later frame
+    log.write("end")
+    assert context.failed_for_good()
+    context.log.path.unlink()
+    log.write("healed")
+    assert context.failed_for_good()  # another round makes what it lacks
+
+
+def test_inputs_from_the_future_are_given_the_present_time(context):
+    source = context.root / context.plan.mark(context.plan.jobs[0])
+    source.parent.mkdir(parents=True)
+    source.touch()
+    os.utime(source, (0, 0))
+    context.bring_inputs_to_now()
+    assert source.stat().st_mtime == 0
+    os.utime(source, (time.time() + 3600, time.time() + 3600))
+    context.bring_inputs_to_now()
+    assert source.stat().st_mtime <= time.time()
+
+
+def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
+    plan = Plan(takes=(), film=None, jobs=(), links=(), targets=())
+    reader = EventReader(tmp_path / EVENTS / f"{plan.name}.jsonl")
+    EventLog(tmp_path / EVENTS / plan.log_name, "a").write("begin")
+    assert [event["job"] for event in reader.new()] == ["a"]
+    monkeypatch.setattr("platform.node", lambda: "node7")
+    assert plan.log_name == f"{plan.name}.node7.jsonl"
+    EventLog(tmp_path / EVENTS / plan.log_name, "b").write("begin")
+    assert [event["job"] for event in reader.new()] == ["b"]
+    assert list(reader.new()) == []
+
+
+def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
+    from pipeline.production.tasks.meshes import simulate
+
+    plan = Studio(folder, 1).meshes([NAME], "1-3")
+    (job,) = plan.jobs
+    context = Context.of(folder, plan, job.name)
+    assert simulate(context)
+    store, take = Store(folder), context.take
+    store.discard("mesh", take.mesh_key(3))
+    for output in job.outputs:
+        (folder / output).unlink()
+    again = EventReader(context.log.path)
+    list(again.new())
+    assert simulate(context)
+    assert [(event["frame"], event["found"]) for event in again.new()] == [(1, True), (2, True), (3, False)]
+    assert all((folder / output).is_file() for output in job.outputs)
