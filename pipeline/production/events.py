@@ -49,6 +49,11 @@ class EventReader:
     path: Path
     _offsets: dict[Path, int] = field(default_factory=dict, init=False)
 
+    def skip(self) -> None:
+        """Leave out what was told until now."""
+        with contextlib.suppress(FileNotFoundError):
+            self._offset = self.path.stat().st_size
+
     def new(self) -> Iterator[Event]:
         for path in sorted(self.path.parent.glob(f"{self.path.stem}.*jsonl")):
             yield from self._new_in(path)
