@@ -51,12 +51,15 @@ class EventReader:
 
     def skip(self) -> None:
         """Leave out what was told until now."""
-        with contextlib.suppress(FileNotFoundError):
-            self._offset = self.path.stat().st_size
+        self._offsets = {path: path.stat().st_size for path in self._logs()}
 
     def new(self) -> Iterator[Event]:
-        for path in sorted(self.path.parent.glob(f"{self.path.stem}.*jsonl")):
+        for path in self._logs():
             yield from self._new_in(path)
+
+    def _logs(self) -> list[Path]:
+        """That of the host where the plan was made, and of others."""
+        return sorted(self.path.parent.glob(f"{self.path.stem}.*jsonl"))
 
     def _new_in(self, path: Path) -> Iterator[Event]:
         with contextlib.suppress(FileNotFoundError), path.open("rb") as file:
