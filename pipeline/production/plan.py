@@ -33,7 +33,7 @@ BATCH = 256
 FEWEST = 4
 """Frames that are not worth the start of a second process: one renders them on all cores."""
 
-LAST = 48
+LAST = 64
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
