@@ -28,6 +28,7 @@ from typing import NamedTuple
 from benchmarks.report import Target, keep, show
 from pipeline.production import scheduler
 from pipeline.production.framing import Framing
+from pipeline.production.layout import STATE
 from pipeline.production.ledger import Ledger
 from pipeline.production.plan import Plan
 from pipeline.production.profile import Profile
@@ -98,6 +99,7 @@ def running(name: str, frames: int) -> Iterator[Target]:
 def write_shots(count: int, frames: int) -> list[str]:
     """Shots in `shots/` of the working folder that no two meshes are shared by; their names."""
     Path("shots").mkdir()
+    STATE.mkdir()  # as of a root in which work has begun: there keys are remembered
     names = [f"P{number:03d}_box" for number in range(1, count + 1)]
     for number, name in enumerate(names):
         Path(f"shots/{name}.yaml").write_text(SHOT.format(frames=frames, degrees=60 + number))

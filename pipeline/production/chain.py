@@ -14,7 +14,7 @@ from pipeline.shot.data import as_data
 
 def mesh_keys(motion: Motion) -> dict[int, Key]:
     """By frame: each key holds the one before and what acts between the two frames."""
-    motion = _asked_in_order(motion)
+    motion = asked_in_order(motion)
     code = code_key(SIMULATION_CODE, ("numba", "numpy", "trimesh"))
     key = key_of("mesh", code, motion.start_data())
     first, *others = sorted(motion.frames)
@@ -27,11 +27,15 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
 def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
     """By frame; `meshes` are the keys of its meshes."""
-    motion, pieces, code = _asked_in_order(shot.motion), shot.picture.tessellate, code_key(NORMALS_CODE)
-    return {
-        number: key_of("normals", code, mesh, as_data(thresholds_at(motion, number).hard_angle), pieces)
-        for number, mesh in meshes.items()
-    }
+    motion, pieces, code = asked_in_order(shot.motion), shot.picture.tessellate, code_key(NORMALS_CODE)
+    first = thresholds_at(motion, motion.frames.first).hard_angle
+    is_the_same = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
+
+    def key(number: int, mesh: Key) -> Key:
+        angle = first if is_the_same else thresholds_at(motion, number).hard_angle
+        return key_of("normals", code, mesh, as_data(angle), pieces)
+
+    return {number: key(number, mesh) for number, mesh in meshes.items()}
 
 
 def thresholds_at(motion: Motion, number: int) -> Thresholds:
@@ -70,7 +74,8 @@ class _AskedInOrder(Motion):
         return self._latest[frame]
 
 
-def _asked_in_order(motion: Motion) -> Motion:
+def asked_in_order(motion: Motion) -> Motion:
+    """The same motion, quicker to ask of one frame after the other."""
     if isinstance(motion, _AskedInOrder):
         return motion
     parts = {field.name: getattr(motion, field.name) for field in fields(motion)}

@@ -49,9 +49,17 @@ class EventReader:
     path: Path
     _offsets: dict[Path, int] = field(default_factory=dict, init=False)
 
+    def skip(self) -> None:
+        """Leave out what was told until now."""
+        self._offsets = {path: path.stat().st_size for path in self._logs()}
+
     def new(self) -> Iterator[Event]:
-        for path in sorted(self.path.parent.glob(f"{self.path.stem}.*jsonl")):
+        for path in self._logs():
             yield from self._new_in(path)
+
+    def _logs(self) -> list[Path]:
+        """That of the host where the plan was made, and of others."""
+        return sorted(self.path.parent.glob(f"{self.path.stem}.*jsonl"))
 
     def _new_in(self, path: Path) -> Iterator[Event]:
         with contextlib.suppress(FileNotFoundError), path.open("rb") as file:

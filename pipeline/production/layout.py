@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 
 STATE = Path(".flowsculpt")
@@ -34,35 +35,41 @@ class Folders:
     def of_turntable(cls, name: str) -> Folders:
         return cls(Path("renders") / "turntable" / name, name)
 
-    def _frame(self, folder: Path, number: int, suffix: str) -> Path:
-        return folder / f"{self.name}.{number:04d}{suffix}"
+    def _frame(self, within: str, number: int, suffix: str) -> Path:
+        return _file_of(self, within, number, suffix)
 
     def mesh(self, number: int) -> Path:
-        return self._frame(self.home / "meshes", number, ".npz")
+        return self._frame("meshes", number, ".npz")
 
     def normals(self, number: int) -> Path:
-        return self._frame(self.home / "normals", number, ".npz")
+        return self._frame("normals", number, ".npz")
 
     def cameras(self) -> Path:
         return self.home / f"{self.name}.cameras.json"
 
     def raw(self, quality: str, number: int) -> Path:
-        return self._frame(self.home / quality / "raw", number, ".exr")
+        return self._frame(f"{quality}/raw", number, ".exr")
 
     def frame(self, quality: str, number: int) -> Path:
-        return self._frame(self.home / quality / "frames", number, ".exr")
+        return self._frame(f"{quality}/frames", number, ".exr")
 
     def still(self, quality: str, form: str, number: int, suffix: str) -> Path:
         """A frame as a display shows it, in a folder for each form."""
-        return self._frame(self.home / quality / form, number, suffix)
+        return self._frame(f"{quality}/{form}", number, suffix)
 
     def statistics(self, quality: str, number: int) -> Path:
         """What rendering a picture took: not the same twice, and so beside the picture and not in it."""
-        return self._frame(self.home / quality / "statistics", number, ".json")
+        return self._frame(f"{quality}/statistics", number, ".json")
 
     def movie(self, quality: str, frames: str | None = None) -> Path:
         """The film of all frames, or of a range: `<shot>.10-20x2.mp4`."""
         return self.home / quality / (f"{self.name}.{frames}.mp4" if frames else f"{self.name}.mp4")
+
+
+@lru_cache(maxsize=2**14)
+def _file_of(folders: Folders, within: str, number: int, suffix: str) -> Path:
+    """Planning asks for the files of a shot several times, and joining paths is most of what it would do."""
+    return folders.home / within / f"{folders.name}.{number:04d}{suffix}"
 
 
 def film(quality: str, name: str) -> Path:

@@ -15,15 +15,17 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
 from pipeline.production.disk import disk_faults
 from pipeline.production.keys import Key
 from pipeline.production.layout import MARKS, PLANS
 from pipeline.production.needs import UNMEASURED, Needs
-from pipeline.production.profile import Share
 from pipeline.production.store import Store
+
+if TYPE_CHECKING:
+    from pipeline.production.profile import Share
 
 BATCH = 256
 """Frames a process renders at most before it gives its memory back."""
@@ -31,7 +33,7 @@ BATCH = 256
 FEWEST = 4
 """Frames that are not worth the start of a second process: one renders them on all cores."""
 
-LAST = 48
+LAST = 64
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 

@@ -19,7 +19,7 @@ from pipeline.production.window import base_of, quality_named
 if TYPE_CHECKING:
     from pipeline.production.ledger import Ledger
     from pipeline.resample import Thresholds
-    from pipeline.shot import Shot
+    from pipeline.shot import Clock, Shot
     from pipeline.shot.cameras import View
     from pipeline.shot.shutter import PictureLayers
     from render.quality import Quality
@@ -160,7 +160,13 @@ class Showing:
 
     def view(self, number: int) -> View:
         """From where a picture is seen; a turntable stands still."""
-        return self.shot.picture.camera.at(self.shot.motion.clock.time(self.poses[number].mesh))
+        return self.shot.picture.camera.at(self._clock.time(self.poses[number].mesh))
+
+    @cached_property
+    def _clock(self) -> Clock:
+        from pipeline.production.chain import asked_in_order
+
+        return asked_in_order(self.shot.motion).clock
 
     @property
     def follow(self) -> float:
@@ -172,7 +178,7 @@ class Showing:
         """Pictures to either side that light is taken from; what keeps its noise would not know its own."""
         return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.steady
 
-    @property
+    @cached_property
     def layers(self) -> PictureLayers:
         """Those that the shot asks for, and those that following its pixels to other frames takes."""
         asked = self.shot.picture.layers
@@ -180,8 +186,7 @@ class Showing:
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """When the shutter opens for a picture and closes, in frames from its moment; None: it shows one."""
-        motion = self.shot.motion
-        return self.shot.picture.shutter.open_at(motion.clock.time(self.poses[number].mesh))
+        return self.shot.picture.shutter.open_at(self._clock.time(self.poses[number].mesh))
 
     def moments_beside(self, number: int) -> tuple[float, ...]:
         """How far a picture looks beyond its own moment, in frames, each way or none."""

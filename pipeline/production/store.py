@@ -60,7 +60,7 @@ class Store:
         return self.root / STATE / "tmp"
 
     def path(self, kind: str, key: Key) -> Path:
-        return self.root / STATE / "store" / kind / key[:2] / (key + SUFFIXES[kind])
+        return self.root / f"{STATE}/store/{kind}/{key[:2]}/{key}{SUFFIXES[kind]}"
 
     def holds(self, kind: str, key: Key | None) -> bool:
         return key is not None and self.path(kind, key).exists()

@@ -30,10 +30,17 @@ WEDGE = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\
 
 
 @pytest.fixture
-def shot(tmp_path: Path) -> Path:
-    (tmp_path / "a.yaml").write_text(SHOT)
-    (tmp_path / "wedge.obj").write_text(WEDGE)
-    return tmp_path / "a.yaml"
+def root(tmp_path: Path) -> Path:
+    """A root that a run has begun in: others stay as they are."""
+    (tmp_path / ".flowsculpt").mkdir()
+    return tmp_path
+
+
+@pytest.fixture
+def shot(root: Path) -> Path:
+    (root / "a.yaml").write_text(SHOT)
+    (root / "wedge.obj").write_text(WEDGE)
+    return root / "a.yaml"
 
 
 def take_of(shot: Path, quality: str = "draft") -> Take:
@@ -113,10 +120,10 @@ def test_a_disk_that_refuses_hinders_nothing(tmp_path: Path) -> None:
     assert book.recall("of this") is None
 
 
-def test_entries_that_nobody_asks_for_go(tmp_path: Path) -> None:
-    book = Ledger(tmp_path)
+def test_entries_that_nobody_asks_for_go(root: Path) -> None:
+    book = Ledger(root)
     book.note({}, "old")
-    (entry,) = (tmp_path / ".flowsculpt/ledger").iterdir()
+    (entry,) = (root / ".flowsculpt/ledger").iterdir()
     os.utime(entry, (0.0, 0.0))
     book.note({}, "new")
     assert not entry.exists()

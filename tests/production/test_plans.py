@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.plan import BATCH, LAST, Plan, batches
+from pipeline.production.plan import BATCH, FEWEST, LAST, Plan, batches
 from pipeline.production.workflow import Studio
 
 SHOT = (
@@ -24,7 +24,7 @@ def test_batches_hold_every_frame_once_and_shrink_towards_the_end(count: int, co
     sizes = [len(batch) for batch in found]
     assert sizes == sorted(sizes, reverse=True)
     assert max(sizes) <= BATCH
-    assert len(found) >= min(cores, -(-count // max(1, -(-count // cores))))
+    assert len(found) >= min(cores, count // max(FEWEST, -(-count // cores)))
 
 
 def test_long_shots_begin_with_long_batches_and_end_with_short_ones() -> None:
