@@ -152,7 +152,7 @@ class Store:
 
 
 def _left_behind(draft: Path) -> bool:
-    host, _, rest = draft.name.partition("+")
+    host, _, rest = draft.name.lstrip(".").partition("+")  # a writer's own draft of it begins with a point
     number = rest.partition("+")[0]
     if host == platform.node() and number.isdecimal():
         return int(number) == os.getpid() or not psutil.pid_exists(int(number))

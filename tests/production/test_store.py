@@ -5,6 +5,7 @@ import platform
 import resource
 import signal
 import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -127,3 +128,17 @@ def test_sweeping_removes_what_a_killed_process_left(store):
     (store.scratch / "half.exr").write_text("half a frame")
     store.sweep()
     assert leftovers(store) == []
+
+
+def test_what_a_killed_writer_left_beside_its_draft_goes_too(tmp_path):
+    store = Store(tmp_path)
+    ended = subprocess.Popen([sys.executable, "-c", ""])
+    ended.wait()
+    draft = store.draft(".exr")
+    mine = f"{platform.node()}+{os.getpid()}+"
+    assert draft.name.startswith(mine)
+    theirs = draft.name.replace(mine, f"{platform.node()}+{ended.pid}+")
+    draft.parent.mkdir(parents=True)
+    (draft.parent / f".{theirs}.tmp{ended.pid}.exr").write_text("half")
+    store.sweep()
+    assert not draft.parent.exists()
