@@ -155,8 +155,15 @@ def _left_behind(draft: Path) -> bool:
     host, _, rest = draft.name.lstrip(".").partition("+")  # a writer's own draft of it begins with a point
     number = rest.partition("+")[0]
     if host == platform.node() and number.isdecimal():
-        return int(number) == os.getpid() or not psutil.pid_exists(int(number))
+        return int(number) == os.getpid() or not _lives(int(number))
     return not number or time.time() - draft.stat().st_mtime > OLD_DRAFT
+
+
+def _lives(process: int) -> bool:
+    """A zombie writes nothing any more."""
+    with contextlib.suppress(psutil.Error):
+        return bool(psutil.Process(process).status() != psutil.STATUS_ZOMBIE)
+    return False
 
 
 def _ends(path: Path, size: int) -> bytes:
