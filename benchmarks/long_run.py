@@ -20,9 +20,9 @@ import psutil
 
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.sitting import PLAN, Sitting
-from pipeline.production.events import EventLog
-from pipeline.production.layout import PLANS
-from pipeline.production.plan import Plan
+from pipeline.production.files.layout import PLANS
+from pipeline.production.runs.events import EventLog
+from pipeline.production.runs.plan import Plan
 from render.engine import choose
 
 SHOT = """\

@@ -26,14 +26,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.report import Target, keep, show
-from pipeline.production import scheduler
-from pipeline.production.framing import Framing
-from pipeline.production.layout import STATE
-from pipeline.production.ledger import Ledger
-from pipeline.production.plan import Plan
-from pipeline.production.profile import Profile
-from pipeline.production.take import Take
-from pipeline.production.workflow import Studio
+from pipeline.production.farm.profile import Profile
+from pipeline.production.files.layout import STATE
+from pipeline.production.runs import scheduler
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.surfaces.framing import Framing
+from pipeline.production.takes.ledger import Ledger
+from pipeline.production.takes.take import Take
 from render.camera import Camera
 from render.stage import Placement
 

@@ -10,13 +10,13 @@ from pathlib import Path
 
 import numba
 
-from pipeline.production.events import EventLog
-from pipeline.production.layout import Folders
-from pipeline.production.plan import Job, Plan
-from pipeline.production.planner import Planner
-from pipeline.production.script import Script
-from pipeline.production.store import Store
-from pipeline.production.take import Take
+from pipeline.production.files.layout import Folders
+from pipeline.production.files.store import Store
+from pipeline.production.runs.events import EventLog
+from pipeline.production.runs.plan import Job, Plan
+from pipeline.production.runs.planner import Planner
+from pipeline.production.takes.script import Script
+from pipeline.production.takes.take import Take
 from pipeline.production.tasks.__main__ import PLACES
 from pipeline.production.tasks.context import Context
 from render.engine import Engine

@@ -13,14 +13,14 @@ from pipeline.cli.options import Common
 from pipeline.cli.runs import carried_out
 from pipeline.cli.say import answer, complain, err, warn
 from pipeline.errors import FlowsculptError
-from pipeline.production.cleaning import Sweep, sweep
-from pipeline.production.folder import find_shot, shot_names
-from pipeline.production.run import exclusive
-from pipeline.production.state import is_begun
-from pipeline.production.store import Store
-from pipeline.production.take import Take
-from pipeline.production.verifying import Checked, damages, verified
-from pipeline.production.workflow import Studio
+from pipeline.production.care.cleaning import Sweep, sweep
+from pipeline.production.care.state import is_begun
+from pipeline.production.care.verifying import Checked, damages, verified
+from pipeline.production.files.store import Store
+from pipeline.production.runs.run import exclusive
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import find_shot, shot_names
+from pipeline.production.takes.take import Take
 from render.quality import QUALITIES
 
 

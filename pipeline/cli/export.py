@@ -12,10 +12,10 @@ from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Sett
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer
 from pipeline.errors import UsageError, suggestion
-from pipeline.production import openjd as job_description
-from pipeline.production.disk import disk_faults
-from pipeline.production.window import windowed
-from pipeline.production.workflow import Studio
+from pipeline.production.farm import openjd as job_description
+from pipeline.production.files.disk import disk_faults
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.window import windowed
 
 FORMATS = ("openjd",)
 

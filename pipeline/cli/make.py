@@ -11,10 +11,10 @@ from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Sett
 from pipeline.cli.options import Common
 from pipeline.cli.runs import make
 from pipeline.errors import UsageError
-from pipeline.production.folder import FILM, find_edit
-from pipeline.production.take import FORMS
-from pipeline.production.window import windowed
-from pipeline.production.workflow import Studio
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import FILM, find_edit
+from pipeline.production.takes.take import FORMS
+from pipeline.production.takes.window import windowed
 from render.quality import QUALITIES
 
 

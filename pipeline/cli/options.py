@@ -13,8 +13,8 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.say import complain
-from pipeline.production.profile import Profile
-from pipeline.production.watchdog import PATIENCE
+from pipeline.production.farm.profile import Profile
+from pipeline.production.runs.watchdog import PATIENCE
 from render.engine import available_cores
 
 INTERRUPTED = 130

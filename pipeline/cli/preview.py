@@ -12,10 +12,10 @@ from pipeline.cli.options import Common
 from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer
 from pipeline.errors import UsageError
-from pipeline.production.folder import find_shot
-from pipeline.production.layout import Folders
-from pipeline.production.preview import Sketch
-from pipeline.production.workflow import Studio
+from pipeline.production.files.layout import Folders
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.surfaces.preview import Sketch
+from pipeline.production.takes.folder import find_shot
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
 from render.plot import Track, plot_tracks

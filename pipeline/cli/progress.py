@@ -18,8 +18,8 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from pipeline.production.events import Event, EventReader
-from pipeline.production.plan import Plan
+from pipeline.production.runs.events import Event, EventReader
+from pipeline.production.runs.plan import Plan
 
 POLL_SECONDS = 0.2
 

@@ -15,11 +15,11 @@ from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES, Bars
 from pipeline.cli.say import answer, complain, err, warn
 from pipeline.cli.sizes import duration, size
-from pipeline.production.cost import Estimate, estimate
-from pipeline.production.plan import Plan
-from pipeline.production.run import Outcome, run
-from pipeline.production.spending import Spending
-from pipeline.production.take import FORMS
+from pipeline.production.costs.cost import Estimate, estimate
+from pipeline.production.costs.spending import Spending
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.run import Outcome, run
+from pipeline.production.takes.take import FORMS
 
 
 def make(common: Common, make_plan: Callable[[], Plan]) -> None:

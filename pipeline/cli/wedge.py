@@ -11,12 +11,12 @@ from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES
 from pipeline.cli.runs import carried_out, expected_words
 from pipeline.cli.say import answer, warn
-from pipeline.production.cost import estimate
-from pipeline.production.folder import find_shot
-from pipeline.production.grid import MOST_CELLS, OPTION, Grid
-from pipeline.production.wedge import Wedge, frames_by_task
-from pipeline.production.window import windowed
-from pipeline.production.workflow import Studio
+from pipeline.production.costs.cost import estimate
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import find_shot
+from pipeline.production.takes.window import windowed
+from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
+from pipeline.production.versions.wedge import Wedge, frames_by_task
 
 
 def wedge(

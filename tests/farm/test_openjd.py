@@ -11,11 +11,11 @@ from pipeline.cli import export
 from pipeline.cli.options import Common
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.openjd import _written
-from pipeline.production.profile import Profile
+from pipeline.production.farm.openjd import _written
+from pipeline.production.farm.profile import Profile
+from pipeline.production.runs.workflow import Studio
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import simulate
-from pipeline.production.workflow import Studio
 from render.image import read_exr
 
 NAME = "T010_tiny"

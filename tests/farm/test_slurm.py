@@ -10,10 +10,10 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.layout import STATE
+from pipeline.production.files.layout import STATE
+from pipeline.production.runs.workflow import Studio
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.meshes import simulate
-from pipeline.production.workflow import Studio
 
 NAME = "T010_tiny"
 QUALITY = "preview.scale10"

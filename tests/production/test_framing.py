@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.framing import Balls, envelope, frame_all, smooth, turned
+from pipeline.production.surfaces.framing import Balls, envelope, frame_all, smooth, turned
 from pipeline.shot.cameras import View
 
 ASPECT = 16 / 9

@@ -16,17 +16,17 @@ import numpy as np
 import pytest
 
 from pipeline.errors import UsageError
-from pipeline.production import halves
-from pipeline.production.events import EventLog, EventReader
-from pipeline.production.layout import EVENTS, HALVES
-from pipeline.production.plan import Job, Plan
-from pipeline.production.store import Store
+from pipeline.production.files import halves
+from pipeline.production.files.layout import EVENTS, HALVES
+from pipeline.production.files.store import Store
+from pipeline.production.runs.events import EventLog, EventReader
+from pipeline.production.runs.plan import Job, Plan
+from pipeline.production.runs.workflow import Studio
 from pipeline.production.tasks import wear
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.supervise import Supervisor
 from pipeline.production.tasks.wear import RENEWED, VARIABLE, Wear, WornOutError
 from pipeline.production.tasks.work import PLACES
-from pipeline.production.workflow import Studio
 from render import passes
 from render.image import read_exr
 
@@ -198,7 +198,7 @@ def test_a_size_that_is_none_is_refused(said: str, monkeypatch: pytest.MonkeyPat
 _RENDERER = """
 import sys
 from pathlib import Path
-from pipeline.production.events import EventLog
+from pipeline.production.runs.events import EventLog
 log = EventLog(Path(sys.argv[1]), "job")
 number = int(sys.argv[2])
 for event, frame in {0: [("frame", 1), ("fail", 2)], 2: [("frame", 3)], 3: [("frame", 4)]}[number]:

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production import keys
-from pipeline.production.keys import (
+from pipeline.production.takes import keys
+from pipeline.production.takes.keys import (
     FINISH_CODE,
     FRAMING_CODE,
     MOVIE_CODE,

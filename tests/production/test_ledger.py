@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production import ledger, script
-from pipeline.production.ledger import Ledger
-from pipeline.production.outline import Outline
-from pipeline.production.pinned import pins_of
-from pipeline.production.poses import Turntable
-from pipeline.production.take import Take
-from pipeline.production.workflow import Studio
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes import ledger, script
+from pipeline.production.takes.ledger import Ledger
+from pipeline.production.takes.outline import Outline
+from pipeline.production.takes.pinned import pins_of
+from pipeline.production.takes.poses import Turntable
+from pipeline.production.takes.take import Take
 from pipeline.shot.named_files import digest_of_file
 
 SHOT = """\

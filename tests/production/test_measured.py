@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
-from pipeline.production.framing import Framing
-from pipeline.production.movement import speeds
-from pipeline.production.poses import Turntable
-from pipeline.production.preview import _shape
-from pipeline.production.script import Script
-from pipeline.production.shading import Shading
-from pipeline.production.take import Take
+from pipeline.production.surfaces.framing import Framing
+from pipeline.production.surfaces.movement import speeds
+from pipeline.production.surfaces.preview import _shape
+from pipeline.production.surfaces.shading import Shading
+from pipeline.production.takes.poses import Turntable
+from pipeline.production.takes.script import Script
+from pipeline.production.takes.take import Take
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
 from render.camera import Camera

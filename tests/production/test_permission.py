@@ -14,11 +14,11 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.folder import find_shot
-from pipeline.production.npz import read_npz
-from pipeline.production.plan import Plan
-from pipeline.production.take import Take
-from pipeline.production.workflow import Studio
+from pipeline.production.files.npz import read_npz
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import find_shot
+from pipeline.production.takes.take import Take
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"

@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.plan import BATCH, FEWEST, LAST, Plan, batches
-from pipeline.production.workflow import Studio
+from pipeline.production.runs.plan import BATCH, FEWEST, LAST, Plan, batches
+from pipeline.production.runs.workflow import Studio
 
 SHOT = (
     "title: T\nframes: 1-{frames}\nsubject: {{solid: box}}\nresample: off\n"

@@ -16,16 +16,16 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import command_line
 from pipeline.errors import FlowsculptError, FrameError, MachineError, MissingInputError, UsageError
-from pipeline.production import publishing
-from pipeline.production.plan import Plan
-from pipeline.production.provenance import FILE, Provenance, pixels_of
-from pipeline.production.publishing import Release
-from pipeline.production.repeating import Repetition
-from pipeline.production.run import exclusive
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.run import exclusive
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.variants import avoid
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.work import PLACES
-from pipeline.production.variants import avoid
-from pipeline.production.workflow import Studio
+from pipeline.production.versions import publishing
+from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
+from pipeline.production.versions.publishing import Release
+from pipeline.production.versions.repeating import Repetition
 from pipeline.shot.named_files import digest_of_file
 from render.image import read_exr, write_exr
 

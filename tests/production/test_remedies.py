@@ -14,9 +14,9 @@ from typing import Any
 import psutil
 import pytest
 
-from pipeline.production.events import EventLog, EventReader
-from pipeline.production.remedies import ROUNDS, Remedies
-from pipeline.production.watchdog import Watchdog
+from pipeline.production.runs.events import EventLog, EventReader
+from pipeline.production.runs.remedies import ROUNDS, Remedies
+from pipeline.production.runs.watchdog import Watchdog
 
 STUCK = [sys.executable, "-c", "import time; time.sleep(60)"]
 

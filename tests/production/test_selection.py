@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.events import EventLog
-from pipeline.production.history import History
-from pipeline.production.layout import EVENTS
-from pipeline.production.plan import BATCH, batches
-from pipeline.production.selection import is_in_words, selected
-from pipeline.production.state import FrameStates, picture_states
-from pipeline.production.workflow import Studio
+from pipeline.production.care.selection import is_in_words, selected
+from pipeline.production.care.state import FrameStates, picture_states
+from pipeline.production.files.layout import EVENTS
+from pipeline.production.runs.events import EventLog
+from pipeline.production.runs.history import History
+from pipeline.production.runs.plan import BATCH, batches
+from pipeline.production.runs.workflow import Studio
 
 NAME = "T010_tiny"
 NONE = FrameRange(())

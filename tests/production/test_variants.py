@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from pipeline.errors import MachineError
-from pipeline.production import variants
-from pipeline.production.events import EventReader
-from pipeline.production.layout import EVENTS
+from pipeline.production.files.layout import EVENTS
+from pipeline.production.runs.events import EventReader
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes import variants
+from pipeline.production.takes.variants import ON_GPU, avoid, variant_for
 from pipeline.production.tasks import __main__ as process
 from pipeline.production.tasks import pictures, work
-from pipeline.production.variants import ON_GPU, avoid, variant_for
-from pipeline.production.workflow import Studio
 from render.engine import DEFAULT_ORDER, Engine
 
 NAME = "T010_tiny"

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.production.preview import _shape, inks
-from pipeline.production.ways import PIECES, ways_at
+from pipeline.production.surfaces.preview import _shape, inks
+from pipeline.production.surfaces.ways import PIECES, ways_at
 from pipeline.shot import Motion, read_shot
 from render.look import LOOKS
 

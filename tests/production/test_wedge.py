@@ -14,14 +14,14 @@ from typer.testing import CliRunner
 
 from pipeline.cli.main import command_line
 from pipeline.errors import FlowsculptError, UsageError
-from pipeline.production import sharing
-from pipeline.production.grid import Grid, Variation
-from pipeline.production.plan import Plan
+from pipeline.production.runs import sharing
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.variants import avoid
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.work import PLACES
-from pipeline.production.variants import avoid
-from pipeline.production.wedge import Wedge, frames_by_task
-from pipeline.production.workflow import Studio
+from pipeline.production.versions.grid import Grid, Variation
+from pipeline.production.versions.wedge import Wedge, frames_by_task
 from render.image import read_exr, read_png
 from render.movie import probe_movie
 

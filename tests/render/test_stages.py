@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.framing import View, frame_all, with_room
+from pipeline.production.surfaces.framing import View, frame_all, with_room
 from render.camera import Camera
 from render.errors import BadInputError
 from render.frame import Layers

@@ -12,7 +12,7 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-from pipeline.production.plan import Plan
+from pipeline.production.runs.plan import Plan
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.supervise import Supervisor, renderer
 

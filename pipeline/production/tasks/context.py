@@ -13,17 +13,17 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.events import EventLog, EventReader
-from pipeline.production.keys import Key
-from pipeline.production.layout import EVENTS
-from pipeline.production.ledger import Ledger
-from pipeline.production.plan import Job, Plan
-from pipeline.production.store import CorruptFileError, Store
+from pipeline.production.files.layout import EVENTS
+from pipeline.production.files.store import CorruptFileError, Store
+from pipeline.production.runs.events import EventLog, EventReader
+from pipeline.production.runs.plan import Job, Plan
+from pipeline.production.takes.keys import Key
+from pipeline.production.takes.ledger import Ledger
 from render.errors import CorruptImageError, MissingImageError, RenderError
 
 if TYPE_CHECKING:
-    from pipeline.production.keyring import Keyring
-    from pipeline.production.take import Take
+    from pipeline.production.takes.keyring import Keyring
+    from pipeline.production.takes.take import Take
 
 T = TypeVar("T")
 
@@ -78,7 +78,7 @@ class Context:
 
     @cached_property
     def takes(self) -> list[Take]:
-        from pipeline.production.take import Take  # a second's work, which who only watches never needs
+        from pipeline.production.takes.take import Take  # a second's work, which who only watches never needs
 
         ledger = Ledger(self.root)
         return [Take.from_data(self.plan.takes[place], ledger) for place in self.job.takes]

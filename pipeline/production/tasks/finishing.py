@@ -7,15 +7,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.production import readers
-from pipeline.production.keyring import Keyring
+from pipeline.production.files import readers
+from pipeline.production.takes.keyring import Keyring
 from pipeline.production.tasks.context import Context
 from render.denoise import denoise
 from render.frame import Layers
 from render.image import write_exr
 
 if TYPE_CHECKING:
-    from pipeline.production.framing import Framing
+    from pipeline.production.surfaces.framing import Framing
     from render.steady import Moment
 
 

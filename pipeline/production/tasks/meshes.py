@@ -13,10 +13,10 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.bspline import bspline_surface
-from pipeline.production import readers
-from pipeline.production.framing import Balls, frame_all, turned, with_room
-from pipeline.production.npz import write_npz
-from pipeline.production.shading import Shading, radii
+from pipeline.production.files import readers
+from pipeline.production.files.npz import write_npz
+from pipeline.production.surfaces.framing import Balls, frame_all, turned, with_room
+from pipeline.production.surfaces.shading import Shading, radii
 from pipeline.production.tasks.context import Context
 
 

@@ -9,12 +9,12 @@ from pathlib import Path
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
-from pipeline.production import readers
-from pipeline.production.edit import Cut, movie_bits
-from pipeline.production.keyring import Keyring
-from pipeline.production.keys import Key
-from pipeline.production.planner import film_key
-from pipeline.production.take import Take
+from pipeline.production.files import readers
+from pipeline.production.runs.planner import film_key
+from pipeline.production.takes.edit import Cut, movie_bits
+from pipeline.production.takes.keyring import Keyring
+from pipeline.production.takes.keys import Key
+from pipeline.production.takes.take import Take
 from pipeline.production.tasks.context import REPORTED, Context
 from render.colour import quantise, to_display
 from render.frame import Layers

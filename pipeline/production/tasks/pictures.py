@@ -15,12 +15,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.production import halves, readers
-from pipeline.production.disk import disk_faults
-from pipeline.production.framing import Framing, turned
-from pipeline.production.header import raw_header
-from pipeline.production.keyring import PictureKeys
-from pipeline.production.keys import Key
+from pipeline.production.files import halves, readers
+from pipeline.production.files.disk import disk_faults
+from pipeline.production.surfaces.framing import Framing, turned
+from pipeline.production.takes.header import raw_header
+from pipeline.production.takes.keyring import PictureKeys
+from pipeline.production.takes.keys import Key
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.stopping import Stop, stopping
 from pipeline.production.tasks.wear import Wear
@@ -36,8 +36,8 @@ from render.surface import Surface
 from render.wireframe import outlines
 
 if TYPE_CHECKING:  # what only some pictures need takes half a second
-    from pipeline.production.movement import Movement, Shown
-    from pipeline.production.shading import Shading
+    from pipeline.production.surfaces.movement import Movement, Shown
+    from pipeline.production.surfaces.shading import Shading
     from pipeline.shot import Shot
 
 
@@ -129,7 +129,7 @@ def _moments(
     measured = _measured(context, number, shading)
     if not take.moments_beside(number):
         return Moment(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
-    from pipeline.production.movement import framing_at
+    from pipeline.production.surfaces.movement import framing_at
 
     movement = _movement(context, number, arrays, shading)
     attributes = {**_attributes(movement, take.layers.extra), **measured}
@@ -163,7 +163,7 @@ def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, 
 def _movement(
     context: Context, number: int, arrays: Mapping[str, AnyArray], shading: Shading | None
 ) -> Movement:
-    from pipeline.production.movement import flowing, turning
+    from pipeline.production.surfaces.movement import flowing, turning
     from pipeline.production.tasks.meshes import shading_of
 
     take = context.take
@@ -179,7 +179,7 @@ def _measured(context: Context, number: int, shading: Shading | None) -> dict[st
     take = context.take
     if not take.measures_speed:
         return {}
-    from pipeline.production.movement import speeds
+    from pipeline.production.surfaces.movement import speeds
     from pipeline.production.tasks.meshes import shading_of
 
     return {SPEED: speeds(take.shot.motion, shading or shading_of(context, take.poses[number].mesh))}

@@ -8,11 +8,11 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pipeline.production.events import EventReader
+from pipeline.production.runs.events import EventReader
+from pipeline.production.takes.variants import avoid
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.stopping import SIGNALS, heard
 from pipeline.production.tasks.wear import RENEWED
-from pipeline.production.variants import avoid
 
 CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 

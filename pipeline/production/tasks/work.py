@@ -9,10 +9,10 @@ import traceback
 from importlib import import_module
 
 from pipeline.errors import FrameError
+from pipeline.production.takes.variants import ON_GPU
 from pipeline.production.tasks.context import REPORTED, Context
 from pipeline.production.tasks.supervise import fall_over
 from pipeline.production.tasks.wear import RENEWED, WornOutError
-from pipeline.production.variants import ON_GPU
 from render.engine import available_cores
 
 PLACES = {

@@ -1,0 +1,1 @@
+"""What runs take, before and after."""

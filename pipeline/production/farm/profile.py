@@ -1,0 +1,159 @@
+"""Where a plan's jobs run, as a Snakemake profile says it: on this machine, or on a farm's nodes.
+
+A profile is a folder with `profile.yaml` (or `config.yaml`): settings of Snakemake and of the executor plugin
+it names, which are handed to Snakemake as they are. Read here is what a plan is made by: how many jobs the
+farm takes side by side (`jobs`), and under `config` how many cores a job asks for (`threads`) and how many
+frames it makes at the least (`frames`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+from ruamel.yaml import YAML
+from ruamel.yaml.error import YAMLError
+
+from pipeline.errors import MachineError, MissingInputError, UsageError, suggestion
+
+PROFILES = Path("profiles")
+
+LOCAL = "local"
+
+SIDE_BY_SIDE = 100
+"""Jobs that a farm is given at once, where its profile does not say how many."""
+
+THREADS = 4
+"""Cores that a farm's job asks for, where its profile does not say how many."""
+
+FRAMES = 4
+"""Frames that a farm's job is given at the least, where there are so many: each job waits and starts anew."""
+
+
+@dataclass(frozen=True)
+class Share:
+    """What a job has on a farm's nodes: cores for itself, and so many frames to make at the least."""
+
+    threads: int
+    frames: int
+
+
+@dataclass(frozen=True)
+class Profile:
+    """One profile: the folder it lies in."""
+
+    folder: Path
+
+    @classmethod
+    def named(cls, name: str) -> Profile:
+        """That of a name: in `profiles/` of the working folder, or among the shipped ones; or of a path.
+
+        Raises MissingInputError where there is none.
+        """
+        for folder in (PROFILES / name, shipped() / name, Path(name)):
+            if _file_in(folder) is not None:
+                return cls(folder.absolute())
+        known = sorted(
+            {path.name for place in (PROFILES, shipped()) for path in place.glob("*") if _file_in(path)}
+        )
+        raise MissingInputError(
+            f"{name}: no such profile, a folder with profile.yaml in {PROFILES}/, shipped, or at that path. "
+            f"{suggestion(name, [other for other in known if other != 'default'])}"
+        )
+
+    @classmethod
+    def local(cls) -> Profile:
+        """The shipped one that keeps to this machine."""
+        return cls(shipped() / LOCAL)
+
+    @property
+    def is_local(self) -> bool:
+        """Whether jobs run on this machine and share its cores."""
+        return self.executor == LOCAL
+
+    @property
+    def executor(self) -> str:
+        """The executor it names, whose plugin is here. Raises as `check` does."""
+        executor = self._said.get("executor") or LOCAL
+        if not isinstance(executor, str):
+            raise UsageError(f"{self._file}: executor is {executor!r}; it must be a name, such as slurm")
+        package = f"snakemake-executor-plugin-{executor}"
+        if executor not in _BUILT_IN and find_spec(package.replace("-", "_")) is None:
+            raise MachineError(
+                f"{self._file}: executor {executor} needs the package {package}, which is not installed; "
+                f"{'pip install flowsculpt[slurm]' if executor == 'slurm' else f'pip install {package}'}"
+            )
+        return executor
+
+    def side_by_side(self, cores: int) -> int:
+        """How many jobs work at once, of a machine with so many cores or of the farm."""
+        return cores if self.is_local else self._number("jobs", self._said.get("jobs"), SIDE_BY_SIDE)
+
+    @property
+    def share(self) -> Share | None:
+        """What each job has for itself; None where jobs share this machine's cores."""
+        if self.is_local:
+            return None
+        said = self._said.get("config")
+        ours = said if isinstance(said, dict) else {}
+        numbers = {
+            name: self._number(f"config: {name}", ours.get(name), default)
+            for name, default in (("threads", THREADS), ("frames", FRAMES))
+        }
+        return Share(**numbers)
+
+    @property
+    def arguments(self) -> list[str]:
+        """What tells Snakemake of it."""
+        there = ["--profile", str(self._file)]
+        return there if self.is_local or "jobs" in self._said else [*there, "--jobs", str(SIDE_BY_SIDE)]
+
+    def _number(self, name: str, said: Any, default: int) -> int:
+        if said is None or said == "unlimited":
+            return default
+        if isinstance(said, bool) or not isinstance(said, int) or said < 1:
+            raise UsageError(f"{self._file}: {name} is {said!r}; it must be a whole number from 1 on")
+        return said
+
+    @property
+    def _file(self) -> Path:
+        file = _file_in(self.folder)
+        assert file is not None, "a profile is made of a folder that has one"
+        return file
+
+    @cached_property
+    def _said(self) -> dict[str, Any]:
+        """Raises UsageError where it cannot be read."""
+        try:
+            said = YAML(typ="safe", pure=True).load(self._file.read_text(encoding="utf-8")) or {}
+        except OSError as error:
+            raise MissingInputError(f"{self._file}: cannot be read ({error.strerror})") from None
+        except (YAMLError, UnicodeDecodeError) as error:
+            fact = " ".join(str(error).split())
+            raise UsageError(f"{self._file}: not a profile ({fact})") from None
+        if not isinstance(said, dict):
+            raise UsageError(
+                f"{self._file}: not a profile; it must say names and values, such as `executor: slurm`"
+            )
+        return said
+
+
+_BUILT_IN = ("local", "dryrun", "touch")
+
+
+def shipped() -> Path:
+    """The profiles of the checkout, or those shipped in the wheel."""
+    here = Path(__file__).parents
+    for place in (here[3] / PROFILES, here[1] / "profiles"):
+        if (place / "default").is_dir():
+            return place
+    raise MachineError("no profiles beside the package; install flowsculpt again")
+
+
+def _file_in(folder: Path) -> Path | None:
+    """Snakemake's own names; a file for a later version of it is none of ours."""
+    files = (folder / name for name in ("profile.yaml", "config.yaml"))
+    return next((file for file in files if file.is_file()), None)

@@ -1,0 +1,1 @@
+"""The store, and how its files are written, read and looked at."""

@@ -1,0 +1,270 @@
+"""What can be asked for and the plan that answers it: a shot's meshes or pictures, a turntable, the film."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import MissingInputError, UsageError, suggestion
+from pipeline.frames import FrameRange
+from pipeline.production.care.selection import is_in_words, selected
+from pipeline.production.care.state import FrameStates, mesh_states, picture_states
+from pipeline.production.farm.profile import Profile
+from pipeline.production.files.layout import STATE
+from pipeline.production.files.store import Store
+from pipeline.production.runs.history import History
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.planner import Planner
+from pipeline.production.takes.edit import Cut
+from pipeline.production.takes.folder import FILM, find_shot
+from pipeline.production.takes.keyring import PictureKeys
+from pipeline.production.takes.ledger import Ledger
+from pipeline.production.takes.poses import Turntable
+from pipeline.production.takes.script import Script
+from pipeline.production.takes.take import FORMS, Take
+from pipeline.production.takes.variants import variant_for
+from pipeline.production.takes.window import base_of
+from pipeline.shot.edits import DEFAULTS
+from render.quality import QUALITIES
+
+if TYPE_CHECKING:
+    from pipeline.production.care.verifying import Damage
+    from pipeline.shot import Film
+    from pipeline.shot.shot import Clip
+
+States = Callable[[Take, Store, History], FrameStates]
+
+
+@dataclass(frozen=True)
+class Studio:
+    """A root to write to, so many cores to use; shots are looked up in `shots/` of the working folder.
+
+    Every file is read once, so that all of a run goes by one text however it is edited meanwhile.
+
+    variant     the Mitsuba variant asked for; by default the first that works
+    settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
+    allow_code  whether shots may run the Python files that they name
+    profile     where the jobs of its plans run, and so how many there are of them
+    """
+
+    root: Path
+    cores: int
+    variant: str | None = None
+    settings: tuple[str, ...] = ()
+    allow_code: bool = False
+    profile: Profile = field(default_factory=Profile.local)
+    _texts: dict[Path, str] = field(default_factory=dict, repr=False)
+    _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
+    _films: dict[Path, Film] = field(default_factory=dict, repr=False)
+    _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
+    _notes: list[str] = field(default_factory=list, repr=False)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user is to be told with a plan."""
+        return self._notes
+
+    @property
+    def store(self) -> Store:
+        return Store(self.root)
+
+    def meshes(self, shots: Sequence[str], frames: str | None = None) -> Plan:
+        """The mesh frames of shots."""
+        planner = self._planner()
+        for shot in shots:
+            planner.simulate(self._asked(shot, "draft", frames, mesh_states, variant="none"))
+        return planner.plan()
+
+    def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
+        planner = self._planner()
+        for shot in shots:
+            take = self._asked(shot, quality, frames, picture_states)
+            planner.pictures(take)
+            if frames is None or not is_in_words(frames):
+                planner.movie(take)
+            whole = take.whole()
+            keys = whole.picture_keys(self.store)
+            rest = set(whole.requested) - set(take.requested)
+            if keys and all(self._rendered(keys[n]) for n in rest):
+                planner.pictures(whole)
+                planner.movie(whole)
+        return planner.plan()
+
+    def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of a shot and their movie, from the beginning, whatever is there already."""
+        nothing = Store(self.root / STATE / "nothing")
+        planner = Planner(nothing, 1, self._notes)
+        take = self.take(find_shot(shot), quality, frames)
+        planner.pictures(take)
+        planner.movie(take)
+        return planner.plan()
+
+    def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of shots as a display shows them, in files of a form."""
+        if form not in FORMS:
+            raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
+        planner = self._planner()
+        for shot in shots:
+            planner.stills(self._asked(shot, quality, frames, picture_states), form)
+        return planner.plan()
+
+    def mended(self, damages: Iterable[Damage]) -> Plan:
+        """The files of takes that were faulty."""
+        planner = self._planner()
+        for damage in damages:
+            if damage.meshes:
+                planner.simulate(replace(damage.take, requested=damage.meshes))
+            if damage.pictures:
+                planner.pictures(replace(damage.take, requested=damage.pictures))
+            if damage.movie:
+                planner.pictures(damage.take.whole())
+                planner.movie(damage.take.whole())
+        return planner.plan()
+
+    def surfaces(self, take: Take) -> Plan:
+        """What quick pictures of a take are drawn from."""
+        planner = self._planner()
+        planner.surfaces(take)
+        return planner.plan()
+
+    def film(self, quality: str, path: Path = FILM) -> Plan:
+        """The film of an edit: its shots' frames, their movies, and all of them cut together.
+
+        It is called as the file of the edit is.
+        """
+        from pipeline.shot import read_film
+
+        film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
+        planner = self._planner()
+        takes = [self._clip(clip, quality) for clip in film.clips]
+        for take in takes:
+            planner.pictures(take)
+            planner.movie(take)
+        planner.film(Cut.of(film, path.stem), takes)
+        return planner.plan()
+
+    def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
+        """A full turn of one frame of a shot, or of a mesh file."""
+        from pipeline.mesh.io import FORMATS
+
+        if frames < 2:
+            raise UsageError(
+                f"a turntable of {frames} frames does not turn; it needs at least 2, and 72 is usual"
+            )
+        mesh = Path(subject)
+        of_file = mesh.suffix.lower().lstrip(".") in FORMATS
+        if of_file:
+            path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
+            self._texts[path] = _shot_around(mesh, look)
+        elif look is not None:
+            raise UsageError(f"--look is for mesh files; {subject} is a shot and has its own: edit the shot")
+        else:
+            path = find_shot(subject)
+        take = self.take(path, quality)
+        first = take.shot.frames.first if at is None else at
+        if first not in take.shot.frames:
+            raise UsageError(f"frame {first} is not in {take.shot.name}, which has frames {take.shot.frames}")
+        turn = replace(
+            take, requested=tuple(range(1, frames + 1)), turntable=Turntable(first, frames, of_file)
+        )
+        planner = self._planner()
+        planner.pictures(turn)
+        planner.movie(turn)
+        return planner.plan()
+
+    def _asked(
+        self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None
+    ) -> Take:
+        """The frames of a shot that are asked for; what words mean is settled once."""
+        path = find_shot(shot)
+        if frames is None or not is_in_words(frames):
+            return self.take(path, quality, frames, variant)
+        whole = self.take(path, quality, variant=variant)
+        asked = path, quality, frames
+        if asked not in self._chosen:
+            self._chosen[asked] = selected(
+                frames, FrameRange(whole.requested), lambda: states(whole, self.store, History.of(self.root))
+            )
+        return replace(whole, requested=self._chosen[asked].numbers)
+
+    def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
+        """The pictures of a shot file at one quality, all or a range."""
+        if base_of(quality) not in QUALITIES:
+            raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
+        path = path.absolute()
+        text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
+        beside = self._beside.get(path) or self._beside.setdefault(path, _rests_on(path, text))
+        read = Script(text, path, self.settings, tuple(beside.items()), self.allow_code)
+        script = replace(read, ledger=Ledger(self.root)).pinned()
+        whole = FrameRange(script.outline.frames)
+        requested = FrameRange.parse(frames) if frames is not None else whole
+        outside = requested.outside(whole)
+        if outside:
+            raise UsageError(
+                f"{path}: frames {outside} are not in the shot, which has {whole}; ask for frames among those"
+            )
+        chosen = variant or variant_for(self.root, script.name, self.variant, self._notes.append)
+        return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
+
+    def _rendered(self, keys: PictureKeys) -> bool:
+        return self.store.holds("frame", keys.frame) or self.store.holds("raw", keys.raw)
+
+    def _clip(self, clip: Clip, quality: str) -> Take:
+        """The pictures of a shot that an edit shows, in its order."""
+        assert clip.shot.path is not None, "the shots of an edit are read from files"
+        return replace(self.take(clip.shot.path, quality), requested=tuple(clip.frames))
+
+    def _planner(self) -> Planner:
+        return self.planner_of(1)
+
+    def planner_of(self, many: int) -> Planner:
+        """For so many takes that are made side by side."""
+        side_by_side = max(1, self.profile.side_by_side(self.cores) // many)
+        return Planner(self.store, side_by_side, self._notes, self.profile.share)
+
+
+def _shot_around(mesh: Path, look: str | None) -> str:
+    """The text of a shot that shows a mesh file as it is."""
+    if not mesh.is_file():
+        raise MissingInputError(f"{mesh}: no such mesh file; check the path")
+    from render.look import LOOKS
+
+    if look is not None and look not in LOOKS:
+        raise UsageError(f"{look!r} is not a look; choose {', '.join(LOOKS)}")
+    shot = {
+        "title": mesh.stem,
+        "frames": "1-1",
+        "subject": {"model": str(mesh.absolute())},
+        "resample": "off",
+        "look": look or "clay",
+    }
+    return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
+
+
+def _rests_on(path: Path, text: str) -> dict[str, str]:
+    """The text of all other files that a shot is made of, by their names; most rest on no shot."""
+    if "extends" in text:
+        from pipeline.shot.layers import rests_on
+
+        return rests_on(path, text)
+    defaults = path.with_name(DEFAULTS)
+    try:
+        return {DEFAULTS: defaults.read_text(encoding="utf-8")}
+    except (OSError, UnicodeDecodeError):
+        return {}
+
+
+def _text(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise MissingInputError(f"{path}: no such shot file; flowsculpt new makes one") from None
+    except UnicodeDecodeError:
+        raise UsageError(f"{path}: not UTF-8 text; save it as UTF-8") from None
+    except OSError as error:
+        raise MissingInputError(f"{path}: cannot be read ({error.strerror})") from None

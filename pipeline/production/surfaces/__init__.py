@@ -1,0 +1,1 @@
+"""From mesh frames to what pictures are made from: shading, cameras, movement."""

@@ -1,0 +1,1 @@
+"""Versions that are published, and shots with other values in them."""

@@ -1,0 +1,188 @@
+"""The values that a wedge goes through: `--vary name=first:last:count`, or `name=one,two,three`."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+from pipeline.errors import UsageError
+from pipeline.production.takes.keys import key_of
+from pipeline.shot.named_files import shown
+
+OPTION = "--vary"
+MOST_CELLS = 100
+"""Without being told that more are meant."""
+
+MOST_AT_ALL = 10_000
+
+_NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
+_STEPS = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d+)\s*")
+_LONGEST_NAME = 100
+"""Letters of a cell's folder, beyond which its end is shortened to a key."""
+
+
+@dataclass(frozen=True)
+class Variation:
+    """One value of a shot, and what it is to be, one after another.
+
+    said    as the user wrote it, for messages
+    values  YAML, as a shot file has them
+    """
+
+    name: str
+    values: tuple[str, ...]
+    said: str
+
+    @classmethod
+    def parse(cls, text: str) -> Variation:
+        """`flows.0.vortex.strength=1:3:5` is five values from 1 to 3; `look=clay,glaze` are those named.
+
+        Raises UsageError, with the option, for what is neither, for fewer than two values and for equal ones.
+        """
+        name, equals, rest = (part.strip() for part in text.partition("="))
+        place = f"{OPTION} {shown(text)}"
+        if not (name and equals and rest):
+            raise UsageError(
+                f"{place}: this varies nothing. Write name=first:last:count, such as "
+                "flows.0.vortex.strength=1:3:5, or name=value,value."
+            )
+        steps = _STEPS.fullmatch(rest)
+        values = _steps(place, *steps.groups()) if steps else _listed(rest)
+        if len(values) < 2:
+            raise UsageError(
+                f"{place}: that is one value, and a wedge needs two; --set sets one. Write "
+                "name=first:last:count, or values with commas between them."
+            )
+        if len(set(values)) < len(values):
+            twice = next(value for value in values if values.count(value) > 1)
+            raise UsageError(
+                f"{place}: {shown(twice)} is in it twice, and would be rendered as one. Take one out."
+            )
+        return cls(name, values, text)
+
+    def setting(self, value: str) -> str:
+        return f"{self.name}={value}"
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One combination of values, in the order of the variations.
+
+    folder   what its folder is called: by its values, so that the same cell of another wedge has the same
+    caption  what stands below its picture: short names and values
+    """
+
+    settings: tuple[str, ...]
+    folder: str
+    caption: tuple[tuple[str, str], ...]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Every combination of the values of variations; those of the last change fastest."""
+
+    variations: tuple[Variation, ...]
+
+    @classmethod
+    def parse(cls, texts: Sequence[str], many: bool = False) -> Grid:
+        """`many` allows more than MOST_CELLS. Raises UsageError, with the option that is wrong."""
+        if not texts:
+            raise UsageError(
+                f"a wedge needs {OPTION}: say what changes, such as {OPTION} flows.0.vortex.strength=1:3:5"
+            )
+        variations = tuple(map(Variation.parse, texts))
+        names = [variation.name for variation in variations]
+        for i, name in enumerate(names):
+            if name in names[:i]:
+                raise UsageError(
+                    f"{OPTION} {shown(texts[i])}: {shown(name)} is varied twice; write its values in one"
+                )
+        grid = cls(variations)
+        if len(grid) > (MOST_AT_ALL if many else MOST_CELLS):
+            counts = " × ".join(str(len(variation.values)) for variation in variations)
+            remedy = "take fewer values" if many else "take fewer values, or add --yes if you mean it"
+            raise UsageError(
+                f"{OPTION} {shown(texts[-1])}: that makes {counts} = {len(grid)} cells, and a wedge has at "
+                f"most {MOST_AT_ALL if many else MOST_CELLS}; {remedy}"
+            )
+        return grid
+
+    def __len__(self) -> int:
+        return math.prod(len(variation.values) for variation in self.variations)
+
+    def __iter__(self) -> Iterator[Cell]:
+        short = _short_names([variation.name for variation in self.variations])
+        taken: set[str] = set()
+        for values in product(*(variation.values for variation in self.variations)):
+            pairs = list(zip(self.variations, values, strict=True))
+            folder = _folder([variation.setting(value) for variation, value in pairs], taken)
+            taken.add(folder.lower())
+            settings = tuple(variation.setting(value) for variation, value in pairs)
+            yield Cell(settings, folder, tuple(zip(short, values, strict=True)))
+
+    @property
+    def columns(self) -> int | None:
+        """Of a sheet on which each row goes through the last variation; None where there is but one."""
+        return len(self.variations[-1].values) if len(self.variations) > 1 else None
+
+    @property
+    def name(self) -> str:
+        """What its sheets are called by: what is varied."""
+        return _folder([variation.name for variation in self.variations], set())
+
+
+def _steps(place: str, first: str, last: str, count: str) -> tuple[str, ...]:
+    """So many numbers at equal distances, each with six digits at most."""
+    many = int(count[:9])
+    if many > MOST_AT_ALL:
+        raise UsageError(f"{place}: {count} values are too many; a wedge has at most {MOST_AT_ALL} cells")
+    if many == 0:
+        raise UsageError(f"{place}: no value at all; the last number says how many, 2 or more")
+    begin, end = float(first), float(last)
+    if not (math.isfinite(begin) and math.isfinite(end)):
+        raise UsageError(f"{place}: one of the numbers is too large to be one; take smaller ones")
+    shares = (i / max(1, many - 1) for i in range(many))
+    return tuple(f"{begin * (1.0 - share) + end * share:.6g}" for share in shares)
+
+
+def _listed(text: str) -> tuple[str, ...]:
+    """The parts between commas that stand in no brackets and no quotes."""
+    parts, depth, quote = [""], 0, ""
+    for letter in text:
+        if quote:
+            quote = "" if letter == quote else quote
+        elif letter in "'\"":
+            quote = letter
+        else:
+            depth += (letter in "[{(") - (letter in "]})")
+        if letter == "," and depth == 0 and not quote:
+            parts.append("")
+        else:
+            parts[-1] += letter
+    return tuple(part.strip() for part in parts if part.strip())
+
+
+def _short_names(names: Sequence[str]) -> list[str]:
+    """Of each the fewest last parts that tell it from the others, and begin with a word of its own."""
+    parts = [name.split(".") for name in names]
+
+    def short(each: Sequence[str], length: int) -> tuple[str, ...]:
+        while length < len(each) and (each[-length] == "keys" or not each[-length].isidentifier()):
+            length += 1
+        return tuple(each[-length:])
+
+    length = 1
+    while len({short(each, length) for each in parts}) < len(names):
+        length += 1
+    return [".".join(short(each, length)) for each in parts]
+
+
+def _folder(settings: Sequence[str], taken: set[str]) -> str:
+    """A name for a folder, on any system, which tells settings from others that read alike."""
+    plain = ",".join(re.sub(r"[^\w.=+-]+", "_", setting) for setting in settings)
+    if len(plain) > _LONGEST_NAME or plain.lower() in taken:
+        return f"{plain[: _LONGEST_NAME - 9]}~{key_of(list(settings))[:8]}"
+    return plain

@@ -1,0 +1,214 @@
+"""What a published version was made from and by: its provenance, as it stands beside the frames."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import MissingInputError, UsageError
+from pipeline.production.takes.folder import NAME
+from pipeline.production.takes.script import Script
+from pipeline.production.takes.window import is_quality
+from pipeline.production.versions.circumstances import code_keys, host, packages
+from pipeline.shot.named_files import digest_of_file, is_there
+from render.image import read_exr
+
+FILE = "provenance.json"
+FORMAT = 1
+VERSION = r"v[0-9]{3,6}"
+
+
+@dataclass(frozen=True)
+class FrameRecord:
+    """One published frame.
+
+    file                      relative to the provenance
+    mesh, normals, raw, frame the keys on the way to it
+    pixels                    SHA-256 of the picture's values, whatever the file around them
+    sha256                    of the file
+    seconds                   what rendering it took, by stage, where that is known
+    """
+
+    file: str
+    mesh: str
+    normals: str
+    raw: str
+    frame: str
+    seed: int
+    pixels: str
+    sha256: str
+    seconds: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Provenance:
+    """All that a version was made from, by what, where and when.
+
+    script   the shot file and what it rests on; its paths as `portable` gives them
+    cameras  the key of all cameras
+    movie    its file, key and SHA-256
+    code     keys of the parts of flowsculpt, by the names of `circumstances.CODE`
+    host     what it was published on
+    timings  seconds by stage, as the runs that made it told them
+    """
+
+    shot: str
+    version: str
+    title: str
+    note: str
+    published: str
+    user: str
+    quality: str
+    size: tuple[int, int]
+    rate: str
+    variant: str
+    script: Script
+    cameras: str
+    frames: Mapping[int, FrameRecord]
+    movie: Mapping[str, str]
+    packages: Mapping[str, str]
+    code: Mapping[str, str]
+    host: Mapping[str, Any]
+    timings: Mapping[str, float]
+
+    def as_data(self) -> dict[str, Any]:
+        plain = {name: value for name, value in vars(self).items() if name not in ("script", "frames")}
+        frames = {str(number): asdict(record) for number, record in self.frames.items()}
+        return {
+            "format": FORMAT,
+            **plain,
+            "size": list(self.size),
+            "script": self.script.as_data(),
+            "frames": frames,
+        }
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any]) -> Provenance:
+        """Raises KeyError, TypeError or ValueError for what is none."""
+        plain = {name: data[name] for name in cls.__dataclass_fields__}
+        frames = {int(number): FrameRecord(**record) for number, record in data["frames"].items()}
+        if data["format"] != FORMAT or not frames:
+            raise ValueError
+        script = Script.from_data(data["script"])
+        _require_whole(data, script)
+        return cls(**{**plain, "size": tuple(data["size"]), "script": script, "frames": frames})
+
+    @classmethod
+    def read(cls, path: Path) -> Provenance:
+        """Raises MissingInputError where it is not there, UsageError where it is none."""
+        if not is_there(path):
+            raise MissingInputError(
+                f"{path}: no such provenance; flowsculpt versions tells what is published, and each version "
+                f"has a {FILE}"
+            )
+        try:
+            return cls.from_data(json.loads(path.read_text(encoding="utf-8")))
+        except OSError as error:
+            raise MissingInputError(f"{path}: cannot be read ({error.strerror}); look at it") from None
+        except (KeyError, TypeError, ValueError, AttributeError):
+            raise UsageError(
+                f"{path}: this is no provenance of a published version, or was cut short; "
+                "take the one that flowsculpt publish wrote"
+            ) from None
+
+    @property
+    def content(self) -> tuple[str, ...]:
+        """What two versions have in common that show the same: the keys of their frames and movie."""
+        return (*(self.frames[number].frame for number in sorted(self.frames)), self.movie["key"])
+
+    def differences(self, variant: str) -> list[str]:
+        """What is otherwise now than when it was published, each in a line; `variant` is what renders now."""
+        found = []
+        if variant != self.variant:
+            found.append(f"variant {variant} renders now, {self.variant} did then; pixels will differ")
+        for name, then in self.packages.items():
+            now = packages().get(name, "not there")
+            if now != then:
+                found.append(f"{name} is {now} now and was {then}; pixels may differ")
+        changed = [name for name, key in code_keys().items() if self.code.get(name) != key]
+        if changed:
+            found.append(f"the code of {', '.join(changed)} is not what it was; pixels may differ")
+        here = host()
+        return found + [
+            f"the {what} is {here[what]} now and was {self.host.get(what)}; last bits may differ"
+            for what in ("machine", "processor")
+            if here[what] != self.host.get(what)
+        ]
+
+
+def _require_whole(data: Mapping[str, Any], script: Script) -> None:
+    """What else reading relies on, names that become those of folders among it. Raises as `from_data`."""
+    named = re.fullmatch(NAME, data["shot"]) and re.fullmatch(VERSION, data["version"])
+    known = is_quality(data["quality"]) and script.name == data["shot"] and isinstance(script.text, str)
+    tables = [data[name] for name in ("movie", "packages", "code", "host", "timings")]
+    if not (named and known and all(isinstance(table, dict) for table in tables)):
+        raise ValueError
+    if not {"file", "key", "sha256"} <= set(data["movie"]):
+        raise KeyError
+
+
+def pixels_of(path: Path) -> str:
+    """SHA-256 of all values of a picture. Raises as `render.image.read_exr` does."""
+    layers, _ = read_exr(path)
+    digest = hashlib.sha256()
+    for name in sorted(layers.arrays):
+        array = np.ascontiguousarray(layers[name], dtype="<f4")
+        digest.update(f"{name}{array.shape}".encode())
+        digest.update(array.tobytes())
+    return digest.hexdigest()
+
+
+def portable(script: Script) -> Script:
+    """With paths below the working folder relative to it, so that a project may be moved."""
+    pins = None if script.pins is None else tuple((_within(Path(p)), digest) for p, digest in script.pins)
+    return replace(script, path=Path(_within(script.path)), pins=pins)
+
+
+def _within(path: Path) -> str:
+    plain = Path(os.path.normpath(path.absolute()))
+    return (plain.relative_to(Path.cwd()) if plain.is_relative_to(Path.cwd()) else plain).as_posix()
+
+
+def restored(record: Provenance, allow_code: bool) -> Script:
+    """The script of a version, to be read in the working folder. Whether its Python files may be run is for
+    who reads it to say, and not for a file.
+
+    Raises UsageError or MissingInputError where files that it reads are gone or not what they were.
+    """
+    gone, changed = [], []
+    for place, digest in record.script.pins or ():
+        if not is_there(Path(place)):
+            gone.append(place)
+        elif digest_of_file(Path(place)) != digest:
+            changed.append(place)
+    of = f"{record.shot} {record.version}"
+    if gone:
+        raise MissingInputError(
+            f"{', '.join(gone)}: gone, and {of} was made from it; put it back as it was. Files are looked "
+            "for from the working folder."
+        )
+    if changed:
+        raise UsageError(
+            f"{', '.join(changed)}: changed since {of} was made from it, as its digest tells; put it back as "
+            "it was then"
+        )
+    script = replace(record.script, path=record.script.path.absolute(), allow_code=allow_code, pins=None)
+    return script.pinned()
+
+
+def records(folder: Path) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:
+    """The versions in a shot's folder of published ones, in order; what cannot be read as its error."""
+    versions = (place for place in folder.glob("v*") if re.fullmatch(VERSION, place.name))
+    for place in sorted(versions, key=lambda place: (int(place.name[1:]), place.name)):
+        try:
+            yield place, Provenance.read(place / FILE)
+        except (UsageError, MissingInputError) as error:
+            yield place, error

@@ -1,0 +1,212 @@
+"""Wedges: a shot over and over, a few of its values otherwise each time, all of it planned as one run.
+
+renders/wedge/<shot>/<cell>/<quality>/frames/…     a cell's files, as those of a shot
+renders/wedge/<shot>/<wedge>.<quality>.0024.png    the contact sheet; of several frames also an MP4
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import FlowsculptError, ShotError, UsageError
+from pipeline.frames import FrameRange
+from pipeline.production.files import layout
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.sharing import shared
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.keyring import Keyring
+from pipeline.production.takes.take import Take
+from pipeline.production.takes.variants import variant_for
+from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
+from pipeline.shot.named_files import shown
+from render.colour import quantise, to_display
+from render.contact_sheet import ContactSheet, columns_for, reduced, reduction
+from render.errors import RenderError
+from render.image import read_exr, write_png
+from render.movie import write_movie
+
+
+@dataclass(frozen=True, eq=False)
+class Wedge:
+    """A grid of a shot.
+
+    frames   a range for every cell; by default the one frame of the sheet
+    at       the sheet's frame; by default the middle one
+    columns  of the sheet; by default as the grid has it
+    """
+
+    studio: Studio
+    shot: Path
+    grid: Grid
+    quality: str
+    frames: str | None = None
+    at: int | None = None
+    columns: int | None = None
+
+    @property
+    def takes(self) -> list[tuple[Cell, Take]]:
+        """All by the variant that serves now, which a run changes where one crashes.
+
+        Raises ShotError or UsageError, with the variation, where a cell's shot is not good.
+        """
+        variant = variant_for(self.studio.root, self.shot.stem, self.studio.variant, self.studio.notes.append)
+        return [
+            (cell, take if take.variant == variant else replace(take, variant=variant))
+            for cell, take in self._read
+        ]
+
+    @cached_property
+    def _read(self) -> list[tuple[Cell, Take]]:
+        still = str(self.number)  # what is wrong with the frames themselves is told before any cell is
+        return [(cell, self._take(cell, self.frames or still)) for cell in self.grid]
+
+    @cached_property
+    def number(self) -> int:
+        """The frame of the sheet. Raises UsageError where it is none of those rendered."""
+        known = FrameRange.of(self.studio.take(self.shot, self.quality, self.frames).requested)
+        if self.at is None:
+            return sorted(known)[len(known) // 2]
+        if self.at not in known:
+            raise UsageError(f"--at {self.at}: no such frame is rendered, but {known}; choose one of those")
+        return self.at
+
+    def plan(self) -> Plan:
+        """What is left to be done for all cells together, each file made once."""
+        return self.plans()[1]
+
+    def plans(self) -> tuple[Plan, Plan]:
+        """The same with each cell for itself, and together."""
+        takes, studio = [take for _, take in self.takes], self.studio
+        planner = studio.planner_of(len(takes))
+        for take in takes:
+            planner.pictures(take)
+            if len(take.requested) > 1:
+                planner.movie(take)
+        apart = planner.plan()
+        return apart, shared(apart, takes, studio.store, studio.cores, studio.profile.share)
+
+    # Sheets
+
+    @property
+    def _first(self) -> Take:
+        """What all cells have in common, it has."""
+        return self._read[0][1]
+
+    @property
+    def still_path(self) -> Path:
+        return self._home / f"{self.grid.name}.{self.quality}.{self.number:04d}.png"
+
+    @property
+    def movie_path(self) -> Path | None:
+        """None where one frame was asked for."""
+        numbers = self._first.requested
+        if len(numbers) == 1:
+            return None
+        return self._home / f"{self.grid.name}.{self.quality}.{FrameRange.of(numbers)}.mp4"
+
+    def draw(self) -> list[Path]:
+        """The contact sheet, and of several frames its movie; where they are, relative to the root.
+
+        Cells that were not rendered are shown as such. Raises RenderEnvironmentError where the disk refuses.
+        """
+        root = self.studio.root
+        header = {
+            "shot": self.shot.stem,
+            "frame": self.number,
+            "wedge": [v.said for v in self.grid.variations],
+        }
+        write_png(root / self.still_path, self._page(self.number, 8, "srgb"), header)
+        if self.movie_path is None:
+            return [self.still_path]
+        numbers = sorted(self._first.requested)
+        pages: Iterator[NDArray[Any]] = (self._page(number, 16, "rec709") for number in numbers)
+        write_movie(root / self.movie_path, pages, self._first.shot.rate.fps)
+        return [self.still_path, self.movie_path]
+
+    def _page(self, number: int, bits: int, display: str) -> NDArray[Any]:
+        pictures = [self._picture(take, keys, number, bits, display) for take, keys in self._keys]
+        return self._sheets[bits].picture(pictures, f"frame {number} · {self.quality}")
+
+    @cached_property
+    def _sheets(self) -> dict[int, ContactSheet]:
+        first = self._first
+        width, height = (side // self._factor for side in (first.quality.width, first.quality.height))
+        heading, captions = f"{first.name}: {first.shot.title}", [cell.caption for cell, _ in self._read]
+        return {
+            bits: ContactSheet(heading, captions, (width, height), self._columns, bits) for bits in (8, 16)
+        }
+
+    @cached_property
+    def _columns(self) -> int:
+        quality = self._first.quality
+        return (
+            self.columns or self.grid.columns or columns_for(len(self.grid), (quality.width, quality.height))
+        )
+
+    @cached_property
+    def _factor(self) -> int:
+        quality = self._first.quality
+        return reduction(len(self.grid), self._columns, (quality.width, quality.height))
+
+    @cached_property
+    def _keys(self) -> list[tuple[Take, Keyring | None]]:
+        return [(take, take.picture_keys(self.studio.store)) for _, take in self.takes]
+
+    def _picture(
+        self, take: Take, keys: Keyring | None, number: int, bits: int, display: str
+    ) -> NDArray[Any] | None:
+        """A cell's frame as a display shows it; None where it is not there."""
+        if keys is None:
+            return None
+        try:
+            light: NDArray[np.float32] = read_exr(self.studio.store.path("frame", keys[number].frame))[0][
+                "beauty"
+            ]
+        except RenderError:
+            return None
+        picture = take.shot.picture
+        return quantise(
+            to_display(reduced(light, self._factor), picture.lights.exposure, display, picture.view), bits
+        )
+
+    @property
+    def _home(self) -> Path:
+        return layout.wedge(self.shot.stem)
+
+    def _take(self, cell: Cell, frames: str) -> Take:
+        studio = replace(self.studio, settings=(*self.studio.settings, *cell.settings))
+        try:
+            take = studio.take(self.shot, self.quality, frames)
+        except ShotError as error:
+            raise ShotError(_at_the_variation(error.messages[0], self.grid.variations, cell)) from None
+        except FlowsculptError as error:
+            error.args = (f"{OPTION} with {', '.join(cell.settings)}: {error}",)
+            raise
+        return replace(take, home=(self._home / cell.folder).as_posix())
+
+
+def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cell) -> str:
+    """What is wrong with a cell, told at the variation whose value it is about."""
+    for variation, setting in zip(variations, cell.settings, strict=True):
+        if message.startswith(f"--set {setting}: "):
+            value = shown(setting.partition("=")[2])
+            return (
+                f"{OPTION} {shown(variation.said)}: at {value}, {message.removeprefix(f'--set {setting}: ')}"
+            )
+    return f"{OPTION} with {', '.join(cell.settings)}: {message}"
+
+
+def frames_by_task(plan: Plan) -> Counter[str]:
+    """How many frames the jobs of each task have."""
+    counts: Counter[str] = Counter()
+    for job in plan.jobs:
+        counts[job.task] += len(job.frames)
+    return counts
