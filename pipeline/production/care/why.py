@@ -20,8 +20,7 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.care.differences import Difference, differences
 from pipeline.production.files.layout import PLANS
 from pipeline.production.files.store import Store
-from pipeline.production.runs.events import EventReader
-from pipeline.production.runs.history import logs_of
+from pipeline.production.runs.events import EventReader, logs_of
 from pipeline.production.takes.header import raw_header
 from pipeline.production.takes.keys import PICTURE_CODE, SIMULATION_CODE, Key, code_key
 from pipeline.production.takes.script import Script

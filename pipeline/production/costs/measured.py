@@ -10,8 +10,7 @@ from functools import cached_property
 from itertools import islice
 from pathlib import Path
 
-from pipeline.production.files.layout import EVENTS
-from pipeline.production.runs.events import EventReader
+from pipeline.production.runs.events import EventReader, logs_of
 from pipeline.production.takes.window import base_of, quality_named
 from render.quality import QUALITIES
 
@@ -99,7 +98,7 @@ class Measured:
     def _told(self) -> dict[str, dict[tuple[str, str], list[float]]]:
         """Of the other stages, by the event logs."""
         found: dict[str, dict[tuple[str, str], list[float]]] = defaultdict(lambda: defaultdict(list))
-        for log in sorted((self._root / EVENTS).glob("*.jsonl"))[-RUNS:]:
+        for log in logs_of(self._root)[-RUNS:]:
             threads: dict[str, int] = {}
             for event in EventReader(log).new():
                 if event["event"] == "begin":

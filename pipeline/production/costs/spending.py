@@ -15,7 +15,7 @@ from typing import Any
 
 from pipeline.errors import MissingInputError
 from pipeline.production.files.layout import EVENTS
-from pipeline.production.runs.events import Event, EventReader
+from pipeline.production.runs.events import Event, EventReader, logs_of
 
 STARTING, WAITING = "starting", "waiting"
 """What no frame accounts for."""
@@ -104,7 +104,7 @@ class Spending:
 
 def runs(root: Path) -> list[str]:
     """The runs that left an event log, the latest last."""
-    return sorted(path.stem for path in (root / EVENTS).glob("*.jsonl"))
+    return [log.stem for log in logs_of(root)]
 
 
 def named_run(root: Path, name: str | None) -> str:

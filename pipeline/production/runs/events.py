@@ -21,6 +21,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+from pipeline.production.files.layout import EVENTS
+
 Event = dict[str, Any]
 
 
@@ -70,3 +72,8 @@ class EventReader:
                 self._offsets[path] = self._offsets.get(path, 0) + len(line)
                 with contextlib.suppress(ValueError):  # cut short by a full disk
                     yield json.loads(line)
+
+
+def logs_of(root: Path) -> list[Path]:
+    """The log of every run under a root, the latest last; those of other hosts belong to them."""
+    return sorted(path for path in (root / EVENTS).glob("*.jsonl") if "." not in path.stem)

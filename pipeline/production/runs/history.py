@@ -10,8 +10,7 @@ from pathlib import Path
 
 import psutil
 
-from pipeline.production.files.layout import EVENTS
-from pipeline.production.runs.events import Event, EventReader
+from pipeline.production.runs.events import Event, EventReader, logs_of
 
 RUNS = 20
 """How many of the last runs are looked at."""
@@ -81,11 +80,6 @@ class History:
             elif event["event"] == "end":
                 processes.pop(event["job"], None)
         return {job for job, process in processes.items() if _works_on(process, job)}
-
-
-def logs_of(root: Path) -> list[Path]:
-    """The log of every run, the latest last; those of other hosts belong to them."""
-    return sorted(path for path in (root / EVENTS).glob("*.jsonl") if "." not in path.stem)
 
 
 def _is_of(event: Event, shot: str, stages: tuple[str, ...], quality: str | None) -> bool:
