@@ -114,7 +114,7 @@ whose values are in the keys themselves."""
 def test_all_that_a_simulation_imports_is_in_its_key_or_known_to_change_no_mesh():
     script = "import sys, pipeline.animation; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    room = Path(keys.__file__).parents[2]
+    room = Path(keys.__file__).parents[3]
 
     def in_the_key(module: str) -> bool:
         place = Path(*module.split("."))
@@ -140,7 +140,7 @@ def test_all_that_a_simulation_imports_is_in_its_key_or_known_to_change_no_mesh(
     ],
 )
 def test_only_an_edit_of_what_moves_vertices_simulates_again(edited, counts, tmp_path, monkeypatch):
-    room = Path(keys.__file__).parents[2]
+    room = Path(keys.__file__).parents[3]
     shutil.copytree(room / "pipeline", tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
     monkeypatch.setattr(keys, "_ROOM", tmp_path)
     before = code_key.__wrapped__(SIMULATION_CODE)
