@@ -63,7 +63,7 @@ def test_a_cloud_is_simulated_rendered_resumed_and_turned(studio) -> None:
         assert {"attribute:radius", "attribute:identity", "births"} <= set(mesh.files)
         points = mesh["vertices"]
     with np.load(home / "normals" / f"{NAME}.0004.npz") as drawn:
-        assert set(drawn.files) == {"vertices", "radii", "source_vertex", "material"}
+        assert set(drawn.files) == {"vertices", "radii", "source_vertex", "material", "key"}
         assert np.array_equal(drawn["vertices"], points.astype(np.float32))
     matte = read_exr(home / "preview" / "raw" / f"{NAME}.0004.exr")[0]["matte"]
     assert matte.max() > 0.99
