@@ -24,7 +24,7 @@ from pipeline.production.runs.plan import Job, Plan
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.tasks import wear
 from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.supervise import Supervisor
+from pipeline.production.tasks.supervise import Supervisor, _verdict
 from pipeline.production.tasks.wear import RENEWED, VARIABLE, Wear, WornOutError
 from pipeline.production.tasks.work import PLACES
 from render import passes
@@ -207,7 +207,7 @@ sys.exit(75 if number < 3 else 0)
 """
 
 
-def test_fresh_renderers_go_on_where_others_ended_and_failures_are_remembered(tmp_path: Path) -> None:
+def test_fresh_renderers_go_on_where_others_ended_past_frames_that_failed(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "events.jsonl", "job")
     log.write("frame", frame=1)  # of a run before
     job = Job("job", "render", (0,), (1, 2, 3, 4), (), ())
@@ -218,8 +218,19 @@ def test_fresh_renderers_go_on_where_others_ended_and_failures_are_remembered(tm
         return subprocess.Popen([sys.executable, "-c", _RENDERER, str(log.path), str(settled)])
 
     assert RENEWED == 75
-    assert Supervisor(Context(tmp_path, Plan((), None, (job,), (), ()), job, log), start).run() == 1
+    assert Supervisor(Context(tmp_path, Plan((), None, (job,), (), ()), job, log), start).run() == 0
     assert started == [0, 2, 3]
+
+
+def test_what_was_rendered_is_finished_unless_nothing_was_or_the_machine_refused() -> None:
+    made, failed, refused = (
+        {"event": "frame"},
+        {"event": "fail", "exit_code": 1},
+        {"event": "fail", "exit_code": 4},
+    )
+    assert _verdict(0, [made, made]) == 0 and _verdict(1, [made]) == 1
+    assert _verdict(1, [made, failed]) == 0
+    assert _verdict(1, [failed, failed]) == 1 and _verdict(1, [made, refused]) == 1
 
 
 def test_a_signal_is_passed_on_and_the_renderer_waited_for(tmp_path: Path) -> None:

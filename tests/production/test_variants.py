@@ -90,7 +90,7 @@ def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
     machine["gpu"] = 1
     monkeypatch.chdir(studio.path)
     monkeypatch.setattr(pictures, "render", fails)
-    monkeypatch.setattr(work.numba, "set_num_threads", lambda count: None)
+    monkeypatch.setattr(work, "_limit_kernels", lambda threads: None)
     plan = Studio(studio.path, 1, ON_GPU).pictures([NAME], "preview")
     (job,) = [job for job in plan.jobs if job.task == "render"]
     assert process.main(plan.freeze(studio.path).as_posix(), job.name, 0) == 1

@@ -58,6 +58,13 @@ class Context:
         known = "healed" in kinds or (bool(fails) and "end" in kinds)
         return known and ENVIRONMENT not in fails
 
+    def failed(self, stage: str) -> set[int]:
+        """The frames of this job's pictures that failed at an earlier stage of this run."""
+        quality = self.plan.takes[self.job.takes[0]]["quality"]
+        about = {"event": "fail", "stage": stage, "shot": self.subject, "quality": quality}
+        told = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new()
+        return {e["frame"] for e in told if e.get("frame") is not None and about.items() <= e.items()}
+
     def bring_inputs_to_now(self) -> None:
         """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
         differ, and Snakemake takes results that are older than their inputs for a mistake."""

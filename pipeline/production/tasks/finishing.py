@@ -7,6 +7,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.errors import FrameError
 from pipeline.production.files import readers
 from pipeline.production.takes.keyring import Keyring
 from pipeline.production.tasks.context import Context
@@ -20,7 +21,10 @@ if TYPE_CHECKING:
 
 
 def finish(context: Context) -> bool:
-    """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view."""
+    """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view.
+
+    Those that could not be rendered are left out; that was told when they were.
+    """
     take = context.take
     keys = context.picture_keys(take)
     desk = _Desk(context, keys, take.framings(context.store) or {})
@@ -33,7 +37,13 @@ def finish(context: Context) -> bool:
         target = take.folders.frame(take.quality_name, number)
         return context.make("frame", keys[number].frame, target, write)
 
-    return context.each(context.job.frames, work)
+    lost = context.failed("render")
+    ready = [n for n in context.job.frames if not lost & {*keys[n].window}]
+    well = context.each(ready, work)
+    for number in {*context.job.frames} - {*ready} - lost:
+        others = ", ".join(str(n) for n in sorted(lost & {*keys[number].window}))
+        context.fail(FrameError(f"frame {number} takes in light of frame {others}, which failed"), number)
+    return well and len(ready) == len(context.job.frames)
 
 
 @dataclass(eq=False)

@@ -5,12 +5,12 @@ from __future__ import annotations
 import signal
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from pipeline.production.runs.events import EventReader
+from pipeline.production.runs.events import Event, EventReader
 from pipeline.production.takes.variants import avoid
-from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.context import ENVIRONMENT, Context
 from pipeline.production.tasks.stopping import SIGNALS, heard
 from pipeline.production.tasks.wear import RENEWED
 
@@ -33,13 +33,11 @@ class Supervisor:
         """The exit code of the job. Where its renderer crashes its shot is rendered by another variant."""
         told = EventReader(self.context.log.path)
         told.skip()  # a whole film's log takes seconds to read
-        settled, well = 0, True
+        settled: list[Event] = []
         while True:
-            code, asked_to_end = self._run_one(settled)
+            code, asked_to_end = self._run_one(sum(event["frame"] is not None for event in settled))
             news = [event for event in told.new() if event["job"] == self.context.job.name]
-            ended = [event for event in news if event["event"] in ("frame", "fail")]
-            settled += sum(event["frame"] is not None for event in ended)
-            well = well and all(event["event"] == "frame" for event in ended)
+            settled += [event for event in news if event["event"] in ("frame", "fail")]
             if asked_to_end:
                 return INTERRUPTED
             if code == RENEWED:
@@ -48,7 +46,7 @@ class Supervisor:
                 return 1  # who ended it for that has said so
             if code < 0:
                 return self._ended_by(signal.Signals(-code))
-            return code if well else 1
+            return _verdict(code, settled)
 
     def _run_one(self, settled: int) -> tuple[int, bool]:
         """How a process ended, and whether it was to; signals are passed on, and it is waited for."""
@@ -74,6 +72,15 @@ class Supervisor:
             return 1
         context.killed(number.name)
         return 1
+
+
+def _verdict(code: int, settled: Sequence[Event]) -> int:
+    """The exit code of a job by what it told: where some frames were made, those are to be finished though
+    others failed; but what the machine refused ends all."""
+    faults = [event.get("exit_code") for event in settled if event["event"] == "fail"]
+    if not faults:
+        return code
+    return 0 if len(faults) < len(settled) and ENVIRONMENT not in faults else 1
 
 
 def fall_over(context: Context, fact: str) -> bool:
