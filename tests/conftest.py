@@ -5,6 +5,8 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import time
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,6 +60,25 @@ class StudioFolder:
         done = subprocess.run(command, cwd=self.path, capture_output=True, text=True, timeout=300)
         assert "Traceback" not in done.stdout + done.stderr, done.stderr
         return Run(done.returncode, done.stdout, done.stderr)
+
+    def start(self, *words: str) -> subprocess.Popen[str]:
+        """The command at work, in a process group of its own."""
+        command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words]
+        return subprocess.Popen(
+            command,
+            cwd=self.path,
+            start_new_session=True,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+
+    @staticmethod
+    def wait_until(condition: Callable[[], object], seconds: float = 120.0) -> None:
+        limit = time.monotonic() + seconds
+        while not condition():
+            assert time.monotonic() < limit, "waited in vain"
+            time.sleep(0.01)
 
     def frames(self, quality: str = "preview", kind: str = "frames") -> list[Path]:
         return sorted((self.path / "renders" / "T010_tiny" / quality / kind).glob("*.exr"))

@@ -8,7 +8,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -21,25 +21,6 @@ from render.image import read_exr
 NAME = "T010_tiny"
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="looks at processes as Linux has them")
-
-
-def start(studio: Any, *words: str) -> subprocess.Popen[str]:
-    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "-j", "2", *words]
-    return subprocess.Popen(
-        command,
-        cwd=studio.path,
-        start_new_session=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def wait_until(condition: Callable[[], Any], seconds: float = 120.0) -> None:
-    limit = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < limit, "waited in vain"
-        time.sleep(0.01)
 
 
 def renderers(process: subprocess.Popen[str]) -> list[psutil.Process]:
@@ -64,8 +45,8 @@ def left_over(studio: Any) -> list[Path]:
 def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
     studio: Any, finished_studio: Any
 ) -> None:
-    process = start(studio, "render", NAME, "-q", "preview", "--timeout", "0.5")
-    wait_until(lambda: renderers(process))
+    process = studio.start("render", NAME, "-q", "preview", "--timeout", "0.5")
+    studio.wait_until(lambda: renderers(process))
     renderers(process)[0].suspend()
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
@@ -76,8 +57,8 @@ def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
 def test_a_worker_that_is_killed_for_its_memory_is_followed_by_fewer(
     studio: Any, finished_studio: Any
 ) -> None:
-    process = start(studio, "render", NAME, "-q", "preview")
-    wait_until(lambda: len(renderers(process)) == 2)
+    process = studio.start("render", NAME, "-q", "preview")
+    studio.wait_until(lambda: len(renderers(process)) == 2)
     renderers(process)[0].kill()
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
@@ -130,7 +111,7 @@ def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
 ) -> None:
     chance, kills = random.Random(50), 0
     for _ in range(50):
-        process = start(studio, "film", "-q", "preview")
+        process = studio.start("film", "-q", "preview")
         try:
             process.communicate(timeout=chance.uniform(0.5, 14.0))
             break

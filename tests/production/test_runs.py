@@ -5,7 +5,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -104,8 +103,8 @@ def test_a_corrupt_file_on_the_way_is_made_again(finished, kind):
 
 def test_an_edit_during_a_run_waits_for_the_next(studio):
     text = studio.shot.read_text()
-    process = start(studio, "render", NAME, "-q", "preview")
-    wait_until(lambda: studio.frames(kind="raw"))
+    process = studio.start("render", NAME, "-q", "preview")
+    studio.wait_until(lambda: studio.frames(kind="raw"))
     studio.shot.write_text(text.replace("azimuth: -30", "azimuth: [broken"))
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
@@ -176,25 +175,6 @@ def test_a_truncated_picture_is_found_before_assembly_and_made_again(finished):
     assert probe_movie(finished.path / "renders/film/preview/film.mp4").frames == 6 + 6
 
 
-def start(studio, *words):
-    command = [sys.executable, "-m", "pipeline.cli", "--no-progress", *words]
-    return subprocess.Popen(
-        command,
-        cwd=studio.path,
-        start_new_session=True,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-
-
-def wait_until(condition, seconds=120):
-    limit = time.monotonic() + seconds
-    while not condition():
-        assert time.monotonic() < limit, "waited in vain"
-        time.sleep(0.02)
-
-
 def processes_of(group, word):
     """Those of a process group whose command line has `word`."""
 
@@ -209,8 +189,8 @@ def processes_of(group, word):
 
 
 def test_a_killed_run_goes_on_without_a_manual_step_to_the_same_pixels(studio, finished_studio):
-    process = start(studio, "render", NAME, "-q", "preview")
-    wait_until(lambda: studio.frames(kind="raw"))
+    process = studio.start("render", NAME, "-q", "preview")
+    studio.wait_until(lambda: studio.frames(kind="raw"))
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
     done = studio.run("render", NAME, "-q", "preview")
@@ -221,8 +201,8 @@ def test_a_killed_run_goes_on_without_a_manual_step_to_the_same_pixels(studio, f
 
 
 def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(studio):
-    process = start(studio, "render", NAME, "-q", "preview")
-    wait_until(lambda: studio.frames(kind="raw"))
+    process = studio.start("render", NAME, "-q", "preview")
+    studio.wait_until(lambda: studio.frames(kind="raw"))
     os.killpg(process.pid, signal.SIGINT)
     _, words = process.communicate(timeout=60)
     assert process.returncode == 130, words
@@ -232,26 +212,26 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(studio):
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
 def test_a_signal_to_the_command_alone_ends_all_of_its_processes(studio, number):
-    process = start(studio, "render", NAME, "-q", "preview")
-    wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
+    process = studio.start("render", NAME, "-q", "preview")
+    studio.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
     process.send_signal(number)
     _, words = process.communicate(timeout=60)
     assert process.returncode == 130, words
-    wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
+    studio.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
 
 
 def test_the_jobs_of_a_killed_command_do_not_outlive_it(studio):
-    process = start(studio, "render", NAME, "-q", "preview")
-    wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
+    process = studio.start("render", NAME, "-q", "preview")
+    studio.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
     process.kill()
     process.communicate()
-    wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
+    studio.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
 
 
 def test_two_runs_at_once_are_refused_in_one_line(studio):
-    process = start(studio, "render", NAME, "-q", "preview")
+    process = studio.start("render", NAME, "-q", "preview")
     try:
-        wait_until(lambda: (studio.path / ".flowsculpt/events").exists())
+        studio.wait_until(lambda: (studio.path / ".flowsculpt/events").exists())
         other = studio.run("render", NAME, "-q", "preview")
         assert other.code == 4
         assert "another flowsculpt run" in other.err
@@ -264,9 +244,9 @@ def test_two_runs_at_once_are_refused_in_one_line(studio):
 def test_where_a_renderer_crashes_its_shot_starts_again_on_the_next(studio):
     if "llvm_ad_rgb" not in studio.run("doctor").out:
         pytest.skip("there is only one variant here to choose from")
-    process = start(studio, "render", NAME, "-q", "preview")
-    wait_until(lambda: studio.frames(kind="raw"))
-    wait_until(lambda: processes_of(process.pid, "--child"))
+    process = studio.start("render", NAME, "-q", "preview")
+    studio.wait_until(lambda: studio.frames(kind="raw"))
+    studio.wait_until(lambda: processes_of(process.pid, "--child"))
     for child in processes_of(process.pid, "--child"):
         os.kill(child, signal.SIGABRT)
     out, err = process.communicate(timeout=300)
