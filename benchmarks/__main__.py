@@ -1,6 +1,6 @@
 """`python -m benchmarks`: everything there is to measure."""
 
-from benchmarks import flows, pictures, polyhedra, renewal, resampling
+from benchmarks import flows, orchestration, pictures, polyhedra, renewal, resampling
 
 if __name__ == "__main__":
     resampling.main()
@@ -8,3 +8,4 @@ if __name__ == "__main__":
     polyhedra.main()
     flows.main()
     pictures.main()
+    orchestration.main()

@@ -114,6 +114,10 @@ class Thresholds:
         These thresholds themselves where nothing depends on time.
         """
         three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
+        if all(
+            t is None or isinstance(t, float) for t in three
+        ):  # which is known at once, and a protocol is not
+            return self
         now = [t.at(frame, time) if isinstance(t, Timed) else t for t in three]
         if all(new is old for new, old in zip(now, three, strict=True)):
             return self
