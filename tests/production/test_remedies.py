@@ -3,7 +3,7 @@ ever."""
 
 from __future__ import annotations
 
-import socket
+import platform
 import subprocess
 import sys
 import time
@@ -29,7 +29,7 @@ def wait_until(condition: Callable[[], Any], seconds: float = 20.0) -> None:
 
 
 def begun(log: EventLog, process: int, host: str | None = None) -> None:
-    log.write("begin", stage="render", process=process, host=host or socket.gethostname())
+    log.write("begin", stage="render", process=process, host=host or platform.node())
 
 
 def events(log: EventLog, kind: str) -> list[dict[str, Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import socket
+import platform
 import threading
 import time
 from dataclasses import dataclass, field
@@ -64,7 +64,7 @@ class Watchdog:
         if event["event"] == "end":
             self._jobs.pop(name, None)
         elif event["event"] == "begin":
-            if event["host"] == socket.gethostname():  # a farm ends what hangs on its nodes
+            if event["host"] == platform.node():  # a farm ends what hangs on its nodes
                 self._jobs[name] = _Job(int(event["process"]), event)
         elif name in self._jobs:
             self._jobs[name].heard, self._jobs[name].told = time.monotonic(), event

@@ -27,6 +27,7 @@ def main(plan_path: str, job_name: str, settled: int | None = None, insist: bool
     root = Path.cwd()
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm sends first
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
+    context.begin()
     if settled is None:
         if not insist and context.failed_for_good():
             return 1

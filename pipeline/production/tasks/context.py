@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import sys
 import time
 from collections.abc import Callable, Iterable
@@ -146,6 +147,11 @@ class Context:
 
     def tell(self, number: int, found: bool, seconds: float) -> None:
         self._log("frame", number, found=found, seconds=round(seconds, 4))
+
+    def begin(self) -> None:
+        """This process works on the job from now on: by it the job is ended should it hang."""
+        here = {"process": os.getpid(), "host": platform.node()}
+        self.log.write("begin", stage=self.job.task, threads=self.job.threads, **here)
 
     def passed(self, number: int, done: int, most: int) -> None:
         """So many passes of a picture have been rendered, of at most so many."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import socket
 import sys
 import traceback
 from importlib import import_module
@@ -34,9 +33,6 @@ def work(context: Context) -> int:
     """Do one job in this process; 0 where all went well, 1 where the event log says what failed, and RENEWED
     where a fresh process is to render the rest."""
     job = context.job
-    context.log.write(
-        "begin", stage=job.task, threads=job.threads, process=os.getpid(), host=socket.gethostname()
-    )
     _limit_kernels(job.threads)
     try:
         task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
