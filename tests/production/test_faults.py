@@ -76,11 +76,11 @@ def test_the_time_of_files_decides_nothing(finished: Any) -> None:
 
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
-    """A file system of 12 MiB."""
+    """A file system of 40 MiB."""
     place = tmp_path / "small"
     place.mkdir()
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=12m", "tmpfs", str(place)], capture_output=True
+        ["mount", "-t", "tmpfs", "-o", "size=40m", "tmpfs", str(place)], capture_output=True
     )
     if mounted.returncode:
         pytest.skip("file systems cannot be mounted here")
@@ -93,7 +93,7 @@ def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
     studio: Any, finished_studio: Any, small_disk: Path
 ) -> None:
     ballast = small_disk / "ballast"
-    ballast.write_bytes(bytes(11 << 20))
+    ballast.write_bytes(bytes((40 << 20) - 65536))
     full = studio.run("--root", str(small_disk), "render", NAME, "-q", "preview")
     assert full.code == 4 and "full" in full.err, full.out + full.err
     valid = sorted((small_disk / ".flowsculpt" / "store").rglob("*.npz"))
