@@ -68,8 +68,8 @@ class Folders:
 
 @lru_cache(maxsize=2**14)
 def _file_of(folders: Folders, within: str, number: int, suffix: str) -> Path:
-    """Planning asks for the files of a shot several times, and joining paths is most of what it would do."""
-    return folders.home / within / f"{folders.name}.{number:04d}{suffix}"
+    """Planning asks for the files of a shot several times, and taking paths apart is most of that."""
+    return Path(f"{folders.home}/{within}/{folders.name}.{number:04d}{suffix}")
 
 
 def film(quality: str, name: str) -> Path:

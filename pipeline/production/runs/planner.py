@@ -58,7 +58,8 @@ class Planner:
         frames = take.requested
         self._targets += [take.folders.frame(take.quality_name, n) for n in frames]
         unfinished = self._absent("frame", take, frames, lambda n: keys[n].frame if keys else None)
-        around = {n: keys[n].window if keys else take.window(n, set(frames).__contains__) for n in unfinished}
+        asked = set(frames).__contains__
+        around = {n: keys[n].window if keys else take.window(n, asked) for n in unfinished}
         needed = list(dict.fromkeys([*unfinished, *(n for window in around.values() for n in window)]))
         unrendered = self._absent("raw", take, needed, lambda n: keys[n].raw if keys else None)
         if unrendered:
