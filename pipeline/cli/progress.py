@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import threading
 from collections import Counter
 from collections.abc import Mapping
+from contextlib import ExitStack
 from types import TracebackType
 
 from rich.console import Console
@@ -20,6 +20,7 @@ from rich.progress import (
 
 from pipeline.production.runs.events import Event, EventReader
 from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.ticking import every
 
 POLL_SECONDS = 0.2
 
@@ -63,25 +64,19 @@ class Bars:
         }
         self._settled: Counter[str] = Counter()
         self._under_way: dict[tuple[str, object], dict[object, float]] = {}
-        self._done = threading.Event()
-        self._thread = threading.Thread(target=self._follow, daemon=True)
+        self._ends = ExitStack()
 
     def __enter__(self) -> Bars:
         self._progress.start()
-        self._thread.start()
+        self._ends.callback(self._progress.stop)
+        self._ends.callback(self._read)
+        self._ends.enter_context(every(POLL_SECONDS, self._read))
         return self
 
     def __exit__(
         self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
     ) -> None:
-        self._done.set()
-        self._thread.join()
-        self._read()
-        self._progress.stop()
-
-    def _follow(self) -> None:
-        while not self._done.wait(POLL_SECONDS):
-            self._read()
+        self._ends.close()
 
     def _read(self) -> None:
         for event in self._reader.new():

@@ -16,7 +16,7 @@ import pytest
 
 from pipeline.production.runs.events import EventLog, EventReader
 from pipeline.production.runs.remedies import ROUNDS, Remedies
-from pipeline.production.runs.watchdog import Watchdog
+from pipeline.production.runs.watchdog import watched
 
 STUCK = [sys.executable, "-c", "import time; time.sleep(60)"]
 
@@ -41,7 +41,7 @@ def test_a_job_that_is_silent_is_ended_and_the_log_says_which_frame_it_was_at(
     stopped: bool, tmp_path: Path
 ) -> None:
     log = EventLog(tmp_path / "a.jsonl", "job")
-    with subprocess.Popen(STUCK) as process, Watchdog(log.path, 0.3):
+    with subprocess.Popen(STUCK) as process, watched(log.path, 0.3):
         begun(log, process.pid)
         log.write("start", stage="render", shot="A010", frame=12)
         if stopped:
@@ -54,7 +54,7 @@ def test_a_job_that_is_silent_is_ended_and_the_log_says_which_frame_it_was_at(
 
 def test_a_job_that_tells_of_itself_or_has_ended_or_is_elsewhere_is_left_alone(tmp_path: Path) -> None:
     log, other = EventLog(tmp_path / "a.jsonl", "job"), EventLog(tmp_path / "a.jsonl", "other")
-    with subprocess.Popen(STUCK) as process, Watchdog(log.path, 1.0):
+    with subprocess.Popen(STUCK) as process, watched(log.path, 1.0):
         begun(other, process.pid)
         other.write("end")
         begun(EventLog(log.path, "far"), process.pid, "another host")

@@ -7,13 +7,10 @@ from collections import defaultdict
 from collections.abc import Mapping
 from pathlib import Path
 
-from pipeline.production.files.layout import EVENTS
-from pipeline.production.runs.events import EventReader
+from pipeline.production.costs.measured import OF_MOTION
+from pipeline.production.runs.events import EventReader, logs_of
 from pipeline.production.takes.keys import Key
 from pipeline.production.takes.take import Take
-
-_MOTION = ("simulate", "smooth_normals", "frame_camera")
-"""Stages whose results are those of the shot, at whatever quality they were asked for."""
 
 _PICTURES = ("finish", "assemble")
 
@@ -31,11 +28,11 @@ def seconds_by_stage(take: Take, root: Path, raws: Mapping[int, Key]) -> dict[st
     """Of all of a take's frames together: what rendering them took, and what the event logs of the root last
     told of the other stages."""
     found: dict[str, dict[int, float]] = defaultdict(dict)
-    for log in sorted((root / EVENTS).glob("*.jsonl")):
+    for log in logs_of(root):
         for event in EventReader(log).new():
             if event["event"] == "frame" and event["shot"] == take.subject and not event["found"]:
                 stage = str(event["stage"])
-                if stage in _MOTION or (stage in _PICTURES and event.get("quality") == take.quality_name):
+                if stage in OF_MOTION or (stage in _PICTURES and event.get("quality") == take.quality_name):
                     found[stage][event["frame"]] = event["seconds"]
     rendering = [sum(seconds_of(take, root, number, raw).values()) for number, raw in raws.items()]
     told = {stage: round(sum(frames.values()), 3) for stage, frames in found.items()}

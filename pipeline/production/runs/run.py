@@ -20,7 +20,7 @@ from pipeline.production.runs import scheduler
 from pipeline.production.runs.events import Event, EventLog, EventReader
 from pipeline.production.runs.plan import Plan
 from pipeline.production.runs.remedies import Remedies
-from pipeline.production.runs.watchdog import PATIENCE, Watchdog
+from pipeline.production.runs.watchdog import PATIENCE, watched
 
 Watcher = AbstractContextManager[object]
 
@@ -153,7 +153,7 @@ class _Work:
         frozen = self.plan.freeze(self.root)
         EventLog(log).write("run", cores=self.cores)
         try:
-            with watch(self.plan, EventReader(log)), Watchdog(log, self.patience):
+            with watch(self.plan, EventReader(log)), watched(log, self.patience):
                 well = scheduler.execute(frozen, self.root, self.cores, self.profile)
         finally:
             EventLog(log).write("ran")

@@ -3,19 +3,24 @@
 from __future__ import annotations
 
 import platform
-import threading
 import time
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import TracebackType
 
 from pipeline.production.runs.events import Event, EventLog, EventReader
 from pipeline.production.runs.scheduler import end_family
+from pipeline.production.runs.ticking import every
 
 PATIENCE = 1800.0
 """Seconds without a sign of life, by default: many times what the slowest pass of a picture takes."""
 
 POLL_SECONDS = 0.5
+
+
+def watched(log: Path, patience: float = PATIENCE) -> AbstractContextManager[None]:
+    """While this lasts, jobs that tell of themselves in a log are ended where they hang."""
+    return every(min(POLL_SECONDS, patience / 2.0), Watchdog(log, patience).look)
 
 
 @dataclass
@@ -28,36 +33,24 @@ class _Job:
 
 
 class Watchdog:
-    """Watches the jobs that tell of themselves in a log: `with Watchdog(log, seconds): …`.
+    """Watches the jobs that tell of themselves in a log.
 
     Whatever a job writes is a sign of life: a frame begun or done, a pass rendered. One that is silent for
     longer than `patience` seconds is ended with all that it started, and the log says so (`hung`).
     """
 
-    def __init__(self, log: Path, patience: float = PATIENCE) -> None:
+    def __init__(self, log: Path, patience: float) -> None:
         self._log, self._patience = log, patience
         self._reader = EventReader(log)
         self._jobs: dict[str, _Job] = {}
-        self._done = threading.Event()
-        self._thread = threading.Thread(target=self._follow, daemon=True)
 
-    def __enter__(self) -> Watchdog:
-        self._thread.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._done.set()
-        self._thread.join()
-
-    def _follow(self) -> None:
-        while not self._done.wait(min(POLL_SECONDS, self._patience / 2.0)):
-            for event in self._reader.new():
-                self._hear(event)
-            silent = time.monotonic() - self._patience
-            for name in [name for name, job in self._jobs.items() if job.heard < silent]:
-                self._end(name, self._jobs.pop(name))
+    def look(self) -> None:
+        """Hear what was told since the last look, and end who has been silent for too long."""
+        for event in self._reader.new():
+            self._hear(event)
+        silent = time.monotonic() - self._patience
+        for name in [name for name, job in self._jobs.items() if job.heard < silent]:
+            self._end(name, self._jobs.pop(name))
 
     def _hear(self, event: Event) -> None:
         name = str(event["job"])
