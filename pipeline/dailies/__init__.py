@@ -1,0 +1,1 @@
+"""What people look at: previews, turntables, slates, deliverables and the review page."""
