@@ -6,8 +6,7 @@ A message says place, fact, rule and remedy, in that order and in one line:
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from difflib import get_close_matches
+from render.errors import suggestion as suggestion
 
 
 class FlowsculptError(Exception):
@@ -59,10 +58,3 @@ class MachineError(FlowsculptError):
     """The machine's fault: disk full, no permission, a renderer that cannot run (exit code 4)."""
 
     exit_code = 4
-
-
-def suggestion(word: object, names: Iterable[str]) -> str:
-    """The remedy for a name that is not known: `Did you mean 'vortex'?`, or the names there are."""
-    known = list(names)
-    close = get_close_matches(str(word), known, n=1, cutoff=0.6)
-    return f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(known)}."

@@ -5,6 +5,9 @@ A message says place, fact, rule and remedy, in one line.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from difflib import get_close_matches
+
 
 class RenderError(Exception):
     """Anything about a picture that a user can be told in one line."""
@@ -32,3 +35,10 @@ class RenderEnvironmentError(RenderError):
     """The machine's fault: disk full, no permission, no renderer that works (exit code 4)."""
 
     exit_code = 4
+
+
+def suggestion(word: object, names: Iterable[str]) -> str:
+    """The remedy for a name that is not known: `Did you mean 'vortex'?`, or the names there are."""
+    known = list(names)
+    close = get_close_matches(str(word), known, n=1, cutoff=0.6)
+    return f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(known)}."
