@@ -1,0 +1,283 @@
+"""Every encode gives back the frames, the size, the rate and the colours that it was given."""
+
+from __future__ import annotations
+
+import gc
+import resource
+import weakref
+from collections.abc import Iterator
+from fractions import Fraction
+from pathlib import Path
+
+import av
+import imageio.v3 as iio
+import numpy as np
+import pytest
+
+from render.encodes import ENCODES, Encode, encode_named
+from render.encoding import write_encode
+from render.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.probe import probe_movie
+from render.sound import RATE, Sound, blocks
+
+BARS = np.array(
+    [
+        [235, 235, 235],
+        [180, 180, 16],
+        [16, 180, 180],
+        [16, 180, 16],
+        [180, 16, 180],
+        [180, 16, 16],
+        [16, 16, 180],
+        [5, 5, 5],
+    ],
+    dtype=np.uint16,
+)
+"""Colour bars, near to what a gamut's corners are."""
+FILM_RATE = Fraction(24000, 1001)
+EACH = pytest.mark.parametrize("encode", ENCODES.values(), ids=list(ENCODES))
+
+
+def bars(count: int, height: int = 72, width: int = 128, coverage: bool = False) -> Iterator[np.ndarray]:
+    """Colour bars that move one place a frame, 16 bits; a coverage grows from left to right."""
+    for number in range(count):
+        row = np.roll(BARS, number, axis=0)[np.arange(width) * len(BARS) // width] * 257
+        if coverage:
+            cover = np.linspace(0, 65535, width).astype(np.uint16)[:, None]
+            row = np.concatenate([row, cover], axis=1)
+        yield np.tile(row, (height, 1, 1)).astype(np.uint16)
+
+
+def rgb(planes: np.ndarray) -> np.ndarray:
+    """Limited-range BT.709 planes of 16 bits (H, W, 3) as RGB 0 … 255, by the recommendation's equations."""
+    y, cb, cr = np.moveaxis(planes.astype(np.float64) / 256.0, 2, 0)
+    y, cb, cr = (y - 16.0) / 219.0, (cb - 128.0) / 224.0, (cr - 128.0) / 224.0
+    red, blue = y + 1.5748 * cr, y + 1.8556 * cb
+    return 255.0 * np.stack([red, (y - 0.2126 * red - 0.0722 * blue) / 0.7152, blue], axis=-1)
+
+
+def decoded(path: Path) -> list[np.ndarray]:
+    """RGB 0 … 255 of all frames."""
+    if path.suffix == ".webp":
+        return [frame[..., :3].astype(np.float64) for frame in iio.imiter(path, plugin="pillow")]
+    with av.open(str(path)) as container:
+        frames = []
+        for frame in container.decode(video=0):
+            if frame.format.name.startswith("gbr"):
+                frames.append(frame.reformat(format="rgb48le").to_ndarray() / 257.0)
+            else:
+                frames.append(rgb(frame.reformat(format="yuv444p16le").to_ndarray()))
+        return frames
+
+
+@EACH
+def test_an_encode_keeps_count_size_rate_and_colours(encode: Encode, tmp_path: Path) -> None:
+    path = tmp_path / f"a{encode.suffix}"
+    assert write_encode(path, bars(6), FILM_RATE, encode, "00:00:01:18") == 6
+    facts = probe_movie(path)
+    assert (facts.frames, facts.width, facts.height) == (6, 128, 72)
+    shown = decoded(path)
+    inner = np.arange(128).reshape(8, 16)[:, 4:12]
+    for given, found in zip(bars(6), shown, strict=True):
+        flat = (given / 257.0)[8:-8, inner], found[8:-8, inner]
+        assert np.abs(flat[0].mean(axis=(0, 2)) - flat[1].mean(axis=(0, 2))).max() <= 2.0
+        assert np.abs(flat[0] - flat[1]).max() <= 4.0
+    if encode.suffix == ".webp":
+        assert abs(facts.rate - FILM_RATE) < Fraction(1, 5)  # its times are whole milliseconds
+        return
+    assert facts.rate == FILM_RATE
+    assert facts.timecode == "00:00:01:18"
+    expected = (1, 1, 0, 2) if encode.is_rgb else (1, 1, 1, 1)
+    assert (facts.primaries, facts.transfer, facts.matrix, facts.range) == expected
+    assert not facts.alpha
+
+
+def test_every_frame_of_a_review_movie_is_whole(tmp_path: Path) -> None:
+    write_encode(tmp_path / "a.mp4", bars(8), Fraction(24), ENCODES["review"])
+    with av.open(str(tmp_path / "a.mp4")) as container:
+        assert all(packet.is_keyframe for packet in container.demux(video=0) if packet.size)
+    assert probe_movie(tmp_path / "a.mp4").pixel_format == "yuv420p"
+
+
+def test_players_of_apple_find_their_tag(tmp_path: Path) -> None:
+    write_encode(tmp_path / "a.mp4", bars(3), Fraction(24), ENCODES["h265"])
+    facts = probe_movie(tmp_path / "a.mp4")
+    assert (facts.codec, facts.tag, facts.pixel_format) == ("hevc", "hvc1", "yuv420p10le")
+
+
+def test_the_archive_loses_nothing(tmp_path: Path) -> None:
+    noise = np.random.default_rng(1).integers(0, 65536, (3, 33, 65, 3)).astype(np.uint16)
+    write_encode(tmp_path / "a.mkv", iter(noise), Fraction(25), ENCODES["ffv1"])
+    with av.open(str(tmp_path / "a.mkv")) as container:
+        for given, frame in zip(noise, container.decode(video=0), strict=True):
+            assert (frame.reformat(format="rgb48le").to_ndarray() == given).all()
+
+
+def test_coverage_comes_back_as_alpha(tmp_path: Path) -> None:
+    path = tmp_path / "a.mov"
+    write_encode(path, bars(3, coverage=True), Fraction(24), ENCODES["prores4444"])
+    assert probe_movie(path).alpha
+    with av.open(str(path)) as container:
+        for frame, given in zip(container.decode(video=0), bars(3, coverage=True), strict=True):
+            found = frame.reformat(format="yuva444p16le")
+            alpha = np.frombuffer(found.planes[3], np.uint16).reshape(72, -1)[:, :128] / 257.0
+            assert np.abs(alpha - given[..., 3] / 257.0).max() < 0.5
+
+
+@EACH
+def test_coverage_is_dropped_where_it_cannot_be_kept(encode: Encode, tmp_path: Path) -> None:
+    path = tmp_path / f"a{encode.suffix}"
+    write_encode(path, bars(2, coverage=True), Fraction(24), encode)
+    assert probe_movie(path).alpha == (encode.covered is not None)
+
+
+@EACH
+def test_odd_sizes_are_kept_or_repeated_once(encode: Encode, tmp_path: Path) -> None:
+    path = tmp_path / f"a{encode.suffix}"
+    write_encode(path, bars(2, 65, 129), Fraction(24), encode)
+    facts = probe_movie(path)
+    assert (facts.width, facts.height) == ((130, 66) if encode.halves_colour else (129, 65))
+    frame = decoded(path)[0]
+    assert np.abs(frame[60, 8] - frame[-1, 8]).max() < 4.0
+
+
+@EACH
+def test_the_same_frames_and_sound_are_the_same_file(encode: Encode, tone: Path, tmp_path: Path) -> None:
+    names = [tmp_path / f"{name}{encode.suffix}" for name in "ab"]
+    for path in names:
+        heard = blocks(Sound(tone), Fraction(5, 24))
+        write_encode(path, bars(5), Fraction(24), encode, "01:00:00:00", heard)
+    assert names[0].read_bytes() == names[1].read_bytes()
+
+
+@EACH
+def test_frames_are_let_go_while_others_come(encode: Encode, tmp_path: Path) -> None:
+    """However long a film is, few of its frames are held."""
+    living, most = [0], 0
+
+    def gone() -> None:
+        living[0] -= 1
+
+    def counted() -> Iterator[np.ndarray]:
+        nonlocal most
+        for frame in bars(90, 64, 64):
+            weakref.finalize(frame, gone)
+            living[0] += 1
+            most = max(most, living[0])
+            yield frame
+
+    write_encode(tmp_path / f"a{encode.suffix}", counted(), Fraction(24), encode)
+    gc.collect()
+    assert most <= 4
+    assert living == [0]
+
+
+def test_an_unknown_encode_is_told() -> None:
+    with pytest.raises(BadInputError, match=r"'prores' is no deliverable. Did you mean 'prores4444'\?"):
+        encode_named("prores")
+    with pytest.raises(BadInputError, match="There are: review, h264"):
+        encode_named("xyz")
+    assert encode_named("av1") is ENCODES["av1"]
+
+
+def test_what_cannot_be_encoded_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "a.mp4"
+    with pytest.raises(BadInputError, match="no frames"):
+        write_encode(path, iter(()), Fraction(24), ENCODES["h264"])
+    with pytest.raises(BadInputError, match="frame 2 has 32×64 pixels where the first has 64×64 pixels"):
+        write_encode(path, iter([*bars(2, 64, 64), *bars(1, 64, 32)]), Fraction(24), ENCODES["h264"])
+    with pytest.raises(BadInputError, match="av1 cannot hold pictures of 48×32 pixels"):
+        write_encode(path, bars(1, 32, 48), Fraction(24), ENCODES["av1"])
+    with pytest.raises(RenderEnvironmentError, match="cannot be written"):
+        (tmp_path / "file").touch()
+        write_encode(tmp_path / "file" / "a.mp4", bars(1), Fraction(24), ENCODES["h264"])
+    assert [file.name for file in tmp_path.iterdir()] == ["file"]
+
+
+@EACH
+def test_a_full_disk_is_told_in_one_line(encode: Encode, tmp_path: Path) -> None:
+    rng = np.random.default_rng(2)
+    noise = (rng.integers(0, 65535, (64, 64, 3)).astype(np.uint16) for _ in range(12))
+    soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
+    try:
+        with pytest.raises(RenderEnvironmentError, match="free space") as told:
+            write_encode(tmp_path / f"a{encode.suffix}", noise, Fraction(24), encode)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
+    assert "\n" not in str(told.value)
+    assert not list(tmp_path.iterdir())
+
+
+# Sound
+
+
+@pytest.fixture
+def tone(tmp_path: Path) -> Path:
+    """Two seconds of a tone, one channel of 44.1 kHz."""
+    path = tmp_path / "tone.wav"
+    wave = 0.5 * np.sin(2.0 * np.pi * 441.0 * np.arange(88200) / 44100.0)
+    with av.open(str(path), "w") as container:
+        stream = container.add_stream("pcm_s16le", rate=44100, layout="mono")
+        frame = av.AudioFrame.from_ndarray((wave * 32767).astype(np.int16)[None], format="s16", layout="mono")
+        frame.sample_rate = 44100
+        container.mux(stream.encode(frame))
+        container.mux(stream.encode(None))
+    return path
+
+
+def level(path: Path) -> np.ndarray:
+    """The loudest sample of every tenth of a second."""
+    with av.open(str(path)) as container:
+        heard = np.concatenate(
+            [np.abs(f.to_ndarray().reshape(-1, 2).astype(np.float64)) for f in container.decode(audio=0)]
+        )
+    heard = heard.max(axis=1) / 2**31
+    return heard[: len(heard) // 4800 * 4800].reshape(-1, 4800).max(axis=1)
+
+
+@pytest.mark.parametrize("encode", [e for e in ENCODES.values() if e.sound], ids=lambda e: e.name)
+@pytest.mark.parametrize("frames", [12, 72])
+def test_sound_is_cut_or_padded_to_the_pictures(
+    encode: Encode, frames: int, tone: Path, tmp_path: Path
+) -> None:
+    path = tmp_path / f"a{encode.suffix}"
+    heard = blocks(Sound(tone), Fraction(frames, 24))
+    write_encode(path, bars(frames, 64, 64), Fraction(24), encode, "", heard)
+    facts = probe_movie(path)
+    assert facts.frames == frames
+    assert facts.sound == encode.sound
+    within = 2 * 1024 / RATE if encode.sound == "aac" else 0.0  # AAC comes in blocks
+    assert frames / 24 <= facts.seconds <= frames / 24 + within
+
+
+def test_sound_begins_fades_and_ends_where_it_is_said_to(tone: Path, tmp_path: Path) -> None:
+    sound = Sound(tone, start=0.5, gain=-6.0206, fade_in=0.4, fade_out=0.5)
+    path = tmp_path / "a.mov"
+    heard = blocks(sound, Fraction(72, 24))
+    write_encode(path, bars(72, 16, 16), Fraction(24), ENCODES["prores4444"], "", heard)
+    loud = level(path)
+    assert len(loud) == 30
+    assert (loud[:5] == 0.0).all()
+    assert loud[5] < 0.07 < loud[7]
+    assert np.abs(loud[9:19] - 0.25).max() < 0.01
+    assert loud[24] < 0.06
+    assert (loud[25:] == 0.0).all()
+
+
+def test_a_beginning_can_be_left_out(tone: Path) -> None:
+    late = np.concatenate(list(blocks(Sound(tone, start=-0.5), Fraction(1))), axis=1)
+    whole = np.concatenate(list(blocks(Sound(tone), Fraction(2))), axis=1)
+    assert late.shape == (2, RATE)
+    assert np.abs(late - whole[:, RATE // 2 : RATE // 2 + RATE]).max() < 1e-6
+
+
+def test_what_is_no_sound_is_told(tmp_path: Path) -> None:
+    with pytest.raises(MissingImageError, match="no such sound"):
+        next(blocks(Sound(tmp_path / "a.wav"), Fraction(1)))
+    (tmp_path / "b.wav").write_bytes(b"not a sound")
+    with pytest.raises(CorruptImageError, match="cannot be read as sound"):
+        next(blocks(Sound(tmp_path / "b.wav"), Fraction(1)))
+    write_encode(tmp_path / "c.mp4", bars(1), Fraction(24), ENCODES["h264"])
+    with pytest.raises(CorruptImageError, match="it holds none"):
+        next(blocks(Sound(tmp_path / "c.mp4"), Fraction(1)))
