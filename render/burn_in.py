@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.errors import BadInputError, suggestion
-from render.image import lettering
+from render.typesetting import BASELINE, cut_short, lay, line
 
 FIELDS = ("shot", "frame", "timecode", "key", "quality", "version")
 """What a burn-in can tell."""
@@ -104,49 +104,23 @@ def _print(
     baseline = round(1.55 * size) if band == "upper" else len(strip) - round(0.85 * size)
     at = width - size
     for field, text in right:
-        line = _line(field, text, size)
-        at -= line.shape[1]
-        _set(made, line, at, baseline - round(1.4 * size), _INKS.get(field, _QUIET) * top)
+        words = _line(field, text, size)
+        at -= words.shape[1]
+        lay(made, words, at, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
         at -= gap
     start, room = size, at - size
     for field, text in left:
-        line = _line(field, _cut_short(field, text, size, room), size)
-        _set(made, line, start, baseline - round(1.4 * size), _INKS.get(field, _QUIET) * top)
-        start, room = start + line.shape[1] + gap, room - line.shape[1] - gap
+        words = line(cut_short(text, _FONT, size, room), _FONT, size)
+        lay(made, words, start, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
+        start, room = start + words.shape[1] + gap, room - words.shape[1] - gap
     strip[:] = made if strip.dtype.kind == "f" else np.rint(made)
-
-
-def _set(strip: Strip, line: Strip, x: int, y: int, ink: float) -> None:
-    """Lay type (h, w) over a strip, its left upper corner there; what is outside is not shown."""
-    line = line[max(0, -y) :, max(0, -x) :]
-    place = strip[max(0, y) :, max(0, x) :][: line.shape[0], : line.shape[1]]
-    cover = line[: place.shape[0], : place.shape[1], None]
-    place += (np.float32(ink) - place) * cover
-
-
-def _cut_short(field: str, text: str, size: int, room: int) -> str:
-    while text and (width := _line(field, text, size).shape[1]) > room:
-        kept = text.removesuffix("...")
-        kept = kept[: max(0, min(len(kept) - 1, int(len(kept) * room / width)))]
-        text = f"{kept}..." if kept else ""
-    return text
 
 
 def _line(field: str, text: str, size: int) -> Strip:
     if field not in _CHANGING:
-        return _words(text, size)
-    letters = [_letter(letter, size) for letter in text]
+        return line(text, _FONT, size)
+    letters = [line(letter, _FONT, size) for letter in text]
     return np.concatenate(letters, axis=1) if letters else np.zeros((1, 0), np.float32)
-
-
-@lru_cache(maxsize=512)
-def _words(text: str, size: int) -> Strip:
-    return lettering(text, _FONT, size) if text else np.zeros((1, 0), np.float32)
-
-
-@lru_cache(maxsize=512)
-def _letter(letter: str, size: int) -> Strip:
-    return lettering(letter, _FONT, size)
 
 
 @lru_cache(maxsize=16)
