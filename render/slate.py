@@ -64,7 +64,7 @@ def failure(size: tuple[int, int], heading: str, reason: str) -> Floats:
 
 
 class _Sheet:
-    """A page whose distances are measured by `unit`, a hundredth of its height, or less where it is narrow."""
+    """A page, its distances measured by `unit`: a hundredth of its height, or less where it is narrow."""
 
     def __init__(self, size: tuple[int, int]) -> None:
         self.width, self.height = size

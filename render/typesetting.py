@@ -25,7 +25,7 @@ def line(text: str, font: str, size: int, spacing: float = 0.0) -> Floats:
 
 
 def lay(page: Floats, cover: Floats, x: int, y: int, ink: float | Triple) -> None:
-    """Lay a coverage (h, w) over a page (H, W, 3), its left upper corner there; what is outside is not shown."""
+    """Lay a coverage (h, w) over a page (H, W, 3), its left upper corner there; what is outside is lost."""
     cover = cover[max(0, -y) :, max(0, -x) :]
     place = page[max(0, y) :, max(0, x) :][: cover.shape[0], : cover.shape[1]]
     strength = cover[: place.shape[0], : place.shape[1], None]

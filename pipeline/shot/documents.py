@@ -143,13 +143,39 @@ class ShotDocument(Document):
 
 
 CardSeconds = Annotated[float, Field(ge=0, le=60)]
+DissolveFrames = Annotated[int, Field(ge=0, le=1000)]
+Seconds = Annotated[float, Field(ge=0, le=86400)]
 
 
 class ClipDocument(Document):
-    """A shot of which the film shows a part."""
+    """A shot, of which the film shows all or a part."""
 
     shot: str
-    frames: str
+    frames: str | None = None
+    dissolve: DissolveFrames = 0
+
+
+class CardDocument(Document):
+    """Words between shots."""
+
+    card: str
+    subtitle: str = ""
+    seconds: Annotated[float, Field(gt=0, le=60)] = 2.0
+    dissolve: DissolveFrames = 0
+
+
+class SoundDocument(Document):
+    """What is heard with a film; its file lies beside the edit."""
+
+    file: str
+    start: Annotated[float, Field(ge=-86400, le=86400)] = 0.0
+    gain: Annotated[float, Field(ge=-60, le=24)] = 0.0
+    fade_in: Seconds = 0.0
+    fade_out: Seconds = 0.0
+
+
+def _entry_form(value: Any) -> str:
+    return ("a card" if "card" in value else "a shot") if isinstance(value, dict) else "by name"
 
 
 class FilmDocument(Document):
@@ -160,10 +186,13 @@ class FilmDocument(Document):
     credits: list[str] = Field(default_factory=list)
     shots: list[
         Annotated[
-            Annotated[str, Tag("by name")] | Annotated[ClipDocument, Tag("spelt out")],
-            Discriminator(_named_or_spelt_out),
+            Annotated[str, Tag("by name")]
+            | Annotated[ClipDocument, Tag("a shot")]
+            | Annotated[CardDocument, Tag("a card")],
+            Discriminator(_entry_form),
         ]
     ] = Field(min_length=1)
+    sound: SoundDocument | None = None
     rate: Rate = 24
     title_seconds: CardSeconds = 3.0
     credits_seconds: CardSeconds = 3.0

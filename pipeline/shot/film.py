@@ -9,12 +9,14 @@ from typing import Any
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import checks
-from pipeline.shot.documents import FilmDocument
+from pipeline.shot.dissolves import dissolves, sound
+from pipeline.shot.documents import FilmDocument, SoundDocument
 from pipeline.shot.edits import DEFAULTS, is_edit
-from pipeline.shot.named_files import is_there, shown
+from pipeline.shot.fields import is_number
+from pipeline.shot.named_files import digest_of_file, is_there, shown
 from pipeline.shot.parse import parsed
 from pipeline.shot.read import read_shot
-from pipeline.shot.shot import Clip, Film, Shot
+from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.source import Source, Where
 
 
@@ -26,12 +28,16 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
     path, settings = Path(path), tuple(settings)
     source = Source.read(path)
     problems: list[tuple[Where, str]] = []
-    clips: list[Clip] = []
     failed: list[FlowsculptError] = []
     rate, found = checks.read_rate(source)
     problems += found
-    entries = source.get("shots")
-    for index, entry in enumerate(entries if isinstance(entries, list) else []):
+    entries: list[Clip | Card | None] = []
+    listed = source.get("shots")
+    for index, entry in enumerate(listed if isinstance(listed, list) else []):
+        if isinstance(entry, dict) and "card" in entry:
+            entries.append(_card(entry))
+            continue
+        entries.append(None)
         name, where = _named(entry, ("shots", index))
         if not isinstance(name, str):
             continue
@@ -57,18 +63,25 @@ def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
                 )
             )
         try:
-            clips.append(_clip(shot, entry))
+            entries[-1] = _clip(shot, entry)
         except UsageError as error:
             problems.append((("shots", index, "frames"), str(error)))
-    document = parsed(source, FilmDocument, problems, [], failed)
+    title = Card(str(source.get("title") or ""), seconds=_seconds(source.get("title_seconds")))
+    if rate:
+        problems += dissolves(entries, title.length(rate) if title.title else 0, rate)
+    missing: list[tuple[Where, str]] = []
+    for is_missing, problem in sound(source, path.parent):
+        (missing if is_missing else problems).append(problem)
+    document = parsed(source, FilmDocument, problems, missing, failed)
     return Film(
         title=document.title,
         subtitle=document.subtitle,
         credits=tuple(document.credits),
-        clips=tuple(clips),
+        entries=tuple(entry for entry in entries if entry is not None),
         rate=FrameRate.of(document.rate),
         title_seconds=float(document.title_seconds),
         credits_seconds=float(document.credits_seconds),
+        sound=_sound(document.sound, path.parent),
         path=path,
     )
 
@@ -80,12 +93,41 @@ def _named(entry: Any, where: Where) -> tuple[Any, Where]:
 
 def _clip(shot: Shot, entry: Any) -> Clip:
     """Raises UsageError where the entry's frames are no range, or not in the shot."""
+    dissolve = _whole(entry.get("dissolve")) if isinstance(entry, dict) else 0
     if not isinstance(entry, dict) or not isinstance(entry.get("frames"), str):
-        return Clip(shot, shot.frames)
+        return Clip(shot, shot.frames, dissolve)
     frames = FrameRange.parse(entry["frames"])
     outside = frames.outside(shot.frames)
     if outside:
         raise UsageError(
             f"frames {outside} are not in {shot.name}, which has {shot.frames}; show frames among those"
         )
-    return Clip(shot, frames)
+    return Clip(shot, frames, dissolve)
+
+
+def _card(entry: dict[str, Any]) -> Card | None:
+    """None where its form is wrong, which the document tells."""
+    title, subtitle, seconds = entry["card"], entry.get("subtitle", ""), entry.get("seconds", 2.0)
+    if not (
+        isinstance(title, str) and isinstance(subtitle, str) and is_number(seconds) and 0 < seconds <= 60
+    ):
+        return None
+    return Card(title, subtitle, float(seconds), _whole(entry.get("dissolve")))
+
+
+def _sound(document: SoundDocument | None, folder: Path) -> SoundTrack | None:
+    if document is None:
+        return None
+    file = (folder / document.file).absolute()
+    values = document.model_dump(exclude={"file"})
+    return SoundTrack(file, digest_of_file(file), **{name: float(value) for name, value in values.items()})
+
+
+def _whole(value: Any) -> int:
+    """A count as it is; what is none counts nothing here, and the document tells."""
+    return value if isinstance(value, int) and not isinstance(value, bool) and value > 0 else 0
+
+
+def _seconds(value: Any) -> float:
+    default: float = FilmDocument.model_fields["title_seconds"].default
+    return float(value) if is_number(value) and 0 <= value <= 60 else default

@@ -22,11 +22,13 @@ from pipeline.shot.compositions import (
 )
 from pipeline.shot.curves import Key, Keyed, OverTime, OverTimeTriple
 from pipeline.shot.documents import (
+    CardDocument,
     ClipDocument,
     FilmDocument,
     QualitiesDocument,
     QualityDocument,
     ShotDocument,
+    SoundDocument,
 )
 from pipeline.shot.flows import FlowDocument, VelocityDocument
 from pipeline.shot.generated import FlowParameters
@@ -98,13 +100,30 @@ HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     },
     ClipDocument: {
         "shot": Sense("its name"),
-        "frames": Sense("those that are shown, as in 10-40, or 10-40x2 for every second"),
+        "frames": Sense("those that are shown, as in 10-40, or 10-40x2 for every second; by default all"),
+        "dissolve": Sense("over how many it comes through what is before it; they overlap", "frames"),
+    },
+    CardDocument: {
+        "card": Sense("words between shots"),
+        "subtitle": Sense("below them"),
+        "seconds": Sense("how long they stand", "s"),
+        "dissolve": Sense("over how many frames it comes through what is before it; they overlap", "frames"),
+    },
+    SoundDocument: {
+        "file": Sense("beside this one: WAV, FLAC, or what else FFmpeg reads"),
+        "start": Sense(
+            "of the film, at which it begins; before 0, so much of its beginning is left out", "s"
+        ),
+        "gain": Sense("by which it is made louder, or below 0 softer", "dB"),
+        "fade_in": Sense("over which it comes", "s"),
+        "fade_out": Sense("over which it goes, at its end or the film's", "s"),
     },
     FilmDocument: {
         "title": Sense("what the film is called; on its first card"),
         "subtitle": Sense("below the title"),
         "credits": Sense("lines of the last card"),
-        "shots": Sense("names of shot files beside this one, in the order of the edit"),
+        "shots": Sense("names of shot files beside this one, and cards, in the order of the edit"),
+        "sound": Sense("what is heard, from a file beside this one"),
         "rate": Sense("24, 23.976 or 24000/1001: the same for all shots", "frames per second"),
         "title_seconds": Sense("how long the title stands; 0 leaves it out", "s"),
         "credits_seconds": Sense("how long the credits stand; 0 leaves them out", "s"),

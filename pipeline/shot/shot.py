@@ -75,27 +75,72 @@ class Shot:
 
 @dataclass(frozen=True)
 class Clip:
-    """A shot as an edit shows it: those of its frames, in that order."""
+    """A shot as an edit shows it: those of its frames, in that order.
+
+    dissolve  over how many frames it comes through what is before it
+    """
 
     shot: Shot
     frames: FrameRange
+    dissolve: int = 0
+
+    def length(self, rate: FrameRate) -> int:
+        """Frames, at the film's rate, which is the shot's too."""
+        return len(self.frames)
+
+
+@dataclass(frozen=True)
+class Card:
+    """Words between shots; `dissolve` as of a clip."""
+
+    title: str
+    subtitle: str = ""
+    seconds: float = 2.0
+    dissolve: int = 0
+
+    def length(self, rate: FrameRate) -> int:
+        """Frames, the nearest to its seconds."""
+        return round(self.seconds * float(rate.fps))
+
+
+@dataclass(frozen=True)
+class SoundTrack:
+    """What is heard with a film.
+
+    digest             SHA-256 of the file
+    start              second of the film at which it begins; before 0, so much of its beginning is left out
+    gain               decibels
+    fade_in, fade_out  seconds
+    """
+
+    file: Path = field(metadata=NOT_DATA)
+    digest: str
+    start: float = 0.0
+    gain: float = 0.0
+    fade_in: float = 0.0
+    fade_out: float = 0.0
 
 
 @dataclass(frozen=True)
 class Film:
-    """The edit: clips of shots in order, and the words around them.
+    """The edit: clips of shots and cards in order, the words around them, and what is heard.
 
     title_seconds, credits_seconds  how long those cards stand; 0 leaves them out
     """
 
     title: str
-    clips: tuple[Clip, ...]
+    entries: tuple[Clip | Card, ...]
     rate: FrameRate
     subtitle: str = ""
     credits: tuple[str, ...] = ()
     title_seconds: float = 3.0
     credits_seconds: float = 3.0
+    sound: SoundTrack | None = None
     path: Path | None = field(default=None, metadata=NOT_DATA)
+
+    @property
+    def clips(self) -> tuple[Clip, ...]:
+        return tuple(entry for entry in self.entries if isinstance(entry, Clip))
 
     @property
     def shots(self) -> tuple[Shot, ...]:
@@ -104,8 +149,8 @@ class Film:
 
     @property
     def seconds(self) -> float:
-        """How long the film is, cards included."""
-        shown = self.rate.seconds(sum(len(clip.frames) for clip in self.clips))
+        """How long the film is, cards included; what dissolves overlaps."""
+        shown = self.rate.seconds(sum(e.length(self.rate) - e.dissolve for e in self.entries))
         return (
             shown + (self.title_seconds if self.title else 0) + (self.credits_seconds if self.credits else 0)
         )

@@ -111,7 +111,7 @@ class Planner:
             self._link("movie", key, path)
             return
         inputs = [t.folders.frame(t.quality_name, n) for t in takes for n in t.requested]
-        frames = tuple(range(1, cut.length(len(inputs)) + 1))
+        frames = tuple(range(1, cut.length + 1))
         job = Job("film", "film", tuple(self._enter(t) for t in takes), frames, paths(inputs), paths([path]))
         self._jobs.append(job)
 

@@ -208,7 +208,7 @@ class Take(Showing):
     def movie_key(self, frame_keys: list[Key]) -> Key:
         return key_of(
             "movie",
-            code_key(MOVIE_CODE, ("av", "imageio", "OpenImageIO")),
+            code_key(MOVIE_CODE, ("av", "OpenImageIO")),
             frame_keys,
             self.script.outline.rate,
             self.shown_as,

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -17,8 +17,11 @@ from pipeline.production.takes.keys import Key
 from pipeline.production.takes.take import Take
 from pipeline.production.tasks.context import REPORTED, Context
 from render.colour import quantise, to_display
+from render.dissolve import Piece, dissolved, mixed
 from render.frame import Layers
-from render.movie import Frame, write_movie
+from render.movie import write_movie
+from render.planes import Frame
+from render.sound import Samples, blocks
 from render.titles import TitleCard, title_frames
 
 
@@ -42,18 +45,30 @@ def film(context: Context) -> bool:
     if key is None:
         raise FrameError("the film's cameras are gone; run again to find them anew")
     quality_name = takes[0].quality_name
-    frames = _cut_together(context, cut, takes)
-    return _movie(context, key, cut.path(quality_name), frames, cut.frame_rate, quality_name)
+    size = takes[0].quality.width, takes[0].quality.height
+
+    def shown(clip: int) -> Iterator[Frame]:
+        take = takes[clip]
+        return _shown(context, take, context.picture_keys(take), list(take.requested))
+
+    frames = dissolved(list(cut_together(cut, size, shown)), mixed)
+    rate = cut.frame_rate
+    return _movie(context, key, cut.path(quality_name), frames, rate, quality_name, _sound(cut))
 
 
 def _movie(
-    context: Context, key: Key, target: Path, frames: Iterator[Frame], rate: FrameRate, quality_name: str
+    context: Context,
+    key: Key,
+    target: Path,
+    frames: Iterator[Frame],
+    rate: FrameRate,
+    quality_name: str,
+    sound: Iterator[Samples] | None = None,
 ) -> bool:
     counted = _told(context, _ahead(frames))
+    bits = movie_bits(quality_name)
     try:
-        context.make(
-            "movie", key, target, lambda p: write_movie(p, counted, rate.fps, movie_bits(quality_name))
-        )
+        context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, bits, sound))
     except REPORTED as error:
         context.fail(error)
         return False
@@ -78,21 +93,28 @@ def _told(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
         started = time.perf_counter()
 
 
-def _cut_together(context: Context, cut: Cut, takes: list[Take]) -> Iterator[Frame]:
-    size = takes[0].quality.width, takes[0].quality.height
-    yield from _card(TitleCard(cut.title, cut.subtitle), size, cut.title_frames)
-    for take in takes:
-        yield from _shown(context, take, context.picture_keys(take), list(take.requested))
-    if cut.credits_frames:
-        first, *others = cut.credits
-        yield from _card(TitleCard(first, " · ".join(others)), size, cut.credits_frames)
+def _sound(cut: Cut) -> Iterator[Samples] | None:
+    return None if cut.heard is None else blocks(cut.heard.sound(), cut.length / cut.frame_rate.fps)
+
+
+def cut_together(
+    cut: Cut, size: tuple[int, int], shown: Callable[[int], Iterator[Frame]]
+) -> Iterator[Piece[Frame]]:
+    """The pieces of a film, as `render.dissolve.dissolved` takes them.
+
+    size   width and height of cards
+    shown  the frames of the film's take in a place
+    """
+    for piece in cut.pieces:
+        card = TitleCard(piece.title, piece.subtitle)
+        frames = _card(card, size, piece.frames) if piece.clip is None else shown(piece.clip)
+        yield piece.frames, piece.dissolve, frames
 
 
 def _card(card: TitleCard, size: tuple[int, int], count: int) -> Iterator[Frame]:
     """A card's frames; the words take a quarter of its time to come, and another to go."""
-    if count:
-        for picture in title_frames(card, size, count, fade=count // 4):
-            yield quantise(picture, bits=16)
+    for picture in title_frames(card, size, count, fade=count // 4):
+        yield quantise(picture, bits=16)
 
 
 def _shown(context: Context, take: Take, keys: Keyring, numbers: list[int]) -> Iterator[Frame]:
