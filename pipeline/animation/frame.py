@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -24,11 +25,19 @@ class FrameReport:
     """What happened on the way into a frame, and how its mesh is.
 
     resampling  what the resampler did; None where resampling is off
-    statistics  how mesh-like the result is (P7); None of a cloud of points, which is no mesh
+    measure     tells its `statistics`
     """
 
     resampling: Report | None
-    statistics: MeshStatistics | None
+    measure: Callable[[], MeshStatistics | None] = field(repr=False, compare=False)
+
+    @cached_property
+    def statistics(self) -> MeshStatistics | None:
+        """How mesh-like the result is (P7); None of a cloud of points, which is no mesh.
+
+        Measured when first asked for, which takes as long as resampling does: previews do not ask.
+        """
+        return self.measure()
 
     def as_data(self) -> dict[str, Any]:
         """JSON-able."""
@@ -44,7 +53,7 @@ class FrameReport:
         kind = PolyhedralReport if resampling and "cuts" in resampling else Report
         return cls(
             resampling=None if resampling is None else kind(**resampling),
-            statistics=None if statistics is None else MeshStatistics(**statistics),
+            measure=lambda: None if statistics is None else MeshStatistics(**statistics),
         )
 
 

@@ -19,7 +19,7 @@ from pipeline.mesh.tangents import carried_normals
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
 from pipeline.resample.at_rest import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling
-from pipeline.statistics import mesh_statistics
+from pipeline.statistics import MeshStatistics, mesh_statistics
 
 R = TypeVar("R", Resampler, PolyhedralResampler)
 
@@ -38,8 +38,8 @@ class Surface:
         self._mesh = self._mesh.with_vertices(step.apply(self._mesh.vertices))
 
     def frame(self, number: int) -> MeshFrame:
-        statistics = mesh_statistics(self._mesh) if len(self._mesh.faces) else None
-        frame = MeshFrame(number, self._mesh, FrameReport(None, statistics), lattice=self._lattice)
+        report = FrameReport(None, partial(_statistics, self._mesh))
+        frame = MeshFrame(number, self._mesh, report, lattice=self._lattice)
         if self._register is None:
             return frame
         return replace(frame, births=self._register.births, identities=self._register.given)
@@ -72,7 +72,7 @@ class Sliced(_Resampled[PolyhedralResampler]):
     def frame(self, number: int) -> MeshFrame:
         done, polygons = self._resample(number), self._resampler.mesh
         mesh = polygons.triangulated()
-        return MeshFrame(number, mesh, FrameReport(done, mesh_statistics(mesh)), polygons)
+        return MeshFrame(number, mesh, FrameReport(done, partial(_statistics, mesh)), polygons)
 
 
 class Triangular(_Resampled[Resampler]):
@@ -80,7 +80,7 @@ class Triangular(_Resampled[Resampler]):
 
     def frame(self, number: int) -> MeshFrame:
         done, mesh, now = self._resample(number), self._resampler.mesh, self._resampler
-        report = FrameReport(done, mesh_statistics(mesh))
+        report = FrameReport(done, partial(_statistics, mesh))
         return MeshFrame(number, mesh, report, births=now.births, identities=now.identities)
 
 
@@ -117,3 +117,7 @@ class Carried(Triangular):
             state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.roundness
         )
         return replace(frame, mesh=self._resampler.mesh)
+
+
+def _statistics(mesh: TriangleMesh) -> MeshStatistics | None:
+    return mesh_statistics(mesh) if len(mesh.faces) else None

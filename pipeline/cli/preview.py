@@ -9,15 +9,16 @@ import typer
 
 from pipeline.cli.arguments import AllowCode, Frames, Settings
 from pipeline.cli.options import Common
-from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer
+from pipeline.cli.sketching import sketched
+from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import UsageError
 from pipeline.production.files.layout import Folders
 from pipeline.production.runs.workflow import Studio
-from pipeline.production.surfaces.preview import Sketch
 from pipeline.production.takes.folder import find_shot
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
+from render.burn_in import BurnIn
 from render.plot import Track, plot_tracks
 
 
@@ -33,6 +34,15 @@ def preview(
     flow: Annotated[
         bool, typer.Option("--flow", help="Draw the flow: its streamlines at each frame, coloured by speed.")
     ] = False,
+    edges: Annotated[bool, typer.Option("--edges", help="Draw the edges of the faces.")] = False,
+    burn_in: Annotated[
+        str | None,
+        typer.Option(
+            "--burn-in",
+            metavar="FIELDS",
+            help="Write over the picture: all, or some of shot,frame,timecode,key.",
+        ),
+    ] = None,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the PNG or MP4 there.")
     ] = None,
@@ -41,8 +51,8 @@ def preview(
 ) -> None:
     """Show a shot quickly, without a path tracer: its own camera, lights and look, nothing reflected.
 
-    The shot is simulated where it is not; renders use the same meshes and cameras. Pictures go to
-    renders/SHOT/sketch.
+    What is not simulated yet is simulated for the look alone; `flowsculpt simulate` keeps meshes. Pictures go
+    to renders/SHOT/sketch: `flowsculpt preview A010_cube --at 22 --edges` is a still with its faces.
     """
     if at is not None and frames is not None:
         raise UsageError("--at is for a still and --frames for a movie; give one of them")
@@ -54,21 +64,8 @@ def preview(
     studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
     chosen = str(at) if at is not None else frames
     take = studio.take(find_shot(shot), "preview", chosen, variant="none")
-    if common.dry_run:
-        tell_plan(common, studio.surfaces(take))
-        return
-    outcome = carried_out(common, lambda: studio.surfaces(take))
-    if outcome.exit_code:
-        raise typer.Exit(outcome.exit_code)
-    sketch = Sketch(take, studio.store, flow)
-    path = output or common.root / sketch.place(at)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    many = sketch.movie(path) if at is None else 1
-    if at is not None:
-        sketch.still(at, path)
-    answer(
-        f"{path}: {many} frame{'s' if many > 1 else ''}.", {"path": str(path), "frames": many}, common.json
-    )
+    over = None if burn_in is None else BurnIn.parse(burn_in)
+    sketched(common, Sketch(take, flow, edges, over), studio.store, at, output)
 
 
 def curves(

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
+from pipeline.dailies.preview.sketch import shape_of
 from pipeline.production.surfaces.framing import Framing
 from pipeline.production.surfaces.movement import speeds
-from pipeline.production.surfaces.preview import _shape
 from pipeline.production.surfaces.shading import Shading
 from pipeline.production.takes.poses import Turntable
 from pipeline.production.takes.script import Script
@@ -76,10 +76,11 @@ def test_previews_show_what_is_measured() -> None:
         "faces": np.int32([[0, 1, 2]]),
         "material": np.float32([[0, 0, 0], [1, 0, 0], [0, 1, 0]]),
     }
-    shown = _shape(arrays, LOOKS["speed"], {"speed": np.float32([[0], [4], [9]])}).colours
+    speed = np.float32([[0], [4], [9]])
+    shown = shape_of({**arrays, "speed": speed}, LOOKS["speed"]).colours
     ends = colour_map("viridis")[[0, -1, -1]]
     assert shown is not None and np.abs(shown - ends).max() < 1e-6
     points = {"vertices": arrays["vertices"], "radii": np.float32([1, 1, 1]), "material": arrays["material"]}
-    balls = _shape(points, LOOKS["speed"], {"speed": np.float32([[0], [4], [9]])})
+    balls = shape_of({**points, "speed": speed}, LOOKS["speed"])
     assert balls.colours is not None and len(balls.colours) == len(balls.vertices)
     assert np.abs(balls.colours[0] - ends[0]).max() < 1e-6

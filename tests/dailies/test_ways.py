@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.production.surfaces.preview import _shape, inks
-from pipeline.production.surfaces.ways import PIECES, ways_at
+from pipeline.dailies.preview.sketch import inks, shape_of
+from pipeline.dailies.preview.ways import PIECES, ways_at
 from pipeline.shot import Motion, read_shot
 from render.look import LOOKS
 
@@ -58,7 +58,7 @@ def test_lines_begin_around_the_subject_wherever_it_is() -> None:
 def test_a_cloud_is_drawn_as_balls() -> None:
     points = np.array([(0.0, 0.0, 0.0), (3.0, 0.0, 0.0)])
     arrays = {"vertices": points, "radii": np.array([0.5, 1.0]), "material": points}
-    shape = _shape(arrays, LOOKS["clay"], {})
+    shape = shape_of(arrays, LOOKS["clay"])
     away = np.linalg.norm(shape.vertices.reshape(2, -1, 3) - points[:, None], axis=2)
     np.testing.assert_allclose(away, np.ones(away.shape) * [[0.5], [1.0]])
     assert shape.faces.max() == len(shape.vertices) - 1 and len(shape.normals) == len(shape.vertices)

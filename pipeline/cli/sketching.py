@@ -1,0 +1,66 @@
+"""Drawing a preview for the user: where it is put, and bars meanwhile."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from pipeline.cli.options import Common
+from pipeline.cli.say import answer, err
+from pipeline.dailies.preview.animatic import Animatic, Tell
+from pipeline.dailies.preview.reel import Reel
+from pipeline.dailies.preview.sketch import Sketch
+from pipeline.production.files.disk import disk_faults
+from pipeline.production.files.store import Store
+
+
+def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, output: Path | None) -> None:
+    """A still of frame `at`, or the movie of what the take asks for."""
+    path = output or common.root / place(sketch, at)
+    many = 1 if at is not None else len(sketch.take.requested)
+    frames = f"{many} frame{'s' if many > 1 else ''}"
+    if not common.dry_run:
+        with Reel(store) as reel, bars(common, sketch, many) as tell:
+            with disk_faults(path.parent):  # told now, not after minutes
+                path.parent.mkdir(parents=True, exist_ok=True)
+            animatic = Animatic(sketch, reel)
+            if at is None:
+                animatic.movie(path, tell)
+            else:
+                animatic.still(at, path, tell)
+    answer(
+        f"{path}: {frames}{' would be drawn' if common.dry_run else ''}.",
+        {"path": str(path), "frames": many},
+        common.json,
+    )
+
+
+def place(sketch: Sketch, number: int | None = None) -> Path:
+    """Where a still is put, or the movie of the frames asked for."""
+    take, name = sketch.take, sketch.take.name
+    mark = ".flow" * sketch.flow + ".edges" * sketch.edges
+    whole = "" if take.is_whole else f".{min(take.requested)}-{max(take.requested)}"
+    file = f"{name}{whole}{mark}.mp4" if number is None else f"{name}.{number:04d}{mark}.png"
+    return take.folders.cameras().parent / "sketch" / file
+
+
+@contextmanager
+def bars(common: Common, sketch: Sketch, drawn: int) -> Iterator[Tell]:
+    """What is told of frames, as a bar for each kind of work."""
+    if not common.progress:
+        yield lambda stage, number: None
+        return
+    with Progress(
+        TextColumn("{task.description:>16}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=err,
+    ) as progress:
+        totals = {"simulating": len(sketch.take.poses), "drawing": drawn}
+        tasks = {stage: progress.add_task(stage, total=total) for stage, total in totals.items()}
+        yield lambda stage, number: progress.advance(tasks[stage])

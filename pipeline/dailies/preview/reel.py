@@ -1,0 +1,99 @@
+"""The surfaces of a shot as they are drawn; normals of a frame are found while the next is simulated."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable, Iterator
+from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import dataclass, field
+from types import TracebackType
+
+from pipeline.animation import MeshFrame
+from pipeline.arrays import AnyArray
+from pipeline.dailies.preview.meshes import Memory, Meshes
+from pipeline.dailies.preview.shelf import Shelf
+from pipeline.dailies.preview.stored import stored
+from pipeline.production.files import readers
+from pipeline.production.files.store import Store
+from pipeline.production.surfaces.movement import speeds
+from pipeline.production.surfaces.shading import Shading
+from pipeline.production.takes.take import Take
+from render.measure import SPEED
+
+AHEAD = 4
+"""Frames whose normals may be found while others are simulated."""
+
+
+@dataclass(eq=False)
+class Reel:
+    """What is known of a shot's surfaces from one look to the next; a context manager.
+
+    After an edit what it left valid is known still.
+    """
+
+    store: Store
+    memory: Memory = field(default_factory=Memory)
+    shelf: Shelf = field(default_factory=Shelf)
+
+    def __enter__(self) -> Reel:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.shelf.close()
+
+    def play(self, take: Take, numbers: Iterable[int]) -> Iterator[int]:
+        """Find the surfaces of frames, in ascending order; each number when it is there.
+
+        Raises FrameError where the flow or the resampling fails; the frames before it have come.
+        """
+        frames = take.shot.motion.frames
+        self.shelf.keep_only({take.normals_key(n) for n in frames})
+        self.memory.keep_only({take.mesh_key(n) for n in frames})
+        with ThreadPoolExecutor(1) as pool:
+            under_way: deque[tuple[int, Future[None]]] = deque()
+            for number, made in self._begun(take, sorted(numbers), pool):
+                under_way.append((number, made))
+                while len(under_way) > AHEAD or (under_way and under_way[0][1].done()):
+                    yield _done(*under_way.popleft())
+            while under_way:
+                yield _done(*under_way.popleft())
+
+    def arrays(self, take: Take, number: int) -> dict[str, AnyArray]:
+        """What is drawn of a frame that was played."""
+        return dict(self.shelf.get(take.normals_key(number)))
+
+    def _begun(
+        self, take: Take, numbers: list[int], pool: ThreadPoolExecutor
+    ) -> Iterator[tuple[int, Future[None]]]:
+        meshes = Meshes(take, self.store, self.memory)
+        for number in numbers:
+            key = take.normals_key(number)
+            if key in self.shelf:
+                made = pool.submit(_nothing)
+            elif self.store.holds("normals", key) and not take.measures_speed:
+                made = pool.submit(self._take_out, take, number)
+            else:
+                made = pool.submit(self._shade, take, meshes.at(number))
+            yield number, made
+
+    def _take_out(self, take: Take, number: int) -> None:
+        key = take.normals_key(number)
+        self.shelf.put(key, stored(take, self.store, "normals", number, readers.arrays(key)))
+
+    def _shade(self, take: Take, frame: MeshFrame) -> None:
+        shading = Shading.of(frame, take.thresholds(frame.number), take.shot.picture.tessellate)
+        arrays = shading.arrays()
+        if take.measures_speed:
+            arrays[SPEED] = speeds(take.shot.motion, shading)
+        self.shelf.put(take.normals_key(frame.number), arrays)
+
+
+def _nothing() -> None:
+    """It is there already."""
+
+
+def _done(number: int, made: Future[None]) -> int:
+    made.result()
+    return number

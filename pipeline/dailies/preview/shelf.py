@@ -1,0 +1,56 @@
+"""Where surfaces wait to be drawn: in memory as far as there is room, then in temporary files."""
+
+from __future__ import annotations
+
+import tempfile
+from collections.abc import Mapping
+from pathlib import Path
+
+import psutil
+
+from pipeline.arrays import AnyArray
+from pipeline.production.files.npz import read_npz, write_npz
+from pipeline.production.takes.keys import Key
+
+SHARE = 0.2
+"""Of the memory that is free, how much a shelf may take."""
+
+Arrays = Mapping[str, AnyArray]
+
+
+class Shelf:
+    """Arrays by key, until it is closed."""
+
+    def __init__(self, room: float | None = None) -> None:
+        self._room = SHARE * psutil.virtual_memory().available if room is None else room
+        self._held: dict[Key, Arrays] = {}
+        self._folder = tempfile.TemporaryDirectory(prefix="flowsculpt-")
+
+    def close(self) -> None:
+        self._held.clear()
+        self._folder.cleanup()
+
+    def __contains__(self, key: Key) -> bool:
+        return key in self._held or self._file(key).exists()
+
+    def put(self, key: Key, arrays: Arrays) -> None:
+        size = sum(values.nbytes for values in arrays.values())
+        if size <= self._room:
+            self._room -= size
+            self._held[key] = arrays
+        else:
+            write_npz(self._file(key), dict(arrays))
+
+    def get(self, key: Key) -> Arrays:
+        return self._held[key] if key in self._held else read_npz(self._file(key))
+
+    def keep_only(self, keys: set[Key]) -> None:
+        """Forget all others."""
+        for key in self._held.keys() - keys:
+            self._room += sum(values.nbytes for values in self._held.pop(key).values())
+        for file in Path(self._folder.name).iterdir():
+            if file.stem not in keys:
+                file.unlink()
+
+    def _file(self, key: Key) -> Path:
+        return Path(self._folder.name) / f"{key}.npz"

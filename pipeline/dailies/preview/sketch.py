@@ -1,0 +1,126 @@
+"""One frame of a shot as a quick picture, and what is drawn over it: edges, the flow, burn-ins."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import AnyArray, Floats
+from pipeline.dailies.preview.ways import Ways, ways_at
+from pipeline.mesh import icosphere
+from pipeline.production.surfaces.framing import Framing
+from pipeline.production.takes.take import Take
+from render.burn_in import BurnIn
+from render.colour import quantise
+from render.dyes import colours
+from render.look import Look
+from render.measure import SPEED
+from render.raster import Edges, Set, Shape, preview, with_lines
+from render.surface import Surface
+from render.timecode import timecode
+
+MOST_BALLS = 20_000
+"""Points of a cloud that are drawn; where there are more, some of them, and larger."""
+
+LINE = 1 / 600
+"""How wide a streamline is, over the picture."""
+
+SLOW, MIDDLE, FAST = (0.10, 0.36, 0.56), (0.86, 0.63, 0.16), (0.80, 0.24, 0.14)
+"""Display values of the lines, from still to the fastest of them."""
+
+
+@dataclass(frozen=True)
+class Sketch:
+    """How frames of a take are drawn.
+
+    flow     with its streamlines
+    edges    with the edges of faces
+    burn_in  which frame it is stands over it
+    closed   whether the surface has no rim, so that its inner side is never seen
+    """
+
+    take: Take
+    flow: bool = False
+    edges: bool = False
+    burn_in: BurnIn | None = None
+    closed: bool = False
+
+    def picture(
+        self,
+        number: int,
+        arrays: Mapping[str, AnyArray],
+        framing: Framing,
+        size: tuple[int, int],
+        display: str,
+    ) -> NDArray[Any]:
+        """uint8 (H, W, 3). Raises FrameError where the flow fails."""
+        picture = self.take.shot.picture
+        around = Set(picture.lights, picture.stage, framing.placement, picture.view)
+        shape = shape_of(arrays, picture.look)
+        shape = shape._replace(closed=self.closed and looks_outwards(shape))
+        shown = preview(shape, around, framing.camera, size, display, Edges() if self.edges else None)
+        light = shown.picture
+        if self.flow:
+            ways = ways_at(self.take.shot.motion, number, arrays["vertices"].astype(np.float64))
+            width = max(1.0, LINE * size[0])
+            light = with_lines(shown, ways.points, *inks(ways), framing.camera, width)
+        flat: NDArray[Any] = quantise(light)
+        return flat if self.burn_in is None else self.burn_in.over(flat, self._facts(number))
+
+    def _facts(self, number: int) -> dict[str, str | int]:
+        rate = self.take.shot.rate
+        return {
+            "shot": self.take.name,
+            "frame": number,
+            "timecode": timecode(number, rate.fps),
+            "quality": "preview",
+            "key": self.take.mesh_key(number)[:8],
+        }
+
+
+def shape_of(arrays: Mapping[str, AnyArray], look: Look) -> Shape:
+    """What pictures of a frame are made from, as a shape; of a cloud a small ball for each point."""
+    brought = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
+    vertices, none = arrays["vertices"], np.empty((0, 3), np.int32)
+    normals, faces = arrays.get("normals", vertices), arrays.get("faces", none)
+    shown = colours(Surface(vertices, normals, faces, brought, arrays["material"]), look)
+    if "radii" not in arrays:
+        return Shape(vertices, normals, faces, look, shown)
+    every = -(-len(arrays["vertices"]) // MOST_BALLS)
+    points, radii = arrays["vertices"][::every], arrays["radii"][::every] * every ** (1 / 3)
+    ball = icosphere(2)
+    around, many = ball.vertices, len(ball.vertices)
+    vertices = (points[:, None] + radii[:, None, None] * around).reshape(-1, 3)
+    faces = (ball.faces + many * np.arange(len(points), dtype=np.int32)[:, None, None]).reshape(-1, 3)
+    shaded = None if shown is None else shown[::every].repeat(many, axis=0)
+    return Shape(vertices, np.tile(around, (len(points), 1)), faces.astype(np.int32), look, shaded)
+
+
+def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
+    """Whether every edge of a surface lies between two faces, which stays so in every frame of a shot."""
+    if "faces" not in arrays:
+        return True
+    faces = arrays["source_vertex"][arrays["faces"]].astype(np.int64)
+    begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
+    many = int(faces.max()) + 1
+    return np.array_equal(np.sort(begin * many + end), np.sort(end * many + begin))
+
+
+def looks_outwards(shape: Shape) -> bool:
+    """Whether the faces of a closed surface look away from what is within: a flow may turn it inside out."""
+    a, b, c = (shape.vertices[shape.faces[:, k]].astype(np.float64) for k in range(3))
+    return bool(np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0)
+
+
+def inks(ways: Ways) -> tuple[Floats, Floats]:
+    """Colours (N, K, 3) by speed, and opacity (N, K) that fades at both ends."""
+    fast = float(np.quantile(ways.speeds, 0.95)) if ways.speeds.size else 1.0
+    share = np.clip(ways.speeds / max(fast, 1e-300), 0.0, 1.0)
+    stops = np.array([SLOW, MIDDLE, FAST])
+    colours = np.stack([np.interp(share, (0.0, 0.5, 1.0), stops[:, k]) for k in range(3)], axis=-1)
+    along = np.linspace(0.0, np.pi, ways.speeds.shape[1])
+    return colours, np.clip(np.sin(along), 0.0, 1.0)[None] ** 0.7 * (0.4 + 0.55 * share)
