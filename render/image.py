@@ -9,12 +9,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 from numpy.typing import NDArray
+from PIL import Image as PillowImage
 
 from render.aovs import AOVS
 from render.appear import appearing, cannot_write
@@ -114,6 +116,13 @@ def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = N
     spec.attribute("oiio:ColorSpace", "srgb_rec709_display")
     spec.attribute("ImageDescription", json.dumps(dict(header or {}), sort_keys=True))
     _write(path, "jpeg", spec, np.ascontiguousarray(picture))
+
+
+def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
+    """A JPEG of display values (H, W, 3), for a page that is shown now: OpenImageIO writes to files alone."""
+    buffer = BytesIO()
+    PillowImage.fromarray(picture).save(buffer, "JPEG", quality=90, subsampling=0)
+    return buffer.getvalue()
 
 
 def read_png(path: Path) -> NDArray[Any]:

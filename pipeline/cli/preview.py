@@ -14,6 +14,7 @@ from pipeline.cli.sketching import sketched
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import UsageError
 from pipeline.production.files.layout import Folders
+from pipeline.production.files.store import Store
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.folder import find_shot
 from pipeline.shot import read_shot
@@ -43,6 +44,16 @@ def preview(
             help="Write over the picture: all, or some of shot,frame,timecode,key.",
         ),
     ] = None,
+    live: Annotated[
+        bool, typer.Option("--live", help="Open a page that shows frames while they are simulated.")
+    ] = False,
+    watch: Annotated[
+        bool, typer.Option("--watch", help="Go on: look again whenever the shot file is saved.")
+    ] = False,
+    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the live page; 0 is any that is free.")] = 0,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", help="Open the live page in a browser.")
+    ] = True,
     output: Annotated[
         Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the PNG or MP4 there.")
     ] = None,
@@ -53,6 +64,9 @@ def preview(
 
     What is not simulated yet is simulated for the look alone; `flowsculpt simulate` keeps meshes. Pictures go
     to renders/SHOT/sketch: `flowsculpt preview A010_cube --at 22 --edges` is a still with its faces.
+
+    `flowsculpt preview A010_cube --live --watch` is for working: a page follows the simulation frame by
+    frame, and after each save from the first frame on that the edit changed. Ctrl-C ends it.
     """
     if at is not None and frames is not None:
         raise UsageError("--at is for a still and --frames for a movie; give one of them")
@@ -61,11 +75,22 @@ def preview(
         raise UsageError(
             f"{output} is no {ending[1:].upper()}, which this preview is; end its name in {ending}"
         )
-    studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
-    chosen = str(at) if at is not None else frames
-    take = studio.take(find_shot(shot), "preview", chosen, variant="none")
-    over = None if burn_in is None else BurnIn.parse(burn_in)
-    sketched(common, Sketch(take, flow, edges, over), studio.store, at, output)
+    if at is not None and (live or watch):
+        raise UsageError("--live and --watch show movies; leave --at out")
+    path, over = find_shot(shot), None if burn_in is None else BurnIn.parse(burn_in)
+
+    def sketch() -> tuple[Sketch, Store]:
+        """As the shot is now."""
+        studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
+        take = studio.take(path, "preview", str(at) if at is not None else frames, variant="none")
+        return Sketch(take, flow, edges, over), studio.store
+
+    if (live or watch) and not common.dry_run:
+        from pipeline.cli.watching import watched
+
+        watched(common, path, sketch, output, watch, (port, browser) if live else None)
+    else:
+        sketched(common, *sketch(), at, output)
 
 
 def curves(

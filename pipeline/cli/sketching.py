@@ -24,8 +24,7 @@ def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, outpu
     frames = f"{many} frame{'s' if many > 1 else ''}"
     if not common.dry_run:
         with Reel(store) as reel, bars(common, sketch, many) as tell:
-            with disk_faults(path.parent):  # told now, not after minutes
-                path.parent.mkdir(parents=True, exist_ok=True)
+            folder_for(path)
             animatic = Animatic(sketch, reel)
             if at is None:
                 animatic.movie(path, tell)
@@ -36,6 +35,12 @@ def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, outpu
         {"path": str(path), "frames": many},
         common.json,
     )
+
+
+def folder_for(path: Path) -> None:
+    """Make the folder of a file. Raises MachineError where that cannot be: now, not after minutes."""
+    with disk_faults(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
 
 
 def place(sketch: Sketch, number: int | None = None) -> Path:

@@ -43,9 +43,7 @@ class Animatic:
 
     def movie(self, path: Path, tell: Tell) -> int:
         """An MP4 of the frames asked for; how many it has. Raises as `still`."""
-        ready, numbers = self._ready(tell), sorted(self.sketch.take.requested)
-        pictures = ready.pictures(numbers, size_for(self.aspect, SIZES["movie"]), "rec709")
-        return write_movie(path, _told(pictures, numbers, tell), self.sketch.take.shot.rate.fps)
+        return self._ready(tell).movie(path, tell)
 
     @property
     def aspect(self) -> float:
@@ -86,6 +84,13 @@ class Ready:
                     yield under_way.popleft().result()
             while under_way:
                 yield under_way.popleft().result()
+
+    def movie(self, path: Path, tell: Tell) -> int:
+        """An MP4 of the frames asked for; how many it has."""
+        take = self.sketch.take
+        numbers, size = sorted(take.requested), size_for(take.aspect, SIZES["movie"])
+        pictures = self.pictures(numbers, size, "rec709")
+        return write_movie(path, _told(pictures, numbers, tell), take.shot.rate.fps)
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:

@@ -24,7 +24,7 @@ from pipeline.production.takes.keys import Key
 from pipeline.production.takes.take import Take
 
 SLOW = 0.25
-"""Seconds of simulation from which on a frame is kept in the store."""
+"""Seconds of a core from which on a frame is kept in the store."""
 
 SHARE = 0.2
 """Of the memory that is free, how much remembered frames may take."""
@@ -66,9 +66,9 @@ class Meshes:
         if self._coming is None:
             self._coming = animate(self.take.shot, resume=self._before(number))
         while True:
-            started = time.perf_counter()
+            started = time.thread_time()
             frame = next(self._coming)
-            self._keep(frame, time.perf_counter() - started)
+            self._keep(frame, time.thread_time() - started)
             if frame.number == number:
                 return frame
 

@@ -1,0 +1,138 @@
+"""Following a shot: every frame shown as soon as it is simulated, and what an edit changed shown again."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.dailies.live.edits import Stamp, stamp, wait_for_edit
+from pipeline.dailies.live.screen import Screen
+from pipeline.dailies.preview.aim import aims
+from pipeline.dailies.preview.animatic import SIZES, Ready, size_for
+from pipeline.dailies.preview.reel import Reel
+from pipeline.dailies.preview.sketch import Sketch, is_closed
+from pipeline.errors import FlowsculptError
+from pipeline.production.surfaces.framing import Framing
+from pipeline.production.takes.script import Script
+from render.errors import RenderError
+from render.image import jpeg_bytes
+
+
+class EditedError(Exception):
+    """The shot was saved while its last text was still being shown."""
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """A picture, and what it was drawn from."""
+
+    recipe: tuple[Any, ...]
+    jpeg: bytes
+
+
+@dataclass(eq=False)
+class Session:
+    """Shows what `read` makes of the shot, on a screen.
+
+    done    is told when the whole shot is shown as renders will see it
+    edited  paths whose changes are edits
+    """
+
+    read: Callable[[], Sketch]
+    screen: Screen
+    reel: Reel
+    done: Callable[[Ready], None]
+    edited: set[Path]
+    _before: Stamp = frozenset()
+    _drawn: dict[int, Drawn] = field(default_factory=dict)
+    _framings: Mapping[int, Framing] = field(default_factory=dict)
+
+    def once(self) -> None:
+        """Show the shot as it is. Raises what reading and simulating it raise."""
+        self._show(lambda: None)
+
+    def again_and_again(self) -> None:
+        """Show the shot as it is, and each time that it is saved; until the process is interrupted."""
+        while True:
+            self._before = stamp(self.edited)
+            try:
+                self._show(self._require_unedited)
+                self.screen.say("Save the shot file to see what changes.")
+            except EditedError:
+                continue
+            except (FlowsculptError, RenderError) as error:
+                self.screen.say(str(error), trouble=True)
+            wait_for_edit(self.edited, self._before)
+
+    def _require_unedited(self) -> None:
+        if stamp(self.edited) != self._before:
+            raise EditedError
+
+    def _show(self, check: Callable[[], None]) -> None:
+        """`check` is called between frames."""
+        sketch = self.read()
+        take, known_before = sketch.take, set(self.edited)
+        self.edited |= files_of(take.script)
+        self._before |= stamp(self.edited - known_before)
+        numbers, size = sorted(take.poses), size_for(take.aspect, SIZES["movie"])
+        number_of_take = self.screen.begin(
+            take.name, numbers[0], numbers[-1], float(take.shot.rate.fps), size
+        )
+        self.screen.say("Simulating …")
+        known = take.framings(self.reel.store) or self._framings
+        for number in self.reel.play(take, numbers):
+            check()
+            if number == numbers[0]:
+                sketch = replace(sketch, closed=is_closed(self.reel.arrays(take, number)))
+            framing = known.get(number) or aims(take, self.reel, [number])[number]
+            self._draw(number_of_take, Ready(sketch, self.reel, {number: framing}), [number], size, check)
+        self._framings = take.framings(self.reel.store) or aims(take, self.reel, numbers)
+        ready = Ready(sketch, self.reel, self._framings)
+        self.screen.say("Framing …")
+        self._draw(number_of_take, ready, numbers, size, check)
+        self.screen.say("Writing the movie …")
+        self.done(ready)
+        self.screen.say("Done.")
+
+    def _draw(
+        self,
+        take: int,
+        ready: Ready,
+        numbers: Iterable[int],
+        size: tuple[int, int],
+        check: Callable[[], None],
+    ) -> None:
+        """Show frames; those that would show what was shown before are not drawn again."""
+        recipes = {number: _recipe(ready, number) for number in numbers}
+        stale = []
+        for number, recipe in recipes.items():
+            drawn = self._drawn.get(number)
+            if drawn is not None and drawn.recipe == recipe:
+                self.screen.show(take, number, drawn.jpeg)
+            else:
+                stale.append(number)
+        for number, picture in zip(stale, ready.pictures(stale, size, "srgb"), strict=True):
+            check()
+            self._drawn[number] = Drawn(recipes[number], jpeg_bytes(picture))
+            self.screen.show(take, number, self._drawn[number].jpeg)
+
+
+def files_of(script: Script) -> set[Path]:
+    """All that a shot is read from; but not files that come to lie beside it later."""
+    pinned = [Path(path) for path, _ in script.pins or ()]
+    return {script.path, *(script.path.with_name(name) for name, _ in script.beside), *pinned}
+
+
+def _recipe(ready: Ready, number: int) -> tuple[Any, ...]:
+    """What a picture is drawn from."""
+    take, sketch = ready.sketch.take, ready.sketch
+    shown = take.shot.picture
+    flows = take.mesh_key(min(number + 1, max(take.poses))) if sketch.flow else None
+    return (
+        take.normals_key(number),
+        ready.framings[number],
+        (shown.look, shown.lights, shown.stage, shown.view),
+        (sketch.flow, flows, sketch.edges, sketch.burn_in),
+    )
