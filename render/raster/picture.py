@@ -24,7 +24,9 @@ from render.stage import STAGES, Placement
 BODILESS = ("metal", "brushed")
 UNCOATED = ("diffuse", "smoke")
 COAT = 0.05
-"""Models that have a mirror's colour and no other, models without a clear coat, and what others reflect."""
+SHARPNESS = (6.0, 160.0)
+"""Models that have a mirror's colour and no other, models without a clear coat, and what others reflect; and
+how sharp highlights are: sharper ones would fall between vertices, and be dots."""
 
 
 class Edges(NamedTuple):
@@ -102,7 +104,7 @@ class _Drawn:
         """(2 N, 3): what each sends to the eye with the key light, and without it."""
         shape, sky = self.shape, around.lights.sky
         colours = np.array([shape.look.colour]) if shape.colours is None else shape.colours
-        sharp = float(np.clip(2.0 / max(shape.look.roughness, 0.02) ** 2 - 2.0, 6.0, 500.0))
+        sharp = float(np.clip(2.0 / max(shape.look.roughness, 0.02) ** 2 - 2.0, *SHARPNESS))
         above = np.array([sky.horizon, sky.zenith, (sharp, 0.0, 0.0)])
         out = np.empty((len(which), 6), np.float32)
         light(
