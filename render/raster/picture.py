@@ -24,9 +24,10 @@ from render.stage import STAGES, Placement
 BODILESS = ("metal", "brushed")
 UNCOATED = ("diffuse", "smoke")
 COAT = 0.05
+"""Models that have a mirror's colour and no other, models without a clear coat, and what others reflect."""
+
 SHARPNESS = (6.0, 160.0)
-"""Models that have a mirror's colour and no other, models without a clear coat, and what others reflect; and
-how sharp highlights are: sharper ones would fall between vertices, and be dots."""
+"""Between which highlights are: sharper ones would fall between vertices, and be dots."""
 
 
 class Edges(NamedTuple):

@@ -109,10 +109,10 @@ class Session:
         stale = []
         for number, recipe in recipes.items():
             drawn = self._drawn.get(number)
-            if drawn is not None and drawn.recipe == recipe:
-                self.screen.show(take, number, drawn.jpeg)
-            else:
+            if drawn is None or drawn.recipe != recipe:
                 stale.append(number)
+            elif self.screen.picture(take, number) is not drawn.jpeg:
+                self.screen.show(take, number, drawn.jpeg)
         for number, picture in zip(stale, ready.pictures(stale, size, "srgb"), strict=True):
             check()
             self._drawn[number] = Drawn(recipes[number], jpeg_bytes(picture))

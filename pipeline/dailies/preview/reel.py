@@ -13,6 +13,7 @@ from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.meshes import Memory, Meshes
 from pipeline.dailies.preview.shelf import Shelf
 from pipeline.dailies.preview.stored import stored
+from pipeline.errors import FrameError
 from pipeline.production.files import readers
 from pipeline.production.files.store import Store
 from pipeline.production.surfaces.movement import speeds
@@ -53,12 +54,18 @@ class Reel:
         self.memory.keep_only({take.mesh_key(n) for n in frames})
         with ThreadPoolExecutor(1) as pool:
             under_way: deque[tuple[int, Future[None]]] = deque()
-            for number, made in self._begun(take, sorted(numbers), pool):
-                under_way.append((number, made))
-                while len(under_way) > AHEAD or (under_way and under_way[0][1].done()):
-                    yield _done(*under_way.popleft())
+            failed = None
+            try:
+                for number, made in self._begun(take, sorted(numbers), pool):
+                    under_way.append((number, made))
+                    while len(under_way) > AHEAD or (under_way and under_way[0][1].done()):
+                        yield _done(*under_way.popleft())
+            except FrameError as error:
+                failed = error
             while under_way:
                 yield _done(*under_way.popleft())
+            if failed is not None:
+                raise failed
 
     def arrays(self, take: Take, number: int) -> dict[str, AnyArray]:
         """What is drawn of a frame that was played."""

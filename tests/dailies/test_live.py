@@ -1,0 +1,160 @@
+"""The live page hears of frames as they are made, and of those alone that an edit changed."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+import urllib.error
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.dailies.live.screen import Screen
+from pipeline.dailies.live.server import serving
+from pipeline.dailies.live.session import Session
+from pipeline.dailies.preview.reel import Reel
+from pipeline.dailies.preview.sketch import Sketch
+from pipeline.errors import MachineError
+from pipeline.production.runs.workflow import Studio
+from tests.conftest import TINY
+
+NAME = "T010_tiny"
+PATIENCE = 60.0
+
+
+class Follower:
+    """Someone who follows a tiny shot while it is worked on."""
+
+    def __init__(self, root: Path) -> None:
+        self.root, self.shot = root, root / "shots" / f"{NAME}.yaml"
+        self.shot.parent.mkdir()
+        self.shot.write_text(TINY)
+        self.screen, self.reel = Screen(), Reel(Studio(root, 2).store)
+        self.movies = 0
+        session = Session(self._sketch, self.screen, self.reel, self._done, {self.shot})
+        self.heard = self.screen.listen()
+        threading.Thread(target=session.again_and_again, daemon=True).start()
+
+    def until(self, words: str) -> list[dict[str, Any]]:
+        """All that is heard until something is said that begins with these words."""
+        messages = []
+        while not (messages and messages[-1].get("words", "").startswith(words)):
+            messages.append(self.heard.get(timeout=PATIENCE))
+        return messages
+
+    def _sketch(self) -> Sketch:
+        return Sketch(Studio(self.root, 2).take(self.shot, "preview", None, variant="none"))
+
+    def _done(self, ready: object) -> None:
+        self.movies += 1
+
+
+@pytest.fixture
+def follower(tmp_path: Path) -> Iterator[Follower]:
+    made = Follower(tmp_path)
+    yield made
+    made.reel.__exit__(None, None, None)
+
+
+def frames(messages: list[dict[str, Any]]) -> list[int]:
+    return [message["frame"] for message in messages if message["event"] == "frame"]
+
+
+def test_every_frame_comes_while_the_next_is_simulated_and_again_from_the_right_camera(
+    follower: Follower,
+) -> None:
+    messages = follower.until("Save")
+    assert messages[0] == {
+        "event": "begin",
+        "take": 1,
+        "shot": NAME,
+        "first": 1,
+        "last": 6,
+        "fps": 24.0,
+        "size": [480, 270],
+    }
+    assert frames(messages) == [1, 2, 3, 4, 5, 6] * 2 and follower.movies == 1
+    jpeg = follower.screen.picture(1, 3)
+    assert jpeg is not None and jpeg[:3] == b"\xff\xd8\xff"
+    late = follower.screen.listen()
+    assert [late.get()["event"] for _ in range(8)] == ["begin", *["frame"] * 6, "say"]
+
+
+def test_what_an_edit_left_alone_is_shown_as_it_was(follower: Follower) -> None:
+    follower.until("Save")
+    before = {n: follower.screen.picture(1, n) for n in range(1, 7)}
+    follower.shot.write_text(TINY.replace("A box, twisted", "A box"))
+    assert frames(follower.until("Save")) == [1, 2, 3, 4, 5, 6], "each once, for its camera stays too"
+    assert all(follower.screen.picture(2, n) is before[n] for n in range(1, 7))
+    follower.shot.write_text(TINY.replace("camera:", "look: glaze\ncamera:"))
+    follower.until("Save")
+    assert all(follower.screen.picture(3, n) != before[n] for n in range(1, 7))
+
+
+def test_a_mistake_is_told_at_its_line_and_mended_by_the_next_save(follower: Follower) -> None:
+    follower.until("Save")
+    follower.shot.write_text(TINY.replace("twist", "twits"))
+    told = follower.until("")
+    assert told[-1]["trouble"] and ":6:" in told[-1]["words"] and "twist" in told[-1]["words"]
+    follower.shot.write_text(TINY.replace("elevation: 14", "elevation: 30"))
+    assert frames(follower.until("Save"))[:6] == [1, 2, 3, 4, 5, 6]
+
+
+def test_a_save_ends_what_is_being_shown(follower: Follower) -> None:
+    follower.until("Simulating")
+    follower.shot.write_text(TINY.replace("elevation: 14", "elevation: 40"))
+    messages = follower.until("Save")
+    assert messages[-1]["event"] == "say" and follower.movies == 1
+    assert follower.screen.picture(2, 6) is not None
+
+
+def test_browsers_on_this_machine_are_served_and_no_others() -> None:
+    screen = Screen()
+    take = screen.begin("A", 1, 2, 24.0, (8, 4))
+    screen.show(take, 1, b"picture")
+    with serving(screen) as address:
+        assert urllib.request.urlopen(address + "frames/1/1.jpg?1").read() == b"picture"
+        assert b"page.js" in urllib.request.urlopen(address).read()
+        for path, host, code in (
+            ("frames/1/2.jpg", None, 404),
+            ("page/../server.py", None, 404),
+            ("frames/1/1.jpg", "evil.example", 403),
+        ):
+            request = urllib.request.Request(address + path, headers={"Host": host} if host else {})
+            with pytest.raises(urllib.error.HTTPError) as refused:
+                urllib.request.urlopen(request)
+            assert refused.value.code == code
+        with pytest.raises(MachineError, match="leave --port out"), serving(screen, int(address[17:-1])):
+            pass
+
+
+def test_a_page_hears_of_all_that_it_missed_and_of_what_comes() -> None:
+    screen = Screen()
+    take = screen.begin("A", 1, 2, 24.0, (8, 4))
+    screen.show(take, 1, b"picture")
+    with serving(screen) as address, urllib.request.urlopen(address + "events", timeout=PATIENCE) as stream:
+        assert next_message(stream)["shot"] == "A"
+        assert next_message(stream) == {"event": "frame", "take": 1, "frame": 1, "drawn": 1}
+        screen.show(take, 2, b"another")
+        assert next_message(stream)["frame"] == 2
+
+
+def test_pictures_of_the_last_take_stay_until_the_next_but_one() -> None:
+    screen = Screen()
+    for take in (1, 2, 3):
+        screen.begin("A", 1, 2, 24.0, (8, 4))
+        screen.show(take, 1, bytes([take]))
+    assert [screen.picture(take, 1) for take in (1, 2, 3)] == [None, b"\x02", b"\x03"]
+
+
+def next_message(stream: Any) -> dict[str, Any]:
+    until = time.monotonic() + PATIENCE
+    while time.monotonic() < until:
+        line = stream.readline().decode()
+        if line.startswith("data: "):
+            return dict(json.loads(line.removeprefix("data: ")))
+    raise TimeoutError

@@ -1,0 +1,164 @@
+"""A preview shows what a render will: the same surfaces from the same cameras."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.animation import animate
+from pipeline.dailies.preview import meshes
+from pipeline.dailies.preview.aim import aims
+from pipeline.dailies.preview.animatic import Animatic, size_for
+from pipeline.dailies.preview.reel import Reel
+from pipeline.dailies.preview.shelf import Shelf
+from pipeline.dailies.preview.sketch import Sketch, is_closed, looks_outwards, shape_of
+from pipeline.errors import FrameError
+from pipeline.mesh import box, icosphere, sheet
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.surfaces.framing import frame_all
+from pipeline.production.takes.take import Take
+from render.image import read_png
+from render.look import LOOKS
+from tests.conftest import TINY, StudioFolder
+
+NAME = "T010_tiny"
+
+
+def quiet(stage: str, number: int) -> None:
+    """Nobody listens."""
+
+
+def take_of(root: Path, *settings: str) -> Take:
+    studio = Studio(root, 2, settings=settings)
+    return studio.take(root / "shots" / f"{NAME}.yaml", "preview", None, variant="none")
+
+
+@pytest.fixture
+def root(tmp_path: Path) -> Path:
+    (tmp_path / "shots").mkdir()
+    (tmp_path / "shots" / f"{NAME}.yaml").write_text(TINY)
+    return tmp_path
+
+
+def test_frames_come_in_order_and_nothing_is_left_in_the_store(
+    root: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(meshes, "SLOW", 60.0)
+    take = take_of(root)
+    with Reel(Studio(root, 2).store) as reel:
+        assert list(reel.play(take, [5, 2, 3])) == [2, 3, 5]
+        assert reel.arrays(take, 3)["normals"].shape == reel.arrays(take, 3)["vertices"].shape
+        assert not list(reel.store.entries())
+
+
+def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> None:
+    with Reel(Studio(root, 2).store) as reel:
+        before = take_of(root)
+        list(reel.play(before, range(1, 7)))
+        known = dict(reel.memory.frames)
+        after = take_of(root, "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 36, 6: 90}}")
+        list(reel.play(after, range(1, 7)))
+        for number in range(1, 5):
+            key = after.mesh_key(number)
+            assert key == before.mesh_key(number) and reel.memory.frames[key] is known[key]
+        assert before.mesh_key(6) not in reel.memory.frames, "what no frame needs is forgotten"
+        alone = {frame.number: frame for frame in animate(after.shot)}
+        found = reel.memory.frames[after.mesh_key(6)]
+        np.testing.assert_array_equal(found.mesh.vertices, alone[6].mesh.vertices)
+
+
+def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(meshes, "SLOW", -1.0)
+    take = take_of(root)
+    with Reel(Studio(root, 2).store) as reel:
+        list(reel.play(take, range(1, 7)))
+        assert all(reel.store.holds("mesh", take.mesh_key(n)) for n in range(1, 7))
+    plan = Studio(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
+    assert not plan.jobs
+
+
+def test_cameras_are_those_of_the_render(root: Path) -> None:
+    take = take_of(root)
+    points = {frame.number: frame.mesh.vertices for frame in animate(take.shot)}
+    numbers = sorted(points)
+    views = [take.view(n) for n in numbers]
+    expected = frame_all(views, lambda i: points[numbers[i]], take.aspect, take.follow)
+    with Reel(Studio(root, 2).store) as reel:
+        list(reel.play(take, numbers))
+        found = aims(take, reel, numbers)
+    for number, framing in zip(numbers, expected, strict=True):
+        np.testing.assert_allclose(found[number].camera.origin, framing.camera.origin, atol=1e-5)
+        np.testing.assert_allclose(found[number].placement.origin, framing.placement.origin, atol=1e-5)
+
+
+def test_a_frame_that_fails_is_named_and_those_before_it_have_come(root: Path) -> None:
+    take = take_of(root, "flows.0={vortex: {strength: {keys: {1: 0, 3: 0, 4: 1.0e+12}}}}")
+    came = []
+    with Reel(Studio(root, 2).store) as reel, pytest.raises(FrameError, match="frame 4"):
+        for number in reel.play(take, range(1, 7)):
+            came.append(number)
+    assert came == [1, 2, 3]
+
+
+def test_what_has_no_room_in_memory_waits_on_the_disk() -> None:
+    shelf = Shelf(room=100.0)
+    small, large = {"a": np.arange(5.0)}, {"a": np.arange(50.0), "b": np.arange(3, dtype=np.int32)}
+    shelf.put("one", small)
+    shelf.put("two", large)
+    np.testing.assert_array_equal(shelf.get("two")["a"], large["a"])
+    assert "one" in shelf and "two" in shelf and "three" not in shelf
+    shelf.keep_only({"two"})
+    assert "one" not in shelf and "two" in shelf
+    shelf.keep_only(set())
+    assert "two" not in shelf
+    shelf.close()
+
+
+def test_the_inside_is_left_out_only_where_nobody_can_see_it() -> None:
+    ball = icosphere(3)
+    arrays = {
+        "vertices": ball.vertices,
+        "normals": ball.vertices,
+        "faces": ball.faces,
+        "source_vertex": np.arange(len(ball.vertices), dtype=np.int32),
+        "material": ball.vertices,
+    }
+    assert is_closed(arrays) and is_closed({"radii": np.ones(3)})
+    assert not is_closed(arrays | {"faces": ball.faces[1:]})
+    outwards = shape_of(arrays, LOOKS["clay"])
+    assert looks_outwards(outwards)
+    assert not looks_outwards(outwards._replace(faces=ball.faces[:, ::-1]))
+    flat = sheet((2.0, 2.0))
+    assert not is_closed(arrays | {"faces": flat.faces})
+    split = box((1.0, 1.0, 1.0))
+    assert is_closed(arrays | {"faces": split.faces})
+
+
+def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
+    take = take_of(root)
+    with Reel(Studio(root, 2).store) as reel:
+        plain, edged = root / "plain.png", root / "edged.png"
+        Animatic(Sketch(take), reel).still(3, plain, quiet)
+        Animatic(Sketch(take, edges=True), reel).still(3, edged, quiet)
+    first, second = (read_png(path).astype(float) for path in (plain, edged))
+    assert first.shape == second.shape == (540, 960, 3) and size_for(1.0, (960, 540)) == (720, 720)
+    darker = (first - second).max(axis=2)
+    assert 0.01 < (darker > 10).mean() < 0.3 and darker[:60].max() == 0
+
+
+def test_pictures_of_a_range_are_those_of_the_whole(root: Path) -> None:
+    whole = take_of(root)
+    with Reel(Studio(root, 2).store) as reel:
+        Animatic(Sketch(whole), reel).still(5, root / "one.png", quiet)
+        part = replace(whole, requested=(4, 5))
+        Animatic(Sketch(part), reel).still(5, root / "two.png", quiet)
+    assert (root / "one.png").read_bytes() == (root / "two.png").read_bytes()
+
+
+def test_an_unwritable_place_is_told_before_anything_is_simulated(studio: StudioFolder) -> None:
+    (studio.path / "file").write_text("")
+    done = studio.run("preview", NAME, "-o", "file/movie.mp4")
+    assert done.code == 4 and len(done.err.strip().splitlines()) == 1 and "file" in done.err
