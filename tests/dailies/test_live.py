@@ -117,8 +117,8 @@ def test_browsers_on_this_machine_are_served_and_no_others() -> None:
     take = screen.begin("A", 1, 2, 24.0, (8, 4))
     screen.show(take, 1, b"picture")
     with serving(screen) as address:
-        assert urllib.request.urlopen(address + "frames/1/1.jpg?1").read() == b"picture"
-        assert b"page.js" in urllib.request.urlopen(address).read()
+        assert fetched(address + "frames/1/1.jpg?1") == b"picture"
+        assert b"page.js" in fetched(address)
         for path, host, code in (
             ("frames/1/2.jpg", None, 404),
             ("page/../server.py", None, 404),
@@ -128,6 +128,7 @@ def test_browsers_on_this_machine_are_served_and_no_others() -> None:
             with pytest.raises(urllib.error.HTTPError) as refused:
                 urllib.request.urlopen(request)
             assert refused.value.code == code
+            refused.value.close()
         with pytest.raises(MachineError, match="leave --port out"), serving(screen, int(address[17:-1])):
             pass
 
@@ -149,6 +150,11 @@ def test_pictures_of_the_last_take_stay_until_the_next_but_one() -> None:
         screen.begin("A", 1, 2, 24.0, (8, 4))
         screen.show(take, 1, bytes([take]))
     assert [screen.picture(take, 1) for take in (1, 2, 3)] == [None, b"\x02", b"\x03"]
+
+
+def fetched(address: str) -> bytes:
+    with urllib.request.urlopen(address) as answer:
+        return bytes(answer.read())
 
 
 def next_message(stream: Any) -> dict[str, Any]:
