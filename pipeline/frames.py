@@ -104,8 +104,9 @@ class FrameRate:
         return cls(_NTSC.get(fps, fps))
 
     def seconds(self, frames: float) -> float:
-        """How long that many frames last."""
-        return float(Fraction(frames) / self.fps)
+        """How long that many frames last, as exactly as a float can say it."""
+        numerator, denominator = frames.as_integer_ratio()
+        return numerator * self.fps.denominator / (denominator * self.fps.numerator)
 
     def __str__(self) -> str:
         return str(self.fps)

@@ -87,6 +87,8 @@ class Studio:
             planner.pictures(take)
             if frames is None or not is_in_words(frames):
                 planner.movie(take)
+            if frames is None:
+                continue
             whole = take.whole()
             keys = whole.picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)

@@ -120,7 +120,7 @@ class Take(Showing):
             "cameras",
             code_key(FRAMING_CODE),
             [self.mesh_key(n) for n in shown],
-            [[n, pose.mesh, pose.spin, to_plain(self.view(n))] for n, pose in self.poses.items()],
+            [[n, pose.mesh, pose.spin, self.view(n)] for n, pose in self.poses.items()],
             self.aspect,
             self.follow,
             self.net_pieces,
