@@ -195,7 +195,7 @@ class Showing:
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
         return tuple(offset for name in self.layers.extra for offset in steps.get(name, ()))
 
-    @property
+    @cached_property
     def measures_speed(self) -> bool:
         """Whether the colours of its pictures are the speed of the flow."""
         from render.measure import SPEED
@@ -206,7 +206,3 @@ class Showing:
     def goes_by_flow(self, number: int) -> bool:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
         return self.measures_speed or (self.turntable is None and bool(self.moments_beside(number)))
-
-    def is_made_of_mesh(self, number: int) -> bool:
-        """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
-        return self.shot.picture.dicing is not None or self.goes_by_flow(number)
