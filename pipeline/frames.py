@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-import fileseq
-
 from pipeline.errors import UsageError
 
 MOST_FRAMES = 100_000
@@ -35,6 +33,8 @@ class FrameRange:
             raise UsageError(
                 f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
             )
+        import fileseq  # a grammar, which takes a moment to import, and most processes read no range
+
         try:
             numbers = tuple(fileseq.FrameSet(text))
         except (fileseq.exceptions.FileSeqException, ValueError):
@@ -73,6 +73,8 @@ class FrameRange:
 
     def __str__(self) -> str:
         """The shortest way to write it in ascending order: `1-48x2`."""
+        import fileseq
+
         return str(fileseq.framesToFrameRange(sorted(self.numbers), sort=True)) if self.numbers else ""
 
 
