@@ -112,7 +112,7 @@ def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeyp
     ("file", "old", "new", "says"),
     [
         ("T010_tiny", "title:", "rate: 25\ntitle:", r"plays at 25 frames per second and the film at 24"),
-        ("T010_tiny", "title:", "titel:", r"Did you mean 'title'"),
+        ("T010_tiny", "title:", "titlex:", r"Did you mean 'title'"),
         ("reel", "2-4", "2-9", r"frames 7-9 are not in T010_tiny"),
     ],
 )
