@@ -61,6 +61,7 @@ class Spent(NamedTuple):
 
 def main(frames: int = 1000) -> list[Target]:
     """Measure all, print the table and keep the numbers; answers the targets."""
+    os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each process would compile us anew, as no user's does
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         names = write_shots(MANY, frames)
         lines = [*planning(names[:FEW], frames, most=6.0), *planning(names, frames, most=15.0)]

@@ -7,8 +7,6 @@ from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 
-import fileseq
-
 from pipeline.errors import UsageError
 
 MOST_FRAMES = 100_000
@@ -35,6 +33,8 @@ class FrameRange:
             raise UsageError(
                 f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
             )
+        import fileseq  # a grammar, which takes a moment to import, and most processes read no range
+
         try:
             numbers = tuple(fileseq.FrameSet(text))
         except (fileseq.exceptions.FileSeqException, ValueError):
@@ -73,6 +73,8 @@ class FrameRange:
 
     def __str__(self) -> str:
         """The shortest way to write it in ascending order: `1-48x2`."""
+        import fileseq
+
         return str(fileseq.framesToFrameRange(sorted(self.numbers), sort=True)) if self.numbers else ""
 
 
@@ -104,8 +106,9 @@ class FrameRate:
         return cls(_NTSC.get(fps, fps))
 
     def seconds(self, frames: float) -> float:
-        """How long that many frames last."""
-        return float(Fraction(frames) / self.fps)
+        """How long that many frames last, as exactly as a float can say it."""
+        numerator, denominator = frames.as_integer_ratio()
+        return numerator * self.fps.denominator / (denominator * self.fps.numerator)
 
     def __str__(self) -> str:
         return str(self.fps)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-import pyoidn
 from numpy.typing import NDArray
 
 from render.errors import RenderEnvironmentError
@@ -18,6 +17,8 @@ def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
     that keeps creases crisp. Behind a lens that blurs they have noise too, and the denoiser is told so.
     Raises RenderEnvironmentError where the denoiser cannot run.
     """
+    import pyoidn  # which pictures that keep their noise, or are there already, need not wait for
+
     beauty = np.maximum(layers["beauty"], np.float32(0.0))
     try:
         clean = pyoidn.denoise(

@@ -36,6 +36,9 @@ def publish(
         str | None, typer.Option(metavar="V003", help="Call it so; by default the version after the last.")
     ] = None,
     note: Annotated[str, typer.Option(metavar="TEXT", help="What is to be remembered of it.")] = "",
+    copy: Annotated[
+        bool, typer.Option("--copy", help="Files of its own, not links to those that were rendered.")
+    ] = False,
     crop: Crop = None,
     scale: Scale = None,
     variant: Variant = None,
@@ -47,6 +50,9 @@ def publish(
     shot file, keys, seeds, packages, host and timings; `flowsculpt render --from` makes it again from that.
     All frames must be rendered from the shot file of today: what is missing or stale is told, with the
     command that makes it. What is published already is not published twice.
+
+    Its files are links to those that were rendered, and take no space; what damages one of both in place
+    damages the other. With --copy they are files of their own. `flowsculpt verify` looks after them.
     """
     name = windowed(quality, crop, scale)
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), profile=common.profile)
@@ -55,7 +61,7 @@ def publish(
     words = ["flowsculpt", "render", shot, "-q", quality]
     words += [word for option, value in said.items() if value is not None for word in (option, value)]
     words += [word for setting in settings or () for word in ("--set", setting)]
-    done = Release(take, studio.store, shlex.join(words), note, version).publish(common.dry_run)
+    done = Release(take, studio.store, shlex.join(words), note, version, copy).publish(common.dry_run)
     facts = {
         "shot": take.name,
         "version": done.version,

@@ -20,13 +20,14 @@ from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.source import Source, Where
 
 
-def read_film(path: str | Path, settings: Iterable[str] = ()) -> Film:
-    """The film of a YAML file, with all its shots read, and settings put in each of them.
+def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None = None) -> Film:
+    """The film of a YAML file, or of a text as if it stood there, with all its shots read, and settings put
+    in each of them.
 
     Raises ShotError with everything wrong in all of the files, and MissingInputError where one is not there.
     """
     path, settings = Path(path), tuple(settings)
-    source = Source.read(path)
+    source = Source.read(path, text)
     problems: list[tuple[Where, str]] = []
     failed: list[FlowsculptError] = []
     rate, found = checks.read_rate(source)

@@ -8,15 +8,7 @@ from pydantic import BaseModel
 
 from pipeline.flow.parameters import Sense
 from pipeline.shot.documents import ModelDocument
-from pipeline.shot.looks import (
-    AbsorptionDocument,
-    LookDocument,
-    MarbleDocument,
-    PatternDocument,
-    PigmentDocument,
-    SpecklesDocument,
-    WireframeDocument,
-)
+from pipeline.shot.looks import AbsorptionDocument, LookDocument, WireframeDocument
 from pipeline.shot.materials import (
     MeasureDocument,
     PictureDocument,
@@ -24,6 +16,7 @@ from pipeline.shot.materials import (
     ReliefDocument,
     ScaleDocument,
 )
+from pipeline.shot.pigments import MarbleDocument, PatternDocument, PigmentDocument, SpecklesDocument
 from pipeline.shot.point_documents import CloudDocument, NetDocument, NetSolidDocument, SolidDocument
 
 SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {

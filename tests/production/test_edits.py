@@ -95,6 +95,46 @@ def test_an_edit_of_another_name_and_the_same_cut_has_the_same_key(there):
     assert len(keys) == 1
 
 
+def never(*arguments: object, **others: object) -> None:
+    raise AssertionError("it was read")
+
+
+def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeypatch):
+    Path(".flowsculpt").mkdir()
+    first = Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    monkeypatch.setattr("pipeline.shot.film.read_film", never)
+    monkeypatch.setattr("pipeline.shot.read.read_shot", never)
+    again = Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    assert (again.jobs, again.film, again.targets) == (first.jobs, first.film, first.targets)
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "says"),
+    [
+        ("T010_tiny", "title:", "rate: 25\ntitle:", r"plays at 25 frames per second and the film at 24"),
+        ("T010_tiny", "title:", "titlex:", r"Did you mean 'title'"),
+        ("reel", "2-4", "2-9", r"frames 7-9 are not in T010_tiny"),
+    ],
+)
+def test_what_became_wrong_since_an_edit_was_planned_is_told(there, file, old, new, says):
+    Path(".flowsculpt").mkdir()
+    Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    path = Path(f"shots/{file}.yaml")
+    assert old in path.read_text()
+    path.write_text(path.read_text().replace(old, new, 1))
+    with pytest.raises(ShotError, match=says):
+        Studio(there.path, cores=2).film("preview", find_edit("reel"))
+
+
+def test_an_edit_of_whole_shots_shows_what_they_have_by_now(there):
+    Path(".flowsculpt").mkdir()
+    shot, studio = Path("shots/T010_tiny.yaml"), Studio(there.path, cores=2)
+    before = studio.film("preview", find_edit("film"))
+    shot.write_text(shot.read_text().replace("frames: 1-6", "frames: 1-7"))
+    after = Studio(there.path, cores=2).film("preview", find_edit("film"))
+    assert [len(plan.jobs[-1].inputs) for plan in (before, after)] == [6, 7]
+
+
 def test_the_length_of_a_film_is_that_of_its_clips_and_cards(there):
     assert read_film("shots/reel.yaml").seconds == pytest.approx(0.25 + (3 + 6 + 2) / 24)
 

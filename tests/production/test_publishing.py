@@ -22,7 +22,7 @@ from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.variants import avoid
 from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.work import PLACES
-from pipeline.production.versions import publishing
+from pipeline.production.versions import freezing
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publishing import Release
 from pipeline.production.versions.repeating import Repetition
@@ -187,17 +187,62 @@ def test_a_version_is_there_whole_or_not_at_all(desk: Desk, monkeypatch: pytest.
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(publishing, "_frozen", full)
+        patch.setattr(freezing, "_linked", full)
         with pytest.raises(MachineError, match="the disk is full"):
             desk.release().publish()
     assert list(desk.home.iterdir()) == []
     with exclusive(desk.root), pytest.raises(MachineError, match="another flowsculpt run"):
         desk.release().publish()
-    monkeypatch.setattr(publishing.os, "link", full)  # a file system without links
+    monkeypatch.setattr(freezing.os, "link", full)  # a file system without links
     assert desk.release().publish().folder.is_dir()
     assert desk.repetition().record.frames[1].sha256 == digest_of_file(
         desk.home / f"v001/frames/{NAME}.0001.exr"
     )
+
+
+def test_a_version_shares_its_bytes_with_the_store_unless_copies_are_asked_for(desk: Desk) -> None:
+    record = desk.repetition().record.frames[2]
+    stored = desk.release().store.path("frame", record.frame)
+    frozen = desk.home / "v001" / record.file
+    assert frozen.samefile(stored)
+    shutil.rmtree(desk.home / "v001")
+    code, said = desk.command("publish", NAME, "-q", "preview", "--scale", "10%", "--copy")
+    assert code == 0, said
+    assert not frozen.samefile(stored) and digest_of_file(frozen) == record.sha256
+    assert all(path.stat().st_mode & 0o222 == 0 for path in frozen.parents[1].rglob("*.*"))
+
+
+def rewritten(path: Path, content: bytes) -> None:
+    """In its place, for what tests work on are links."""
+    path.unlink()
+    path.write_bytes(content)
+
+
+def test_verify_tells_what_of_a_version_is_not_what_was_published_and_mends_nothing(desk: Desk) -> None:
+    assert desk.command("verify") == (0, "Every file is what it should be.\n")
+    frames = desk.home / "v001" / "frames"
+    second, third = frames / f"{NAME}.0002.exr", frames / f"{NAME}.0003.exr"
+    damaged = bytes([*second.read_bytes()[:-1], 0])
+    rewritten(second, damaged)
+    third.unlink()
+    code, said = desk.command("verify")
+    assert code == 1
+    assert f"frames/{NAME}.0002.exr: is not what was published: damaged, or altered since" in said
+    assert f"frames/{NAME}.0003.exr: is gone, and was published" in said
+    assert f"flowsculpt render --from {desk.home / 'v001' / FILE} -f 2-3 makes it again" in said
+    assert "2 files of published versions are not what was published." in said
+    assert second.read_bytes() == damaged and not third.exists()
+    (frames.parent / f"{NAME}.mp4").unlink()
+    facts = json.loads("{" + desk.command("--json", "verify")[1].partition("{")[2])
+    assert [fact["frame"] for fact in facts["published"]] == [2, 3, None] and not facts["faulty"]
+    assert f"--from {desk.home / 'v001' / FILE} makes it again" in desk.command("--dry-run", "verify")[1]
+
+
+def test_verify_tells_of_a_version_whose_provenance_is_lost(desk: Desk) -> None:
+    rewritten(desk.home / "v001" / FILE, b"{}")
+    code, said = desk.command("verify")
+    assert code == 1 and "this is no provenance of a published version" in said
+    assert "tells what it was made from; restore that from a backup" in said
 
 
 def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk: Desk) -> None:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import lru_cache
 from pathlib import Path
 
 STATE = Path(".flowsculpt")
@@ -14,6 +14,18 @@ MARKS = STATE / "jobs"
 """Of jobs that are done while a run lasts: what Snakemake goes by."""
 HALVES = STATE / "half"
 PUBLISHED = Path("renders") / "published"
+
+_KINDS = {
+    "mesh": ("meshes", ".npz"),
+    "normals": ("normals", ".npz"),
+    "raw": ("{}/raw", ".exr"),
+    "frame": ("{}/frames", ".exr"),
+    "png": ("{}/png", ".png"),
+    "png16": ("{}/png16", ".png"),
+    "jpeg": ("{}/jpeg", ".jpg"),
+    "statistics": ("{}/statistics", ".json"),
+}
+"""In which folder of a sequence its files of a kind lie, of pictures below that of their quality."""
 
 
 @dataclass(frozen=True)
@@ -35,41 +47,40 @@ class Folders:
     def of_turntable(cls, name: str) -> Folders:
         return cls(Path("renders") / "turntable" / name, name)
 
-    def _frame(self, within: str, number: int, suffix: str) -> Path:
-        return _file_of(self, within, number, suffix)
+    def numbered(self, kind: str, quality: str, numbers: Iterable[int]) -> list[str]:
+        """Files of a kind, one a number; `quality` is that of pictures.
+
+        As text: a plan names so many that making paths would take it longer than all else.
+        """
+        within, suffix = _KINDS[kind]
+        begin = f"{self.home}/{within.format(quality)}/{self.name}."
+        return [f"{begin}{number:04d}{suffix}" for number in numbers]
+
+    def _one(self, kind: str, quality: str, number: int) -> Path:
+        return Path(self.numbered(kind, quality, (number,))[0])
 
     def mesh(self, number: int) -> Path:
-        return self._frame("meshes", number, ".npz")
+        return self._one("mesh", "", number)
 
     def normals(self, number: int) -> Path:
-        return self._frame("normals", number, ".npz")
+        return self._one("normals", "", number)
 
     def cameras(self) -> Path:
         return self.home / f"{self.name}.cameras.json"
 
     def raw(self, quality: str, number: int) -> Path:
-        return self._frame(f"{quality}/raw", number, ".exr")
+        return self._one("raw", quality, number)
 
     def frame(self, quality: str, number: int) -> Path:
-        return self._frame(f"{quality}/frames", number, ".exr")
-
-    def still(self, quality: str, form: str, number: int, suffix: str) -> Path:
-        """A frame as a display shows it, in a folder for each form."""
-        return self._frame(f"{quality}/{form}", number, suffix)
+        return self._one("frame", quality, number)
 
     def statistics(self, quality: str, number: int) -> Path:
         """What rendering a picture took: not the same twice, and so beside the picture and not in it."""
-        return self._frame(f"{quality}/statistics", number, ".json")
+        return self._one("statistics", quality, number)
 
     def movie(self, quality: str, frames: str | None = None) -> Path:
         """The film of all frames, or of a range: `<shot>.10-20x2.mp4`."""
         return self.home / quality / (f"{self.name}.{frames}.mp4" if frames else f"{self.name}.mp4")
-
-
-@lru_cache(maxsize=2**14)
-def _file_of(folders: Folders, within: str, number: int, suffix: str) -> Path:
-    """Planning asks for the files of a shot several times, and taking paths apart is most of that."""
-    return Path(f"{folders.home}/{within}/{folders.name}.{number:04d}{suffix}")
 
 
 def film(quality: str, name: str) -> Path:

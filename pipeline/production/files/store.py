@@ -17,8 +17,6 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-import psutil
-
 from pipeline.production.files.disk import disk_faults
 from pipeline.production.files.layout import STATE
 from pipeline.production.takes.keys import Key
@@ -164,6 +162,8 @@ def _left_behind(draft: Path) -> bool:
 
 def _lives(process: int) -> bool:
     """A zombie writes nothing any more."""
+    import psutil  # which most processes never need
+
     with contextlib.suppress(psutil.Error):
         return bool(psutil.Process(process).status() != psutil.STATUS_ZOMBIE)
     return False

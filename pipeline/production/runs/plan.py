@@ -12,7 +12,7 @@ import os
 import platform
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -237,7 +237,3 @@ def dealt_out(jobs: Sequence[Job], cores: int, share: Share | None = None) -> li
     many = Counter(job.task for job in jobs)
     broad = {task: max(1, cores // many[task]) for task in ("simulate", "render") if many[task]}
     return [replace(job, threads=broad.get(job.task, job.threads)) for job in jobs]
-
-
-def paths(places: Iterable[Path]) -> tuple[str, ...]:
-    return tuple(place.as_posix() for place in places)

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.errors import MissingInputError, UsageError, suggestion
+from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.production.care.selection import is_in_words, selected
 from pipeline.production.care.state import FrameStates, mesh_states, picture_states
@@ -19,22 +18,20 @@ from pipeline.production.files.store import Store
 from pipeline.production.runs.history import History
 from pipeline.production.runs.plan import Plan
 from pipeline.production.runs.planner import Planner
-from pipeline.production.takes.edit import Cut
 from pipeline.production.takes.folder import FILM, find_shot
 from pipeline.production.takes.keyring import PictureKeys
 from pipeline.production.takes.ledger import Ledger
+from pipeline.production.takes.montage import Montage, edited
 from pipeline.production.takes.poses import Turntable
 from pipeline.production.takes.script import Script
 from pipeline.production.takes.take import FORMS, Take
+from pipeline.production.takes.texts import Texts, shot_around
 from pipeline.production.takes.variants import variant_for
 from pipeline.production.takes.window import base_of
-from pipeline.shot.edits import DEFAULTS
 from render.quality import QUALITIES
 
 if TYPE_CHECKING:
     from pipeline.production.care.verifying import Damage
-    from pipeline.shot import Film
-    from pipeline.shot.shot import Clip
 
 States = Callable[[Take, Store, History], FrameStates]
 
@@ -57,9 +54,8 @@ class Studio:
     settings: tuple[str, ...] = ()
     allow_code: bool = False
     profile: Profile = field(default_factory=Profile.local)
-    _texts: dict[Path, str] = field(default_factory=dict, repr=False)
-    _beside: dict[Path, dict[str, str]] = field(default_factory=dict, repr=False)
-    _films: dict[Path, Film] = field(default_factory=dict, repr=False)
+    _texts: Texts = field(default_factory=Texts, repr=False)
+    _montages: dict[Path, Montage] = field(default_factory=dict, repr=False)
     _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
     _notes: list[str] = field(default_factory=list, repr=False)
 
@@ -87,6 +83,8 @@ class Studio:
             planner.pictures(take)
             if frames is None or not is_in_words(frames):
                 planner.movie(take)
+            if frames is None:
+                continue
             whole = take.whole()
             keys = whole.picture_keys(self.store)
             rest = set(whole.requested) - set(take.requested)
@@ -137,15 +135,13 @@ class Studio:
 
         It is called as the file of the edit is.
         """
-        from pipeline.shot import read_film
-
-        film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
+        montage = self._montages.get(path) or self._montages.setdefault(path, self._montage(path))
         planner = self._planner()
-        takes = [self._clip(clip, quality) for clip in film.clips]
+        takes = [replace(self.take(shot, quality), requested=frames) for shot, frames in montage.clips]
         for take in takes:
             planner.pictures(take)
             planner.movie(take)
-        planner.film(Cut.of(film, path.stem), takes)
+        planner.film(montage.cut, takes)
         return planner.plan()
 
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
@@ -160,7 +156,7 @@ class Studio:
         of_file = mesh.suffix.lower().lstrip(".") in FORMATS
         if of_file:
             path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
-            self._texts[path] = _shot_around(mesh, look)
+            self._texts.put(path, shot_around(mesh, look))
         elif look is not None:
             raise UsageError(f"--look is for mesh files; {subject} is a shot and has its own: edit the shot")
         else:
@@ -196,17 +192,14 @@ class Studio:
         """The pictures of a shot file at one quality, all or a range."""
         if base_of(quality) not in QUALITIES:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
-        path = path.absolute()
-        text = self._texts.get(path) or self._texts.setdefault(path, _text(path))
-        beside = self._beside.get(path) or self._beside.setdefault(path, _rests_on(path, text))
-        read = Script(text, path, self.settings, tuple(beside.items()), self.allow_code)
-        script = replace(read, ledger=Ledger(self.root)).pinned()
+        script = self._script(path)
         whole = FrameRange(script.outline.frames)
         requested = FrameRange.parse(frames) if frames is not None else whole
         outside = requested.outside(whole)
         if outside:
             raise UsageError(
-                f"{path}: frames {outside} are not in the shot, which has {whole}; ask for frames among those"
+                f"{script.path}: frames {outside} are not in the shot, which has {whole}; ask for frames "
+                "among those"
             )
         chosen = variant or variant_for(self.root, script.name, self.variant, self._notes.append)
         return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
@@ -214,10 +207,14 @@ class Studio:
     def _rendered(self, keys: PictureKeys) -> bool:
         return self.store.holds("frame", keys.frame) or self.store.holds("raw", keys.raw)
 
-    def _clip(self, clip: Clip, quality: str) -> Take:
-        """The pictures of a shot that an edit shows, in its order."""
-        assert clip.shot.path is not None, "the shots of an edit are read from files"
-        return replace(self.take(clip.shot.path, quality), requested=tuple(clip.frames))
+    def _script(self, path: Path) -> Script:
+        read = self._texts.script(path.absolute(), self.settings, self.allow_code)
+        return replace(read, ledger=Ledger(self.root)).pinned()
+
+    def _montage(self, path: Path) -> Montage:
+        """What an edit shows; its shots are read only where the ledger does not tell it."""
+        ledger = Ledger(self.root)
+        return edited(path, self.settings, ledger, lambda shot: self._script(shot).outline)
 
     def _planner(self) -> Planner:
         return self.planner_of(1)
@@ -226,45 +223,3 @@ class Studio:
         """For so many takes that are made side by side."""
         side_by_side = max(1, self.profile.side_by_side(self.cores) // many)
         return Planner(self.store, side_by_side, self._notes, self.profile.share)
-
-
-def _shot_around(mesh: Path, look: str | None) -> str:
-    """The text of a shot that shows a mesh file as it is."""
-    if not mesh.is_file():
-        raise MissingInputError(f"{mesh}: no such mesh file; check the path")
-    from render.look import LOOKS
-
-    if look is not None and look not in LOOKS:
-        raise UsageError(f"{look!r} is not a look; choose {', '.join(LOOKS)}")
-    shot = {
-        "title": mesh.stem,
-        "frames": "1-1",
-        "subject": {"model": str(mesh.absolute())},
-        "resample": "off",
-        "look": look or "clay",
-    }
-    return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
-
-
-def _rests_on(path: Path, text: str) -> dict[str, str]:
-    """The text of all other files that a shot is made of, by their names; most rest on no shot."""
-    if "extends" in text:
-        from pipeline.shot.layers import rests_on
-
-        return rests_on(path, text)
-    defaults = path.with_name(DEFAULTS)
-    try:
-        return {DEFAULTS: defaults.read_text(encoding="utf-8")}
-    except (OSError, UnicodeDecodeError):
-        return {}
-
-
-def _text(path: Path) -> str:
-    try:
-        return path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise MissingInputError(f"{path}: no such shot file; flowsculpt new makes one") from None
-    except UnicodeDecodeError:
-        raise UsageError(f"{path}: not UTF-8 text; save it as UTF-8") from None
-    except OSError as error:
-        raise MissingInputError(f"{path}: cannot be read ({error.strerror})") from None

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from dataclasses import fields
 from functools import cached_property
+from typing import Any
 
+from pipeline.flow import Flow
 from pipeline.frames import FrameRange
 from pipeline.production.takes.keys import NORMALS_CODE, SIMULATION_CODE, Key, code_key, key_of
 from pipeline.resample import Thresholds
@@ -72,6 +74,18 @@ class _AskedInOrder(Motion):
             self._latest.clear()
             self._latest[frame] = super().resampling_at(frame)
         return self._latest[frame]
+
+    @cached_property
+    def _bounds(self) -> list[Any]:
+        """The resampling and the flow of the latest answer, and the answer."""
+        return [None, None, None]
+
+    def bounded(self, flow: Flow, frame: int) -> Flow:
+        now = self.resampling_at(frame)
+        if self._bounds[0] is not now or self._bounds[1] is not flow:
+            self._bounds[:] = now, flow, super().bounded(flow, frame)
+        found: Flow = self._bounds[2]
+        return found
 
 
 def asked_in_order(motion: Motion) -> Motion:

@@ -58,12 +58,18 @@ class Heard:
         """All that decides what is heard, which where the file lies does not."""
         return {name: value for name, value in asdict(self).items() if name != "file"}
 
+    @property
+    def is_unchanged(self) -> bool:
+        """Whether the file is what it was."""
+        path = Path(self.file)
+        return path.is_file() and digest_of_file(path) == self.digest
+
     def sound(self) -> Sound:
         """Raises FrameError where the file is not what it was."""
         from render.sound import Sound
 
         path = Path(self.file)
-        if not path.is_file() or digest_of_file(path) != self.digest:
+        if not self.is_unchanged:
             raise FrameError(f"{path} was changed while the film was made; run again")
         return Sound(path, self.start, self.gain, self.fade_in, self.fade_out)
 

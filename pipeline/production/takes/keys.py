@@ -18,6 +18,8 @@ Key = str
 
 _ROOM = Path(__file__).parents[3]
 
+_CANONICAL = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False)
+
 
 def _all_but(folder: str, *names: str) -> tuple[str, ...]:
     """The modules of a folder, those of these names left out."""
@@ -85,8 +87,7 @@ def key_of(*parts: Any) -> Key:
 
     Raises TypeError for anything else, and ValueError for NaN or infinity, which JSON cannot say.
     """
-    text = json.dumps(parts, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return hashlib.sha256(text.encode()).hexdigest()[:32]
+    return hashlib.sha256(_CANONICAL.encode(parts).encode()).hexdigest()[:32]
 
 
 @cache

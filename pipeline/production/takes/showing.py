@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pipeline.frames import FrameRange
 from pipeline.production.files.layout import Folders
-from pipeline.production.files.store import SUFFIXES
 from pipeline.production.takes.poses import Pose, Turntable
 from pipeline.production.takes.script import Script
 from pipeline.production.takes.window import base_of, quality_named
@@ -98,19 +97,15 @@ class Showing:
         name = self.name if self.turntable.of_file else f"{self.name}.{self.turntable.at:04d}"
         return Folders.of_turntable(name)
 
-    def place(self, kind: str, number: int) -> Path:
-        """Where the `mesh`, the `normals`, the `raw` picture or the finished `frame` of a number is shown."""
-        if kind == "mesh":
-            return self.motion_folders.mesh(number)
-        if kind == "normals":
-            return self.motion_folders.normals(number)
-        if kind == "raw":
-            return self.folders.raw(self.quality_name, number)
-        return self.folders.frame(self.quality_name, number)
+    def places(self, kind: str, numbers: Iterable[int]) -> list[str]:
+        """Where files are shown: the `mesh`, the `normals`, the `raw` picture, the finished `frame`, or a
+        form of stills, of each number."""
+        folders = self.motion_folders if kind in ("mesh", "normals") else self.folders
+        return folders.numbered(kind, self.quality_name, numbers)
 
-    def still_path(self, form: str, number: int) -> Path:
-        """Where a frame is shown as a display shows it."""
-        return self.folders.still(self.quality_name, form, number, SUFFIXES[form])
+    def place(self, kind: str, number: int) -> Path:
+        """The same of one number."""
+        return Path(self.places(kind, (number,))[0])
 
     @property
     def subject(self) -> str:
@@ -190,16 +185,17 @@ class Showing:
 
     def moments_beside(self, number: int) -> tuple[float, ...]:
         """How far a picture looks beyond its own moment, in frames, each way or none."""
+        return (*(self.open_at(number) or ()), *self._moments_of_layers)
+
+    @cached_property
+    def _moments_of_layers(self) -> tuple[float, ...]:
+        """The same of its layers, which look as far in every picture."""
         from pipeline.production.surfaces.movement import STEP
 
-        layers = self.layers.extra
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
-        return (
-            *(self.open_at(number) or ()),
-            *(offset for name in layers for offset in steps.get(name, ())),
-        )
+        return tuple(offset for name in self.layers.extra for offset in steps.get(name, ()))
 
-    @property
+    @cached_property
     def measures_speed(self) -> bool:
         """Whether the colours of its pictures are the speed of the flow."""
         from render.measure import SPEED
@@ -210,7 +206,3 @@ class Showing:
     def goes_by_flow(self, number: int) -> bool:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""
         return self.measures_speed or (self.turntable is None and bool(self.moments_beside(number)))
-
-    def is_made_of_mesh(self, number: int) -> bool:
-        """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
-        return self.shot.picture.dicing is not None or self.goes_by_flow(number)

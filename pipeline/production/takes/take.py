@@ -57,13 +57,14 @@ class Take(Showing):
         found_from = "take", self.identity
         known = None if ledger is None else ledger.recall(*found_from)
         if known is None:
+            follow_flow = [n for n in self.poses if self.goes_by_flow(n)]
             known = {
                 "cameras": self._cameras_key(),
                 "reach": self.steadied_over,
                 "quality": to_plain(self.quality_of_shot),
                 "precision": [list(layer) for layer in self.shot.picture.layers.precision],
-                "follow_flow": [n for n in self.poses if self.goes_by_flow(n)],
-                "need_mesh": [n for n in self.poses if self.is_made_of_mesh(n)],
+                "follow_flow": follow_flow,
+                "need_mesh": follow_flow if self.shot.picture.dicing is None else list(self.poses),
             }
             if ledger is not None:
                 ledger.note(known, *found_from)
@@ -111,7 +112,7 @@ class Take(Showing):
         return number in self._settled["follow_flow"]
 
     def needs_mesh(self, number: int) -> bool:
-        """`is_made_of_mesh`, which need not read the shot again."""
+        """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
         return number in self._settled["need_mesh"]
 
     def _cameras_key(self) -> Key:
@@ -120,7 +121,7 @@ class Take(Showing):
             "cameras",
             code_key(FRAMING_CODE),
             [self.mesh_key(n) for n in shown],
-            [[n, pose.mesh, pose.spin, to_plain(self.view(n))] for n, pose in self.poses.items()],
+            [[n, pose.mesh, pose.spin, self.view(n)] for n, pose in self.poses.items()],
             self.aspect,
             self.follow,
             self.net_pieces,

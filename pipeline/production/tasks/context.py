@@ -53,7 +53,7 @@ class Context:
         """Whether an earlier attempt at this job told why it failed, as another would. One that was killed
         told nothing, and what the machine refused may be had on another."""
         log = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl")
-        told = [event for event in log.new() if event["job"] == self.job.name]
+        told = [event for event in log.new(self.job.name) if event["job"] == self.job.name]
         fails = [event.get("exit_code") for event in told if event["event"] == "fail"]
         kinds = {event["event"] for event in told}
         known = "healed" in kinds or (bool(fails) and "end" in kinds)
@@ -63,7 +63,7 @@ class Context:
         """The frames of this job's pictures that failed at an earlier stage of this run."""
         quality = self.plan.takes[self.job.takes[0]]["quality"]
         about = {"event": "fail", "stage": stage, "shot": self.subject, "quality": quality}
-        told = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new()
+        told = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new("fail")
         return {e["frame"] for e in told if e.get("frame") is not None and about.items() <= e.items()}
 
     def bring_inputs_to_now(self) -> None:

@@ -41,6 +41,6 @@ def _stills(context: Context, form: str, bits: int, write_still: Callable[..., N
             shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
             write_still(path, quantise(shown, bits), {"shot": take.name, "frame": number, "key": key})
 
-        return context.make(form, key, take.still_path(form, number), write)
+        return context.make(form, key, take.place(form, number), write)
 
     return context.each(context.job.frames, work)

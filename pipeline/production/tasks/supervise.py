@@ -9,7 +9,6 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from pipeline.production.runs.events import Event, EventReader
-from pipeline.production.takes.variants import avoid
 from pipeline.production.tasks.context import ENVIRONMENT, Context
 from pipeline.production.tasks.stopping import SIGNALS, heard
 from pipeline.production.tasks.wear import RENEWED
@@ -36,7 +35,8 @@ class Supervisor:
         settled: list[Event] = []
         while True:
             code, asked_to_end = self._run_one(sum(event["frame"] is not None for event in settled))
-            news = [event for event in told.new() if event["job"] == self.context.job.name]
+            name = self.context.job.name
+            news = [event for event in told.new(name) if event["job"] == name]
             settled += [event for event in news if event["event"] in ("frame", "fail")]
             if asked_to_end:
                 return INTERRUPTED
@@ -88,6 +88,8 @@ def fall_over(context: Context, fact: str) -> bool:
 
     fact  what its variant did, such as "crashed (SIGABRT)"
     """
+    from pipeline.production.takes.variants import avoid  # who only watches must be there at once
+
     take = context.take
     reason = f"{take.variant} {fact} while rendering {context.subject}"
     left = avoid(context.root, take.name, take.variant, reason)

@@ -4,20 +4,15 @@
     renders/published/<shot>/v001/<shot>.mp4
     renders/published/<shot>/v001/provenance.json
 
-A version is written beside its place and renamed into it, whole. Its files are links to those of the store,
-or copies where no links can be; they stay whatever becomes of the shot, its renders and the store.
+They stay whatever becomes of the shot, its renders and the store.
 """
 
 from __future__ import annotations
 
 import contextlib
 import getpass
-import json
-import os
 import re
-import shutil
 import time
-import uuid
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -25,7 +20,6 @@ from typing import Any
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.costs.spent import seconds_by_stage, seconds_of
-from pipeline.production.files.disk import disk_faults
 from pipeline.production.files.layout import published
 from pipeline.production.files.store import Store
 from pipeline.production.runs.run import exclusive
@@ -33,8 +27,8 @@ from pipeline.production.takes.keyring import Keyring
 from pipeline.production.takes.keys import Key
 from pipeline.production.takes.take import Take
 from pipeline.production.versions.circumstances import code_keys, host, packages
+from pipeline.production.versions.freezing import freeze, sweep
 from pipeline.production.versions.provenance import (
-    FILE,
     VERSION,
     FrameRecord,
     Provenance,
@@ -45,8 +39,6 @@ from pipeline.production.versions.provenance import (
 from pipeline.shot.named_files import digest_of_file
 from render.errors import CorruptImageError, MissingImageError
 from render.movie import probe_movie
-
-_DRAFT = ".draft."
 
 
 @dataclass(frozen=True)
@@ -64,6 +56,7 @@ class Release:
 
     command  what renders it, for messages
     version  the one asked for; by default the next
+    copy     its files are no links to those of the store: what damages one leaves the other alone
     """
 
     take: Take
@@ -71,6 +64,7 @@ class Release:
     command: str
     note: str = ""
     version: str | None = None
+    copy: bool = False
 
     def publish(self, dry: bool = False) -> Published:
         """Freeze the take's frames and movie; of content that is published already, say as what.
@@ -84,7 +78,7 @@ class Release:
         if dry:
             return self._published(dry=True)
         with exclusive(self.store.root):
-            _sweep(self._home)
+            sweep(self._home)
             return self._published(dry=False)
 
     @property
@@ -101,17 +95,8 @@ class Release:
         version = self._version([place.name for place, _ in known])
         final = self._home / version
         if not dry:
-            self._freeze(final, self._record(version, keys))
+            freeze(self.store, self._record(version, keys), final, self.copy)
         return Published(version, final, before=False)
-
-    def _freeze(self, final: Path, record: Provenance) -> None:
-        draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
-        with disk_faults(final):
-            try:
-                self._write(draft, record)
-                draft.rename(final)
-            finally:
-                shutil.rmtree(draft, ignore_errors=True)
 
     def _version(self, taken: list[str]) -> str:
         """The one asked for, or the one after the last."""
@@ -222,32 +207,6 @@ class Release:
             f"{self.take.name} at {self.take.quality_name}: {what} cannot be read to its end and was "
             f"forgotten; {self.command} makes it anew"
         )
-
-    def _write(self, draft: Path, record: Provenance) -> None:
-        for frame in record.frames.values():
-            _frozen(self.store.path("frame", frame.frame), draft / frame.file)
-        _frozen(self.store.path("movie", record.movie["key"]), draft / record.movie["file"])
-        text = draft / FILE
-        text.write_text(json.dumps(record.as_data(), indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-        text.chmod(0o444)
-        with text.open("rb") as file:
-            os.fsync(file.fileno())
-
-
-def _frozen(source: Path, place: Path) -> None:
-    """Show a file of the store, read-only as it is there, by a link, or by a copy where none can be."""
-    place.parent.mkdir(parents=True, exist_ok=True)
-    try:
-        os.link(source, place)
-    except OSError:
-        shutil.copy2(source, place)
-        place.chmod(0o444)
-
-
-def _sweep(home: Path) -> None:
-    """Remove what killed processes left. Only whoever holds the root's lock may call this."""
-    for draft in home.glob(f"{_DRAFT}*"):
-        shutil.rmtree(draft, ignore_errors=True)
 
 
 def _user() -> str:

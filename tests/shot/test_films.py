@@ -1,0 +1,61 @@
+"""Edits: their shots in order, and what is wrong in any of their files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import MissingInputError, ShotError
+from pipeline.shot import read_film
+
+GOOD = (Path(__file__).parent / "cube.yaml").read_text(encoding="utf-8")
+FILM = "title: Two\nshots: [A, B]\nrate: 24\n"
+
+
+def written(folder: Path, text: str, name: str = "a.yaml") -> Path:
+    file = folder / name
+    file.write_text(text, encoding="utf-8")
+    return file
+
+
+def test_a_film_is_its_shots_in_order(tmp_path: Path) -> None:
+    for name in ("A", "B"):
+        written(tmp_path, GOOD.replace("Cube", name), f"{name}.yaml")
+    film = read_film(written(tmp_path, FILM.replace("[A, B]", "[B, A]"), "film.yaml"))
+    assert [shot.title for shot in film.shots] == ["B", "A"]
+    assert (film.title, str(film.rate), film.title_seconds) == ("Two", "24", 3.0)
+
+
+def test_a_film_tells_what_is_wrong_in_all_its_files(tmp_path: Path) -> None:
+    written(tmp_path, GOOD.replace("rate: 24", "rate: 30").replace('"2s"', "49"), "A.yaml")
+    written(tmp_path, GOOD.replace("speed", "sped"), "B.yaml")
+    with pytest.raises(ShotError) as error:
+        read_film(written(tmp_path, FILM + "subtitel: x\n", "film.yaml"))
+    text = str(error.value).replace(f"{tmp_path}/", "")
+    assert "film.yaml:2:9: A plays at 30 frames per second and the film at 24" in text
+    assert "film.yaml:4:1: subtitel is not known. Did you mean 'subtitle'?" in text
+    assert "B.yaml:9:20: sped is not known" in text
+
+
+def test_a_card_stands_for_a_minute_at_most(tmp_path: Path) -> None:
+    for name in ("A", "B"):
+        written(tmp_path, GOOD, f"{name}.yaml")
+    with pytest.raises(
+        ShotError, match=r"film\.yaml:4:1: title_seconds is 1000000000.*; it must be at most 60$"
+    ):
+        read_film(written(tmp_path, FILM + "title_seconds: 1e9\n", "film.yaml"))
+
+
+def test_a_shot_that_is_not_there_is_a_missing_input(tmp_path: Path) -> None:
+    written(tmp_path, GOOD, "A.yaml")
+    with pytest.raises(
+        MissingInputError, match=r"film\.yaml:2:12: there is no shot .*B\.yaml\. There are: A\."
+    ):
+        read_film(written(tmp_path, FILM, "film.yaml"))
+
+
+def test_the_films_own_shots_are_good() -> None:
+    film = read_film(Path(__file__).parents[2] / "shots" / "film.yaml")
+    assert len(film.shots) == 3
+    assert all(2 <= shot.rate.seconds(len(shot.frames)) <= 8 for shot in film.shots)
