@@ -137,16 +137,31 @@ class Studio:
 
         It is called as the file of the edit is.
         """
-        from pipeline.shot import read_film
-
-        film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
+        cut, takes = self.cut(quality, path)
         planner = self._planner()
-        takes = [self._clip(clip, quality) for clip in film.clips]
         for take in takes:
             planner.pictures(take)
             planner.movie(take)
-        planner.film(Cut.of(film, path.stem), takes)
+        planner.film(cut, takes)
         return planner.plan()
+
+    def cut(self, quality: str, path: Path = FILM) -> tuple[Cut, list[Take]]:
+        """What the film of an edit is cut to, and the takes of its clips."""
+        from pipeline.shot import read_film
+
+        film = self._films.get(path) or self._films.setdefault(path, read_film(path, self.settings))
+        return Cut.of(film, path.stem), [self._clip(clip, quality) for clip in film.clips]
+
+    def frames(self, takes: Sequence[Take]) -> Plan:
+        """The finished frames that takes ask for, and nothing made of them."""
+        planner = self._planner()
+        for take in takes:
+            planner.pictures(take)
+        return planner.plan()
+
+    def asked(self, shot: str, quality: str, frames: str | None = None) -> Take:
+        """The pictures of a shot by its name, of all frames or a range, in numbers or in words."""
+        return self._asked(shot, quality, frames, picture_states)
 
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
         """A full turn of one frame of a shot, or of a mesh file."""
