@@ -14,7 +14,7 @@ title: Reel
 shots:
   - {{shot: {NAME}, dissolve: 3}}
   - {{card: Part two, seconds: 1}}
-  - {{shot: {NAME}, frames: "1-5x2,6,4,2"}}
+  - {{shot: {NAME}, frames: "6,4,2,1-5x2"}}
   - {{shot: {NAME}, frames: 2-6, dissolve: 2}}
 title_seconds: 0.5
 credits_seconds: 0
@@ -54,8 +54,8 @@ def test_clips_dissolves_and_cards_come_back(there):
         ("Reel", list(range(10))),
         (NAME, [2, 3, 4, 5, 6]),
         ("Part two", list(range(24))),
-        (NAME, [1, 3, 5]),
-        (NAME, [6, 4]),
+        (NAME, [6, 4, 2]),
+        (NAME, [1, 3]),
         (NAME, [3, 4, 5, 6]),
     ]
 
