@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 
 from pipeline.dailies.deliver import Delivery, Order
-from pipeline.dailies.reel import Look, of_film, of_shot
+from pipeline.dailies.reel import of_film, of_shot
+from pipeline.dailies.rushes import Look
 from pipeline.errors import FrameError
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.take import Take
