@@ -20,13 +20,11 @@ from render.encodes import Encode, require_size
 from render.errors import BadInputError
 from render.planes import Frame, bgra, even, gbr, require_frame, ycbcr
 from render.sink import Sink
-from render.sound import RATE, Samples
+from render.sound import Samples
+from render.track import Track
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
-_SAMPLES = {"aac": "fltp", "pcm_s24le": "s32"}
-"""How encoders of sound take their samples."""
-
 _FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska", ".webp": "webp"}
 
 
@@ -78,12 +76,12 @@ def _write(
         if start and encode.has_timecode:
             container.metadata["timecode"] = start
         picture: _Picture | None = None
-        track: _Track | None = None
+        track: Track | None = None
         for frame in frames:
             if picture is None:
                 first = frame.shape
                 picture = _Picture.begun(container, encode, frame, rate)
-                track = _Track.begun(container, encode, sound) if sound is not None else None
+                track = Track.begun(container, encode, sound) if sound is not None else None
             require_frame(frame, (3, 4))
             if frame.shape != first:
                 raise BadInputError(
@@ -152,50 +150,6 @@ class _Picture:
         if self.encode.is_rgb:
             return bgra(kept) if self.given == "bgra" else gbr(kept)
         return ycbcr(even(kept) if self.encode.halves_colour else kept, self.encode.bits)
-
-
-@dataclass(eq=False)
-class _Track:
-    """The stream of sound of a file being written."""
-
-    container: Any
-    stream: Any
-    samples: Iterator[Samples]
-    kind: str
-    written: int = 0
-
-    @classmethod
-    def begun(cls, container: Any, encode: Encode, samples: Iterator[Samples]) -> _Track | None:
-        if encode.sound is None:
-            return None
-        stream = container.add_stream(encode.sound, rate=RATE, layout="stereo")
-        if encode.sound == "aac":
-            stream.bit_rate = 320_000
-        return cls(container, stream, samples, _SAMPLES[encode.sound])
-
-    def write_until(self, seconds: Fraction) -> None:
-        """Hand on what is heard up to there: pictures and sound go side by side into a file."""
-        while self.written < seconds * RATE and (block := next(self.samples, None)) is not None:
-            self._write(block)
-
-    def end(self) -> None:
-        for packet in self.stream.encode(None):
-            self.container.mux(packet)
-
-    def _write(self, block: Samples) -> None:
-        """Samples (2, N), −1 … 1."""
-        frame = av.AudioFrame.from_ndarray(_sampled(block, self.kind), format=self.kind, layout="stereo")
-        frame.sample_rate, frame.pts, frame.time_base = RATE, self.written, Fraction(1, RATE)
-        self.written += block.shape[1]
-        for packet in self.stream.encode(frame):
-            self.container.mux(packet)
-
-
-def _sampled(block: Samples, kind: str) -> NDArray[Any]:
-    if kind == "fltp":
-        return np.ascontiguousarray(block)
-    steps = np.rint(np.clip(block.T.astype(np.float64), -1.0, 1.0) * (2**23 - 1)).astype(np.int32) << 8
-    return np.ascontiguousarray(steps).reshape(1, -1)
 
 
 def _filled(kind: str, planes: NDArray[Any]) -> Any:

@@ -94,14 +94,15 @@ def _timecode(container: Any, stream: Any) -> str:
 
 
 def _of_webp(path: Path) -> MovieFacts:
-    """FFmpeg makes animated WebP but does not read it."""
+    """FFmpeg makes animated WebP but does not read it. Frames like the one before are not kept there."""
     import imageio.v3 as iio
 
     with iio.imopen(path, "r", plugin="pillow") as file:
-        count, duration, shape = 0, 0.0, (0, 0, 0)
+        count, duration, shape, alpha = 0, 0.0, (0, 0, 0), False
         for picture in file.iter():
             duration += float(file.metadata(index=count).get("duration", 0.0))
             count, shape = count + 1, picture.shape
+            alpha = alpha or bool(shape[2] == 4 and picture[..., 3].min() < 255)
     rate = Fraction(count * 1000) / Fraction(round(duration)) if duration else Fraction(0)
     return MovieFacts(
         frames=count,
@@ -114,5 +115,5 @@ def _of_webp(path: Path) -> MovieFacts:
         matrix=_UNTOLD,
         range=2,
         codec="webp",
-        alpha=shape[2] == 4,
+        alpha=alpha,
     )

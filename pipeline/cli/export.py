@@ -1,4 +1,4 @@
-"""The command that writes what other programs run: export."""
+"""The command that writes what other programs read: export."""
 
 from __future__ import annotations
 
@@ -11,24 +11,41 @@ from ruamel.yaml import YAML
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer
+from pipeline.dailies.timeline import MEDIA, Timeline
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.farm import openjd as job_description
 from pipeline.production.files.disk import disk_faults
 from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import FILM, find_edit
 from pipeline.production.takes.window import windowed
 
-FORMATS = ("openjd",)
+FORMATS = ("openjd", "otio")
 
 
 def export(
     common: Common,
     form: Annotated[
-        str, typer.Argument(metavar="FORMAT", help="openjd: Open Job Description, for render managers.")
+        str,
+        typer.Argument(
+            metavar="FORMAT",
+            help="openjd: Open Job Description, for render managers; otio: OpenTimelineIO, for editors.",
+        ),
     ],
-    shot: Annotated[str, typer.Argument(metavar="SHOT", help="Its name in shots/, or the path of its file.")],
+    name: Annotated[
+        str | None,
+        typer.Argument(
+            metavar="SHOT|EDIT", help="openjd: a shot, by name or path. otio: an edit; by default the film."
+        ),
+    ] = None,
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="FILE", help="Where the template is written.")
-    ] = Path("template.yaml"),
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="FILE", help="By default template.yaml, or the edit's name and .otio."
+        ),
+    ] = None,
+    media: Annotated[
+        str, typer.Option(metavar="NAME", help=f"What clips of otio refer to: {', '.join(MEDIA)}.")
+    ] = "frames",
     frames: Frames = None,
     quality: Quality = "draft",
     variant: Variant = None,
@@ -37,20 +54,60 @@ def export(
     settings: Settings = None,
     allow_code: AllowCode = False,
 ) -> None:
-    """Write a render manager's job: a template that renders a shot and assembles its movie.
+    """Write what other programs read: a render manager's job, or an editing program's timeline.
 
+    `flowsculpt export openjd A010_cube` writes a template that renders the shot and assembles its movie.
     Beside FILE goes the frozen plan that its tasks read, FILE.plan.json: edits of the shot after this are
     not in it. `openjd run template.yaml` does the work here, a render manager on its workers, which see the
     root under its path or under the one given as parameter Root. What is done stays done: tasks find it.
+
+    `flowsculpt export otio showreel -q final` writes showreel.otio: clips, dissolves, cards and sound of
+    shots/showreel.yaml. Clips refer to frames, relative to the file, or to what `flowsculpt deliver` made:
+    `--media prores4444`.
     """
     if form not in FORMATS:
         raise UsageError(f"{form!r} is no format to export. {suggestion(form, FORMATS)}")
+    quality = windowed(quality, crop, scale)
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+    if form == "otio":
+        _timeline(common, studio, quality, name or FILM.stem, output, media, frames)
+    else:
+        _job(common, studio, quality, name, output or Path("template.yaml"), frames)
+
+
+def _timeline(
+    common: Common,
+    studio: Studio,
+    quality: str,
+    edit: str,
+    output: Path | None,
+    media: str,
+    frames: str | None,
+) -> None:
+    if media not in MEDIA:
+        raise UsageError(f"--media {media}: clips cannot refer to that. {suggestion(media, MEDIA)}")
+    if frames is not None:
+        raise UsageError(f"-f {frames} is of shots; an edit says itself what it shows")
+    path = find_edit(edit)
+    place = output or Path(f"{path.stem}.otio")
+    if place.suffix != ".otio":
+        raise UsageError(f"{place}: a timeline's name ends in .otio; call it {place.stem}.otio")
+    cut, takes = studio.cut(quality, path)
+    if not common.dry_run:
+        Timeline(cut, takes, common.root, media, place).write()
+    done = f"{place}: {cut.length} frames, {'would be ' if common.dry_run else ''}written."
+    answer(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
+
+
+def _job(
+    common: Common, studio: Studio, quality: str, shot: str | None, output: Path, frames: str | None
+) -> None:
+    if shot is None:
+        raise UsageError("export openjd needs the name of a shot; flowsculpt status lists shots")
     if output.suffix not in (".yaml", ".yml", ".json"):
         raise UsageError(
             f"{output}: a template's name ends in .yaml, .yml or .json; call it {output.stem}.yaml"
         )
-    quality = windowed(quality, crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
     plan = studio.whole(shot, quality, frames)
     beside = output.with_name(f"{output.name}.plan.json")
     made = job_description.template(plan, beside.name, common.root)

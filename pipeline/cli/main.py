@@ -42,6 +42,7 @@ COMMANDS = {
     "stills": "make",
     "film": "make",
     "turntable": "make",
+    "deliver": "deliver",
     "preview": "preview",
     "curves": "preview",
     "wedge": "wedge",

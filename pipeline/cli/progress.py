@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from contextlib import ExitStack
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from functools import partial
 from types import TracebackType
 
 from rich.console import Console
@@ -36,6 +37,31 @@ STAGES = {
     "png16": "writing PNG",
     "jpeg": "writing JPEG",
 }
+
+
+@contextmanager
+def counting(console: Console | None) -> Iterator[Callable[[str, int], Callable[[], None]]]:
+    """Bars for work in this process: of a name and a number of frames, what to call after each of them.
+
+    console  where they are drawn; None draws none
+    """
+    if console is None:
+        yield lambda name, total: lambda: None
+        return
+    with Progress(
+        TextColumn("{task.description:>16}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        console=console,
+    ) as progress:
+
+        def bar(name: str, total: int) -> Callable[[], None]:
+            return partial(progress.advance, progress.add_task(name, total=total))
+
+        yield bar
 
 
 class Bars:

@@ -27,6 +27,7 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "stills",
         "film",
         "turntable",
+        "deliver",
         "preview",
         "export",
         "curves",
@@ -42,7 +43,18 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish", "export")
+MAKING = (
+    "simulate",
+    "render",
+    "stills",
+    "film",
+    "turntable",
+    "deliver",
+    "preview",
+    "wedge",
+    "publish",
+    "export",
+)
 TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "why", "report", "doctor")
 CARING = ("verify", "clean")
 

@@ -135,14 +135,30 @@ class Studio:
 
         It is called as the file of the edit is.
         """
-        montage = self._montages.get(path) or self._montages.setdefault(path, self._montage(path))
+        cut, takes = self.cut(quality, path)
         planner = self._planner()
-        takes = [replace(self.take(shot, quality), requested=frames) for shot, frames in montage.clips]
         for take in takes:
             planner.pictures(take)
             planner.movie(take)
-        planner.film(montage.cut, takes)
+        planner.film(cut, takes)
         return planner.plan()
+
+    def cut(self, quality: str, path: Path = FILM) -> tuple[Cut, list[Take]]:
+        """What the film of an edit is cut to, and the takes of its clips."""
+        montage = self._montages.get(path) or self._montages.setdefault(path, self._montage(path))
+        takes = [replace(self.take(shot, quality), requested=frames) for shot, frames in montage.clips]
+        return montage.cut, takes
+
+    def frames(self, takes: Sequence[Take]) -> Plan:
+        """The finished frames that takes ask for, and nothing made of them."""
+        planner = self._planner()
+        for take in takes:
+            planner.pictures(take)
+        return planner.plan()
+
+    def asked(self, shot: str, quality: str, frames: str | None = None) -> Take:
+        """The pictures of a shot by its name, of all frames or a range, in numbers or in words."""
+        return self._asked(shot, quality, frames, picture_states)
 
     def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
         """A full turn of one frame of a shot, or of a mesh file."""

@@ -72,8 +72,11 @@ FINISH_CODE = (
     "pipeline/production/tasks/finishing.py",
 )
 MOVIE_CODE = (
-    *(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "titles", "view", "dissolve")),
-    *(f"render/{name}.py" for name in ("movie", "encodes", "encoding", "planes", "sink", "sound")),
+    *(
+        f"render/{name}.py"
+        for name in ("_kernels_view", "colour", "dither", "titles", "view", "ahead", "dissolve")
+    ),
+    *(f"render/{name}.py" for name in ("movie", "encodes", "encoding", "planes", "sink", "sound", "track")),
     "pipeline/production/tasks/movies.py",
 )
 STILL_CODE = (

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import TypeVar
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
@@ -16,6 +16,7 @@ from pipeline.production.takes.keyring import Keyring
 from pipeline.production.takes.keys import Key
 from pipeline.production.takes.take import Take
 from pipeline.production.tasks.context import REPORTED, Context
+from render.ahead import ahead
 from render.colour import quantise, to_display
 from render.dissolve import Piece, dissolved, mixed
 from render.frame import Layers
@@ -23,6 +24,8 @@ from render.movie import write_movie
 from render.planes import Frame
 from render.sound import Samples, blocks
 from render.titles import TitleCard, title_frames
+
+T = TypeVar("T")
 
 
 def assemble(context: Context) -> bool:
@@ -51,7 +54,7 @@ def film(context: Context) -> bool:
         take = takes[clip]
         return _shown(context, take, context.picture_keys(take), list(take.requested))
 
-    frames = dissolved(list(cut_together(cut, size, shown)), mixed)
+    frames = dissolved(list(cut_together(cut, size, shown, lambda frame: frame)), mixed)
     rate = cut.frame_rate
     return _movie(context, key, cut.path(quality_name), frames, rate, quality_name, _sound(cut))
 
@@ -65,7 +68,7 @@ def _movie(
     quality_name: str,
     sound: Iterator[Samples] | None = None,
 ) -> bool:
-    counted = _told(context, _ahead(frames))
+    counted = _told(context, ahead(frames))
     bits = movie_bits(quality_name)
     try:
         context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, bits, sound))
@@ -73,15 +76,6 @@ def _movie(
         context.fail(error)
         return False
     return True
-
-
-def _ahead(frames: Iterator[Frame]) -> Iterator[Frame]:
-    """The frames as they are; a thread makes the next while this one is encoded."""
-    with ThreadPoolExecutor(1) as pool:
-        coming = pool.submit(next, frames, None)
-        while (frame := coming.result()) is not None:
-            coming = pool.submit(next, frames, None)
-            yield frame
 
 
 def _told(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
@@ -98,16 +92,17 @@ def _sound(cut: Cut) -> Iterator[Samples] | None:
 
 
 def cut_together(
-    cut: Cut, size: tuple[int, int], shown: Callable[[int], Iterator[Frame]]
-) -> Iterator[Piece[Frame]]:
+    cut: Cut, size: tuple[int, int], shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
+) -> Iterator[Piece[T]]:
     """The pieces of a film, as `render.dissolve.dissolved` takes them.
 
     size   width and height of cards
     shown  the frames of the film's take in a place
+    card   a card's frame as one of these
     """
     for piece in cut.pieces:
-        card = TitleCard(piece.title, piece.subtitle)
-        frames = _card(card, size, piece.frames) if piece.clip is None else shown(piece.clip)
+        words = TitleCard(piece.title, piece.subtitle)
+        frames = map(card, _card(words, size, piece.frames)) if piece.clip is None else shown(piece.clip)
         yield piece.frames, piece.dissolve, frames
 
 

@@ -1,0 +1,166 @@
+"""The command that makes files for others to look at: deliver."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
+from pipeline.cli.options import Common
+from pipeline.cli.progress import counting
+from pipeline.cli.runs import carried_out, tell_plan
+from pipeline.cli.say import answer, duration, err, warn
+from pipeline.dailies.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
+from pipeline.dailies.reel import of_film, of_shot
+from pipeline.errors import UsageError, suggestion
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import edit_names, find_edit
+from pipeline.production.takes.take import Take
+from pipeline.production.takes.window import windowed
+from pipeline.shot.edits import is_edit
+from render.burn_in import FIELDS, BurnIn
+from render.encodes import ENCODES, encode_named
+
+
+def deliver(
+    common: Common,
+    names: Annotated[
+        list[str], typer.Argument(metavar="SHOT|EDIT…", help="Names in shots/, or paths: shots, or edits.")
+    ],
+    forms: Annotated[
+        str,
+        typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(ENCODES)}."),
+    ] = "review",
+    quality: Quality = "final",
+    frames: Frames = None,
+    slate: Annotated[
+        str | None,
+        typer.Option(metavar="|".join(SLATES), help="A slate: before the first frame, or in a file apart."),
+    ] = None,
+    burn_in: Annotated[
+        str | None,
+        typer.Option(
+            "--burn-in", metavar="FIELD,…", help=f"Tell over the frames: all, or {', '.join(FIELDS)}."
+        ),
+    ] = None,
+    sound: Annotated[
+        Path | None,
+        typer.Option(metavar="FILE", help="Lay this sound under the frames; an edit may have its own."),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o", "--output", metavar="DIR", help="Put the files there; by default beside the frames."
+        ),
+    ] = None,
+    crop: Crop = None,
+    scale: Scale = None,
+    variant: Variant = None,
+    settings: Settings = None,
+    allow_code: AllowCode = False,
+) -> None:
+    """Encode shots and films for whoever needs them, rendering what is missing.
+
+    `flowsculpt deliver A010_cube --as review,prores4444 -q final --burn-in all` writes two files to
+    renders/A010_cube/final/deliver; `flowsculpt deliver film --as h265 --slate head` the film with a slate.
+    What is up to date is not made again. Frames that failed are shown as cards that say why.
+
+    review: H.264, every frame whole, to step through · h264, h265: 10 bits · prores4444: with the subject's
+    alpha · av1: for the web · ffv1: for the archive, lossless · webp: for pages.
+    """
+    order = Order(
+        encodes=tuple(encode_named(word) for word in _words(forms)),
+        slate=_slate(slate),
+        burn_in=None if burn_in is None else BurnIn.parse(burn_in),
+        heard=None if sound is None else heard_from(sound),
+        folder=output,
+    )
+    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    wanted = _Wanted(studio, tuple(names), windowed(quality, crop, scale), frames)
+    if common.dry_run:
+        tell_plan(common, wanted.plan())
+        return
+    started = time.monotonic()
+    outcome = carried_out(common, wanted.plan)
+    failed = {
+        (str(f["shot"]), int(f["frame"])): str(f["message"])
+        for f in outcome.failures
+        if f.get("frame") is not None
+    }
+    deliveries = wanted.deliveries(order, failed)
+    with counting(err if common.progress else None) as bar:
+        done = [file for delivery in deliveries for file in delivery.make(bar)]
+    lost = lost_frames(deliveries)
+    if lost:
+        warn(f"{', '.join(lost[:12])}{' …' * (len(lost) > 12)}: shown as cards that say what failed")
+    _tell(common, done, lost, time.monotonic() - started)
+    if outcome.exit_code:
+        raise typer.Exit(outcome.exit_code)
+
+
+@dataclass(frozen=True)
+class _Wanted:
+    """Shots and edits by their names, and which of their frames."""
+
+    studio: Studio
+    names: tuple[str, ...]
+    quality: str
+    frames: str | None
+
+    def plan(self) -> Plan:
+        """What is left to be rendered for all of them."""
+        takes = [take for name in self.names for take in self._takes(name)]
+        return self.studio.frames(takes)
+
+    def deliveries(self, order: Order, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
+        store, made = self.studio.store, []
+        for name in self.names:
+            if _is_of_edit(name):
+                reel = of_film(*self.studio.cut(self.quality, find_edit(name)), store, failed)
+            else:
+                reel = of_shot(self._takes(name)[0], store, failed)
+            made.append(Delivery(reel, order, store))
+        return made
+
+    def _takes(self, name: str) -> list[Take]:
+        if not _is_of_edit(name):
+            return [self.studio.asked(name, self.quality, self.frames)]
+        if self.frames is not None:
+            raise UsageError(f"-f {self.frames} is of shots; {name} is an edit and says itself what it shows")
+        return self.studio.cut(self.quality, find_edit(name))[1]
+
+
+def _is_of_edit(name: str) -> bool:
+    path = Path(name)
+    return is_edit(path) if path.suffix in (".yaml", ".yml") else name in edit_names()
+
+
+def _words(text: str) -> list[str]:
+    words = list(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+    if not words:
+        raise UsageError(f"--as {text!r} names no deliverable. There are: {', '.join(ENCODES)}.")
+    return words
+
+
+def _slate(word: str | None) -> str | None:
+    if word is not None and word not in SLATES:
+        raise UsageError(f"--slate {word}: a slate stands at the head or apart. {suggestion(word, SLATES)}")
+    return word
+
+
+def _tell(common: Common, done: Sequence[Delivered], lost: Sequence[str], seconds: float) -> None:
+    lines = [f"{file.path}: {file.frames} frames{', up to date' if file.found else ''}" for file in done]
+    facts = {
+        "deliverables": [
+            {"path": str(f.path), "as": f.encode, "frames": f.frames, "up_to_date": f.found} for f in done
+        ],
+        "failed": list(lost),
+        "seconds": round(seconds, 2),
+    }
+    answer("\n".join([*lines, f"Done in {duration(seconds)}."]), facts, common.json)

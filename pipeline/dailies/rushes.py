@@ -1,0 +1,125 @@
+"""The finished frames of a shot as a display shows them, and cards for those that failed."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.production.files import layout, readers
+from pipeline.production.files.store import CorruptFileError, Store
+from pipeline.production.runs.history import History
+from pipeline.production.takes.keyring import Keyring
+from pipeline.production.takes.take import Take
+from pipeline.production.versions.provenance import Provenance, records
+from render.colour import quantise, to_display
+from render.errors import RenderError
+from render.planes import Frame
+from render.slate import failure
+
+Shown = tuple[Frame, Mapping[str, str | int]]
+"""A display frame, and what can be burnt in over it."""
+
+Failed = Mapping[tuple[str, int], str]
+"""Why frames failed in the last run, by what it told of them and their numbers."""
+
+STAGES = ("simulate", "smooth_normals", "frame_camera", "render", "finish")
+
+IN_WORK = "in work"
+"""The version of what is not published."""
+
+
+@dataclass(frozen=True)
+class Look:
+    """How frames are asked for: the values of which display, and with coverage or without."""
+
+    display: str
+    covered: bool
+
+
+class Rushes:
+    """The finished frames of a take, those that are there."""
+
+    def __init__(self, take: Take, store: Store, failed: Failed) -> None:
+        self.take, self._store = take, store
+        self.keys: Keyring | None = take.picture_keys(store)
+        self.version = _version(take, store, self.keys)
+        history = History.of(store.root).failed(take.folders.name, STAGES, take.quality_name)
+        self._reasons = {**history, **{n: why for (shot, n), why in failed.items() if shot == take.subject}}
+
+    def holds(self, number: int) -> bool:
+        return self.keys is not None and self._store.holds("frame", self.keys[number].frame)
+
+    def covers(self, number: int) -> bool:
+        """Whether how much of each pixel the subject covers is there too."""
+        return self.keys is not None and self._store.holds("raw", self.keys[number].raw)
+
+    def content(self, numbers: Sequence[int]) -> list[Any]:
+        """Plain data of what is shown, cards and all."""
+        shown = [self._key(n) if self.holds(n) else [n, self.reason(n)] for n in numbers]
+        return [self.take.name, self.version, list(numbers), shown, dict(self.take.shown_as)]
+
+    def reason(self, number: int) -> str:
+        told = self._reasons.get(number, "it was not made")
+        return told.removeprefix(f"frame {number}: ")
+
+    def shown(self, number: int, look: Look) -> Shown:
+        """A frame as a display shows it, or the card in its place."""
+        if not self.holds(number):
+            return self._card(number, self.reason(number), look), self._values(number, "")
+        try:
+            return self._picture(number, look), self._values(number, self._key(number))
+        except (RenderError, CorruptFileError) as error:
+            return self._card(number, f"{error}", look), self._values(number, "")
+
+    def _picture(self, number: int, look: Look) -> Frame:
+        take, picture = self.take, self.take.shot.picture
+        light = self._layer("frame", self._key(number), "beauty")
+        values = to_display(light, picture.lights.exposure, look.display, picture.view)
+        frame: Frame = quantise(values, bits=16)
+        if not look.covered:
+            return frame
+        assert self.keys is not None, "a frame that is there has a key"
+        cover = self._layer("raw", self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
+        assert frame.shape[:2][::-1] == take.quality.rendered_size
+        return np.concatenate([frame, np.rint(cover.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
+
+    def _layer(self, kind: str, key: str, layer: str) -> NDArray[np.float32]:
+        read = readers.picture(key, self.take.quality.rendered_size)
+        return read(self._store.path(kind, key))[0][layer]
+
+    def _card(self, number: int, reason: str, look: Look) -> Frame:
+        size = self.take.quality.rendered_size
+        heading = f"{self.take.name}  frame {number} failed"
+        return opaque(quantise(failure(size, heading, reason), bits=16), look)
+
+    def _key(self, number: int) -> str:
+        return self.keys[number].frame if self.keys is not None else ""
+
+    def _values(self, number: int, key: str) -> Mapping[str, str | int]:
+        name, quality = self.take.name, self.take.quality_name
+        return {"shot": name, "version": self.version, "frame": number, "key": key[:10], "quality": quality}
+
+
+def opaque(frame: NDArray[Any], look: Look) -> Frame:
+    """A frame (H, W, 3) as it is asked for: covered everywhere, where coverage is."""
+    full = np.full((*frame.shape[:2], 1), np.iinfo(frame.dtype).max, dtype=frame.dtype)
+    made: Frame = np.concatenate([frame, full], axis=2) if look.covered else frame
+    return made
+
+
+def _version(take: Take, store: Store, keys: Keyring | None) -> str:
+    """The published version whose frames these are."""
+    if keys is None or take.turntable is not None:
+        return IN_WORK
+    ours = {n: keys[n].frame for n in take.requested}
+    for _, record in reversed(list(records(store.root / layout.published(take.name)))):
+        if (
+            isinstance(record, Provenance)
+            and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()
+        ):
+            return record.version
+    return IN_WORK

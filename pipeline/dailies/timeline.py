@@ -1,0 +1,193 @@
+"""An edit as an OpenTimelineIO timeline, which editing programs open: clips, dissolves, cards and sound.
+
+Times count frames of the shots themselves, as timecode in deliverables does: frame 42 of a shot is at 42.
+Where two clips dissolve, the cut stands in the middle, and each shows its frames beyond it as a handle.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from math import ceil
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+from pipeline.dailies.reel import HOUR
+from pipeline.frames import FrameRange
+from pipeline.production.files.disk import disk_faults
+from pipeline.production.takes.edit import Cut, Piece
+from pipeline.production.takes.take import Take
+from render.appear import appearing
+from render.encodes import ENCODES, Encode
+from render.sound import RATE, require_sound
+
+MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
+"""What clips can refer to: finished frames, or deliverables of whole shots."""
+
+
+@dataclass(frozen=True)
+class Timeline:
+    """A film to be written down.
+
+    root   what paths are relative to
+    media  one of MEDIA
+    place  where the file goes: it names media relative to its own folder
+    """
+
+    cut: Cut
+    takes: Sequence[Take]
+    root: Path
+    media: str
+    place: Path
+
+    def write(self) -> None:
+        """Raises RenderEnvironmentError or MachineError where the disk refuses, MissingImageError or
+        CorruptImageError for sound that cannot be read."""
+        timeline = self.made()
+        with disk_faults(self.place), appearing(self.place) as temporary:
+            temporary.write_text(timeline.to_json_string(indent=2) + "\n", encoding="utf-8")
+
+    def made(self) -> Any:
+        """The timeline, as opentimelineio has it."""
+        import opentimelineio as otio
+
+        start = self._time(HOUR * ceil(self._fps))
+        timeline = otio.schema.Timeline(self.cut.name, global_start_time=start)
+        pictures = otio.schema.Track("pictures", kind=otio.schema.TrackKind.Video)
+        for part in self._parts():
+            pictures.append(part)
+        timeline.tracks.append(pictures)
+        if self.cut.heard is not None:
+            timeline.tracks.append(self._sound())
+        return timeline
+
+    def _parts(self) -> Iterator[Any]:
+        """Clips and cards with the dissolves between them."""
+        import opentimelineio as otio
+
+        pieces = self.cut.pieces
+        for index, piece in enumerate(pieces):
+            after = pieces[index + 1].dissolve if index + 1 < len(pieces) else 0
+            if piece.dissolve:
+                before = piece.dissolve // 2
+                yield otio.schema.Transition(
+                    "dissolve",
+                    otio.schema.TransitionTypes.SMPTE_Dissolve,
+                    self._time(before),
+                    self._time(piece.dissolve - before),
+                )
+            lost = piece.dissolve // 2, after - after // 2
+            yield from self._card(piece, *lost) if piece.clip is None else self._clips(piece, *lost)
+
+    def _clips(self, piece: Piece, head: int, tail: int) -> Iterator[Any]:
+        """A clip's frames but for those of its handles, in runs of one speed."""
+        import opentimelineio as otio
+
+        assert piece.clip is not None, "a card has no frames"
+        take = self.takes[piece.clip]
+        numbers = take.requested[head : piece.frames - tail]
+        for run in _runs(numbers):
+            step = run[1] - run[0] if len(run) > 1 else 1
+            clip = otio.schema.Clip(take.name, self._reference(take), self._range(run[0], len(run)))
+            if step != 1:
+                clip.effects.append(otio.schema.LinearTimeWarp(time_scalar=float(step)))
+            clip.metadata["flowsculpt"] = {"quality": take.quality_name, "title": take.shot.title}
+            yield clip
+
+    def _card(self, piece: Piece, head: int, tail: int) -> Iterator[Any]:
+        import opentimelineio as otio
+
+        words = {"title": piece.title, "subtitle": piece.subtitle}
+        card = otio.schema.GeneratorReference("card", "flowsculpt card", self._range(0, piece.frames), words)
+        yield otio.schema.Clip(piece.title or "card", card, self._range(head, piece.frames - head - tail))
+
+    def _reference(self, take: Take) -> Any:
+        """All frames of a shot."""
+        import opentimelineio as otio
+
+        frames = sorted(take.poses)
+        available = self._range(frames[0], len(frames))
+        if self.media in ENCODES:
+            return otio.schema.ExternalReference(self._url(_delivered(take, ENCODES[self.media])), available)
+        place = take.folders.frame(take.quality_name, frames[0])
+        return otio.schema.ImageSequenceReference(
+            target_url_base=f"{self._url(place.parent)}/",
+            name_prefix=f"{take.folders.name}.",
+            name_suffix=place.suffix,
+            start_frame=frames[0],
+            frame_step=1,
+            rate=self._fps,
+            frame_zero_padding=4,
+            available_range=available,
+        )
+
+    def _sound(self) -> Any:
+        """A track of the film's sound, as long as the film at most."""
+        import opentimelineio as otio
+
+        heard = self.cut.heard
+        assert heard is not None, "asked before"
+        first = round(heard.start * RATE)
+        film = round(self.cut.length / self.cut.frame_rate.fps * RATE)
+        length = round(require_sound(Path(heard.file)) * RATE)
+        track = otio.schema.Track("sound", kind=otio.schema.TrackKind.Audio)
+        if first > 0:
+            track.append(otio.schema.Gap(duration=otio.opentime.RationalTime(min(first, film), RATE)))
+        left_out = max(0, -first)
+        shown = min(length - left_out, film - max(0, first))
+        if shown > 0:
+            available = _samples(0, length)
+            reference = otio.schema.ExternalReference(self._url(Path(heard.file)), available)
+            clip = otio.schema.Clip(Path(heard.file).stem, reference, _samples(left_out, shown))
+            facts = {"gain": heard.gain, "fade_in": heard.fade_in, "fade_out": heard.fade_out}
+            clip.metadata["flowsculpt"] = facts
+            track.append(clip)
+        return track
+
+    def _url(self, path: Path) -> str:
+        """Relative to the timeline's folder, as OpenTimelineIO wants places that move together."""
+        there = os.path.relpath(self.root / path, self.place.absolute().parent)
+        return quote(Path(there).as_posix())
+
+    @property
+    def _fps(self) -> float:
+        return float(self.cut.frame_rate.fps)
+
+    def _time(self, frames: int) -> Any:
+        import opentimelineio as otio
+
+        return otio.opentime.RationalTime(frames, self._fps)
+
+    def _range(self, first: int, count: int) -> Any:
+        import opentimelineio as otio
+
+        return otio.opentime.TimeRange(self._time(first), self._time(count))
+
+
+def _samples(first: int, count: int) -> Any:
+    import opentimelineio as otio
+
+    time = otio.opentime.RationalTime
+    return otio.opentime.TimeRange(time(first, RATE), time(count, RATE))
+
+
+def _delivered(take: Take, encode: Encode) -> Path:
+    """Where `flowsculpt deliver` puts the whole shot."""
+    name = f"{take.folders.name}.{FrameRange.of(take.poses)}.{encode.name}{encode.suffix}"
+    return take.folders.home / take.quality_name / "deliver" / name
+
+
+def _runs(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
+    """The numbers in parts of one step each."""
+    start = 0
+    while start < len(numbers):
+        end = start + 1
+        while (
+            end + 1 < len(numbers) and numbers[end + 1] - numbers[end] == numbers[start + 1] - numbers[start]
+        ):
+            end += 1
+        end = min(end, len(numbers) - 1)
+        yield numbers[start : end + 1]
+        start = end + 1

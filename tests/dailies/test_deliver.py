@@ -1,0 +1,171 @@
+"""Deliverables, as those meet them who ask for them."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import av
+import numpy as np
+import pytest
+
+from pipeline.dailies.deliver import Delivery, Order
+from pipeline.dailies.reel import of_film, of_shot
+from pipeline.dailies.rushes import Look
+from pipeline.errors import FrameError
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.take import Take
+from render.burn_in import BurnIn
+from render.encodes import ENCODES
+from render.probe import probe_movie
+
+NAME = "T010_tiny"
+HOME = Path("renders") / NAME / "preview" / "deliver"
+QUIET = Look("rec709", covered=False)
+
+
+@pytest.fixture
+def there(finished, monkeypatch):
+    """A finished studio, stood in."""
+    monkeypatch.chdir(finished.path)
+    return finished
+
+
+def taken(there, frames: str | None = None) -> tuple[Studio, Take]:
+    studio = Studio(there.path, cores=1)
+    return studio, studio.asked(NAME, "preview", frames)
+
+
+def silent(name: str, count: int):
+    return lambda: None
+
+
+def test_a_shot_is_delivered_once_and_found_again(there):
+    words = ("deliver", NAME, "-q", "preview", "--as", "review,prores4444", "--burn-in", "all", "--json")
+    first, again = (json.loads(there.run(*words).out) for _ in range(2))
+    assert [each["up_to_date"] for each in first["deliverables"]] == [False, False]
+    assert [each["up_to_date"] for each in again["deliverables"]] == [True, True]
+    assert {each["path"] for each in again["deliverables"]} == {
+        (HOME / f"{NAME}.1-6.review.mp4").as_posix(),
+        (HOME / f"{NAME}.1-6.prores4444.mov").as_posix(),
+    }
+    facts = probe_movie(there.path / HOME / f"{NAME}.1-6.prores4444.mov")
+    assert (facts.frames, facts.timecode, facts.alpha) == (6, "00:00:00:01", True)
+    other = there.run(*words[:-2], "shot,frame", "--json")
+    assert not any(each["up_to_date"] for each in json.loads(other.out)["deliverables"])
+
+
+def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(studio):
+    done = studio.run("deliver", NAME, "-q", "preview", "-f", "2-3", "--as", "h264", "--slate", "apart")
+    assert done.code == 0, done.err
+    assert [path.name for path in studio.frames()] == [f"{NAME}.0002.exr", f"{NAME}.0003.exr"]
+    assert sorted(path.name for path in (studio.path / HOME).iterdir()) == [
+        f"{NAME}.2-3.h264.mp4",
+        f"{NAME}.2-3.h264.slate.mp4",
+    ]
+    assert not list((studio.path / "renders" / NAME / "preview").glob("*.mp4"))
+    assert probe_movie(studio.path / HOME / f"{NAME}.2-3.h264.slate.mp4").frames == 48
+
+
+def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
+    with av.open("shots/tone.wav", "w") as file:
+        stream = file.add_stream("pcm_s16le", rate=48000, layout="mono")
+        wave = av.AudioFrame.from_ndarray(np.full((1, 48000), 9000, np.int16), format="s16", layout="mono")
+        wave.sample_rate = 48000
+        file.mux(stream.encode(wave))
+        file.mux(stream.encode(None))
+    Path("shots/reel.yaml").write_text(
+        f"title: R\nshots: [{NAME}, {{shot: {NAME}, frames: 2-6, dissolve: 2}}]\ntitle_seconds: 0\n"
+        "sound: {file: tone.wav}\n"
+    )
+    done = there.run("deliver", "reel", "-q", "preview", "--as", "prores4444,h265", "--slate", "head")
+    assert done.code == 0, done.err
+    home = there.path / "renders/film/preview/deliver"
+    facts = probe_movie(home / "reel.prores4444.mov")
+    assert (facts.frames, facts.timecode, facts.sound) == (48 + 9, "00:59:58:00", "pcm_s24le")
+    assert facts.seconds == pytest.approx((48 + 9) / 24)
+    with av.open(str(home / "reel.prores4444.mov")) as movie:
+        heard = np.concatenate([f.to_ndarray().reshape(-1, 2)[:, 0] for f in movie.decode(audio=0)])
+    assert np.flatnonzero(heard)[0] == 2 * 48000  # it begins with the film, not with the slate
+    assert probe_movie(home / "reel.h265.mp4").sound == "aac"
+
+
+def test_frames_that_failed_are_cards_that_say_why(there):
+    studio, take = taken(there)
+    keys = take.picture_keys(studio.store)
+    whole = of_shot(take, studio.store, {})
+    studio.store.discard("frame", keys[3].frame)
+    reel = of_shot(take, studio.store, {(NAME, 3): "frame 3: the surface is torn"})
+    assert reel.lost == (f"{NAME} frame 3",)
+    shown = [frame for frame, _ in reel.frames(QUIET)]
+    same = [bool((a == b[0]).all()) for a, b in zip(shown, whole.frames(QUIET), strict=True)]
+    assert same.count(False) <= 1
+    assert shown[2].mean() < 0.3 * shown[1].mean()
+    assert reel.content != whole.content
+    order = Order((ENCODES["review"],), burn_in=BurnIn())
+    (made,) = Delivery(reel, order, studio.store).make(silent)
+    assert made.frames == 6
+    assert probe_movie(there.path / made.path).frames == 6
+
+
+def test_the_coverage_of_the_subject_is_the_alpha(there):
+    studio, take = taken(there, "2-3")
+    reel = of_shot(take, studio.store, {})
+    assert reel.covered
+    frame, _ = next(reel.frames(Look("rec709", covered=True)))
+    assert frame.shape == (270, 480, 4)
+    assert frame[135, 240, 3] == 65535 and frame[5, 5, 3] == 0
+    for number in take.requested:
+        studio.store.discard("raw", take.picture_keys(studio.store)[number].raw)
+    assert not of_shot(take, studio.store, {}).covered
+
+
+def test_nothing_to_deliver_is_told(studio, monkeypatch):
+    monkeypatch.chdir(studio.path)
+    fresh = Studio(studio.path, cores=1)
+    with pytest.raises(FrameError, match=r"none of its frames could be made.* the first failed: no light"):
+        of_shot(fresh.asked(NAME, "preview"), fresh.store, {(NAME, 1): "no light"})
+
+
+def test_a_published_version_is_named(there):
+    studio, take = taken(there)
+    assert dict(of_shot(take, studio.store, {}).facts)["version"] == "in work"
+    assert there.run("publish", NAME, "-q", "preview").code == 0
+    assert dict(of_shot(take, studio.store, {}).facts)["version"] == "v001"
+
+
+def test_a_film_says_of_every_frame_where_it_comes_from(there):
+    studio = Studio(there.path, cores=1)
+    Path("shots/reel.yaml").write_text(
+        f"title: R\nshots: [{{shot: {NAME}, frames: 1-3}}, {{shot: {NAME}, frames: 4-6, dissolve: 2}}]\n"
+        "title_seconds: 0.125\n"
+    )
+    reel = of_film(*studio.cut("preview", Path("shots/reel.yaml")), studio.store, {})
+    told = [values.get("frame") for _, values in reel.frames(QUIET)]
+    assert told == [None, None, None, 1, 2, 5, 6]
+    assert reel.count == len(told)
+
+
+@pytest.mark.parametrize(
+    ("words", "code", "says"),
+    [
+        (("--as", "prores"), 2, "'prores' is no deliverable. Did you mean 'prores4444'?"),
+        (("--as", ","), 2, "names no deliverable"),
+        (("--burn-in", "fraem"), 2, "'fraem' is nothing to burn in. Did you mean 'frame'?"),
+        (("--slate", "haed"), 2, "Did you mean 'head'?"),
+        (("-f", "9"), 2, "frames 9 are not in the shot, which has 1-6"),
+        (("--sound", "none.wav"), 3, "none.wav: there is no such sound"),
+        (("-o", "shots/film.yaml"), 4, "a file stands where a folder should be"),
+    ],
+)
+def test_what_cannot_be_delivered_is_told_in_one_line(there, words, code, says):
+    done = there.run("deliver", NAME, "-q", "preview", *words)
+    assert done.code == code
+    assert says in done.err
+    assert len(done.err.strip().splitlines()) == 1
+
+
+def test_a_dry_run_delivers_nothing(there):
+    done = there.run("--dry-run", "deliver", NAME, "-q", "preview", "--as", "av1")
+    assert done.code == 0, done.err
+    assert not (there.path / HOME).exists()
