@@ -47,6 +47,7 @@ COMMANDS = {
     "wedge": "wedge",
     "publish": "publish",
     "versions": "publish",
+    "review": "review",
     "export": "export",
     "resample": "files",
     "flows": "flows",

@@ -38,6 +38,7 @@ SUFFIXES = {
     "png": ".png",
     "png16": ".png",
     "jpeg": ".jpg",
+    "measures": ".json",
 }
 
 

@@ -1,0 +1,39 @@
+"""Seconds a frame took, stage by stage, as the event logs of a root tell them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from pathlib import Path
+
+from pipeline.production.costs.measured import OF_MOTION
+from pipeline.production.runs.events import EventReader, logs_of
+
+_STAGES = ("simulate", "smooth_normals", "finish")
+
+Timings = dict[str, dict[int, float]]
+"""Seconds by stage and frame."""
+
+
+class Clocks:
+    """Of everything that was made under a root: what each frame took when it was last made."""
+
+    def __init__(self, root: Path) -> None:
+        self._seconds: dict[tuple[str, str, str], dict[int, float]] = defaultdict(dict)
+        for log in logs_of(root):
+            for event in EventReader(log).new():
+                if event["event"] == "frame" and not event["found"] and event["stage"] in _STAGES:
+                    stage = str(event["stage"])
+                    quality = "" if stage in OF_MOTION else str(event.get("quality", ""))
+                    self._seconds[str(event["shot"]), stage, quality][event["frame"]] = event["seconds"]
+
+    def of(self, subject: str, shot: str, quality: str) -> Timings:
+        """`subject` is what logs call the pictures; its meshes may have been made for the shot."""
+        found: Timings = {}
+        for stage in _STAGES:
+            at = "" if stage in OF_MOTION else quality
+            told = self._seconds.get((subject, stage, at)) or (
+                self._seconds.get((shot, stage, at)) if stage in OF_MOTION else None
+            )
+            if told:
+                found[stage] = dict(told)
+        return found
