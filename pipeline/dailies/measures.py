@@ -25,7 +25,7 @@ CODE = ("pipeline/dailies/measures.py",)
 BINS = 48
 """Of a histogram."""
 
-LONGEST = 1.5
+LONGEST = 1.25
 """Where histograms of edge lengths end, in maximum edge lengths; what is longer is in the last bin."""
 
 

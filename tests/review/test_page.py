@@ -155,7 +155,7 @@ def test_a_frame_that_is_not_there_is_a_slate_that_says_why(opened: Opened) -> N
     look.press("n", "Shift+ArrowLeft", "ArrowRight", "ArrowRight")
     assert look.frame == FAILED
     assert look.tab.inner_text("#state") == "failed"
-    assert "failed: a lamp fell over" in look.tab.inner_text("#panel-facts")
+    assert "a lamp fell over" in look.tab.inner_text("#panel-facts")
 
 
 def test_the_wipe_can_be_drawn_over_the_picture(opened: Opened) -> None:
@@ -294,7 +294,7 @@ def test_axe_finds_nothing_serious(opened: Opened) -> None:
     look.ask(f"(() => {{ {axe} }})()")
     for keys in (["w"], ["n", "d"], ["m"], ["g"], ["?"]):
         look.press(*keys)
-        found = look.ask("axe.run(document, {resultTypes: ['violations']})")
+        found = look.ask("axe.run(document, {resultTypes: ['violations'], preload: false})")
         bad = [
             (each["id"], each["nodes"][0]["target"], each["nodes"][0]["failureSummary"])
             for each in found["violations"]

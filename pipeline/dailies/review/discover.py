@@ -84,7 +84,7 @@ class Search:
         failed = self.history.failed(take.subject, PICTURE_STAGES, take.quality_name)
         stale = set(picture_states(take, self.studio.store, self.history).stale)
         told = {number: ("failed", message) for number, message in failed.items()}
-        told |= {number: ("stale", "made from another shot file than today's") for number in stale}
+        told |= {number: ("stale", "it is not what the shot file asks for today; flowsculpt why tells more") for number in stale}
         places = {n: self.studio.root / take.folders.frame(take.quality_name, n) for n in take.poses}
         return Pictures(
             shot=take.name,

@@ -6,14 +6,15 @@ const CHART_INKS = { line: "#e6e6e6", second: "#9c9c9c", rule: "#3b3b3b", label:
 
 class Chart {
   /**
-   * about     {title, hint, height}
+   * about     {title, hint, height, legend}
    * numbers   the frames
    * paint     (context, chart) draws it once, in CSS pixels
    * value     (place) words for a frame, by its place among the numbers
+   * parts     (place) words for each name of about.legend, where there is one
    * aside     (context, chart, place) draws what belongs to one frame, right of the frames
    */
-  constructor(parent, about, numbers, { paint, value, aside }, seek) {
-    Object.assign(this, { about, numbers, paint, value, aside, seek });
+  constructor(parent, about, numbers, { paint, value, aside, parts }, seek) {
+    Object.assign(this, { about, numbers, paint, value, aside, parts, seek });
     this.figure = parent.appendChild(document.createElement("figure"));
     this.figure.className = "chart";
     const caption = this.figure.appendChild(document.createElement("figcaption"));
@@ -24,6 +25,7 @@ class Chart {
     this.canvas.setAttribute("aria-label", `${about.title} by frame: ${about.hint}`);
     this.canvas.style.height = `${about.height}px`;
     this.layer = document.createElement("canvas");
+    this.#addLegend();
     this.canvas.addEventListener("pointerdown", (event) => {
       this.canvas.setPointerCapture(event.pointerId);
       this.drags = true;
@@ -36,6 +38,17 @@ class Chart {
     });
     this.canvas.addEventListener("pointerup", () => { this.drags = false; });
     this.canvas.addEventListener("pointerleave", () => { this.hovered = undefined; this.draw(this.frame); });
+  }
+
+  /** Names in their inks, each with its part of the value. */
+  #addLegend() {
+    if (!this.about.legend) return;
+    const legend = this.figure.appendChild(Object.assign(document.createElement("p"), { className: "legend" }));
+    this.told = this.about.legend.map(([name, ink]) => {
+      const item = legend.appendChild(document.createElement("span"));
+      item.append(Object.assign(document.createElement("i"), { style: `background: ${ink}` }), `${name} `);
+      return item.appendChild(document.createElement("b"));
+    });
   }
 
   get height() { return this.about.height; }
@@ -79,6 +92,7 @@ class Chart {
     if (shown >= 0) {
       this.aside?.(context, this, shown);
       const told = this.value(shown);
+      this.parts?.(shown).forEach((part, i) => { this.told[i].textContent = part; });
       this.output.textContent = this.hovered === undefined ? told : `${this.numbers[shown]}: ${told}`;
     }
   }

@@ -112,8 +112,10 @@ class Controls {
     id("wipe").value = Math.round(100 * stage.wipe);
     id("speed").value = transport.speed;
     id("panel-button").setAttribute("aria-pressed", !id("panel").hidden);
+    id("splitter").hidden = id("panel").hidden;
     this.drawFrame();
     const { inPoint, outPoint } = transport;
+    id("about").textContent = a.note || a.about.title;
     id("range").textContent = transport.isLooped ? `Loop ${inPoint}–${outPoint}` : `${transport.first}–${transport.last}`;
     this.playButton.replaceChildren(icon(transport.playing ? "pause" : "play"));
     this.playButton.setAttribute("aria-label", transport.playing ? "Pause (Space)" : "Play (Space)");

@@ -29,16 +29,17 @@ class FactsPanel {
   }
 
   #rows(sequences, frame) {
-    const states = sequences.map((each) => each.state(frame).filter(Boolean).join(": "));
+    const [states, reasons] = [0, 1].map((part) => sequences.map((each) => each.state(frame)[part]));
     const seconds = sequences.map((each) => told(each.seconds.render?.[frame], (s) => `${+s.toPrecision(3)} s`));
     const rows = [
       ["Frame", sequences.map(() => String(frame))],
       ["State", states],
+      ...(reasons.some(Boolean) ? [["Because", reasons]] : []),
       ...(sequences.some((each) => each.note) ? [["Note", sequences.map((each) => each.note)]] : []),
       ["Rendering took", seconds],
     ];
     for (const [label, name] of FIRST_FACTS) {
-      const values = sequences.map((each) => shown(name, each.fact(frame, name)));
+      const values = sequences.map((each) => abbreviated(shown(name, each.fact(frame, name))));
       if (values.some(Boolean)) rows.push([label, values]);
     }
     return rows;
@@ -46,6 +47,9 @@ class FactsPanel {
 }
 
 const told = (value, words) => (value === undefined || value === null ? "" : words(value));
+
+/** A key by its beginning; the whole of it stands in the header. */
+const abbreviated = (text) => (/^[0-9a-f]{32}$/.test(text) ? `${text.slice(0, 10)}…` : text);
 
 /** A value in words. */
 function shown(name, value) {

@@ -1,6 +1,8 @@
 "use strict";
 // Many sequences at the same frame: the cells of wedges as on their sheets, and all that the page has.
 
+const SMALLEST_TILE = 150;
+
 class Grid {
   constructor(element, review, wedges) {
     this.element = element;
@@ -39,16 +41,25 @@ class Grid {
     }
   }
 
+  /** All tiles are as large as they may be for everything to fit; beyond a smallest size the grid scrolls. */
   resize() {
     if (this.element.hidden || !this.tiles) return;
-    const { clientWidth: width, clientHeight: height } = this.element, many = this.groups.length;
+    const width = this.element.clientWidth - 40, height = this.element.clientHeight - 56;
+    let wide = width;
+    while (wide > SMALLEST_TILE && this.#height(wide, width) > height) wide -= 4;
     this.groups.forEach((group, i) => {
-      const aspect = group.cells[0][0].size[0] / group.cells[0][0].size[1], count = group.cells.length;
-      const columns = group.columns ?? bestColumns(count, aspect, (width - 40) / (height / many));
-      const rows = Math.ceil(count / columns), tall = (height / many - 50) / rows - 42;
-      const wide = Math.max(150, Math.min((width - 40) / columns - 14, tall * aspect));
-      this.parts[i].style.gridTemplateColumns = `repeat(${columns}, ${Math.floor(wide)}px)`;
+      const columns = columnsOf(group, wide, width);
+      this.parts[i].style.gridTemplateColumns = `repeat(${columns}, ${Math.floor(Math.min(wide, (width - 14 * (columns - 1)) / columns))}px)`;
     });
+  }
+
+  /** How high everything is with tiles of a width. */
+  #height(wide, width) {
+    return this.groups.reduce((sum, group) => {
+      const columns = columnsOf(group, wide, width), [w, h] = group.cells[0][0].size;
+      const tile = Math.min(wide, (width - 14 * (columns - 1)) / columns);
+      return sum + 50 + Math.ceil(group.cells.length / columns) * ((tile * h) / w + 40);
+    }, 0);
   }
 
   #build() {
@@ -78,12 +89,7 @@ class Grid {
   }
 }
 
-/** How many columns fill a place of an aspect best. */
-function bestColumns(count, aspect, room) {
-  let best = 1, most = 0;
-  for (let columns = 1; columns <= count; columns++) {
-    const wide = Math.min(room / columns, aspect / Math.ceil(count / columns));
-    if (wide > most) [best, most] = [columns, wide];
-  }
-  return best;
+/** As many columns as its sheet has, or as fit. */
+function columnsOf(group, wide, width) {
+  return group.columns ?? Math.max(1, Math.min(group.cells.length, Math.floor((width + 14) / (wide + 14))));
 }

@@ -20,7 +20,7 @@ const KEYS = [
     ["< >", "Slower, faster: 0.25× to 2×", null, []],
     ["", "", (r) => r.transport.changeSpeed(-1), ["<"]],
     ["", "", (r) => r.transport.changeSpeed(1), [">"]],
-    ["I O", "Loop from here, to here; also [ and ]", null, []],
+    ["I O", "Loop from here, to here; also [ ]", null, []],
     ["", "", (r) => r.transport.setIn(), ["i", "["]],
     ["", "", (r) => r.transport.setOut(), ["o", "]"]],
     ["\\", "Loop over all frames", (r) => r.transport.resetRange(), ["\\"]],

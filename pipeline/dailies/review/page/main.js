@@ -22,6 +22,7 @@ class Review {
     };
     this.strip = new Strip(id("strip"), this);
     this.controls = new Controls(this);
+    new Splitter(id("splitter"), id("panel"));
     this.#restore();
     new StagePointer(this.stage, () => this.redraw());
     listenForKeys(this);

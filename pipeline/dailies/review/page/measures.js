@@ -53,7 +53,7 @@ const digits = (value, many = 4) => (Number.isFinite(value) ? `${+value.toPrecis
 function counted(vertices, faces) {
   const range = extent(vertices);
   return [
-    { title: "Vertices", hint: "how many the mesh has", height: 62 },
+    { title: "Vertices", hint: "how many the mesh has", height: 52 },
     {
       paint(context, chart) {
         paintLine(context, chart, vertices, range, CHART_INKS.line);
@@ -81,7 +81,7 @@ function plain(title, hint, values) {
 function changed(splits, collapses) {
   const most = Math.max(1, ...splits, ...collapses);
   return [
-    { title: "Splits and collapses", hint: "splits upwards, collapses downwards", height: 84 },
+    { title: "Splits and collapses", hint: "splits upwards, collapses downwards", height: 72 },
     {
       paint(context, chart) {
         const middle = chart.height / 2, each = chart.plotWidth / chart.numbers.length;
@@ -107,7 +107,7 @@ function edges(rows, [shortest, longest]) {
   const top = rows.find((row) => row?.edge_top)?.edge_top ?? 1;
   const shares = rows.map((row) => (row && row.edges ? row.edges : null));
   return [
-    { title: "Edge lengths", hint: "share of the edges by length, brighter where there are more", height: 108 },
+    { title: "Edge lengths", hint: "share of the edges by length, brighter where there are more", height: 96 },
     {
       paint(context, chart) {
         paintHeat(context, chart, shares);
@@ -126,7 +126,7 @@ function quality(rows) {
     {
       title: "Triangle quality",
       hint: "share of the triangles by roundness, from needles below to equilateral ones above; the line: a hundredth is below it",
-      height: 92,
+      height: 74,
     },
     {
       paint(context, chart) {
@@ -146,7 +146,7 @@ function kept(area, volume) {
   };
   const lines = [share(area), share(volume)], range = extent(lines.flat());
   return [
-    { title: "Area and volume", hint: "of the first frame's, per cent; volume is dashed", height: 74 },
+    { title: "Area and volume", hint: "of the first frame's, per cent; volume is dashed", height: 56 },
     {
       paint(context, chart) {
         paintLine(context, chart, lines[0], range, CHART_INKS.line);
@@ -165,7 +165,12 @@ function seconds(numbers, stages, told) {
   const sorted = [...sums].sort((a, b) => a - b);
   const usual = 1.6 * sorted[Math.floor(0.96 * (sorted.length - 1))], most = Math.min(sorted.at(-1), usual) || 1;
   return [
-    { title: "Seconds", hint: `a frame took, by stage: ${stages.map((stage) => STAGE_INKS[stage][0]).join(", ")}`, height: 84 },
+    {
+      title: "Seconds",
+      hint: `a frame took, by stage: ${stages.map((stage) => STAGE_INKS[stage][0]).join(", ")}`,
+      height: 64,
+      legend: stages.map((stage) => STAGE_INKS[stage]),
+    },
     {
       paint(context, chart) {
         const each = chart.plotWidth / numbers.length;
@@ -183,8 +188,8 @@ function seconds(numbers, stages, told) {
         });
         labelAxis(context, chart, `${digits(most, 2)} s`, "0");
       },
-      value: (place) =>
-        stages.filter((_, i) => columns[place][i]).map((stage, i) => `${STAGE_INKS[stage][0]} ${digits(told[stage][numbers[place]], 2)}`).join(", ") || "–",
+      value: (place) => (sums[place] ? `${digits(sums[place], 3)} s` : "–"),
+      parts: (place) => columns[place].map((value) => (value ? digits(value, 2) : "–")),
     },
   ];
 }

@@ -63,6 +63,7 @@ class MeshPanel {
     this.renderer.setSize(width, height, false);
     this.camera.aspect = width / height;
     this.camera.updateProjectionMatrix();
+    if (this.follows && this.group) this.#aim();
     this.#render();
   }
 
@@ -72,6 +73,7 @@ class MeshPanel {
     this.renderer = new THREE.WebGLRenderer({ antialias: true });
     this.stage = Object.assign(document.createElement("div"), { className: "mesh-stage" });
     this.renderer.domElement.setAttribute("role", "img");
+    this.renderer.domElement.setAttribute("aria-label", "Mesh");
     this.stage.append(this.renderer.domElement);
     this.scene = new THREE.Scene();
     this.scene.background = new THREE.Color(0x1f1f1f);
@@ -135,12 +137,12 @@ class MeshPanel {
     }
     if (this.wanted !== name) return;
     if (this.shownName !== name) this.#build(data);
-    this.shownName = name;
+    Object.assign(this, { shownName: name, shownNumber: number });
     const what = data.triangles ? `${count(data.triangles)} triangles` : `${count(data.vertices)} points`;
     this.words.textContent = number === frame ? `Frame ${number}, ${what}` : `Frame ${number}, the nearest on this page, ${what}`;
     this.renderer.domElement.setAttribute("aria-label", `Mesh of frame ${number}, ${what}`);
-    if (this.follows) this.#aim();
     this.resize();
+    if (this.follows) this.#aim();
     this.#render();
   }
 
@@ -161,6 +163,7 @@ class MeshPanel {
       const radii = decoded(data.radii, Float32Array), mean = radii.reduce((sum, r) => sum + r, 0) / radii.length;
       this.group.add(new THREE.Points(geometry, new THREE.PointsMaterial({ color: 0xb4b4b4, size: 2 * mean })));
     }
+    this.box = data;
     this.middle = new THREE.Vector3(...data.low.map((low, axis) => (low + data.high[axis]) / 2));
     this.scene.add(this.group);
   }
@@ -173,20 +176,38 @@ class MeshPanel {
     this.camera.up.fromArray(of("up") ?? [0, 1, 0]);
     this.camera.position.fromArray(origin);
     this.controls.target.fromArray(target);
-    this.#fitView(of("field_of_view") ?? 0.45, a.size[0] / a.size[1]);
+    this.camera.lookAt(...target);
+    this.camera.updateMatrixWorld();
+    this.#fitView();
     this.controls.update();
   }
 
-  /** As wide as the picture, whatever the panel's shape: `angle` (radians) spans the picture's width. */
-  #fitView(angle, aspect) {
-    const wide = 2 * Math.atan(Math.tan(angle / 2) / this.camera.aspect), tall = 2 * Math.atan(Math.tan(angle / 2) / aspect);
-    this.camera.fov = (180 / Math.PI) * Math.max(wide * 0.8, tall);
+  /** As close as everything seen of the shot allows: what fitted once still fits, so that nothing jumps. */
+  #fitView() {
+    const corner = new this.THREE.Vector3(), { low, high } = this.box, { aspect } = this.camera;
+    if (this.shot !== this.review.a.about) Object.assign(this, { shot: this.review.a.about, reach: { x: 0, y: 0 } });
+    for (let i = 0; i < 8; i++) {
+      corner.set(...[0, 1, 2].map((axis) => (i >> axis & 1 ? high : low)[axis])).applyMatrix4(this.camera.matrixWorldInverse);
+      this.reach.x = Math.max(this.reach.x, Math.abs(corner.x / corner.z));
+      this.reach.y = Math.max(this.reach.y, Math.abs(corner.y / corner.z));
+    }
+    this.camera.fov = (360 / Math.PI) * Math.atan(1.04 * Math.max(this.reach.y, this.reach.x / aspect));
     this.camera.updateProjectionMatrix();
+  }
+
+  /** Lines grow faint where they would cover all. */
+  #inkLines() {
+    const { a } = this.review, edge = a.about.measures[this.shownNumber]?.mean_edge ?? 0;
+    const distance = this.camera.position.distanceTo(this.controls.target);
+    const tall = 2 * distance * Math.tan((this.camera.fov * Math.PI) / 360);
+    const pixels = (edge / tall) * this.stage.clientHeight * (window.devicePixelRatio || 1);
+    this.wire.opacity = Math.min(0.75, Math.max(0.16, pixels / 14));
   }
 
   #render() {
     if (!this.group) return;
     if (this.group.children[1]) this.group.children[1].visible = this.lines;
+    this.#inkLines();
     this.renderer.render(this.scene, this.camera);
   }
 }

@@ -11,7 +11,7 @@ class Stage {
     this.cache = cache;
     this.scratch = document.createElement("canvas");
     this.mode = "a";
-    this.gain = 1;
+    this.gain = 4;
     this.wipe = 0.5;
     this.zoom = null;  // pixels of the display to a pixel of the picture; null: as large as fits
     this.pan = { x: 0, y: 0 };  // of the picture's middle from the stage's, in pixels of the display
