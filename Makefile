@@ -51,6 +51,7 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	$(BIN)/python -m render.llvm
+	-$(BIN)/python -m pipeline.dailies.review.three
 	$(BIN)/flowsculpt doctor --prepare
 	@touch $@
 

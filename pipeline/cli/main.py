@@ -47,6 +47,8 @@ COMMANDS = {
     "wedge": "wedge",
     "publish": "publish",
     "versions": "publish",
+    "sheet": "sheets",
+    "figures": "sheets",
     "review": "review",
     "export": "export",
     "resample": "files",

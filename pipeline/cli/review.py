@@ -60,7 +60,9 @@ def review(
         if not is_quality(quality):
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
     if form not in FORMS:
-        raise UsageError(f"--as {form}: pictures of a page are {' or '.join(FORMS)}. {suggestion(form, FORMS)}")
+        raise UsageError(
+            f"--as {form}: pictures of a page are {' or '.join(FORMS)}. {suggestion(form, FORMS)}"
+        )
     studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
     search = Search(studio, tuple(qualities or ()), History.of(common.root))
     found = [search.shot(shot) for shot in dict.fromkeys(shots)]
@@ -94,5 +96,7 @@ def _named(name: str | None, shots: list[str]) -> str:
         whole = "+".join(shots)
         return whole if len(whole) <= 60 else f"{shots[0]}+{len(shots) - 1}"
     if not re.fullmatch(NAME, name):
-        raise UsageError(f"--name {name}: a page is named by letters, digits, _, - and ., as in monday; mend it")
+        raise UsageError(
+            f"--name {name}: a page is named by letters, digits, _, - and ., as in monday; mend it"
+        )
     return name

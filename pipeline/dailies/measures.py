@@ -152,11 +152,22 @@ def measures_key(mesh: Key, maximum: float | None) -> Key:
     return key_of("measures", code_key(CODE), mesh, maximum)
 
 
+def limits_of(take: Take) -> tuple[float | None, float | None]:
+    """The minimum and the maximum edge length of the first frame, where they are numbers; scene units."""
+    resampling = take.shot.motion.resampling_at(take.shot.frames.first)
+    said = resampling.settings() if resampling else {}
+    low, high = (said.get(name) for name in ("min_edge_length", "max_edge_length"))
+    return _as_number(low), _as_number(high)
+
+
 def _maximum(take: Take, number: int) -> float | None:
     """The frame's maximum edge length, where one number holds for the whole surface."""
     resampling = take.shot.motion.resampling_at(number)
-    length = None if resampling is None else resampling.thresholds.max_edge_length
-    return float(length) if isinstance(length, (int, float)) else None
+    return None if resampling is None else _as_number(resampling.thresholds.max_edge_length)
+
+
+def _as_number(value: object) -> float | None:
+    return float(value) if isinstance(value, (int, float)) else None
 
 
 def _write(path: Path, data: dict[str, Any]) -> None:

@@ -1,6 +1,6 @@
 """A Chromium to look at pages with: Debian's, unpacked under the environment where none is installed.
 
-    python tests/review/chromium.py fetch      unpack it and what it lacks; nothing is installed, root not needed
+    python tests/review/chromium.py fetch      unpack it and what it lacks, without root
 
 Debian's headless shell is Chromium without its windows: the same page engine, and no toolkit to fetch.
 """

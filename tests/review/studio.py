@@ -82,7 +82,9 @@ def furnish(root: Path) -> Desk:
     _hang(desk, desk.take("draft"), take.poses, BRIGHT)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
     log.write("fail", stage="render", shot=NAME, quality="preview", frame=FAILED, message="a lamp fell over")
-    wedge = Wedge(studio, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4")
+    wedge = Wedge(
+        studio, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
+    )
     _done(root, studio.surfaces(wedge.takes[0][1]))
     for (_, cell), light in zip(wedge.takes, (0.05, BRIGHT), strict=True):
         _hang(desk, cell, cell.requested, light)

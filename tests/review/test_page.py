@@ -122,8 +122,10 @@ def test_playing_shows_every_frame_of_the_loop_in_turn(opened: Opened) -> None:
     look.press("[")
     look.press(*["ArrowRight"] * 3, "]")
     assert look.tab.inner_text("#range") == "Loop 3–6"
-    look.ask("(() => { window.went = []; const go = review.transport.go.bind(review.transport);"
-             "review.transport.go = (f) => { window.went.push(f); go(f); }; })()")
+    look.ask(
+        "(() => { window.went = []; const go = review.transport.go.bind(review.transport);"
+        "review.transport.go = (f) => { window.went.push(f); go(f); }; })()"
+    )
     look.press(" ")
     look.wait("window.went.length > 8")
     look.press(" ")

@@ -1,1 +1,1 @@
-"""The review page: one static folder to look at shots frame by frame, beside each other, with their measures."""
+"""The review page: a static folder to look at shots frame by frame, beside each other, with measures."""

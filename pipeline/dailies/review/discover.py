@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.dailies.review.pictures import PLAIN, Pictures, Screen
+from pipeline.dailies.timing import rendering
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.care.state import PICTURE_STAGES, picture_states
 from pipeline.production.files.layout import Folders, published
@@ -22,6 +22,8 @@ from pipeline.production.versions.provenance import Provenance, records, restore
 from pipeline.production.versions.wedge import Wedge
 from render.errors import RenderError
 from render.image import read_header
+
+STALE = "it is not what the shot file asks for today; flowsculpt why tells more"
 
 
 @dataclass(frozen=True)
@@ -84,7 +86,7 @@ class Search:
         failed = self.history.failed(take.subject, PICTURE_STAGES, take.quality_name)
         stale = set(picture_states(take, self.studio.store, self.history).stale)
         told = {number: ("failed", message) for number, message in failed.items()}
-        told |= {number: ("stale", "it is not what the shot file asks for today; flowsculpt why tells more") for number in stale}
+        told |= dict.fromkeys(stale, ("stale", STALE))
         places = {n: self.studio.root / take.folders.frame(take.quality_name, n) for n in take.poses}
         return Pictures(
             shot=take.name,
@@ -96,15 +98,8 @@ class Search:
             files={number: path for number, path in places.items() if path.is_file()},
             screen=_screen(take),
             told=told,
-            seconds={n: self._seconds(take, n) for n in take.poses},
+            seconds=rendering(take, self.studio.root),
         )
-
-    def _seconds(self, take: Take, number: int) -> dict[str, float]:
-        try:
-            place = self.studio.root / take.folders.statistics(take.quality_name, number)
-            return dict(json.loads(place.read_text())["seconds"])
-        except (OSError, ValueError, KeyError, TypeError):
-            return {}
 
     def _versions(self, name: str) -> Iterator[Pictures]:
         for place, record in records(self.studio.root / published(name)):

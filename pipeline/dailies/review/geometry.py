@@ -1,4 +1,4 @@
-"""Mesh frames for a page: positions in 16 bits, normals in 8, as scripts that a page may load from a folder."""
+"""Mesh frames for a page: positions in 16 bits, normals in 8, as scripts that a page may load."""
 
 from __future__ import annotations
 

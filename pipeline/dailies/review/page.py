@@ -1,10 +1,10 @@
 """Writing the page: a folder of plain files that a browser opens as they lie, with no network and no server.
 
-    renders/review/<name>/index.html     open this
-    renders/review/<name>/page/…         its scripts and style
-    renders/review/<name>/data.js        what there is to be seen, and the measures
-    renders/review/<name>/pictures/…     frames and sheets of small ones, by keys
-    renders/review/<name>/models/…       meshes, by keys
+renders/review/<name>/index.html     open this
+renders/review/<name>/page/…         its scripts and style
+renders/review/<name>/data.js        what there is to be seen, and the measures
+renders/review/<name>/pictures/…     frames and sheets of small ones, by keys
+renders/review/<name>/models/…       meshes, by keys
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pipeline.dailies.measures import measured
+from pipeline.dailies.measures import limits_of, measured
 from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Shown
 from pipeline.dailies.review.facts import tabled
 from pipeline.dailies.review.geometry import Models
 from pipeline.dailies.review.pictures import Pictures
 from pipeline.dailies.review.proxies import Darkroom, Proxies
-from pipeline.dailies.review.timing import Clocks
+from pipeline.dailies.timing import Clocks
 from pipeline.production.files.disk import disk_faults
 from pipeline.production.files.store import Store
 from render.appear import appearing
@@ -87,9 +87,8 @@ class Page:
         }
         self._write_sources()
         if text:
-            three.write_script(text, self.folder / "three.js")
-        with appearing(self.folder / "data.js") as draft:
-            draft.write_text(f"window.reviewData = {_json(data)};\n", encoding="utf-8")
+            _write(self.folder / "three.js", f"window.reviewThree = {_json(text)};\n".encode())
+        _write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
         pictures = {name for each in sequences for name in each["files"] if name}
         models = {file for shot in shots.values() for _, file in shot["models"]}
         sheets = {each["sheet"]["file"] for each in sequences if each["sheet"]}
@@ -104,14 +103,12 @@ class Page:
         found = measured(take, self.store, numbers, self.threads, tell)
         models = Models(take, self.store, self.folder / "models")
         written = [(number, models.write(number)) for number in models.chosen(self.models)]
-        resampling = take.shot.motion.resampling_at(numbers[0])
-        limits = resampling.settings() if resampling else {}
         return {
             "title": take.shot.title,
             "fps": float(take.shot.rate.fps),
             "numbers": numbers,
-            "limits": [_number(limits.get("min_edge_length")), _number(limits.get("max_edge_length"))],
-            "measures": {n: data for n, data in found.items()},
+            "limits": list(limits_of(take)),
+            "measures": found,
             "models": [[number, name] for number, name in written if name],
         }
 
@@ -163,20 +160,20 @@ class Page:
 
     def _write_sources(self) -> None:
         for source in sorted(SOURCES.iterdir(), key=lambda each: each.name):
-            text = source.read_bytes()
             place = self.index if source.name == self.index.name else self.folder / "page" / source.name
-            if not place.exists() or place.read_bytes() != text:
-                with appearing(place) as draft:
-                    draft.write_bytes(text)
+            _write(place, source.read_bytes())
+
+
+def _write(place: Path, content: bytes) -> None:
+    """Unless it is there."""
+    if not place.exists() or place.read_bytes() != content:
+        with appearing(place) as draft:
+            draft.write_bytes(content)
 
 
 def _json(data: object) -> str:
     """For a script: nothing in it ends a line or a script."""
     return json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
-
-
-def _number(value: object) -> float | None:
-    return float(value) if isinstance(value, (int, float)) else None
 
 
 def _keep(folder: Path, names: Iterable[str]) -> None:

@@ -52,7 +52,7 @@ class Darkroom:
     threads: int
 
     def proxies(self, pictures: Pictures, tell: Callable[[], None]) -> Proxies:
-        """Of all pictures that can be read; `tell` hears of each. Raises MachineError where the disk refuses."""
+        """Of all pictures that can be read; `tell` hears of each. Raises MachineError."""
         files: dict[int, str] = {}
         faults: dict[int, str] = {}
         with ThreadPoolExecutor(self.threads) as pool:

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import json
 from collections import defaultdict
 from pathlib import Path
 
 from pipeline.production.costs.measured import OF_MOTION
 from pipeline.production.runs.events import EventReader, logs_of
+from pipeline.production.takes.take import Take
 
 _STAGES = ("simulate", "smooth_normals", "finish")
 
 Timings = dict[str, dict[int, float]]
 """Seconds by stage and frame."""
+
+
+def rendering(take: Take, root: Path) -> dict[int, dict[str, float]]:
+    """By frame, what rendering it took when it was last done, in parts; where that is known."""
+    found = {}
+    for number in take.poses:
+        try:
+            told = json.loads((root / take.folders.statistics(take.quality_name, number)).read_text())
+            found[number] = {str(part): float(seconds) for part, seconds in told["seconds"].items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            continue
+    return found
 
 
 class Clocks:
