@@ -33,6 +33,9 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "wedge",
         "publish",
         "versions",
+        "review",
+        "sheet",
+        "figures",
         "flows",
         "schema",
         "status",
@@ -42,8 +45,31 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         assert word in done.out
 
 
-MAKING = ("simulate", "render", "stills", "film", "turntable", "preview", "wedge", "publish", "export")
-TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "why", "report", "doctor")
+MAKING = (
+    "simulate",
+    "render",
+    "stills",
+    "film",
+    "turntable",
+    "preview",
+    "wedge",
+    "publish",
+    "review",
+    "sheet",
+    "export",
+)
+TELLING = (
+    "validate",
+    "curves",
+    "versions",
+    "flows",
+    "schema",
+    "status",
+    "why",
+    "report",
+    "figures",
+    "doctor",
+)
 CARING = ("verify", "clean")
 
 

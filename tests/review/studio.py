@@ -6,7 +6,7 @@ lower half tells which sequence it is of.
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from importlib import import_module
 from pathlib import Path
@@ -43,6 +43,8 @@ flows:
 
 WIDTH, HEIGHT, BITS = 480, 270, 8
 BLOCK = WIDTH // BITS
+Picture = NDArray[np.float32]
+
 BRIGHT = 60.0
 """Linear light that the view shows as white."""
 
@@ -69,25 +71,30 @@ class Desk:
         return self.root / "renders" / "review" / name / "index.html"
 
 
+def simulated(root: Path, shot: str = SHOT) -> Desk:
+    """A studio with a shot, its meshes and its cameras."""
+    (root / "shots").mkdir(parents=True)
+    (root / "shots" / f"{NAME}.yaml").write_text(shot)
+    desk = Desk(root)
+    _done(root, desk.studio().surfaces(desk.take("preview")))
+    return desk
+
+
 def furnish(root: Path) -> Desk:
     """Simulate the shot, and lay numbered pictures where renders would lie: of two qualities and a wedge."""
-    (root / "shots").mkdir(parents=True)
-    (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
-    desk = Desk(root)
-    studio = desk.studio()
-    take = desk.take("preview")
-    _done(root, studio.surfaces(take))
+    desk = simulated(root)
+    studio, take = desk.studio(), desk.take("preview")
     there = [number for number in take.poses if number not in (MISSING, FAILED)]
-    _hang(desk, take, there, 0.0)
-    _hang(desk, desk.take("draft"), take.poses, BRIGHT)
+    hang(desk, take, there, dark)
+    hang(desk, desk.take("draft"), take.poses, bright)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
     log.write("fail", stage="render", shot=NAME, quality="preview", frame=FAILED, message="a lamp fell over")
     wedge = Wedge(
         studio, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
     )
     _done(root, studio.surfaces(wedge.takes[0][1]))
-    for (_, cell), light in zip(wedge.takes, (0.05, BRIGHT), strict=True):
-        _hang(desk, cell, cell.requested, light)
+    for (_, cell), paint in zip(wedge.takes, (dusky, bright), strict=True):
+        hang(desk, cell, cell.requested, paint)
     wedge.draw()
     return desk
 
@@ -98,18 +105,31 @@ def _done(root: Path, plan: Plan) -> None:
         assert getattr(module, job.task)(Context.of(root, plan, job.name))
 
 
-def _hang(desk: Desk, take: Take, numbers: Iterable[int], light: float) -> None:
+def hang(desk: Desk, take: Take, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:
+    """Lay the pictures of a take where renders would lie."""
     store = desk.studio().store
     keys = take.picture_keys(store)
     assert keys is not None
     for number in numbers:
-        key, pixels = keys[number].frame, numbered(number, light)
+        key, pixels = keys[number].frame, paint(number)
         header = {"key": key, "seed": take.seed(number), "samples": 4, "quality": take.quality_name}
         store.put("frame", key, lambda p, x=pixels, h=header: write_exr(p, Layers({"beauty": x}, {}), h))
         store.link("frame", key, take.folders.frame(take.quality_name, number))
 
 
-def numbered(number: int, light: float) -> NDArray[np.float32]:
+def dark(number: int) -> Picture:
+    return numbered(number, 0.0)
+
+
+def dusky(number: int) -> Picture:
+    return numbered(number, 0.05)
+
+
+def bright(number: int) -> Picture:
+    return numbered(number, BRIGHT)
+
+
+def numbered(number: int, light: float) -> Picture:
     """(270, 480, 3): the number in squares above, light below."""
     picture = np.full((HEIGHT, WIDTH, 3), light, np.float32)
     picture[: HEIGHT // 2] = 0.0

@@ -39,7 +39,7 @@ def place() -> Path:
 def bundle() -> str | None:
     """The text of the module; None where it is not here.
 
-    A page in a folder may load no modules from it, so it has the text in a script, and makes the module of it.
+    A page in a folder may load no modules from it: it has the text in a script, and makes the module of it.
     """
     try:
         text = place().read_text(encoding="utf-8")
