@@ -64,7 +64,7 @@ def sheet(
         return
     if at is not None:
         raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
-    from pipeline.dailies.sheet import Sheet, spread
+    from pipeline.dailies.sheets.sheet import Sheet, spread
 
     name = windowed(quality, crop, scale)
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
@@ -110,9 +110,9 @@ def figures(
     Vertices, splits and collapses, edge lengths, the roundness of triangles, area and volume: of the meshes
     that are simulated. The seconds of rendering are those of `--quality`.
     """
-    from pipeline.dailies.figures import panels
-    from pipeline.dailies.measures import limits_of, measured
-    from pipeline.dailies.timing import Clocks, rendering
+    from pipeline.dailies.sheets.figures import panels
+    from pipeline.dailies.sheets.measures import limits_of, measured
+    from pipeline.dailies.sheets.timing import Clocks, rendering
     from render.plot import plot_tracks
 
     studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.dailies.review.pictures import PLAIN, Pictures, Screen
-from pipeline.dailies.timing import rendering
+from pipeline.dailies.sheets.timing import rendering
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.care.state import PICTURE_STAGES, picture_states
 from pipeline.production.files.layout import Folders, published

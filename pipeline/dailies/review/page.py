@@ -16,14 +16,14 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pipeline.dailies.measures import limits_of, measured
 from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Shown
 from pipeline.dailies.review.facts import tabled
 from pipeline.dailies.review.geometry import Models
 from pipeline.dailies.review.pictures import Pictures
 from pipeline.dailies.review.proxies import Darkroom, Proxies
-from pipeline.dailies.timing import Clocks
+from pipeline.dailies.sheets.measures import limits_of, measured
+from pipeline.dailies.sheets.timing import Clocks
 from pipeline.production.files.disk import disk_faults
 from pipeline.production.files.store import Store
 from render.appear import appearing

@@ -11,7 +11,7 @@ class Review {
     this.sequences = data.sequences.map((each, i) => new Sequence(each, i, data.shots[each.shot]));
     this.cache = new PictureCache((url) => this.#arrived(url));
     this.transport = new Transport((frame) => this.#isReady(frame), (what) => this.#changed(what));
-    this.stage = new Stage(id("stage"), this.cache);
+    this.stage = new Stage(id("stage"), this.cache, (sequence) => this.strip.sheet(sequence));
     this.mode = "a";
     this.tab = "measures";
     this.grid = new Grid(id("grid"), this, data.wedges);

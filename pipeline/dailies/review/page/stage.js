@@ -5,7 +5,9 @@ const MODES = ["a", "b", "wipe", "difference", "side"];
 const GAINS = [1, 2, 4, 8, 16];
 
 class Stage {
-  constructor(canvas, cache) {
+  /** `sheetOf(sequence)` is its sheet of small pictures, or null while that is not there. */
+  constructor(canvas, cache, sheetOf) {
+    this.sheetOf = sheetOf;
     this.canvas = canvas;
     this.context = canvas.getContext("2d", { alpha: false });
     this.cache = cache;
@@ -131,6 +133,17 @@ class Stage {
     return url === null ? null : this.cache.get(url);
   }
 
+  /** What stands for a picture that is still being read: its small one, where the sheet has it. */
+  #soon(sequence, place) {
+    const sheet = this.sheetOf(sequence), thumb = sequence.thumb(this.frame);
+    this.context.fillStyle = GREYS.ground;
+    this.context.fillRect(place.x, place.y, place.width, place.height);
+    if (!sheet || thumb?.number !== this.frame) return;
+    const { x, y, width, height } = thumb;
+    this.context.imageSmoothingEnabled = true;
+    this.context.drawImage(sheet, x, y, width, height, place.x, place.y, place.width, place.height);
+  }
+
   #picture(sequence, place) {
     const bitmap = this.#bitmap(sequence);
     if (bitmap) {
@@ -140,9 +153,6 @@ class Stage {
     const url = sequence.url(this.frame), broken = url !== null && this.cache.isBroken(url);
     const [state, why] = broken ? ["missing", "its picture cannot be read; write the page again"] : sequence.state(this.frame);
     if (url === null || broken) drawSlate(this.context, place, `frame ${this.frame} ${state}`, why);
-    else {
-      this.context.fillStyle = GREYS.ground;
-      this.context.fillRect(place.x, place.y, place.width, place.height);
-    }
+    else this.#soon(sequence, place);
   }
 }

@@ -60,7 +60,7 @@ class Strip {
   }
 
   /** The sheet of small pictures of a sequence, once it is decoded. */
-  #sheet(sequence) {
+  sheet(sequence) {
     if (!sequence.sheet) return null;
     const url = `pictures/${sequence.sheet.file}`;
     if (!this.sheets.has(url)) {
@@ -89,7 +89,7 @@ class Strip {
   }
 
   #drawFilm(context, width, film) {
-    const sequence = this.review.a, sheet = this.#sheet(sequence), numbers = this.#numbers();
+    const sequence = this.review.a, sheet = this.sheet(sequence), numbers = this.#numbers();
     if (!sheet) return;
     const tile = film * (sequence.size[0] / sequence.size[1]), count = Math.max(1, Math.round(width / tile));
     const each = width / count;

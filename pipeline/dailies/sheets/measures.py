@@ -20,7 +20,7 @@ from pipeline.production.files.store import CorruptFileError, Store
 from pipeline.production.takes.keys import Key, code_key, key_of
 from pipeline.production.takes.take import Take
 
-CODE = ("pipeline/dailies/measures.py",)
+CODE = ("pipeline/dailies/sheets/measures.py",)
 
 BINS = 48
 """Of a histogram."""
