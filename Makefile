@@ -39,6 +39,7 @@ pictures: figures film
 	$(BIN)/python docs/pictures/sets.py
 	$(BIN)/python docs/pictures/looks.py
 	$(BIN)/python docs/pictures/wedge.py
+	PYTHONPATH=. $(BIN)/python docs/pictures/review.py
 
 setup: .venv/ready
 

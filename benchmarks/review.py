@@ -1,7 +1,7 @@
 """How fast a review page is: to write, to open, to step and to play in: `python -m benchmarks.review`.
 
-`python -m benchmarks.review final` takes minutes to lay its pictures. Chromium is the one that tests use; `python tests/review/chromium.py fetch` unpacks it. It draws on the
-processor, so a browser with a graphics card is faster.
+`python -m benchmarks.review final` takes minutes to lay its pictures. Chromium is the one that tests use:
+`python tests/review/chromium.py fetch` unpacks it. It draws on the processor; graphics cards are faster.
 """
 
 from __future__ import annotations

@@ -160,6 +160,14 @@ def test_a_frame_that_is_not_there_is_a_slate_that_says_why(opened: Opened) -> N
     assert "a lamp fell over" in look.tab.inner_text("#panel-facts")
 
 
+def test_frames_that_are_not_there_can_be_left_out(opened: Opened) -> None:
+    look = opened(frame=MISSING - 1)
+    look.press("v", "ArrowRight")
+    assert (look.frame, look.number) == (MISSING + 1, MISSING + 1)
+    look.press("v", "ArrowLeft")
+    assert (look.frame, look.tab.inner_text("#state")) == (MISSING, "missing")
+
+
 def test_the_wipe_can_be_drawn_over_the_picture(opened: Opened) -> None:
     look = opened(b="T010_tiny · draft", frame=4)
     look.press("w")

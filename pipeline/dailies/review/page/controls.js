@@ -21,6 +21,9 @@ class Controls {
     id("swap").append(icon("swap"));
     id("swap").addEventListener("click", () => review.swap());
     id("help-button").addEventListener("click", () => review.help());
+    id("skip").addEventListener("click", () => review.toggleSkipped());
+    const isAlone = review.sequences.length === 1;
+    for (const part of ["swap", "label-b", "modes"]) id(part).hidden = isAlone;
     id("panel-button").addEventListener("click", () => review.togglePanel());
     id("frame").addEventListener("change", (event) => this.#frameTyped(event.target));
     document.addEventListener("click", (event) => {  // so that the next Space plays
@@ -117,6 +120,8 @@ class Controls {
     const { inPoint, outPoint } = transport;
     id("about").textContent = a.note || a.about.title;
     id("range").textContent = transport.isLooped ? `Loop ${inPoint}–${outPoint}` : `${transport.first}–${transport.last}`;
+    id("skip").hidden = a.there.length === a.numbers.length;
+    id("skip").setAttribute("aria-pressed", review.skips);
     this.playButton.replaceChildren(icon(transport.playing ? "pause" : "play"));
     this.playButton.setAttribute("aria-label", transport.playing ? "Pause (Space)" : "Play (Space)");
     for (const name of Object.keys(TABS)) {

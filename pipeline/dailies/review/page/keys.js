@@ -24,6 +24,7 @@ const KEYS = [
     ["", "", (r) => r.transport.setIn(), ["i", "["]],
     ["", "", (r) => r.transport.setOut(), ["o", "]"]],
     ["\\", "Loop over all frames", (r) => r.transport.resetRange(), ["\\"]],
+    ["V", "Leave out frames that are not there", (r) => r.toggleSkipped(), ["v"]],
     ["Enter", "Type a frame", (r) => r.typeFrame(), ["Enter"]],
   ]],
   ["Comparing", [

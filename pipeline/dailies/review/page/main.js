@@ -38,10 +38,23 @@ class Review {
     this[side] = this.stage[side] = sequence;
     if (side === "a") {
       const frame = this.transport.frame;
-      this.transport.setNumbers(sequence.numbers, sequence.about.fps);
+      this.transport.setNumbers(this.#numbersOf(sequence), sequence.about.fps);
       this.transport.go(frame);
     }
     this.redraw();
+  }
+
+  /** All frames of a sequence, or those that are there: by default where most are not. */
+  #numbersOf(sequence) {
+    const { there, numbers } = sequence;
+    this.skips = this.wantsSkipped ?? there.length < numbers.length / 2;
+    return this.skips && there.length ? there : numbers;
+  }
+
+  /** Leave out frames that are not there, or show their slates. */
+  toggleSkipped() {
+    this.wantsSkipped = !this.skips;
+    this.choose("a", this.a);
   }
 
   chooseNext(side, count) {
@@ -198,7 +211,7 @@ class Review {
     this.b = this.stage.b = b;
     this.choose("a", a);
     const frame = Number.parseInt(said.get("frame"), 10);
-    this.transport.go(Number.isFinite(frame) ? frame : a.first);
+    this.transport.go(Number.isFinite(frame) ? frame : this.transport.first);
     if (MODE_NAMES[said.get("mode")]) this.setMode(said.get("mode"));
   }
 }

@@ -17,6 +17,9 @@ class Sequence {
     return alone ? this.label : `${this.shot} · ${this.label}`;
   }
 
+  /** The frames that have a picture. */
+  get there() { return this.numbers.filter((number, place) => this.files[place]); }
+
   get first() { return this.numbers[0]; }
   get last() { return this.numbers[this.numbers.length - 1]; }
 

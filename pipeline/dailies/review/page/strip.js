@@ -94,9 +94,11 @@ class Strip {
     const tile = film * (sequence.size[0] / sequence.size[1]), count = Math.max(1, Math.round(width / tile));
     const each = width / count;
     for (let i = 0; i < count; i++) {
-      const number = numbers[Math.min(numbers.length - 1, Math.floor(((i + 0.5) / count) * numbers.length))];
+      const from = Math.floor((i / count) * numbers.length), to = Math.ceil(((i + 1) / count) * numbers.length);
+      const middle = numbers[Math.min(numbers.length - 1, (from + to) >> 1)];
+      const number = [middle, ...numbers.slice(from, to)].find((each) => sequence.url(each));
+      if (number === undefined) continue;
       const { x, y, width: w, height: h } = sequence.thumb(number);
-      if (!sequence.url(number)) continue;
       const part = Math.min(w, (h * each) / film);
       context.drawImage(sheet, x + (w - part) / 2, y, part, h, i * each, 0, each + 1, film);
     }
