@@ -39,6 +39,7 @@ pictures: figures film
 	$(BIN)/python docs/pictures/sets.py
 	$(BIN)/python docs/pictures/looks.py
 	$(BIN)/python docs/pictures/wedge.py
+	PYTHONPATH=. $(BIN)/python docs/pictures/review.py
 
 setup: .venv/ready
 
@@ -51,6 +52,7 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	$(BIN)/python -m render.llvm
+	-$(BIN)/python -m pipeline.dailies.review.three
 	$(BIN)/flowsculpt doctor --prepare
 	@touch $@
 

@@ -20,6 +20,9 @@ INK, GREY, FAINT = "#23282d", "#8a9299", "#e4e6e8"
 PENS = ("#c4553b", "#5b8a5a", "#2c6e91")
 """Of x, y and z; what is a number alone has the last."""
 
+BAR_INKS = ("#5f7f9c", "#a8643f", "#c9a45c", "#7f9a6e")
+"""Of the parts of bars, in their order."""
+
 ENDINGS = (".svg", ".png", ".pdf")
 
 WIDE, PANEL, HEAD, FOOT = 9.6, 1.25, 0.7, 0.5
@@ -48,7 +51,7 @@ STYLE: Any = {
 
 
 class Track(NamedTuple):
-    """name and unit; frames (T,), values (T, K), and keys (N, 1 + K): frames and values."""
+    """name and unit; frames (T,), values (T, K), and keys (N, 1 + K): frames and values. NaN is a gap."""
 
     name: str
     unit: str
@@ -57,7 +60,32 @@ class Track(NamedTuple):
     keys: NDArray[np.float64]
 
 
-def plot_tracks(title: str, tracks: Sequence[Track], fps: float, path: Path) -> None:
+class Heat(NamedTuple):
+    """name and unit; frames (T,), shares (T, B) in equal bins from 0 to `top`, and what is drawn over them:
+    levels, each with a word, and a line (T,), if any."""
+
+    name: str
+    unit: str
+    frames: NDArray[np.float64]
+    shares: NDArray[np.float64]
+    top: float
+    levels: tuple[tuple[float, str], ...] = ()
+    line: NDArray[np.float64] | None = None
+
+
+class Bars(NamedTuple):
+    """name and unit; frames (T,), and parts by name (T,), one upon another; negative ones hang down."""
+
+    name: str
+    unit: str
+    frames: NDArray[np.float64]
+    parts: dict[str, NDArray[np.float64]]
+
+
+Panel = Track | Heat | Bars
+
+
+def plot_tracks(title: str, tracks: Sequence[Panel], fps: float, path: Path) -> None:
     """Write a page of tracks over the same frames, as its ending says; the same bytes every time.
 
     Raises BadInputError for another ending or no tracks, RenderEnvironmentError where the disk refuses.
@@ -75,7 +103,7 @@ def plot_tracks(title: str, tracks: Sequence[Track], fps: float, path: Path) -> 
         figure.savefig(temporary, format=kind, dpi=110, metadata=metadata)
 
 
-def _page(title: str, tracks: Sequence[Track], fps: float) -> Figure:
+def _page(title: str, tracks: Sequence[Panel], fps: float) -> Figure:
     from matplotlib.figure import Figure
 
     height = HEAD + FOOT + PANEL * len(tracks)
@@ -104,10 +132,21 @@ def _seconds(first: float, fps: float) -> tuple[Callable[[Any], Any], Callable[[
     return lambda frame: (frame - first) / fps, lambda seconds: seconds * fps + first
 
 
-def _draw(panel: Axes, track: Track) -> None:
+def _draw(panel: Axes, track: Panel) -> None:
     unit = f"   {track.unit}" if track.unit else ""
     panel.text(0.0, 1.04, track.name, transform=panel.transAxes, size=8.5, va="bottom")
     panel.annotate(unit, (1.0, 1.04), xycoords="axes fraction", size=8, color=GREY, va="bottom", ha="right")
+    match track:
+        case Track():
+            _draw_curves(panel, track)
+        case Heat():
+            _draw_heat(panel, track)
+        case Bars():
+            _draw_bars(panel, track)
+    panel.locator_params(axis="y", nbins=4)
+
+
+def _draw_curves(panel: Axes, track: Track) -> None:
     several = track.values.shape[1] > 1
     for k, pen in enumerate(PENS if several else PENS[-1:]):
         panel.plot(track.frames, track.values[:, k], color=pen, linewidth=1.7, clip_on=False)
@@ -134,7 +173,56 @@ def _draw(panel: Axes, track: Track) -> None:
                 va="center",
                 size=8.5,
             )
-    low, high = float(track.values.min()), float(track.values.max())
+    low, high = float(np.nanmin(track.values)), float(np.nanmax(track.values))
     room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
     panel.set_ylim(low - room, high + room)
-    panel.locator_params(axis="y", nbins=4)
+
+
+def _draw_heat(panel: Axes, track: Heat) -> None:
+    first, last = float(track.frames[0]), float(track.frames[-1])
+    panel.imshow(
+        np.sqrt(track.shares.T),
+        origin="lower",
+        aspect="auto",
+        extent=(first - 0.5, last + 0.5, 0.0, track.top),
+        cmap="Greys",
+        interpolation="nearest",
+    )
+    panel.grid(visible=False)
+    for value, word in track.levels:
+        panel.axhline(value, color=PENS[0], linewidth=0.8, linestyle=(0, (4, 3)))
+        panel.annotate(
+            word,
+            (1.0, value),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            size=7.5,
+            color=PENS[0],
+            va="center",
+        )
+    if track.line is not None:
+        panel.plot(track.frames, track.line, color=PENS[0], linewidth=1.4)
+
+
+def _draw_bars(panel: Axes, track: Bars) -> None:
+    above, below = np.zeros(len(track.frames)), np.zeros(len(track.frames))
+    for index, (name, values) in enumerate(track.parts.items()):
+        heights = np.nan_to_num(values)
+        base = np.where(heights >= 0.0, above, below)
+        ink = BAR_INKS[index % len(BAR_INKS)]
+        panel.bar(track.frames, heights, bottom=base, width=0.86, color=ink, linewidth=0)
+        above, below = above + np.maximum(heights, 0.0), below + np.minimum(heights, 0.0)
+        panel.annotate(
+            name,
+            (0.0, 1.04),
+            xycoords="axes fraction",
+            xytext=(150 + 74 * index, 0),
+            textcoords="offset points",
+            size=8,
+            color=ink,
+            va="bottom",
+        )
+    if below.any():
+        panel.axhline(0.0, color=GREY, linewidth=0.7)
+        panel.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")

@@ -34,6 +34,9 @@ def test_help_names_every_command_and_the_exit_codes(studio):
         "wedge",
         "publish",
         "versions",
+        "review",
+        "sheet",
+        "figures",
         "flows",
         "schema",
         "status",
@@ -53,9 +56,22 @@ MAKING = (
     "preview",
     "wedge",
     "publish",
+    "review",
+    "sheet",
     "export",
 )
-TELLING = ("validate", "curves", "versions", "flows", "schema", "status", "why", "report", "doctor")
+TELLING = (
+    "validate",
+    "curves",
+    "versions",
+    "flows",
+    "schema",
+    "status",
+    "why",
+    "report",
+    "figures",
+    "doctor",
+)
 CARING = ("verify", "clean")
 
 

@@ -22,7 +22,7 @@ from render.image import read_png
 from render.movie import probe_movie
 
 
-def _cameras(path: Path) -> object:
+def _json(path: Path) -> object:
     try:
         return json.loads(path.read_text(encoding="utf-8"))
     except ValueError as error:
@@ -32,13 +32,14 @@ def _cameras(path: Path) -> object:
 READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
     "mesh": readers.mesh_frame,
     "normals": readers.arrays,
-    "cameras": lambda key: _cameras,
+    "cameras": lambda key: _json,
     "raw": readers.picture,
     "frame": readers.picture,
     **dict.fromkeys(("movie", "mov", "mkv", "webp"), lambda key: probe_movie),
     "png": lambda key: read_png,
     "png16": lambda key: read_png,
     "jpeg": lambda key: read_png,
+    "measures": lambda key: _json,
 }
 """By kind, what reads a file of a key whole."""
 

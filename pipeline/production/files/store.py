@@ -39,6 +39,7 @@ SUFFIXES = {
     "png": ".png",
     "png16": ".png",
     "jpeg": ".jpg",
+    "measures": ".json",
 }
 
 

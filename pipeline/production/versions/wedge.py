@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from pipeline.errors import FlowsculptError, ShotError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.files import layout
+from pipeline.production.files.store import Store
 from pipeline.production.runs.plan import Plan
 from pipeline.production.runs.sharing import shared
 from pipeline.production.runs.workflow import Studio
@@ -164,17 +165,10 @@ class Wedge:
         self, take: Take, keys: Keyring | None, number: int, bits: int, display: str
     ) -> NDArray[Any] | None:
         """A cell's frame as a display shows it; None where it is not there."""
-        if keys is None:
-            return None
-        try:
-            light: NDArray[np.float32] = read_exr(self.studio.store.path("frame", keys[number].frame))[0][
-                "beauty"
-            ]
-        except RenderError:
-            return None
-        picture = take.shot.picture
-        return quantise(
-            to_display(reduced(light, self._factor), picture.lights.exposure, display, picture.view), bits
+        return (
+            None
+            if keys is None
+            else shown_picture(take, keys, self.studio.store, number, self._factor, bits, display)
         )
 
     @property
@@ -191,6 +185,18 @@ class Wedge:
             error.args = (f"{OPTION} with {', '.join(cell.settings)}: {error}",)
             raise
         return replace(take, home=(self._home / cell.folder).as_posix())
+
+
+def shown_picture(
+    take: Take, keys: Keyring, store: Store, number: int, factor: int, bits: int, display: str
+) -> NDArray[Any] | None:
+    """A frame for a sheet, `factor` times smaller, as a display shows it; None where it is not there."""
+    try:
+        light: NDArray[np.float32] = read_exr(store.path("frame", keys[number].frame))[0]["beauty"]
+    except RenderError:
+        return None
+    picture = take.shot.picture
+    return quantise(to_display(reduced(light, factor), picture.lights.exposure, display, picture.view), bits)
 
 
 def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cell) -> str:

@@ -1,0 +1,1 @@
+"""The review page: a static folder to look at shots frame by frame, beside each other, with measures."""

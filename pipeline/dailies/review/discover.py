@@ -1,0 +1,167 @@
+"""Finding the sequences of a shot: what was rendered, what was published, and the cells of its wedges."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pipeline.dailies.review.pictures import PLAIN, Pictures, Screen
+from pipeline.dailies.sheets.timing import rendering
+from pipeline.errors import FlowsculptError, MissingInputError
+from pipeline.production.care.state import PICTURE_STAGES, picture_states
+from pipeline.production.files.layout import Folders, published
+from pipeline.production.files.layout import wedge as wedge_folder
+from pipeline.production.runs.history import History
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import find_shot
+from pipeline.production.takes.take import Take
+from pipeline.production.takes.window import is_quality
+from pipeline.production.versions.grid import Grid
+from pipeline.production.versions.provenance import Provenance, records, restored
+from pipeline.production.versions.wedge import Wedge
+from render.errors import RenderError
+from render.image import read_header
+
+STALE = "it is not what the shot file asks for today; flowsculpt why tells more"
+
+
+@dataclass(frozen=True)
+class Cells:
+    """A wedge: what is varied, how many columns its sheet has, and the values of each cell that is there."""
+
+    name: str
+    columns: int | None
+    captions: tuple[tuple[tuple[str, str], ...], ...]
+    sequences: tuple[Pictures, ...]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """All of a shot that a page shows."""
+
+    take: Take
+    sequences: tuple[Pictures, ...]
+    wedges: tuple[Cells, ...]
+
+
+@dataclass(frozen=True)
+class Search:
+    """Looks through a root; `qualities` are those wanted, or none for all."""
+
+    studio: Studio
+    qualities: tuple[str, ...]
+    history: History
+
+    def shot(self, name: str) -> Shown:
+        """Raises MissingInputError where nothing of the shot is rendered, and what reading it raises."""
+        path = find_shot(name)
+        renders = list(self._renders(path))
+        versions = list(self._versions(path.stem))
+        wedges = tuple(self._wedges(path))
+        cells = [each for wedge in wedges for each in wedge.sequences]
+        sequences = tuple(each for each in (*renders, *versions, *cells) if each.files)
+        quality = self.qualities[0] if self.qualities else "preview"
+        if not sequences:
+            at = f" at {', '.join(self.qualities)}" if self.qualities else ""
+            raise MissingInputError(
+                f"{path.stem} has no rendered frames{at}, and a review page shows such; flowsculpt render "
+                f"{path.stem} -q {quality} makes them"
+            )
+        return Shown(self.studio.take(path, "draft", variant="none"), sequences, wedges)
+
+    def _wanted(self, quality: str) -> bool:
+        return not self.qualities or quality in self.qualities
+
+    def _renders(self, path: Path) -> Iterator[Pictures]:
+        home = self.studio.root / Folders.of_shot(path.stem).home
+        names = sorted(place.parent.name for place in home.glob("*/frames") if is_quality(place.parent.name))
+        for quality in names if home.is_dir() else ():
+            if self._wanted(quality):
+                take = self.studio.take(path, quality)
+                yield self._of_take(take, "render", quality)
+
+    def _of_take(self, take: Take, kind: str, label: str) -> Pictures:
+        """What is there of a take, and what is wrong with the rest."""
+        failed = self.history.failed(take.subject, PICTURE_STAGES, take.quality_name)
+        stale = set(picture_states(take, self.studio.store, self.history).stale)
+        told = {number: ("failed", message) for number, message in failed.items()}
+        told |= dict.fromkeys(stale, ("stale", STALE))
+        places = {n: self.studio.root / take.folders.frame(take.quality_name, n) for n in take.poses}
+        return Pictures(
+            shot=take.name,
+            kind=kind,
+            label=label,
+            quality=take.quality_name,
+            subject=take.subject,
+            numbers=tuple(sorted(take.requested)),
+            files={number: path for number, path in places.items() if path.is_file()},
+            screen=_screen(take),
+            told=told,
+            seconds=rendering(take, self.studio.root),
+        )
+
+    def _versions(self, name: str) -> Iterator[Pictures]:
+        for place, record in records(self.studio.root / published(name)):
+            if isinstance(record, Provenance) and self._wanted(record.quality):
+                files = {number: place / frame.file for number, frame in record.frames.items()}
+                yield Pictures(
+                    shot=name,
+                    kind="version",
+                    label=f"{record.version} {record.quality}",
+                    quality=record.quality,
+                    subject=name,
+                    numbers=tuple(sorted(record.frames)),
+                    files={number: path for number, path in files.items() if path.is_file()},
+                    screen=self._screen_of(record),
+                    told={},
+                    seconds={number: frame.seconds for number, frame in record.frames.items()},
+                    note=record.note,
+                )
+
+    def _screen_of(self, record: Provenance) -> Screen:
+        try:
+            return _screen(Take(restored(record, self.studio.allow_code), record.quality, record.variant, ()))
+        except FlowsculptError:
+            return PLAIN
+
+    def _wedges(self, path: Path) -> Iterator[Cells]:
+        """Those that left a sheet, which says what was varied."""
+        home = self.studio.root / wedge_folder(path.stem)
+        seen: set[tuple[str, str]] = set()
+        for sheet in sorted(home.glob("*.png")):
+            try:
+                grid = Grid.parse(_varied(sheet), many=True)
+                quality = sheet.stem.rpartition(".")[0].removeprefix(f"{grid.name}.")
+                if (grid.name, quality) not in seen and self._wanted(quality):
+                    seen.add((grid.name, quality))
+                    yield self._cells(Wedge(self.studio, path, grid, quality))
+            except FlowsculptError:
+                continue  # it is another picture, or the shot has no such value any more
+
+    def _cells(self, wedge: Wedge) -> Cells:
+        found = []
+        for cell, take in wedge.takes:
+            label = ", ".join(f"{name} {value}" for name, value in cell.caption)
+            found.append((cell.caption, self._of_take(take.whole(), "wedge", f"{label} · {wedge.quality}")))
+        there = [(caption, each) for caption, each in found if each.files]
+        together = tuple(sorted({number for _, each in there for number in each.files}))
+        return Cells(
+            wedge.grid.name,
+            wedge.grid.columns,
+            tuple(caption for caption, _ in there),
+            tuple(replace(each, numbers=together) for _, each in there),  # cells are seldom rendered whole
+        )
+
+
+def _screen(take: Take) -> Screen:
+    picture = take.shot.picture
+    return Screen(picture.lights.exposure, picture.view, take.shown_as)
+
+
+def _varied(path: Path) -> list[str]:
+    """What was varied on a contact sheet; nothing where it is none."""
+    try:
+        return [str(said) for said in read_header(path).get("wedge", [])]
+    except RenderError:
+        return []

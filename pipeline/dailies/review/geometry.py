@@ -1,0 +1,97 @@
+"""Mesh frames for a page: positions in 16 bits, normals in 8, as scripts that a page may load."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.production.files import readers
+from pipeline.production.files.store import CorruptFileError, Store
+from pipeline.production.takes.keys import Key, key_of
+from pipeline.production.takes.take import Take
+from render.appear import appearing
+
+FORMAT = 1
+
+BUDGET = 64_000_000
+"""Bytes that the meshes of a shot may take on a page, about; of large ones there are fewer."""
+
+
+@dataclass(frozen=True)
+class Models:
+    """The mesh frames that a page has of a shot.
+
+    take    whose meshes they are
+    folder  the page's, for scripts of meshes
+    """
+
+    take: Take
+    store: Store
+    folder: Path
+
+    def chosen(self, most: int) -> list[int]:
+        """Frames evenly over those that the store has; the first and the last are among them."""
+        there = [n for n in sorted(self.take.poses) if self.store.holds("normals", self.take.normals_key(n))]
+        if not there or most < 1:
+            return []
+        largest = max(self.store.path("normals", self.take.normals_key(n)).stat().st_size for n in there[-3:])
+        count = max(1, min(most, len(there), BUDGET // max(1, largest)))
+        places = np.linspace(0, len(there) - 1, count).round().astype(int)
+        return [there[place] for place in dict.fromkeys(places.tolist())]
+
+    def write(self, number: int) -> str | None:
+        """Writes one frame unless it is there; its file's name, or None where it cannot be read."""
+        key = self.take.normals_key(number)
+        name = f"{model_key(key)}.js"
+        if not (self.folder / name).exists():
+            try:
+                arrays = readers.arrays(key)(self.store.path("normals", key))
+            except (CorruptFileError, OSError):
+                return None
+            with appearing(self.folder / name) as draft:
+                draft.write_text(as_script(name, arrays))
+        return name
+
+
+def model_key(normals: Key) -> Key:
+    return key_of("model", FORMAT, normals)
+
+
+def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
+    """A call of the page's `reviewModel` with the frame's arrays: base64 of little-endian numbers.
+
+    positions  uint16 (V, 3), over the box from `low` to `high`, scene units
+    normals    int8 (V, 3), of a surface;  radii  float32 (V,), of a cloud
+    faces      uint16 or uint32 (F, 3), as `wide` says
+    """
+    vertices = np.asarray(arrays["vertices"], np.float64)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    extent = np.where(high > low, high - low, 1.0)
+    wide = len(vertices) > 2**16
+    data: dict[str, Any] = {
+        "vertices": len(vertices),
+        "low": [round(float(x), 6) for x in low],
+        "high": [round(float(x), 6) for x in low + extent],
+        "positions": _encoded(np.rint((vertices - low) / extent * 65535.0), "<u2"),
+    }
+    if "radii" in arrays:
+        data["radii"] = _encoded(arrays["radii"], "<f4")
+    else:
+        data |= {
+            "triangles": len(arrays["faces"]),
+            "wide": wide,
+            "normals": _encoded(np.rint(np.asarray(arrays["normals"]) * 127.0), "i1"),
+            "faces": _encoded(arrays["faces"], "<u4" if wide else "<u2"),
+        }
+    return f"reviewModel({json.dumps(name)}, {json.dumps(data)});\n"
+
+
+def _encoded(values: AnyArray | Sequence[float], kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")

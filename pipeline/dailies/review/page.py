@@ -1,0 +1,184 @@
+"""Writing the page: a folder of plain files that a browser opens as they lie, with no network and no server.
+
+renders/review/<name>/index.html     open this
+renders/review/<name>/page/…         its scripts and style
+renders/review/<name>/data.js        what there is to be seen, and the measures
+renders/review/<name>/pictures/…     frames and sheets of small ones, by keys
+renders/review/<name>/models/…       meshes, by keys
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from pipeline.dailies.review import three
+from pipeline.dailies.review.discover import Shown
+from pipeline.dailies.review.facts import tabled
+from pipeline.dailies.review.geometry import Models
+from pipeline.dailies.review.pictures import Pictures
+from pipeline.dailies.review.proxies import Darkroom, Proxies
+from pipeline.dailies.sheets.measures import limits_of, measured
+from pipeline.dailies.sheets.timing import Clocks
+from pipeline.production.files.disk import disk_faults
+from pipeline.production.files.store import Store
+from render.appear import appearing
+
+SOURCES = files("pipeline.dailies.review") / "page"
+
+Tell = Callable[[], None]
+
+
+@dataclass(frozen=True)
+class Page:
+    """A page of shots in a folder under the root.
+
+    models  how many mesh frames of each shot it has at most
+    form    of its pictures: jpeg, or png for no loss at all
+    """
+
+    name: str
+    store: Store
+    shots: Sequence[Shown]
+    form: str
+    models: int
+    threads: int
+    _clocks: list[Clocks] = field(default_factory=list, repr=False)
+
+    @property
+    def folder(self) -> Path:
+        return self.store.root / "renders" / "review" / self.name
+
+    @property
+    def index(self) -> Path:
+        return self.folder / "index.html"
+
+    @property
+    def sequences(self) -> list[Pictures]:
+        return [pictures for shown in self.shots for pictures in shown.sequences]
+
+    @property
+    def steps(self) -> int:
+        """How often `write` calls `tell`."""
+        return sum(len(each.found) for each in self.sequences) + sum(len(s.take.poses) for s in self.shots)
+
+    def write(self, tell: Tell = lambda: None) -> dict[str, int]:
+        """Write what is missing and remove what is no more shown; how much of what there is now.
+
+        Raises MachineError or RenderEnvironmentError where the disk refuses.
+        """
+        with disk_faults(self.folder):
+            for name in ("pictures", "models", "page"):
+                (self.folder / name).mkdir(parents=True, exist_ok=True)
+        shots = {shown.take.name: self._shot(shown, tell) for shown in self.shots}
+        sequences = [self._sequence(pictures, tell) for pictures in self.sequences]
+        text = three.bundle()
+        data = {
+            "title": self.name,
+            "shots": shots,
+            "sequences": sequences,
+            "wedges": self._wedges(),
+            "three": "three.js" if text else None,
+            "hint": "" if text else three.HINT,
+        }
+        self._write_sources()
+        if text:
+            _write(self.folder / "three.js", f"window.reviewThree = {_json(text)};\n".encode())
+        _write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
+        pictures = {name for each in sequences for name in each["files"] if name}
+        models = {file for shot in shots.values() for _, file in shot["models"]}
+        sheets = {each["sheet"]["file"] for each in sequences if each["sheet"]}
+        _keep(self.folder / "pictures", pictures | sheets)
+        _keep(self.folder / "models", models)
+        return {"sequences": len(sequences), "pictures": len(pictures), "models": len(models)}
+
+    def _shot(self, shown: Shown, tell: Tell) -> dict[str, Any]:
+        """What is the same for all pictures of a shot."""
+        take = shown.take
+        numbers = sorted(take.poses)
+        found = measured(take, self.store, numbers, self.threads, tell)
+        models = Models(take, self.store, self.folder / "models")
+        written = [(number, models.write(number)) for number in models.chosen(self.models)]
+        return {
+            "title": take.shot.title,
+            "fps": float(take.shot.rate.fps),
+            "numbers": numbers,
+            "limits": list(limits_of(take)),
+            "measures": found,
+            "models": [[number, name] for number, name in written if name],
+        }
+
+    def _sequence(self, pictures: Pictures, tell: Tell) -> dict[str, Any]:
+        darkroom = Darkroom(self.store, self.folder / "pictures", self.form, self.threads)
+        proxies = darkroom.proxies(pictures, tell)
+        states = {**pictures.states(), **{n: ("failed", why) for n, why in proxies.faults.items()}}
+        shown = [number for number in pictures.numbers if number in pictures.found]
+        return {
+            "shot": pictures.shot,
+            "kind": pictures.kind,
+            "label": pictures.label,
+            "quality": pictures.quality,
+            "note": pictures.note,
+            "size": list(proxies.size),
+            "numbers": list(pictures.numbers),
+            "files": [proxies.files.get(number) for number in pictures.numbers],
+            "states": {number: list(told) for number, told in states.items()},
+            "sheet": darkroom.sheet(proxies),
+            "facts": {"numbers": shown, **tabled([pictures.found[n].header for n in shown])},
+            "seconds": self._seconds(pictures, proxies),
+        }
+
+    def _seconds(self, pictures: Pictures, proxies: Proxies) -> dict[str, dict[int, float]]:
+        """By stage and frame; rendering in the parts that its statistics tell."""
+        if not self._clocks:
+            self._clocks.append(Clocks(self.store.root))
+        told = self._clocks[0].of(pictures.subject, pictures.shot, pictures.quality)
+        if pictures.kind == "version":
+            told.pop("finish", None)  # the logs tell of today's
+        render = {n: round(sum(parts.values()), 3) for n, parts in pictures.seconds.items() if parts}
+        by_stage = {**told, "render": {n: s for n, s in render.items() if n in proxies.files}}
+        return {stage: frames for stage, frames in by_stage.items() if frames}
+
+    def _wedges(self) -> list[dict[str, Any]]:
+        places = {id(pictures): index for index, pictures in enumerate(self.sequences)}
+        return [
+            {
+                "shot": shown.take.name,
+                "name": cells.name,
+                "columns": cells.columns,
+                "captions": [[list(line) for line in caption] for caption in cells.captions],
+                "cells": [places[id(pictures)] for pictures in cells.sequences],
+            }
+            for shown in self.shots
+            for cells in shown.wedges
+            if cells.sequences
+        ]
+
+    def _write_sources(self) -> None:
+        for source in sorted(SOURCES.iterdir(), key=lambda each: each.name):
+            place = self.index if source.name == self.index.name else self.folder / "page" / source.name
+            _write(place, source.read_bytes())
+
+
+def _write(place: Path, content: bytes) -> None:
+    """Unless it is there."""
+    if not place.exists() or place.read_bytes() != content:
+        with appearing(place) as draft:
+            draft.write_bytes(content)
+
+
+def _json(data: object) -> str:
+    """For a script: nothing in it ends a line or a script."""
+    return json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
+
+
+def _keep(folder: Path, names: Iterable[str]) -> None:
+    """Remove all other files of a folder that is the page's own."""
+    wanted = set(names)
+    for path in folder.iterdir():
+        if path.name not in wanted and path.is_file():
+            path.unlink(missing_ok=True)

@@ -1,0 +1,99 @@
+"use strict";
+// Keys, and the help that lists them.
+
+const KEYS = [
+  ["Playing", [
+    ["Space", "Play, pause", (r) => r.transport.toggle(), [" "]],
+    ["← →", "A frame back, on; also , and .", null, []],
+    ["", "", (r) => r.transport.step(-1), ["ArrowLeft", ","]],
+    ["", "", (r) => r.transport.step(1), ["ArrowRight", "."]],
+    ["Shift ← →", "Ten frames", null, []],
+    ["", "", (r) => r.transport.step(-10), ["Shift+ArrowLeft"]],
+    ["", "", (r) => r.transport.step(10), ["Shift+ArrowRight"]],
+    ["Home End", "First, last frame", null, []],
+    ["", "", (r) => r.jump(r.transport.first), ["Home"]],
+    ["", "", (r) => r.jump(r.transport.last), ["End"]],
+    ["J K L", "Backwards, pause, forwards; again: faster", null, []],
+    ["", "", (r) => r.transport.shuttle(-1), ["j"]],
+    ["", "", (r) => r.transport.pause(), ["k"]],
+    ["", "", (r) => r.transport.shuttle(1), ["l"]],
+    ["< >", "Slower, faster: 0.25× to 2×", null, []],
+    ["", "", (r) => r.transport.changeSpeed(-1), ["<"]],
+    ["", "", (r) => r.transport.changeSpeed(1), [">"]],
+    ["I O", "Loop from here, to here; also [ ]", null, []],
+    ["", "", (r) => r.transport.setIn(), ["i", "["]],
+    ["", "", (r) => r.transport.setOut(), ["o", "]"]],
+    ["\\", "Loop over all frames", (r) => r.transport.resetRange(), ["\\"]],
+    ["V", "Leave out frames that are not there", (r) => r.toggleSkipped(), ["v"]],
+    ["Enter", "Type a frame", (r) => r.typeFrame(), ["Enter"]],
+  ]],
+  ["Comparing", [
+    ["1 2", "A, B", null, []],
+    ["", "", (r) => r.setMode("a"), ["1"]],
+    ["", "", (r) => r.setMode("b"), ["2"]],
+    ["T", "From A to B and back", (r) => r.setMode(r.mode === "a" ? "b" : "a"), ["t"]],
+    ["W", "Wipe; drag its edge", (r) => r.setMode("wipe"), ["w"]],
+    ["D", "Difference; again: ×2, ×4, ×8, ×16", (r) => r.difference(), ["d"]],
+    ["S", "Side by side", (r) => r.setMode("side"), ["s"]],
+    ["G", "Grid of wedges and versions", (r) => r.setMode(r.mode === "grid" ? "a" : "grid"), ["g"]],
+    ["X", "Swap A and B", (r) => r.swap(), ["x"]],
+    ["↑ ↓", "The sequence before, after, as A; with Shift as B", null, []],
+    ["", "", (r) => r.chooseNext("a", -1), ["ArrowUp"]],
+    ["", "", (r) => r.chooseNext("a", 1), ["ArrowDown"]],
+    ["", "", (r) => r.chooseNext("b", -1), ["Shift+ArrowUp"]],
+    ["", "", (r) => r.chooseNext("b", 1), ["Shift+ArrowDown"]],
+  ]],
+  ["Looking", [
+    ["F", "Fit; also double click", (r) => r.setSize("fit"), ["f"]],
+    ["Z", "A pixel for a pixel", (r) => r.setSize("one"), ["z"]],
+    ["+ −", "Closer, farther; also the wheel", null, []],
+    ["", "", (r) => r.zoomBy(1.25), ["+", "="]],
+    ["", "", (r) => r.zoomBy(0.8), ["-"]],
+    ["H", "Hide or show the panel", (r) => r.togglePanel(), ["h"]],
+    ["Shift F", "Full screen", (r) => r.fullScreen(), ["F"]],
+    ["P N M", "Measures, frame, mesh", null, []],
+    ["", "", (r) => r.showTab("measures"), ["p"]],
+    ["", "", (r) => r.showTab("facts"), ["n"]],
+    ["", "", (r) => r.showTab("mesh"), ["m"]],
+    ["E", "Triangles of the mesh", (r) => r.panels.mesh.setLines(!r.panels.mesh.lines), ["e"]],
+    ["C", "The shot's camera in the mesh view", (r) => r.panels.mesh.follow(), ["c"]],
+    ["?", "These keys", (r) => r.help(), ["?"]],
+  ]],
+];
+
+const ACTIONS = new Map(KEYS.flatMap(([, rows]) => rows.flatMap(([, , act, keys]) => keys.map((key) => [key, act]))));
+
+function listenForKeys(review) {
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.defaultPrevented || id("help").open) return;
+    const { target } = event;
+    if (target.matches("input[type=text], textarea")) return;
+    if (target.matches("select, input[type=range]") && /^(Arrow|Home|End| $|Enter)/.test(event.key)) return;
+    if (target.matches("button, summary, [role=tab]") && [" ", "Enter"].includes(event.key)) return;
+    const letter = event.key.length === 1 ? (event.key === "F" ? "F" : event.key.toLowerCase()) : event.key;
+    const act = ACTIONS.get(event.shiftKey && event.key.length > 1 ? `Shift+${event.key}` : letter);
+    if (!act) return;
+    event.preventDefault();
+    act(review);
+  });
+}
+
+function showHelp() {
+  const dialog = id("help");
+  dialog.replaceChildren(Object.assign(document.createElement("h2"), { id: "help-title", textContent: "Keys" }));
+  const columns = dialog.appendChild(Object.assign(document.createElement("div"), { className: "columns" }));
+  for (const [title, rows] of KEYS) {
+    const part = columns.appendChild(document.createElement("section"));
+    part.append(Object.assign(document.createElement("h3"), { textContent: title }));
+    const list = part.appendChild(document.createElement("dl"));
+    for (const [keys, words] of rows.filter(([label]) => label)) {
+      const term = list.appendChild(document.createElement("dt"));
+      for (const key of keys.split(" ")) term.append(Object.assign(document.createElement("kbd"), { textContent: key }), " ");
+      list.append(Object.assign(document.createElement("dd"), { textContent: words }));
+    }
+  }
+  const close = toggle("Close", "Close (Esc)", () => dialog.close());
+  dialog.append(close);
+  dialog.showModal();
+  close.focus();
+}

@@ -1,0 +1,219 @@
+"use strict";
+// The page as a whole: what is shown, and who must be told when that changes.
+
+const AHEAD = 96, BEHIND = 8;  // pictures decoded before they are needed
+
+class Review {
+  constructor(data) {
+    document.title = `${data.title} – review`;
+    id("title").textContent = data.title;
+    this.isAlone = Object.keys(data.shots).length === 1;
+    this.sequences = data.sequences.map((each, i) => new Sequence(each, i, data.shots[each.shot]));
+    this.cache = new PictureCache((url) => this.#arrived(url));
+    this.transport = new Transport((frame) => this.#isReady(frame), (what) => this.#changed(what));
+    this.stage = new Stage(id("stage"), this.cache, (sequence) => this.strip.sheet(sequence));
+    this.mode = "a";
+    this.tab = "measures";
+    this.grid = new Grid(id("grid"), this, data.wedges);
+    this.panels = {
+      measures: new MeasuresPanel(id("panel-measures"), this),
+      facts: new FactsPanel(id("panel-facts"), this),
+      mesh: new MeshPanel(id("panel-mesh"), this, data.three, data.hint),
+    };
+    this.strip = new Strip(id("strip"), this);
+    this.controls = new Controls(this);
+    new Splitter(id("splitter"), id("panel"));
+    this.#restore();
+    new StagePointer(this.stage, () => this.redraw());
+    listenForKeys(this);
+    new ResizeObserver(() => this.#resized()).observe(id("page"));
+    new ResizeObserver(() => this.#resized()).observe(id("viewer"));
+  }
+
+  get hasGrid() { return this.grid.isUseful; }
+
+  // What people ask for
+
+  choose(side, sequence) {
+    this[side] = this.stage[side] = sequence;
+    if (side === "a") {
+      const frame = this.transport.frame;
+      this.transport.setNumbers(this.#numbersOf(sequence), sequence.about.fps);
+      this.transport.go(frame);
+    }
+    this.redraw();
+  }
+
+  /** All frames of a sequence, or those that are there: by default where most are not. */
+  #numbersOf(sequence) {
+    const { there, numbers } = sequence;
+    this.skips = this.wantsSkipped ?? there.length < numbers.length / 2;
+    return this.skips && there.length ? there : numbers;
+  }
+
+  /** Leave out frames that are not there, or show their slates. */
+  toggleSkipped() {
+    this.wantsSkipped = !this.skips;
+    this.choose("a", this.a);
+  }
+
+  chooseNext(side, count) {
+    const { length } = this.sequences;
+    this.choose(side, this.sequences[(this[side].index + count + length) % length]);
+  }
+
+  swap() {
+    const { a, b } = this;
+    this.b = this.stage.b = a;
+    this.choose("a", b);
+  }
+
+  setMode(mode) {
+    if (mode === "grid" && !this.hasGrid) return;
+    this.mode = mode;
+    if (mode !== "grid") this.stage.mode = mode;
+    this.redraw();
+  }
+
+  /** D: the difference or, where it is shown, a larger one. */
+  difference() {
+    if (this.mode === "difference") this.stage.gain = GAINS[(GAINS.indexOf(this.stage.gain) + 1) % GAINS.length];
+    this.setMode("difference");
+  }
+
+  setGain(gain) { this.stage.gain = gain; this.redraw(); }
+  setWipe(share) { this.stage.wipe = share; this.redraw(); }
+  zoomBy(factor) { this.stage.zoomTo(this.stage.scale * factor); this.redraw(); }
+
+  setSize(size) {
+    if (size === "fit") this.stage.fit();
+    else this.stage.zoomTo(1);
+    this.redraw();
+  }
+
+  /** Show a frame, also while playing. */
+  seek(frame) { this.transport.go(frame); }
+  jump(frame) { this.transport.pause(); this.seek(frame); }
+  typeFrame() { id("frame").focus(); id("frame").select(); }
+  help() { showHelp(); }
+
+  showTab(name) {
+    if (id("panel").hidden) this.togglePanel();
+    this.tab = name;
+    this.redraw();
+  }
+
+  togglePanel() {
+    id("panel").hidden = !id("panel").hidden;
+    this.redraw();
+  }
+
+  fullScreen() {
+    if (document.fullscreenElement) document.exitFullscreen();
+    else document.documentElement.requestFullscreen();
+  }
+
+  // What follows from it
+
+  isCached(frame) { return this.cache.get(this.a.url(frame)) !== null; }
+
+  #shown(frame) {
+    if (this.mode === "grid") return this.grid.urls(frame);
+    const shown = this.mode === "b" ? [this.b] : this.stage.needsB ? [this.a, this.b] : [this.a];
+    return shown.map((each) => each.url(frame));
+  }
+
+  #isReady(frame) { return this.#shown(frame).every((url) => this.cache.isSettled(url)); }
+
+  #preload() {
+    const { transport } = this, shown = this.#shown(transport.frame), [width, height] = this.a.size;
+    const room = PictureCache.room(width, height) / Math.max(1, shown.length);
+    const before = [];
+    for (let frame = transport.frame; before.length < BEHIND;) before.push((frame = transport.following(frame, -transport.direction)));
+    const frames = [...transport.ahead(Math.min(AHEAD, Math.max(4, room - BEHIND))), ...before];
+    const urls = frames.flatMap((frame) => this.#shown(frame));
+    if (!this.stage.needsB && this.b !== this.a) urls.push(this.b.url(transport.frame));  // so that T is at once
+    this.cache.want([...new Set(urls)].filter((url) => url !== null));
+  }
+
+  #arrived(url) {
+    if (this.#shown(this.transport.frame).includes(url)) this.#drawPicture();
+    this.#drawStripSoon();
+  }
+
+  #drawStripSoon() {
+    if (this.stripDue) return;
+    this.stripDue = true;
+    setTimeout(() => { this.stripDue = false; this.strip.draw(); }, 100);
+  }
+
+  #changed(what) {
+    if (!this.controls) return;
+    if (what !== "frame") return this.redraw();
+    this.stage.frame = this.transport.frame;
+    this.#preload();
+    this.#drawPicture();
+    this.strip.draw();
+    this.panels[this.tab].draw();
+    this.controls.drawFrame();
+    if (!this.transport.playing) this.#remember();
+  }
+
+  #drawPicture() {
+    id("grid").hidden = this.mode !== "grid";
+    id("stage").hidden = this.mode === "grid";
+    if (this.mode === "grid") return this.grid.draw();
+    this.stage.draw();
+    if (!this.drawn && this.cache.get(this.a.url(this.transport.frame))) {
+      this.drawn = performance.now();
+      performance.mark("first picture");
+    }
+    const names = { a: this.a, b: this.b }[this.mode] ? [this[this.mode]] : [this.a, this.b];
+    const words = names.map((each) => each.name(this.isAlone)).join(" and ");
+    return id("stage").setAttribute("aria-label", `Frame ${this.transport.frame}, ${words}`);
+  }
+
+  /** Draw everything as it is now. */
+  redraw() {
+    if (!this.controls) return;
+    this.stage.frame = this.transport.frame;
+    this.#preload();
+    this.controls.draw();
+    this.stage.resize();
+    this.#drawPicture();
+    this.strip.draw();
+    this.panels[this.tab].draw();
+    this.#remember();
+  }
+
+  #resized() {
+    this.redraw();
+    this.grid.resize();
+    this.panels[this.tab].resize?.();
+  }
+
+  // The address tells what is shown, so that it can be sent to somebody
+
+  #remember() {
+    const said = new URLSearchParams({
+      frame: this.transport.frame, a: this.a.name(false), b: this.b.name(false), mode: this.mode,
+    });
+    clearTimeout(this.remembering);
+    this.remembering = setTimeout(() => history.replaceState(null, "", `#${said}`), 200);
+  }
+
+  #restore() {
+    const said = new URLSearchParams(location.hash.slice(1));
+    const named = (name) => this.sequences.find((each) => each.name(false) === name);
+    const best = this.sequences.reduce((most, each) => (each.kind === "render" && each.url(each.first) && each.size[0] * each.facts.numbers.length > most.size[0] * most.facts.numbers.length ? each : most));
+    const a = named(said.get("a")) ?? best;
+    const b = named(said.get("b")) ?? this.sequences.find((each) => each !== a && each.shot === a.shot) ?? this.sequences.find((each) => each !== a) ?? a;
+    this.b = this.stage.b = b;
+    this.choose("a", a);
+    const frame = Number.parseInt(said.get("frame"), 10);
+    this.transport.go(Number.isFinite(frame) ? frame : this.transport.first);
+    if (MODE_NAMES[said.get("mode")]) this.setMode(said.get("mode"));
+  }
+}
+
+window.review = new Review(window.reviewData);

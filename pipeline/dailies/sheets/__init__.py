@@ -1,0 +1,1 @@
+"""A shot on one page: its frames in rows, or its measures as figures."""

@@ -1,0 +1,174 @@
+"""What curves of a shot are drawn from: the measures of each mesh frame, kept in the store by its key."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.animation import MeshFrame
+from pipeline.arrays import Floats
+from pipeline.mesh import TriangleMesh
+from pipeline.production.files import readers
+from pipeline.production.files.store import CorruptFileError, Store
+from pipeline.production.takes.keys import Key, code_key, key_of
+from pipeline.production.takes.take import Take
+
+CODE = ("pipeline/dailies/sheets/measures.py",)
+
+BINS = 48
+"""Of a histogram."""
+
+LONGEST = 1.25
+"""Where histograms of edge lengths end, in maximum edge lengths; what is longer is in the last bin."""
+
+
+@dataclass(frozen=True)
+class Measures:
+    """Of one mesh frame; what does not apply to it is None.
+
+    vertices, faces   how many
+    splits, collapses, flips, too_short, crossings   counts, as the frame's report has them
+    area, volume      scene units squared and cubed; a surface with a rim has no volume
+    mean_edge         scene units
+    edges             (BINS,) shares of the edges, by length from 0 to `edge_top` scene units
+    quality           (BINS,) shares of the triangles, by roundness from 0 to 1: twice the inradius over the
+                      circumradius, 1 of an equilateral one
+    worst             the roundness that a hundredth of the triangles fall short of
+    """
+
+    vertices: int
+    faces: int
+    splits: int | None
+    collapses: int | None
+    flips: int | None
+    too_short: int | None
+    crossings: int | None
+    area: float | None
+    volume: float | None
+    mean_edge: float | None
+    edge_top: float | None
+    edges: tuple[float, ...] | None
+    quality: tuple[float, ...] | None
+    worst: float | None
+
+    @classmethod
+    def of(cls, frame: MeshFrame, maximum: float | None) -> Measures:
+        """maximum  the maximum edge length of the frame, if it has one for all edges"""
+        done, statistics = frame.report.resampling, frame.report.statistics
+        told = {name: getattr(done, name, None) for name in ("splits", "collapses", "flips", "too_short")}
+        mesh = frame.mesh
+        lengths, roundness = edge_lengths(mesh), roundness_of(mesh)
+        top = LONGEST * maximum if maximum else float(lengths.max(initial=0.0)) or None
+        return cls(
+            vertices=len(mesh.vertices),
+            faces=len(mesh.faces),
+            **told,
+            crossings=statistics.crossings if statistics else None,
+            area=statistics.area if statistics else None,
+            volume=volume_of(mesh),
+            mean_edge=statistics.mean_edge if statistics else None,
+            edge_top=top,
+            edges=_shares(lengths, top),
+            quality=_shares(roundness, 1.0),
+            worst=round(float(np.quantile(roundness, 0.01)), 4) if len(roundness) else None,
+        )
+
+
+def edge_lengths(mesh: TriangleMesh) -> Floats:
+    """(3 F,): every edge once for each of its faces, scene units."""
+    corners = mesh.vertices[mesh.faces]
+    return np.asarray(np.linalg.norm(corners[:, (1, 2, 0)] - corners, axis=2)).ravel()
+
+
+def roundness_of(mesh: TriangleMesh) -> Floats:
+    """(F,): twice the inradius over the circumradius of each triangle; 0 of one without area."""
+    a, b, c = edge_lengths(mesh).reshape(-1, 3).T
+    product = a * b * c
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = (b + c - a) * (c + a - b) * (a + b - c) / product
+    return np.asarray(np.where(product > 0.0, np.clip(ratio, 0.0, 1.0), 0.0))
+
+
+def volume_of(mesh: TriangleMesh) -> float | None:
+    """Scene units cubed, by the divergence theorem; None of what is not closed."""
+    if not len(mesh.faces):
+        return None
+    starts, ends = mesh.faces.ravel(), mesh.faces[:, (1, 2, 0)].ravel()
+    low, high = np.minimum(starts, ends), np.maximum(starts, ends)
+    _, uses = np.unique(low.astype(np.int64) * len(mesh.vertices) + high, return_counts=True)
+    if (uses != 2).any():
+        return None
+    a, b, c = np.moveaxis(mesh.vertices[mesh.faces], 1, 0)
+    return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6.0)
+
+
+def _shares(values: NDArray[np.floating], top: float | None) -> tuple[float, ...] | None:
+    if not len(values) or not top:
+        return None
+    counts = np.bincount(np.clip((values / top * BINS).astype(int), 0, BINS - 1), minlength=BINS)
+    return tuple(round(float(share), 5) for share in counts / len(values))
+
+
+def measured(
+    take: Take, store: Store, numbers: Iterable[int], threads: int, tell: Callable[[], None] = lambda: None
+) -> dict[int, dict[str, Any]]:
+    """The measures of those of a take's meshes that the store has, as plain data; `tell` hears of each."""
+
+    def one(number: int) -> tuple[int, dict[str, Any] | None]:
+        data = _of_frame(take, store, number)
+        tell()
+        return number, data
+
+    with ThreadPoolExecutor(threads) as pool:
+        return {number: data for number, data in pool.map(one, numbers) if data is not None}
+
+
+def _of_frame(take: Take, store: Store, number: int) -> dict[str, Any] | None:
+    mesh = take.mesh_key(number)
+    key = measures_key(mesh, maximum := _maximum(take, number))
+    known = store.path("measures", key)
+    try:
+        return dict(json.loads(known.read_text()))
+    except (OSError, ValueError):
+        store.discard("measures", key)
+    if not store.holds("mesh", mesh):
+        return None
+    try:
+        found = asdict(Measures.of(readers.mesh_frame(mesh)(store.path("mesh", mesh)), maximum))
+    except (CorruptFileError, OSError):
+        return None
+    store.put("measures", key, lambda path: _write(path, found))
+    return found
+
+
+def measures_key(mesh: Key, maximum: float | None) -> Key:
+    return key_of("measures", code_key(CODE), mesh, maximum)
+
+
+def limits_of(take: Take) -> tuple[float | None, float | None]:
+    """The minimum and the maximum edge length of the first frame, where they are numbers; scene units."""
+    resampling = take.shot.motion.resampling_at(take.shot.frames.first)
+    said = resampling.settings() if resampling else {}
+    low, high = (said.get(name) for name in ("min_edge_length", "max_edge_length"))
+    return _as_number(low), _as_number(high)
+
+
+def _maximum(take: Take, number: int) -> float | None:
+    """The frame's maximum edge length, where one number holds for the whole surface."""
+    resampling = take.shot.motion.resampling_at(number)
+    return None if resampling is None else _as_number(resampling.thresholds.max_edge_length)
+
+
+def _as_number(value: object) -> float | None:
+    return float(value) if isinstance(value, (int, float)) else None
+
+
+def _write(path: Path, data: dict[str, Any]) -> None:
+    path.write_text(json.dumps(data))

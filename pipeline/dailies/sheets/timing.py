@@ -1,0 +1,53 @@
+"""Seconds a frame took, stage by stage, as the event logs of a root tell them."""
+
+from __future__ import annotations
+
+import json
+from collections import defaultdict
+from pathlib import Path
+
+from pipeline.production.costs.measured import OF_MOTION
+from pipeline.production.runs.events import EventReader, logs_of
+from pipeline.production.takes.take import Take
+
+_STAGES = ("simulate", "smooth_normals", "finish")
+
+Timings = dict[str, dict[int, float]]
+"""Seconds by stage and frame."""
+
+
+def rendering(take: Take, root: Path) -> dict[int, dict[str, float]]:
+    """By frame, what rendering it took when it was last done, in parts; where that is known."""
+    found = {}
+    for number in take.poses:
+        try:
+            told = json.loads((root / take.folders.statistics(take.quality_name, number)).read_text())
+            found[number] = {str(part): float(seconds) for part, seconds in told["seconds"].items()}
+        except (OSError, ValueError, KeyError, TypeError, AttributeError):
+            continue
+    return found
+
+
+class Clocks:
+    """Of everything that was made under a root: what each frame took when it was last made."""
+
+    def __init__(self, root: Path) -> None:
+        self._seconds: dict[tuple[str, str, str], dict[int, float]] = defaultdict(dict)
+        for log in logs_of(root):
+            for event in EventReader(log).new():
+                if event["event"] == "frame" and not event["found"] and event["stage"] in _STAGES:
+                    stage = str(event["stage"])
+                    quality = "" if stage in OF_MOTION else str(event.get("quality", ""))
+                    self._seconds[str(event["shot"]), stage, quality][event["frame"]] = event["seconds"]
+
+    def of(self, subject: str, shot: str, quality: str) -> Timings:
+        """`subject` is what logs call the pictures; its meshes may have been made for the shot."""
+        found: Timings = {}
+        for stage in _STAGES:
+            at = "" if stage in OF_MOTION else quality
+            told = self._seconds.get((subject, stage, at)) or (
+                self._seconds.get((shot, stage, at)) if stage in OF_MOTION else None
+            )
+            if told:
+                found[stage] = dict(told)
+        return found

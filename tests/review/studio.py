@@ -1,0 +1,146 @@
+"""A small studio whose pictures tell their frames: made here, in the place of a renderer's.
+
+Each picture is 480 × 270 pixels. Its upper half is the frame's number in eight squares, white for ones; its
+lower half tells which sequence it is of.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from importlib import import_module
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from typer.testing import CliRunner
+
+from pipeline.cli.main import command_line
+from pipeline.errors import FlowsculptError
+from pipeline.production.files.layout import EVENTS
+from pipeline.production.runs.events import EventLog
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.take import Take
+from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.work import PLACES
+from pipeline.production.versions.grid import Grid
+from pipeline.production.versions.wedge import Wedge
+from render.errors import RenderError
+from render.frame import Layers
+from render.image import write_exr
+
+NAME = "T010_tiny"
+LAST, MISSING, FAILED = 24, 17, 9
+SHOT = f"""\
+title: A box, twisted
+frames: 1-{LAST}
+subject: {{solid: box, size: [2, 2, 2]}}
+resample: {{max_edge_length: 0.5}}
+flows:
+  - twist: {{axis: y, amount: {{ease: linear, keys: {{1: 0, 16: 36, {LAST}: 60}}}}}}
+"""
+
+WIDTH, HEIGHT, BITS = 480, 270, 8
+BLOCK = WIDTH // BITS
+Picture = NDArray[np.float32]
+
+BRIGHT = 60.0
+"""Linear light that the view shows as white."""
+
+
+@dataclass(frozen=True)
+class Desk:
+    root: Path
+
+    def studio(self) -> Studio:
+        return Studio(self.root, 2)
+
+    def take(self, quality: str) -> Take:
+        return self.studio().take(self.root / "shots" / f"{NAME}.yaml", quality)
+
+    def command(self, *words: str) -> tuple[int, str]:
+        asked = ["--no-progress", "--root", str(self.root), *words]
+        said = CliRunner().invoke(command_line(asked), asked)
+        if isinstance(said.exception, (FlowsculptError, RenderError)):
+            return said.exception.exit_code, str(said.exception)
+        assert said.exception is None or isinstance(said.exception, SystemExit), said.exception
+        return said.exit_code, said.output
+
+    def page(self, name: str = NAME) -> Path:
+        return self.root / "renders" / "review" / name / "index.html"
+
+
+def simulated(root: Path, shot: str = SHOT) -> Desk:
+    """A studio with a shot, its meshes and its cameras."""
+    (root / "shots").mkdir(parents=True)
+    (root / "shots" / f"{NAME}.yaml").write_text(shot)
+    desk = Desk(root)
+    _done(root, desk.studio().surfaces(desk.take("preview")))
+    return desk
+
+
+def furnish(root: Path) -> Desk:
+    """Simulate the shot, and lay numbered pictures where renders would lie: of two qualities and a wedge."""
+    desk = simulated(root)
+    studio, take = desk.studio(), desk.take("preview")
+    there = [number for number in take.poses if number not in (MISSING, FAILED)]
+    hang(desk, take, there, dark)
+    hang(desk, desk.take("draft"), take.poses, bright)
+    log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
+    log.write("fail", stage="render", shot=NAME, quality="preview", frame=FAILED, message="a lamp fell over")
+    wedge = Wedge(
+        studio, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
+    )
+    _done(root, studio.surfaces(wedge.takes[0][1]))
+    for (_, cell), paint in zip(wedge.takes, (dusky, bright), strict=True):
+        hang(desk, cell, cell.requested, paint)
+    wedge.draw()
+    return desk
+
+
+def _done(root: Path, plan: Plan) -> None:
+    for job in plan.jobs:
+        module = import_module(f"pipeline.production.tasks.{PLACES[job.task]}")
+        assert getattr(module, job.task)(Context.of(root, plan, job.name))
+
+
+def hang(desk: Desk, take: Take, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:
+    """Lay the pictures of a take where renders would lie."""
+    store = desk.studio().store
+    keys = take.picture_keys(store)
+    assert keys is not None
+    for number in numbers:
+        key, pixels = keys[number].frame, paint(number)
+        header = {"key": key, "seed": take.seed(number), "samples": 4, "quality": take.quality_name}
+        store.put("frame", key, lambda p, x=pixels, h=header: write_exr(p, Layers({"beauty": x}, {}), h))
+        store.link("frame", key, take.folders.frame(take.quality_name, number))
+
+
+def dark(number: int) -> Picture:
+    return numbered(number, 0.0)
+
+
+def dusky(number: int) -> Picture:
+    return numbered(number, 0.05)
+
+
+def bright(number: int) -> Picture:
+    return numbered(number, BRIGHT)
+
+
+def numbered(number: int, light: float) -> Picture:
+    """(270, 480, 3): the number in squares above, light below."""
+    picture = np.full((HEIGHT, WIDTH, 3), light, np.float32)
+    picture[: HEIGHT // 2] = 0.0
+    for bit in range(BITS):
+        if number >> bit & 1:
+            picture[: HEIGHT // 2, bit * BLOCK : (bit + 1) * BLOCK] = BRIGHT
+    return picture
+
+
+def number_in(shown: NDArray[np.uint8]) -> int:
+    """The number of a picture as it is shown, at any size."""
+    height, width = shown.shape[:2]
+    row = shown[round(0.25 * height), :, :3].mean(axis=1)
+    return sum(1 << bit for bit in range(BITS) if row[int((bit + 0.5) / BITS * width)] > 128)
