@@ -2,9 +2,9 @@
 
 Raster: a geodesic sphere of 50 thousand vertices with bumps, on its stage, 480 × 270, by two threads.
 Animatic: `flowsculpt preview` of 240 frames of a ball of about 25 thousand vertices between two vortices,
-nothing simulated before, from the start of the process to its end. Edit: from the moment the file of that shot
-is saved to the first picture that the edit changed, for the live page; what changes is the last key of the
-vortices. Seconds by the clock, and of all cores together, which other work does not lengthen.
+nothing simulated before, from the start of the process to its end. Edit: from the moment the file of that
+shot is saved to the first picture that the edit changed, for the live page; what changes is the last key of
+the vortices. Seconds by the clock, and of all cores together, which other work does not lengthen.
 """
 
 from __future__ import annotations

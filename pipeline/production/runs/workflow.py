@@ -18,10 +18,10 @@ from pipeline.production.files.store import Store
 from pipeline.production.runs.history import History
 from pipeline.production.runs.plan import Plan
 from pipeline.production.runs.planner import Planner
+from pipeline.production.takes.edit import Cut
 from pipeline.production.takes.folder import FILM, find_shot
 from pipeline.production.takes.keyring import PictureKeys
 from pipeline.production.takes.ledger import Ledger
-from pipeline.production.takes.edit import Cut
 from pipeline.production.takes.montage import Montage, edited
 from pipeline.production.takes.poses import Turntable
 from pipeline.production.takes.script import Script
