@@ -72,7 +72,7 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
     """
     face, angles = _frames(mesh)
     vert, twin = mesh.faces.reshape(-1).copy(), twins_of(mesh)
-    trusted = trusted_normals(mesh)
+    trusted = trusted_normals(mesh, face)
     hard = _tagged(mesh)
     if not isinstance(hard_angle, float):
         hard |= np.nan_to_num(dihedral_angles(mesh)) > hard_angle[_ends(mesh)].mean(axis=1)
@@ -90,8 +90,10 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
     return ShadedMesh(mesh.vertices[source], smooth, faces, source)
 
 
-def trusted_normals(mesh: TriangleMesh) -> AnyArray:
+def trusted_normals(mesh: TriangleMesh, face: Vectors | None = None) -> AnyArray:
     """(V,) bool: at which vertices the attribute `normal` is what the surface should be shaded with.
+
+    face  the normals of its faces, where they are known
 
     Not where it is zero or not finite, at tagged creases, or where it points into one of the faces around: a
     sheet that has become thinner than its triangles has a rim of which they show nothing, and a face that is
@@ -99,7 +101,7 @@ def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     """
     if NORMAL not in mesh.attributes or not len(mesh.faces):
         return np.zeros(len(mesh.vertices), bool)
-    own, face = _known(mesh), face_normals(mesh)
+    own, face = _known(mesh), face_normals(mesh) if face is None else face
     behind = (np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0) & face.any(axis=1, keepdims=True)
     trusted: AnyArray = np.linalg.norm(own, axis=1) > 0
     trusted[mesh.faces[behind]] = False
@@ -134,8 +136,13 @@ def _tagged(mesh: TriangleMesh) -> AnyArray:
     """(3F,) bool: the half-edges of tagged creases."""
     if not len(mesh.creases):
         return np.zeros(mesh.faces.size, bool)
-    both = np.sort(_ends(mesh), axis=1).astype(np.int64) @ (1 << 32, 1)
-    tagged: AnyArray = np.isin(both, mesh.creases.astype(np.int64) @ (1 << 32, 1))
+    at_crease = np.zeros(len(mesh.vertices), bool)
+    at_crease[mesh.creases.ravel()] = True
+    ends = _ends(mesh)
+    near = np.flatnonzero(at_crease[ends].all(axis=1))  # few: the rest need not be looked for
+    both = np.sort(ends[near], axis=1).astype(np.int64) @ (1 << 32, 1)
+    tagged = np.zeros(mesh.faces.size, bool)
+    tagged[near] = np.isin(both, mesh.creases.astype(np.int64) @ (1 << 32, 1))
     return tagged
 
 
