@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 from numpy.typing import NDArray
 
 
+@lru_cache(maxsize=4)
 def dither_pattern(height: int, width: int) -> NDArray[np.float32]:
     """(H, W) thresholds strictly between 0 and 1, evenly spread among neighbours.
 
@@ -14,4 +17,6 @@ def dither_pattern(height: int, width: int) -> NDArray[np.float32]:
     """
     y, x = np.mgrid[0:height, 0:width].astype(np.float64)
     noise = 52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0) % 1.0
-    return np.asarray(np.clip(noise, 1e-3, 1.0 - 1e-3), dtype=np.float32)
+    pattern = np.asarray(np.clip(noise, 1e-3, 1.0 - 1e-3), dtype=np.float32)
+    pattern.setflags(write=False)  # everyone is given this one
+    return pattern

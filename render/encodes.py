@@ -171,6 +171,9 @@ FILM = {
 }
 """What films and movies of shots are encoded by, by their bits a sample."""
 
+SKETCH = replace(ENCODES["review"], options={**X264, "preset": "veryfast", "g": "12", "bf": "0"})
+"""What previews are encoded by: soon done, and stepped through quickly."""
+
 
 def encode_named(name: str) -> Encode:
     """Raises BadInputError for a name of none, with those there are."""

@@ -15,8 +15,10 @@ from pipeline.dailies.preview.aim import aims
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.production.surfaces.framing import Framing
+from render.encodes import SKETCH
+from render.encoding import write_encode
 from render.image import write_png
-from render.movie import write_movie
+from render.timecode import timecode
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}
 """Of a picture that is as wide as 16 : 9; others have as many pixels."""
@@ -90,7 +92,9 @@ class Ready:
         take = self.sketch.take
         numbers, size = sorted(take.requested), size_for(take.aspect, SIZES["movie"])
         pictures = self.pictures(numbers, size, "rec709")
-        return write_movie(path, _told(pictures, numbers, tell), take.shot.rate.fps)
+        rate = take.shot.rate.fps
+        start = timecode(numbers[0], rate)
+        return write_encode(path, _told(pictures, numbers, tell), rate, SKETCH, start)
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
