@@ -31,7 +31,7 @@ from render.encodes import ENCODES, encode_named
 def deliver(
     common: Common,
     names: Annotated[
-        list[str], typer.Argument(metavar="SHOT|EDIT…", help="Names in shots/, or paths: shots, or edits.")
+        list[str], typer.Argument(metavar="NAME…", help="Shots or edits: names in shots/, or paths.")
     ],
     forms: Annotated[
         str,

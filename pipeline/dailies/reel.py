@@ -19,11 +19,9 @@ from pipeline.production.takes.take import Take
 from pipeline.production.tasks.movies import cut_together
 from render.dissolve import dissolved, mixed
 from render.planes import Frame
+from render.timecode import FILM_BEGINS
 
 T = TypeVar("T")
-
-HOUR = 3600
-"""Seconds of timecode at which films begin: what comes before them has room to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,7 +110,7 @@ def of_film(cut: Cut, takes: Sequence[Take], store: Store, failed: Failed) -> Re
         folder=layout.film(quality_name, cut.name).parent / "deliver",
         rate=rate,
         size=size,
-        start=HOUR * ceil(rate.fps),
+        start=FILM_BEGINS * ceil(rate.fps),
         count=cut.length,
         facts=(("shots", ", ".join(shots)), *_facts(takes[0], f"{cut.length}", cut.length, rate)),
         content=[cut.as_data()["pieces"], *(each.content(each.take.requested) for each in rushes)],

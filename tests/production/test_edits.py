@@ -189,7 +189,8 @@ def test_the_film_dissolves_between_its_pieces_and_is_heard(finished):
         file.writeframes(b"\x00\x20" * 8000)
     (shots / "reel.yaml").write_text(
         "title: Reel\ntitle_seconds: 0.5\nshots:\n  - {shot: T010_tiny, dissolve: 3}\n"
-        "  - {card: Two, seconds: 0.5}\n  - {shot: T010_tiny, frames: 2-6, dissolve: 2}\nsound: {file: tone.wav}\n"
+        "  - {card: Two, seconds: 0.5}\n  - {shot: T010_tiny, frames: 2-6, dissolve: 2}\n"
+        "sound: {file: tone.wav}\n"
     )
     assert finished.run("film", "reel", "-q", "preview").code == 0
     facts = probe_movie(finished.path / "renders/film/preview/reel.mp4")
