@@ -8,6 +8,9 @@ from math import ceil
 MOST_COUNTED = 99
 """Frames a second that two digits can count; beyond, there is no timecode."""
 
+FILM_BEGINS = 3600
+"""Seconds of timecode at which films begin: what comes before them has room to."""
+
 
 def timecode(frame: int, rate: Fraction) -> str:
     """`00:00:01:18` of frame 42 at 24 frames per second, where frame 0 is 00:00:00:00.

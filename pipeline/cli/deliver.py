@@ -14,7 +14,7 @@ from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Sett
 from pipeline.cli.options import Common
 from pipeline.cli.progress import counting
 from pipeline.cli.runs import carried_out, tell_plan
-from pipeline.cli.say import answer, duration, err, warn
+from pipeline.cli.say import answer, duration, err, out, warn
 from pipeline.dailies.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
 from pipeline.dailies.reel import of_film, of_shot
 from pipeline.errors import UsageError, suggestion
@@ -31,7 +31,7 @@ from render.encodes import ENCODES, encode_named
 def deliver(
     common: Common,
     names: Annotated[
-        list[str], typer.Argument(metavar="SHOT|EDIT…", help="Names in shots/, or paths: shots, or edits.")
+        list[str], typer.Argument(metavar="NAME…", help="Shots or edits: names in shots/, or paths.")
     ],
     forms: Annotated[
         str,
@@ -85,6 +85,8 @@ def deliver(
     wanted = _Wanted(studio, tuple(names), windowed(quality, crop, scale), frames)
     if common.dry_run:
         tell_plan(common, wanted.plan())
+        if not common.json:
+            out.print(f"Then: encoding {', '.join(names)} as {', '.join(e.name for e in order.encodes)}.")
         return
     started = time.monotonic()
     outcome = carried_out(common, wanted.plan)
@@ -98,7 +100,7 @@ def deliver(
         done = [file for delivery in deliveries for file in delivery.make(bar)]
     lost = lost_frames(deliveries)
     if lost:
-        warn(f"{', '.join(lost[:12])}{' …' * (len(lost) > 12)}: shown as cards that say what failed")
+        warn(f"{'; '.join(lost)}: shown as cards that say what failed")
     _tell(common, done, lost, time.monotonic() - started)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)

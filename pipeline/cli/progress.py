@@ -13,6 +13,7 @@ from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
     Progress,
+    ProgressColumn,
     TaskID,
     TextColumn,
     TimeElapsedColumn,
@@ -39,6 +40,18 @@ STAGES = {
 }
 
 
+def _columns() -> list[ProgressColumn]:
+    """What is done, and the time left."""
+    return [
+        TextColumn("{task.description:>16}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+    ]
+
+
 @contextmanager
 def counting(console: Console | None) -> Iterator[Callable[[str, int], Callable[[], None]]]:
     """Bars for work in this process: of a name and a number of frames, what to call after each of them.
@@ -48,15 +61,7 @@ def counting(console: Console | None) -> Iterator[Callable[[str, int], Callable[
     if console is None:
         yield lambda name, total: lambda: None
         return
-    with Progress(
-        TextColumn("{task.description:>16}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=console,
-    ) as progress:
+    with Progress(*_columns(), console=console) as progress:
 
         def bar(name: str, total: int) -> Callable[[], None]:
             return partial(progress.advance, progress.add_task(name, total=total))
@@ -74,12 +79,7 @@ class Bars:
         for job in plan.jobs:
             totals[job.task] += len(job.frames)
         self._progress = Progress(
-            TextColumn("{task.description:>16}"),
-            BarColumn(),
-            MofNCompleteColumn(),
-            TimeElapsedColumn(),
-            TextColumn("left"),
-            TimeRemainingColumn(),
+            *_columns(),
             TextColumn("{task.fields[now]}", style="dim"),
             console=console,
         )

@@ -19,11 +19,9 @@ from pipeline.production.takes.take import Take
 from pipeline.production.tasks.movies import cut_together
 from render.dissolve import dissolved, mixed
 from render.planes import Frame
+from render.timecode import FILM_BEGINS
 
 T = TypeVar("T")
-
-HOUR = 3600
-"""Seconds of timecode at which films begin: what comes before them has room to."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,7 +34,7 @@ class Reel:
     count     how many frames there are
     facts     names and values, for its slate
     content   plain data of all that its frames are made from
-    lost      frames that cards stand for
+    lost      frames that cards stand for, shot by shot
     frames    the frames themselves
     poster    one of them, for its slate
     covered   whether the coverage of the subject is known in all of them
@@ -75,7 +73,7 @@ def of_shot(take: Take, store: Store, failed: Failed) -> Reel:
         size=take.quality.rendered_size,
         start=numbers[0],
         count=len(numbers),
-        facts=_facts(rushes, str(frames), len(numbers), rate, key),
+        facts=(("version", rushes.version), *_facts(take, str(frames), len(numbers), rate), ("key", key)),
         content=rushes.content(numbers),
         lost=lost,
         covered=all(rushes.covers(n) for n in numbers if rushes.holds(n)),
@@ -92,7 +90,7 @@ def of_film(cut: Cut, takes: Sequence[Take], store: Store, failed: Failed) -> Re
     lost = _lost(wanted)
     quality_name, rate = takes[0].quality_name, cut.frame_rate
     size = takes[0].quality.rendered_size
-    title = next((piece.title for piece in cut.pieces if piece.title), cut.name)
+    opening = cut.pieces[0]
 
     def frames(look: Look) -> Iterator[Shown]:
         def clip(place: int) -> Iterator[Shown]:
@@ -104,17 +102,17 @@ def of_film(cut: Cut, takes: Sequence[Take], store: Store, failed: Failed) -> Re
         return dissolved(list(cut_together(cut, size, clip, card)), _mixed)
 
     poster = _middle([(each, n) for each, n in wanted if each.holds(n)])
-    shots = f"{len({take.name for take in takes})} shots"
+    shots = dict.fromkeys(f"{each.take.name} {each.version}" for each in rushes)
     return Reel(
         name=cut.name,
-        title=title,
-        subtitle=shots,
+        title=opening.title or cut.name,
+        subtitle=opening.subtitle,
         folder=layout.film(quality_name, cut.name).parent / "deliver",
         rate=rate,
         size=size,
-        start=HOUR * ceil(rate.fps),
+        start=FILM_BEGINS * ceil(rate.fps),
         count=cut.length,
-        facts=_facts(rushes[0], f"{cut.length}", cut.length, rate, ""),
+        facts=(("shots", ", ".join(shots)), *_facts(takes[0], f"{cut.length}", cut.length, rate)),
         content=[cut.as_data()["pieces"], *(each.content(each.take.requested) for each in rushes)],
         lost=lost,
         covered=all(each.covers(n) for each, n in wanted if each.holds(n)),
@@ -141,21 +139,21 @@ def _lost(wanted: Sequence[tuple[Rushes, int]]) -> tuple[str, ...]:
             f"{rushes.take.name}: none of its frames could be made, so there is nothing to deliver; the "
             f"first failed: {rushes.reason(number)}"
         )
-    return tuple(f"{rushes.take.name} frame {n}" for rushes, n in lost)
+    by_shot: dict[str, list[int]] = {}
+    for rushes, number in lost:
+        by_shot.setdefault(rushes.take.name, []).append(number)
+    return tuple(f"{name} frames {FrameRange.of(set(numbers))}" for name, numbers in by_shot.items())
 
 
-def _facts(rushes: Rushes, frames: str, count: int, rate: FrameRate, key: str) -> tuple[tuple[str, str], ...]:
-    take = rushes.take
+def _facts(take: Take, frames: str, count: int, rate: FrameRate) -> tuple[tuple[str, str], ...]:
     quality = take.quality
     per_second = f"{rate.fps}" if rate.fps.denominator == 1 else f"{float(rate.fps):.3f} ({rate.fps})"
     length = float(Fraction(count) / rate.fps)
     width, height = quality.rendered_size
     noise = f", denoised ({quality.denoise})" if quality.denoise != "off" else ""
     return (
-        ("version", rushes.version),
-        ("frames", f"{frames}, {count} of them" if frames != str(count) else frames),
+        ("frames", frames if frames == str(count) else f"{frames}, {count} of them"),
         ("length", f"{length:.2f} s at {per_second} frames per second"),
         ("quality", f"{take.quality_name}, {quality.samples} samples{noise}"),
         ("size", f"{width} × {height}"),
-        *((("key", key),) if key else ()),
     )

@@ -63,8 +63,13 @@ class Rushes:
         return [self.take.name, self.version, list(numbers), shown, dict(self.take.shown_as)]
 
     def reason(self, number: int) -> str:
-        told = self._reasons.get(number, "it was not made")
-        return told.removeprefix(f"frame {number}: ")
+        """Why a frame is not there; often another one failed that it rests on."""
+        if number in self._reasons:
+            return self._reasons[number].removeprefix(f"frame {number}: ")
+        first = min(self._reasons, default=None)
+        return (
+            "it was not made" if first is None else f"not made, as frame {first} failed: {self.reason(first)}"
+        )
 
     def shown(self, number: int, look: Look) -> Shown:
         """A frame as a display shows it, or the card in its place."""

@@ -14,14 +14,13 @@ from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
-from pipeline.dailies.reel import HOUR
 from pipeline.frames import FrameRange
 from pipeline.production.files.disk import disk_faults
 from pipeline.production.takes.edit import Cut, Piece
 from pipeline.production.takes.take import Take
 from render.appear import appearing
 from render.encodes import ENCODES, Encode
-from render.sound import RATE, require_sound
+from render.timecode import FILM_BEGINS
 
 MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
 """What clips can refer to: finished frames, or deliverables of whole shots."""
@@ -53,7 +52,7 @@ class Timeline:
         """The timeline, as opentimelineio has it."""
         import opentimelineio as otio
 
-        start = self._time(HOUR * ceil(self._fps))
+        start = self._time(FILM_BEGINS * ceil(self._fps))
         timeline = otio.schema.Timeline(self.cut.name, global_start_time=start)
         pictures = otio.schema.Track("pictures", kind=otio.schema.TrackKind.Video)
         for part in self._parts():
@@ -127,6 +126,8 @@ class Timeline:
         """A track of the film's sound, as long as the film at most."""
         import opentimelineio as otio
 
+        from render.sound import RATE, require_sound
+
         heard = self.cut.heard
         assert heard is not None, "asked before"
         first = round(heard.start * RATE)
@@ -168,6 +169,8 @@ class Timeline:
 
 def _samples(first: int, count: int) -> Any:
     import opentimelineio as otio
+
+    from render.sound import RATE
 
     time = otio.opentime.RationalTime
     return otio.opentime.TimeRange(time(first, RATE), time(count, RATE))

@@ -96,7 +96,7 @@ def test_frames_that_failed_are_cards_that_say_why(there):
     whole = of_shot(take, studio.store, {})
     studio.store.discard("frame", keys[3].frame)
     reel = of_shot(take, studio.store, {(NAME, 3): "frame 3: the surface is torn"})
-    assert reel.lost == (f"{NAME} frame 3",)
+    assert reel.lost == (f"{NAME} frames 3",)
     shown = [frame for frame, _ in reel.frames(QUIET)]
     same = [bool((a == b[0]).all()) for a, b in zip(shown, whole.frames(QUIET), strict=True)]
     assert same.count(False) <= 1
@@ -168,4 +168,5 @@ def test_what_cannot_be_delivered_is_told_in_one_line(there, words, code, says):
 def test_a_dry_run_delivers_nothing(there):
     done = there.run("--dry-run", "deliver", NAME, "-q", "preview", "--as", "av1")
     assert done.code == 0, done.err
+    assert "Nothing to be done.\nThen: encoding T010_tiny as av1." in done.out
     assert not (there.path / HOME).exists()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import wave
 from pathlib import Path
 
 import pytest
@@ -177,3 +178,26 @@ def test_the_command_makes_the_film_of_an_edit_beside_the_main_one(finished):
     assert probe_movie(finished.path / "renders/film/preview/reel.mp4").frames == 6 + 11
     assert (finished.path / "renders/film/preview/film.mp4").read_bytes() == before
     assert "reel" in finished.run("validate").out
+
+
+def test_the_film_dissolves_between_its_pieces_and_is_heard(finished):
+    shots = finished.path / "shots"
+    with wave.open(str(shots / "tone.wav"), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(8000)
+        file.writeframes(b"\x00\x20" * 8000)
+    (shots / "reel.yaml").write_text(
+        "title: Reel\ntitle_seconds: 0.5\nshots:\n  - {shot: T010_tiny, dissolve: 3}\n"
+        "  - {card: Two, seconds: 0.5}\n  - {shot: T010_tiny, frames: 2-6, dissolve: 2}\n"
+        "sound: {file: tone.wav}\n"
+    )
+    assert finished.run("film", "reel", "-q", "preview").code == 0
+    facts = probe_movie(finished.path / "renders/film/preview/reel.mp4")
+    assert facts.frames == 12 + 6 + 12 + 5 - 3 - 2
+    assert facts.sound == "aac"
+    assert facts.frames / 24 <= facts.seconds <= facts.frames / 24 + 0.05
+    again = finished.run("film", "reel", "-q", "preview")
+    assert "Nothing to be done" in again.out
+    (shots / "tone.wav").write_bytes((shots / "tone.wav").read_bytes()[:-2] + b"\x01\x20")
+    assert "cutting the film" in finished.run("--dry-run", "film", "reel", "-q", "preview").out
