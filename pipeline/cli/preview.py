@@ -20,7 +20,8 @@ from pipeline.production.takes.folder import find_shot
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
 from render.burn_in import BurnIn
-from render.plot import Track, plot_tracks
+from render.panels import Track
+from render.plot import plot_tracks
 
 
 def preview(

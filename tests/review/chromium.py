@@ -68,8 +68,8 @@ class Chromium:
         """What finds the libraries and letters that were unpacked beside."""
         if self.prefix != FETCHED:
             return {}
-        libraries = [str(place) for place in sorted(self.prefix.glob("usr/lib/*-linux-gnu*"))]
-        libraries += [str(place) for place in sorted(self.prefix.glob("usr/lib/*-linux-gnu*/pulseaudio"))]
+        patterns = ("usr/lib/*-linux-gnu*", "lib/*-linux-gnu*", "usr/lib/*-linux-gnu*/pulseaudio")
+        libraries = [str(place) for pattern in patterns for place in sorted(self.prefix.glob(pattern))]
         libraries += [os.environ.get("LD_LIBRARY_PATH", "")]
         fonts = self.prefix / "fonts.conf"
         return {"LD_LIBRARY_PATH": ":".join(filter(None, libraries)), "FONTCONFIG_FILE": str(fonts)}

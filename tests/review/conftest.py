@@ -11,9 +11,12 @@ from tests.review.chromium import ChromiumError, fetch, running
 from tests.review.studio import NAME, Desk, furnish
 
 
-@pytest.fixture(scope="session")
+@pytest.fixture(scope="module")
 def browser() -> Iterator[Browser]:
-    """Debian's Chromium, which is fetched where it is not here; skips where it cannot be had."""
+    """Debian's Chromium, which is fetched where it is not here; skips where it cannot be had.
+
+    It ends with the module, for while it is there an event loop runs in this process.
+    """
     try:
         fetch()
         with running() as found:
@@ -23,12 +26,12 @@ def browser() -> Iterator[Browser]:
 
 
 @pytest.fixture(scope="session")
-def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
+def desk(tmp_path_factory: pytest.TempPathFactory) -> Desk:
     """A studio with numbered pictures, and the page of them written."""
     root = tmp_path_factory.mktemp("review")
     with pytest.MonkeyPatch.context() as patch:
         patch.chdir(root)
         made = furnish(root)
         code, words = made.command("review", NAME)
-        assert code == 0, words
-        yield made
+    assert code == 0, words
+    return made

@@ -23,6 +23,12 @@ from render.image import read_png
 from tests.review.studio import FAILED, LAST, MISSING, NAME, Desk, number_in
 
 
+@pytest.fixture(autouse=True)
+def _at_the_desk(desk: Desk, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shots are looked for in the working folder."""
+    monkeypatch.chdir(desk.root)
+
+
 @pytest.fixture
 def copy(desk: Desk, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Desk:
     """The studio, to be changed; its files are links until they are replaced."""

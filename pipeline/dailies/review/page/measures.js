@@ -59,7 +59,7 @@ function counted(vertices, faces) {
         paintLine(context, chart, vertices, range, CHART_INKS.line);
         labelAxis(context, chart, short(Math.max(...vertices)), short(Math.min(...vertices.filter((v) => v !== null))));
       },
-      value: (place) => `${count(vertices[place])}, ${count(faces[place])} triangles`,
+      value: (place) => count(vertices[place]) + (faces[place] ? `, ${count(faces[place])} triangles` : ""),
     },
   ];
 }

@@ -153,8 +153,10 @@ class Strip {
   #drawHead(context, cell, bottom, dots) {
     const i = this.#numbers().indexOf(this.review.transport.frame);
     const x = Math.round(i * cell), width = Math.max(2 * dots, Math.round((i + 1) * cell) - x);
-    context.fillStyle = "rgba(255, 255, 255, 0.16)";
-    context.fillRect(x, 0, width, bottom);
+    if (width < 30 * dots) {
+      context.fillStyle = "rgba(255, 255, 255, 0.16)";
+      context.fillRect(x, 0, width, bottom);
+    }
     context.strokeStyle = "rgba(0, 0, 0, 0.7)";
     context.lineWidth = 3 * dots;
     context.strokeRect(x, dots, width, bottom - 2 * dots);
