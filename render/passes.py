@@ -250,7 +250,7 @@ def without_sparkles(light: NDArray[np.float64]) -> NDArray[np.float64]:
 def _standard_error(mean: Picture, square: Picture, samples: int) -> Picture:
     """(H, W) of the mean of samples that know nothing of each other: s / √n, s² their unbiased variance.
 
-    Multijitter's samples lie more evenly, and the moments of a shutter too, so the error is rather less.
+    They lie more evenly, and the moments of a shutter too, so the error is rather less.
     """
     variance = np.maximum(square - mean * mean, 0.0) * samples / (samples - 1)
     return np.asarray(np.sqrt(variance / samples), dtype=np.float64)
