@@ -5,7 +5,8 @@ thread a core, of which one is watched here. 1280 × 720 pixels unless SCALE (pe
 otherwise, 64 samples of light and of the guides. Seconds inside of `mi.render` and of our own paths, until
 the picture is there, and inside of the denoiser are told apart from all others; so both sides of the ratio
 come from the same frames and the same moments of a busy machine. Then the light of the last frame is rendered
-in one call of 64 samples, which says what cutting it into passes costs. Writes `benchmarks/out/overhead.json`.
+in one call of 64 samples, which says what cutting it into passes costs. Writes
+`benchmarks/out/overhead.json`.
 
 Twice unless STEADY says otherwise: without and with light of 2 frames to either side, whose layers take
 passes of their own. Neither simulating nor starting Python and Snakemake is part of a frame.
