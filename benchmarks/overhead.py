@@ -2,10 +2,11 @@
 
 A sculpture of some 67,000 vertices is made by the production's own jobs, as two cores do it: one job of one
 thread a core, of which one is watched here. 1280 × 720 pixels unless SCALE (per cent of 1920 × 1080) says
-otherwise, 64 samples of light and of the guides. Seconds inside of `mi.render`, until its picture is there,
-and inside of the denoiser are told apart from all others; so both sides of the ratio come from the same
-frames and the same moments of a busy machine. Then Mitsuba alone renders the last frame in one call of 64
-samples, which says what cutting it into passes costs. Writes `benchmarks/out/overhead.json`.
+otherwise, 64 samples of light and of the guides. Seconds inside of `mi.render` and of our own paths, until
+the picture is there, and inside of the denoiser are told apart from all others; so both sides of the ratio
+come from the same frames and the same moments of a busy machine. Then the light of the last frame is rendered
+in one call of 64 samples, which says what cutting it into passes costs. Writes
+`benchmarks/out/overhead.json`.
 
 Twice unless STEADY says otherwise: without and with light of 2 frames to either side, whose layers take
 passes of their own. Neither simulating nor starting Python and Snakemake is part of a frame.
@@ -56,8 +57,8 @@ class Watch:
     """Seconds by what they were spent on."""
 
     seconds: dict[str, float] = field(default_factory=dict)
-    light: tuple[Any, Any] | None = None
-    """The scene and the integrator that light was rendered with last."""
+    light: Callable[[], Any] | None = None
+    """Renders what light was rendered last, in one call."""
 
     def timed(self, what: str, work: Callable[[], Any]) -> Any:
         begun = time.perf_counter()
@@ -67,11 +68,13 @@ class Watch:
 
     @contextmanager
     def over(self) -> Iterator[None]:
-        """While it is entered, `mi.render` and the denoiser tell how long they took."""
+        """While it is entered, `mi.render`, paths of our own and the denoiser tell how long they took."""
         import drjit as dr
         import mitsuba as mi
 
-        render, denoise = mi.render, pyoidn.denoise
+        from render.paths import Light
+
+        render, follow, denoise = mi.render, Light.picture, pyoidn.denoise
 
         def rendered(scene: Any, *arguments: Any, integrator: Any, **others: Any) -> Any:
             def work() -> Any:
@@ -82,17 +85,21 @@ class Watch:
 
             is_light = "path" in str(integrator).lower().split("[")[0]
             if is_light:
-                self.light = scene, integrator
+                self.light = lambda: np.array(render(scene, integrator=integrator, spp=64, seed=1))
             return self.timed("light" if is_light else _layer(integrator), work)
+
+        def followed(light: Light, *arguments: Any) -> Any:
+            self.light = lambda: follow(light, 64, 0, 1)
+            return self.timed("light", lambda: follow(light, *arguments))
 
         def denoised(*arguments: Any, **others: Any) -> Any:
             return self.timed("denoiser", lambda: denoise(*arguments, **others))
 
-        mi.render, pyoidn.denoise = rendered, denoised
+        mi.render, Light.picture, pyoidn.denoise = rendered, followed, denoised  # type: ignore[method-assign]
         try:
             yield
         finally:
-            mi.render, pyoidn.denoise = render, denoise
+            mi.render, Light.picture, pyoidn.denoise = render, follow, denoise  # type: ignore[method-assign]
 
 
 def _layer(integrator: Any) -> str:
@@ -141,14 +148,9 @@ def measure(frames: int, scale: str, steady: int, engine: Engine) -> Row:
 
 
 def _in_one_call(watch: Watch) -> float:
-    import drjit as dr
-    import mitsuba as mi
-
     assert watch.light is not None
-    scene, integrator = watch.light
     begun = time.perf_counter()
-    np.array(mi.render(scene, integrator=integrator, spp=64, seed=1))
-    dr.sync_thread()
+    watch.light()
     return time.perf_counter() - begun
 
 

@@ -3,7 +3,7 @@
 After Dammertz, Hanika, Keller and Lensch, *A hierarchical automatic stopping condition for Monte Carlo global
 illumination* (2010): the error is taken in blocks and over the square root of the light, which is about what
 a display shows. They compare a picture with one of half its samples; here all passes are compared, each
-against their mean. So multijitter's evenness counts, which the spread of single samples knows nothing of.
+against their mean. So it counts how evenly samples lie, which the spread of single ones knows nothing of.
 """
 
 from __future__ import annotations

@@ -5,7 +5,8 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import accumulate
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,11 @@ SPARKLE_FACTOR = 3.0
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
-_LUMINANCE, _SQUARE = 4, 7
-"""Where Mitsuba's moments have the mean luminance, and that of its square."""
+_LUMINANCE, _SQUARE = 3, 4
+"""Where a picture of light has the mean luminance, and that of its square."""
+
+_OF_MOMENTS = [0, 1, 2, 4, 7]
+"""Where Mitsuba's moments have these."""
 
 
 def seed_of(*parts: str | int) -> int:
@@ -43,12 +47,14 @@ class Pass:
 
     layer   "guides" or "beauty"
     marked  whether what vertices bring along is looked at with the same samples
+    first   how many samples of light the picture has had before, all sub-frames together
     """
 
     subframe: int
     layer: str
     samples: int
     marked: bool = False
+    first: int = 0
 
 
 @dataclass
@@ -69,6 +75,7 @@ class Passes:
     _sums: dict[str, Picture] = field(default_factory=dict)
     _terms: dict[str, int] = field(default_factory=dict)
     _done: int = 0
+    _taken: int = 0
     _batch: list[Picture] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -90,11 +97,11 @@ class Passes:
 
     def render(self, one: Pass, scenes: Scenes, marks: Mapping[str, NDArray[np.float32]]) -> None:
         """The next of those left. marks: by name (V, 3), what its layers show of the vertices"""
-        seed = seed_of(self.seed, self._done, one.layer)
         if one.layer == "beauty":
-            self._add_beauty(_render(scenes.beauty, one.samples, seed))
+            self._add_beauty(self._light(one, scenes.beauty))
         else:
-            self._add("guides", _render(scenes.guides, one.samples, seed))
+            seed = seed_of(self.seed, self._done, one.layer)
+            self._add("guides", scenes.guides.render(one.samples, seed))
             if one.marked and scenes.dyed is not None:
                 self._add_marks(scenes.dyed, marks, one.samples, seed)
         self._done += 1
@@ -131,10 +138,14 @@ class Passes:
         noise = {"noise": float(f"{self._noise:.4g}")} if self._comparable else {}
         return {"samples": self._taken, **noise}
 
-    @property
-    def _taken(self) -> int:
-        """Samples of light a pixel until now, all together, as multijitter rounds them."""
-        return sum(_rectangle(one.samples) for one in self._order[: self._done] if one.layer == "beauty")
+    def _light(self, one: Pass, beauty: Rendering) -> Picture:
+        """Our own paths go on in one sequence from pass to pass; Mitsuba's know nothing of each other."""
+        if beauty.light is not None:
+            self._taken += one.samples
+            return np.asarray(beauty.light.picture(one.samples, one.first, seed_of(self.seed, one.layer)))
+        self._taken += _rectangle(one.samples)
+        found = beauty.render(one.samples, seed_of(self.seed, self._done, one.layer))
+        return found[..., _OF_MOMENTS] if "noise" in self.aovs else found
 
     def _in_order(self) -> list[Pass]:
         """Sub-frame by sub-frame; where passes may end early, one pass of light of each in turn, so that all
@@ -146,9 +157,9 @@ class Passes:
         ]
         beauty = [[Pass(i, "beauty", n) for n in self._beauty] for i in range(self.count)]
         if self.quality.noise_threshold is None:
-            return [one for i in range(self.count) for one in (*guides[i], *beauty[i])]
+            return _counted([one for i in range(self.count) for one in (*guides[i], *beauty[i])])
         first = [one for i in range(self.count) for one in (*guides[i], beauty[i][0])]
-        return first + [one for turn in zip(*beauty, strict=True) for one in turn][self.count :]
+        return _counted(first + [one for turn in zip(*beauty, strict=True) for one in turn][self.count :])
 
     def _quiet_enough(self) -> bool:
         threshold = self.quality.noise_threshold
@@ -168,7 +179,8 @@ class Passes:
         sums = {f"sum:{name}": total for name, total in self._sums.items()}
         terms = {f"terms:{name}": np.array(count) for name, count in self._terms.items()}
         batch = {f"batch:{index}": picture for index, picture in enumerate(self._batch)}
-        return {"done": np.array(self._done), **sums, **terms, **batch}
+        done, taken = np.array(self._done), np.array(self._taken)
+        return {"done": done, "taken": taken, **sums, **terms, **batch}
 
     def _restore(self, state: Mapping[str, NDArray[Any]]) -> None:
         """Go on from what `_state` gave."""
@@ -176,7 +188,7 @@ class Passes:
         def named(kind: str) -> dict[str, NDArray[Any]]:
             return {key.removeprefix(kind): state[key] for key in state if key.startswith(kind)}
 
-        self._done = int(state["done"])
+        self._done, self._taken = int(state["done"]), int(state["taken"])
         self._sums = named("sum:")
         self._terms = {name: int(count) for name, count in named("terms:").items()}
         self._batch = list(named("batch:").values())
@@ -214,7 +226,7 @@ class Passes:
 
         def look(values: NDArray[np.float32]) -> Picture:
             dyed.set("subject", DYE, values)
-            return _render(dyed, samples, seed)[..., :3]
+            return dyed.render(samples, seed)[..., :3]
 
         for name, picture in looked_at(marks, look).items():
             self._add(name, picture)
@@ -238,24 +250,20 @@ def without_sparkles(light: NDArray[np.float64]) -> NDArray[np.float64]:
 def _standard_error(mean: Picture, square: Picture, samples: int) -> Picture:
     """(H, W) of the mean of samples that know nothing of each other: s / √n, s² their unbiased variance.
 
-    Multijitter's samples lie more evenly, and the moments of a shutter too, so the error is rather less.
+    They lie more evenly, and the moments of a shutter too, so the error is rather less.
     """
     variance = np.maximum(square - mean * mean, 0.0) * samples / (samples - 1)
     return np.asarray(np.sqrt(variance / samples), dtype=np.float64)
+
+
+def _counted(passes: list[Pass]) -> list[Pass]:
+    """The same, told how many samples of light there were before each."""
+    light = [one.samples if one.layer == "beauty" else 0 for one in passes]
+    before = accumulate(light, initial=0)
+    return [replace(one, first=first) for one, first in zip(passes, before, strict=False)]
 
 
 def _rectangle(samples: int) -> int:
     """How many samples multijitter takes that is asked for so many."""
     rows = math.isqrt(samples)
     return rows * -(-samples // rows)
-
-
-def _render(rendering: Rendering, samples: int, seed: int) -> Picture:
-    import drjit as dr
-    import mitsuba as mi
-
-    picture = np.array(
-        mi.render(rendering.scene, integrator=rendering.integrator, spp=samples, seed=seed), dtype=np.float64
-    )
-    dr.flush_malloc_cache()
-    return picture

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from render.errors import BadInputError
 
 PASS_SAMPLES = 16
-"""Samples a pixel in one pass; a square, as the multijitter sampler wants."""
+"""Samples a pixel in one pass; a square, as multijitter wants, and a power of two, as our sequence does."""
 
 FEWEST_ADAPTIVE = 3 * PASS_SAMPLES
 """Samples of a picture that may stop earlier: two passes tell its noise, and a third one can be saved."""
@@ -25,7 +25,7 @@ class Quality:
     """What a picture costs and what it is good for.
 
     width, height   pixels
-    samples         paths a pixel; multijitter rounds up to a rectangle: 4, 6, 9, 16, 64
+    samples         paths a pixel; the plain variant rounds up to a rectangle: 4, 6, 9, 16, 64
     noise_threshold the noise (see `adaptive.noise_of`) that is quiet enough: passes end there, or with
                     `samples` at the latest; None takes them all
     guides          samples a pixel of the AOVs, which are free of noise but for their edges

@@ -5,8 +5,8 @@ An engine must have been started (`render.engine.Engine.start`) before anything 
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from dataclasses import dataclass
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from render import absorption, gouraud, lamps, scenery, wireframe
 from render import material as materials
+from render.aim import Aim, Lamps, aims
 from render.aovs import MARKS
 from render.camera import Camera
 from render.inside import refuse_inside
@@ -39,10 +40,25 @@ cuts the picture by the number of threads."""
 
 @dataclass(frozen=True, eq=False)
 class Rendering:
-    """A Mitsuba scene, and what Mitsuba should find out about it."""
+    """A Mitsuba scene, and what Mitsuba should find out about it.
+
+    light  a `render.paths.Light` of this scene where paths are followed by our own code, which Mitsuba's
+           integrator only stands for then
+    """
 
     scene: Any
     integrator: Any
+    light: Any = None
+
+    def render(self, samples: int, seed: int) -> NDArray[np.float64]:
+        """(H, W, channels) of Mitsuba's integrator: its means over `samples`, as multijitter rounds them."""
+        import drjit as dr
+        import mitsuba as mi
+
+        found = mi.render(self.scene, integrator=self.integrator, spp=samples, seed=seed)
+        picture = np.array(found, dtype=np.float64)
+        dr.flush_malloc_cache()
+        return picture
 
     def set(self, shape: str, attribute: str, values: NDArray[np.float32]) -> None:
         """Give the vertices of a shape other values (V, k) of an attribute that they have."""
@@ -111,7 +127,21 @@ def build_scene(
     if guides or lamps.any_in_view(lights, to_scene, camera, size):
         bare = _load({**common, **guides})
     beauty = _beauty(materials.path(look, depth), lights)
-    return _scenes(scene, bare, beauty, common, surface, aovs)
+    found = _scenes(scene, bare, beauty, common, surface, aovs)
+    return replace(found, beauty=_followed(found.beauty, beauty, aims(lights, to_scene)))
+
+
+def _followed(beauty: Rendering, path: dict[str, Any], wanted: Sequence[Aim]) -> Rendering:
+    """With paths of our own, where code is compiled and light is followed from surface to surface alone."""
+    import mitsuba as mi
+
+    if mi.variant() == "scalar_rgb" or path["type"] != "path":
+        return beauty
+    from render.paths import Light
+
+    lamps = Lamps(beauty.scene, wanted)
+    light = Light(beauty.scene, beauty.integrator, lamps, path["max_depth"], path["hide_emitters"])
+    return replace(beauty, light=light)
 
 
 def _drawn(

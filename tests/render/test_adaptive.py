@@ -55,7 +55,7 @@ def test_what_stops_early_is_the_picture_of_fewer_samples(rendered: Rendered) ->
     assert whole.facts["samples"] == 96
     plain = rendered(quality=replace(MOST, noise_threshold=None), aovs=("samples", "noise"))
     assert all(np.array_equal(whole[name], plain[name]) for name in plain.arrays)
-    # Errors fall as 1 / √n, and faster as multijitter's samples lie evenly.
+    # Errors fall as 1 / √n, and faster as samples lie evenly.
     threshold = 1.2 * whole.facts["noise"]
     early = rendered(quality=replace(MOST, noise_threshold=threshold), aovs=("samples", "noise"))
     taken = early.facts["samples"]

@@ -148,7 +148,7 @@ def test_where_the_picture_is_light_the_coat_is_rough(
         pixels = write(tmp_path / f"{rough}.exr", np.full((2, 2, 1), rough))
         shown[rough] = rendered(surface=looked(sphere), look=replace(look, rough=pixels))["beauty"]
     inside = rendered()["matte"] == 1.0
-    assert shown[0.05][inside].std() > 1.2 * shown[0.7][inside].std()
+    assert shown[0.05][inside].max() > 1.5 * shown[0.7][inside].max()
 
 
 def test_relief_is_as_strong_up_as_across(rendered: Rendered, sphere: Surface, tmp_path: Path) -> None:

@@ -56,6 +56,7 @@ PICTURE_CODE = (
         f"render/{name}.py"
         for name in (
             *("frame", "passes", "adaptive", "checkpoint", "shutter", "aovs"),
+            *("paths", "aim", "draws", "sequence"),
             *("scene", "mitsuba_mesh", "surface", "spheres"),
             *("material", "absorption", "marks", "wireframe", "gouraud"),
             *("pigment", "noise", "_kernels_noise"),

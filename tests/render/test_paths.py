@@ -1,0 +1,130 @@
+"""Our own paths find the light that Mitsuba's find, with less noise the longer they go on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from render.aim import aims
+from render.camera import Camera
+from render.daylight import Daylight
+from render.engine import Engine
+from render.environment import Environment
+from render.frame import Layers
+from render.lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.look import LOOKS
+from render.quality import Quality
+from render.scene import Rendering, build_scene
+from render.stage import STAGES, Placement
+from render.surface import Surface
+
+SIZE = (48, 27)
+QUALITY = Quality(*SIZE, samples=16, depth=4, guides=4)
+LUMA = np.array([0.2126, 0.7152, 0.0722])
+MANY = LightRig(
+    tuple(
+        Softbox((4.0 * x, 4.0, 4.0 * z), 1.0, 1.0, (12.0, 12.0, 12.0))
+        for x, z in ((1, 0), (0, 1), (-1, 0), (0, -1), (1, 1), (1, -1), (-1, 1), (-1, -1))
+    )
+)
+
+
+@pytest.fixture(scope="module")
+def built(sphere: Surface, engine: Engine) -> Callable[..., Rendering]:
+    if engine.variant == "scalar_rgb":
+        pytest.skip("the plain variant follows Mitsuba's own paths")
+
+    def build(look: str = "clay", lights: LightRig = LIGHTS["studio"], depth: int = 4) -> Rendering:
+        placement = Placement((3.0, -1.0, 2.0), 1.0, 0.4)
+        moved = replace(sphere, vertices=(sphere.vertices + np.float32([3.0, -1.0, 2.0])).astype(np.float32))
+        lens = Camera((6.2, 1.9, 10.8), (3.0, -0.05, 2.0))
+        stage = STAGES["cyclorama"]
+        return build_scene(moved, LOOKS[look], lights, stage, placement, lens, SIZE, depth).beauty
+
+    return build
+
+
+def blocks(picture: np.ndarray) -> np.ndarray:
+    """Means of 9 × 8 pixels, which are less noisy."""
+    return np.asarray(picture[:27, :48, :3].reshape(3, 9, 6, 8, 3).mean(axis=(1, 3)))
+
+
+@pytest.mark.parametrize(
+    ("look", "lights", "within"),
+    [
+        ("clay", LIGHTS["studio"], 0.01),
+        ("glaze", LIGHTS["gallery"], 0.01),
+        ("glass", LIGHTS["three_point"], 0.04),
+        ("putty", LightRig(daylight=Daylight()), 0.01),
+        ("clay", LightRig(suns=(Sun((-1.0, -1.0, -0.5), (2.0, 2.0, 1.5)),), sky=Sky((0.1, 0.2, 0.3))), 0.01),
+        ("clay", LightRig(sky=Sky((0.4, 0.5, 0.6), (0.4, 0.5, 0.6), (0.4, 0.5, 0.6), visible=True)), 0.01),
+        ("putty", MANY, 0.01),
+    ],
+    ids=["studio", "gallery", "glass", "daylight", "sun", "sky", "many lamps"],
+)
+def test_they_find_the_same_light_as_mitsuba(
+    look: str, lights: LightRig, within: float, built: Callable[..., Rendering]
+) -> None:
+    """Glass gathers it in sparks, of which its mean hangs."""
+    scene = built(look, lights)
+    ours, theirs = scene.light.picture(256, 0, 5)[..., :3], scene.render(1024, 6)
+    assert ours.mean() == pytest.approx(theirs.mean(), rel=within)
+    light = np.maximum(blocks(theirs), 0.05 * theirs.mean())
+    assert np.sqrt((((blocks(ours) - blocks(theirs)) / light) ** 2).mean()) < 3.0 * within
+
+
+def test_a_map_of_a_place_is_looked_for_and_a_plain_sky_is_not(tmp_path: Path) -> None:
+    place = LightRig(environment=Environment("0" * 64, path=str(tmp_path / "place.exr")))
+    assert [aim.name for aim in aims(place, np.eye(4))] == ["sky"]
+    assert [aim.name for aim in aims(LIGHTS["softbox"], np.eye(4))] == ["softbox0"]
+
+
+def test_errors_fall_faster_than_those_of_passes_that_know_nothing_of_each_other(
+    built: Callable[..., Rendering],
+) -> None:
+    scene = built()
+    truth = scene.light.picture(1024, 0, 77)[..., :3] @ LUMA
+    passes = [
+        [scene.light.picture(16, 16 * number, seed)[..., :3] @ LUMA for number in range(4)]
+        for seed in range(4)
+    ]
+    one = np.mean([(each[0] - truth) ** 2 for each in passes])
+    four = np.mean([(np.mean(each, axis=0) - truth) ** 2 for each in passes])
+    assert four < one / 5.0  # a quarter, did they know nothing
+    theirs = np.mean([(scene.render(16, seed)[..., :3] @ LUMA - truth) ** 2 for seed in range(4)])
+    assert one < theirs / 1.5
+
+
+def test_a_pass_of_sixteen_is_four_of_four(built: Callable[..., Rendering]) -> None:
+    light = built().light
+    whole = light.picture(16, 0, 5)
+    parts = np.mean([light.picture(4, first, 5) for first in (0, 4, 8, 12)], axis=0)
+    assert np.allclose(whole, parts, rtol=1e-4, atol=1e-5)
+
+
+def test_a_sequence_that_has_ended_goes_on_with_other_numbers(built: Callable[..., Rendering]) -> None:
+    light = built().light
+    assert not np.allclose(light.picture(4, 0, 5), light.picture(4, 1024, 5), rtol=1e-2)
+
+
+def test_pixels_know_nothing_of_each_other(built: Callable[..., Rendering]) -> None:
+    """Or a denoiser would take what they have in common for a pattern."""
+    light = built().light
+    truth = light.picture(1024, 0, 77)[..., :3] @ LUMA
+    off = np.stack([light.picture(4, 0, seed)[..., :3] @ LUMA - truth for seed in range(32)])
+    off /= off.std(axis=0) + 1e-6
+    for one, other in ((off[:, :, 1:], off[:, :, :-1]), (off[:, 1:], off[:, :-1]), (off[1:], off[:-1])):
+        assert abs((one * other).mean()) < 0.03
+
+
+def test_a_part_has_the_noise_of_the_whole(rendered: Callable[..., Layers], engine: Engine) -> None:
+    if engine.variant == "scalar_rgb":
+        pytest.skip("there random numbers belong to places in what is rendered")
+    whole = rendered(quality=QUALITY)["beauty"]
+    part = rendered(quality=replace(QUALITY, crop=(10, 5, 34, 21)))["beauty"]
+    inner = slice(6, 20), slice(11, 33)  # sparkles are looked for among neighbours
+    assert np.allclose(part[1:-1, 1:-1], whole[inner], rtol=1e-3, atol=1e-5)

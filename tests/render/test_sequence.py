@@ -1,0 +1,46 @@
+"""Every beginning of the sequence is spread evenly."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from render.sequence import COORDINATES, LENGTH, points
+
+
+def places(first: int, count: int) -> np.ndarray:
+    """(COORDINATES, count), 0 … 1"""
+    digits = points(first, count)[..., None] >> np.arange(10) & 1
+    return np.asarray(digits @ 0.5 ** np.arange(1, 11))
+
+
+@given(log=st.integers(0, 10), block=st.integers(0, 3), pair=st.integers(0, COORDINATES // 2 - 1))
+def test_as_many_points_as_rectangles_leave_none_empty(log: int, block: int, pair: int) -> None:
+    count = 1 << log
+    across, up = places(block * count, count)[2 * pair : 2 * pair + 2]
+    for columns in (1 << n for n in range(log + 1)):
+        rows = count // columns
+        cells = np.floor(across * columns) * rows + np.floor(up * rows)
+        assert len(np.unique(cells)) == count
+
+
+@pytest.mark.parametrize(("count", "least"), [(16, 0.74), (64, 0.66)])
+def test_points_are_even_by_coordinates_of_different_pairs_too(count: int, least: float) -> None:
+    """In a square of as many cells most have a point, where chance would leave 37% empty."""
+    side = int(count**0.5)
+    cells = np.floor(places(0, count) * side)
+    filled = [
+        len(np.unique(side * cells[one] + cells[other])) / count
+        for one in range(COORDINATES)
+        for other in range(one)
+    ]
+    assert np.mean(filled) > least
+
+
+def test_the_sequence_goes_on_where_it_was_left_and_begins_again_at_its_end() -> None:
+    whole = points(0, 64)
+    assert np.array_equal(np.concatenate([points(16 * i, 16) for i in range(4)], axis=1), whole)
+    assert np.array_equal(points(LENGTH, 64), whole)
+    assert len(np.unique(points(0, LENGTH)[5])) == LENGTH
