@@ -15,8 +15,8 @@ from pipeline.cli.options import Common
 from pipeline.cli.progress import counting
 from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer, duration, err, out, warn
-from pipeline.dailies.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
-from pipeline.dailies.reel import of_film, of_shot
+from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
+from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.runs.plan import Plan
 from pipeline.production.runs.workflow import Studio

@@ -11,7 +11,7 @@ from ruamel.yaml import YAML
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer
-from pipeline.dailies.timeline import MEDIA, Timeline
+from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.farm import openjd as job_description
 from pipeline.production.files.disk import disk_faults

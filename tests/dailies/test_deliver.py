@@ -9,9 +9,9 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.dailies.deliver import Delivery, Order
-from pipeline.dailies.reel import of_film, of_shot
-from pipeline.dailies.rushes import Look
+from pipeline.dailies.delivery.deliver import Delivery, Order
+from pipeline.dailies.delivery.reel import of_film, of_shot
+from pipeline.dailies.delivery.rushes import Look
 from pipeline.errors import FrameError
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.take import Take

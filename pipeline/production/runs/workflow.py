@@ -126,7 +126,7 @@ class Studio:
         return planner.plan()
 
     def surfaces(self, take: Take) -> Plan:
-        """What quick pictures of a take are drawn from."""
+        """What the pictures of a take are made from, and not the pictures."""
         planner = self._planner()
         planner.surfaces(take)
         return planner.plan()

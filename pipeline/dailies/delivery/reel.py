@@ -9,7 +9,7 @@ from math import ceil
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pipeline.dailies.rushes import Failed, Look, Rushes, Shown, opaque
+from pipeline.dailies.delivery.rushes import Failed, Look, Rushes, Shown, opaque
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.files import layout

@@ -12,8 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.dailies.reel import Reel
-from pipeline.dailies.rushes import Look, Shown, opaque
+from pipeline.dailies.delivery.reel import Reel
+from pipeline.dailies.delivery.rushes import Look, Shown, opaque
 from pipeline.errors import MachineError
 from pipeline.production.files.disk import disk_faults
 from pipeline.production.files.store import Store
@@ -41,7 +41,7 @@ _CODE = (
     ),
     *(f"render/{name}.py" for name in ("slate", "burn_in", "typesetting", "timecode", "titles", "image")),
     *(f"render/{name}.py" for name in ("colour", "view", "_kernels_view", "dither")),
-    *(f"pipeline/dailies/{name}.py" for name in ("rushes", "reel", "deliver")),
+    *(f"pipeline/dailies/delivery/{name}.py" for name in ("rushes", "reel", "deliver")),
 )
 _KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
 
