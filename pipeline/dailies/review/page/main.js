@@ -23,7 +23,7 @@ class Review {
     this.strip = new Strip(id("strip"), this);
     this.controls = new Controls(this);
     new Splitter(id("splitter"), id("panel"));
-    this.#restore();
+    restoreFrom(this, location.hash);
     new StagePointer(this.stage, () => this.redraw());
     listenForKeys(this);
     new ResizeObserver(() => this.#resized()).observe(id("page"));
@@ -156,7 +156,7 @@ class Review {
     this.strip.draw();
     this.panels[this.tab].draw();
     this.controls.drawFrame();
-    if (!this.transport.playing) this.#remember();
+    if (!this.transport.playing) rememberSoon(this);
   }
 
   #drawPicture() {
@@ -183,36 +183,13 @@ class Review {
     this.#drawPicture();
     this.strip.draw();
     this.panels[this.tab].draw();
-    this.#remember();
+    rememberSoon(this);
   }
 
   #resized() {
     this.redraw();
     this.grid.resize();
     this.panels[this.tab].resize?.();
-  }
-
-  // The address tells what is shown, so that it can be sent to somebody
-
-  #remember() {
-    const said = new URLSearchParams({
-      frame: this.transport.frame, a: this.a.name(false), b: this.b.name(false), mode: this.mode,
-    });
-    clearTimeout(this.remembering);
-    this.remembering = setTimeout(() => history.replaceState(null, "", `#${said}`), 200);
-  }
-
-  #restore() {
-    const said = new URLSearchParams(location.hash.slice(1));
-    const named = (name) => this.sequences.find((each) => each.name(false) === name);
-    const best = this.sequences.reduce((most, each) => (each.kind === "render" && each.url(each.first) && each.size[0] * each.facts.numbers.length > most.size[0] * most.facts.numbers.length ? each : most));
-    const a = named(said.get("a")) ?? best;
-    const b = named(said.get("b")) ?? this.sequences.find((each) => each !== a && each.shot === a.shot) ?? this.sequences.find((each) => each !== a) ?? a;
-    this.b = this.stage.b = b;
-    this.choose("a", a);
-    const frame = Number.parseInt(said.get("frame"), 10);
-    this.transport.go(Number.isFinite(frame) ? frame : this.transport.first);
-    if (MODE_NAMES[said.get("mode")]) this.setMode(said.get("mode"));
   }
 }
 
