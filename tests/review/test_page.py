@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import json
+import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from importlib.resources import files
@@ -86,10 +88,10 @@ def opened(tab: Tab, desk: Desk, tmp_path: Path) -> Iterator[Opened]:
     for name, listener in listeners.items():
         tab.on(name, listener)  # type: ignore[call-overload]
 
-    def open_page(**said: object) -> Looker:
+    def open_page(page: Path | None = None, **said: object) -> Looker:
         words = "&".join(f"{name}={value}" for name, value in {"a": "T010_tiny · preview", **said}.items())
         tab.goto("about:blank")
-        tab.goto(f"{desk.page().as_uri()}#{words}")
+        tab.goto(f"{(page or desk.page()).as_uri()}#{words}")
         looker = Looker(tab, tmp_path)
         looker.wait("window.review")
         looker.settled()
@@ -272,6 +274,19 @@ def test_the_mesh_nearest_to_the_playhead_is_drawn(opened: Opened) -> None:
     look.press("e")
     lined = look.seen(".mesh-stage").astype(int)
     assert (np.abs(lined - plain).max(axis=2) > 20).mean() > 0.002
+
+
+def test_a_page_without_three_works_and_says_how_to_get_it(
+    opened: Opened, desk: Desk, tmp_path: Path
+) -> None:
+    folder = Path(shutil.copytree(desk.page().parent, tmp_path / "page"))
+    data = json.loads((folder / "data.js").read_text().removeprefix("window.reviewData = ").rstrip(";\n"))
+    told = {**data, "three": None, "hint": three.HINT}
+    (folder / "data.js").write_text(f"window.reviewData = {json.dumps(told)};")
+    look = opened(folder / "index.html", frame=2)
+    look.press("m", "ArrowRight")
+    assert "pipeline.dailies.review.three gets it" in look.tab.inner_text("#panel-mesh")
+    assert look.number == 3
 
 
 def test_the_address_tells_what_is_shown(opened: Opened) -> None:
