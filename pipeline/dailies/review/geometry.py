@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.dailies.sheets.measures import simulated
 from pipeline.production.files import readers
 from pipeline.production.files.store import CorruptFileError, Store
 from pipeline.production.takes.keys import Key, key_of
@@ -37,27 +38,33 @@ class Models:
     folder: Path
 
     def chosen(self, most: int) -> list[int]:
-        """Frames evenly over those that the store has; the first and the last are among them."""
-        there = [n for n in sorted(self.take.poses) if self.store.holds("normals", self.take.normals_key(n))]
+        """Frames evenly over those that are there; the first and the last are among them."""
+        there = [number for number in sorted(self.take.poses) if self._place(number)]
         if not there or most < 1:
             return []
-        largest = max(self.store.path("normals", self.take.normals_key(n)).stat().st_size for n in there[-3:])
+        largest = max(place[0].stat().st_size for n in there[-3:] if (place := self._place(n)))
         count = max(1, min(most, len(there), BUDGET // max(1, largest)))
         places = np.linspace(0, len(there) - 1, count).round().astype(int)
         return [there[place] for place in dict.fromkeys(places.tolist())]
 
     def write(self, number: int) -> str | None:
         """Writes one frame unless it is there; its file's name, or None where it cannot be read."""
-        key = self.take.normals_key(number)
+        place = self._place(number)
+        if place is None:
+            return None
+        path, key = place
         name = f"{model_key(key)}.js"
         if not (self.folder / name).exists():
             try:
-                arrays = readers.arrays(key)(self.store.path("normals", key))
+                arrays = readers.arrays(key)(path)
             except (CorruptFileError, OSError):
                 return None
             with appearing(self.folder / name) as draft:
                 draft.write_text(as_script(name, arrays))
         return name
+
+    def _place(self, number: int) -> tuple[Path, Key] | None:
+        return simulated(self.take, self.store, number, "normals")
 
 
 def model_key(normals: Key) -> Key:

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
+from zipfile import BadZipFile
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,7 +120,7 @@ def _shares(values: NDArray[np.floating], top: float | None) -> tuple[float, ...
 def measured(
     take: Take, store: Store, numbers: Iterable[int], threads: int, tell: Callable[[], None] = lambda: None
 ) -> dict[int, dict[str, Any]]:
-    """The measures of those of a take's meshes that the store has, as plain data; `tell` hears of each."""
+    """The measures of those of a take's meshes that are there, as plain data; `tell` hears of each."""
 
     def one(number: int) -> tuple[int, dict[str, Any] | None]:
         data = _of_frame(take, store, number)
@@ -131,21 +132,34 @@ def measured(
 
 
 def _of_frame(take: Take, store: Store, number: int) -> dict[str, Any] | None:
-    mesh = take.mesh_key(number)
+    place = simulated(take, store, number, "mesh")
+    if place is None:
+        return None
+    path, mesh = place
     key = measures_key(mesh, maximum := _maximum(take, number))
     known = store.path("measures", key)
     try:
         return dict(json.loads(known.read_text()))
     except (OSError, ValueError):
         store.discard("measures", key)
-    if not store.holds("mesh", mesh):
-        return None
     try:
-        found = asdict(Measures.of(readers.mesh_frame(mesh)(store.path("mesh", mesh)), maximum))
+        found = asdict(Measures.of(readers.mesh_frame(mesh)(path), maximum))
     except (CorruptFileError, OSError):
         return None
     store.put("measures", key, lambda path: _write(path, found))
     return found
+
+
+def simulated(take: Take, store: Store, number: int, kind: str) -> tuple[Path, Key] | None:
+    """Where the `mesh` or the `normals` of a frame lie, and their key: those in renders/, which pictures were
+    made from, though today's shot file may ask for others; or those that the store has. None: neither."""
+    shown = store.root / take.place(kind, number)
+    try:
+        with np.load(shown, allow_pickle=False) as arrays:
+            return shown, str(arrays["key"])
+    except (OSError, ValueError, KeyError, BadZipFile):
+        key = take.mesh_key(number) if kind == "mesh" else take.normals_key(number)
+        return (store.path(kind, key), key) if store.holds(kind, key) else None
 
 
 def measures_key(mesh: Key, maximum: float | None) -> Key:

@@ -23,7 +23,6 @@ class Chart {
     this.canvas = this.figure.appendChild(document.createElement("canvas"));
     this.canvas.setAttribute("role", "img");
     this.canvas.setAttribute("aria-label", `${about.title} by frame: ${about.hint}`);
-    this.canvas.style.height = `${about.height}px`;
     this.layer = document.createElement("canvas");
     this.#addLegend();
     this.canvas.addEventListener("pointerdown", (event) => {
@@ -51,7 +50,12 @@ class Chart {
     });
   }
 
-  get height() { return this.about.height; }
+  /** Make it so many times as high as it must be. */
+  stretch(factor) {
+    this.height = Math.round(this.about.height * factor);
+    this.canvas.style.height = `${this.height}px`;
+  }
+
   get plotWidth() { return Math.max(10, this.width - AXIS); }
 
   /** The middle of a frame's column. */

@@ -21,7 +21,17 @@ class MeasuresPanel {
     for (const chart of this.charts) chart.draw(this.review.transport.frame);
   }
 
-  resize() { this.draw(); }
+  resize() {
+    if (this.charts && Math.abs(this.#stretch() - this.stretched) > 0.04) this.shown = null;
+    this.draw();
+  }
+
+  /** By how much charts are higher than they must be, for the room that there is. */
+  #stretch() {
+    const natural = this.charts.reduce((sum, { about }) => sum + about.height, 0);
+    const words = this.charts.reduce((sum, { about }) => sum + (about.legend ? 86 : 38), 24);
+    return Math.min(1.8, Math.max(1, (this.element.clientHeight - words) / natural));
+  }
 
   #build(sequence) {
     this.shown = sequence;
@@ -42,6 +52,8 @@ class MeasuresPanel {
     }
     const stages = Object.keys(STAGE_INKS).filter((stage) => sequence.seconds[stage]);
     if (stages.length) this.charts.push(add(...seconds(numbers, stages, sequence.seconds)));
+    this.stretched = this.#stretch();
+    for (const chart of this.charts) chart.stretch(this.stretched);
     if (!this.charts.length) this.element.append("No meshes of this shot are in the store, and so there are no measures.");
   }
 }

@@ -163,7 +163,7 @@ class MeshPanel {
     const distance = this.camera.position.distanceTo(this.controls.target);
     const tall = 2 * distance * Math.tan((this.camera.fov * Math.PI) / 360);
     const pixels = (edge / tall) * this.stage.clientHeight * (window.devicePixelRatio || 1);
-    this.wire.opacity = Math.min(0.75, Math.max(0.16, pixels / 14));
+    this.wire.opacity = Math.min(0.6, Math.max(0.14, pixels / 20));
   }
 
   #render() {

@@ -141,7 +141,7 @@ class Strip {
     context.textAlign = "center";
     numbers.forEach((number, i) => {
       const x = (i + 0.5) * cell;
-      if (number % step && i) return;
+      if (i && (number % step || i < 0.6 * step)) return;
       context.fillStyle = "#5a5a5a";
       context.fillRect(Math.round(x), top, 1, 3 * dots);
       context.fillStyle = "#9d9d9d";
