@@ -39,7 +39,13 @@ FLAGS = (
 FONTS = """\
 <?xml version="1.0"?>
 <!DOCTYPE fontconfig SYSTEM "fonts.dtd">
-<fontconfig><dir>/usr/share/fonts</dir><dir>{prefix}/usr/share/fonts</dir><cachedir>{prefix}/fonts</cachedir></fontconfig>
+<fontconfig>
+<dir>/usr/share/fonts</dir>
+<dir>{prefix}/usr/share/fonts</dir>
+<cachedir>{prefix}/fonts</cachedir>
+<alias><family>sans-serif</family><prefer><family>DejaVu Sans</family></prefer></alias>
+<alias><family>system-ui</family><prefer><family>DejaVu Sans</family></prefer></alias>
+</fontconfig>
 """
 
 

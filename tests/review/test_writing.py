@@ -88,6 +88,20 @@ def test_pictures_that_are_no_more_shown_leave_the_page(copy: Desk) -> None:
     assert new["files"][3] == old["files"][3] and (folder / old["files"][3]).exists()
 
 
+def test_after_an_edit_pictures_are_stale_and_the_meshes_that_they_show_are_measured(copy: Desk) -> None:
+    shot = copy.root / "shots" / f"{NAME}.yaml"
+    text = shot.read_text()
+    shot.unlink()  # it is a link
+    shot.write_text(text.replace("16: 36", "16: 30"))
+    before = data_of(copy)["shots"][NAME]
+    code, _ = copy.command("review", NAME)
+    after = data_of(copy)
+    assert code == 0 and after["shots"][NAME]["measures"] == before["measures"]
+    assert after["shots"][NAME]["models"] == before["models"]
+    draft = after["sequences"][0]
+    assert all(draft["files"]) and draft["states"]["24"][0] == "stale"
+
+
 def test_a_picture_that_is_cut_short_becomes_a_slate_and_the_rest_a_page(copy: Desk) -> None:
     frame = copy.root / "renders" / NAME / "draft" / "frames" / f"{NAME}.0005.exr"
     whole = frame.read_bytes()
