@@ -43,8 +43,7 @@ FONTS = """\
 <dir>/usr/share/fonts</dir>
 <dir>{prefix}/usr/share/fonts</dir>
 <cachedir>{prefix}/fonts</cachedir>
-<alias><family>sans-serif</family><prefer><family>DejaVu Sans</family></prefer></alias>
-<alias><family>system-ui</family><prefer><family>DejaVu Sans</family></prefer></alias>
+<match><edit name="family" mode="append_last"><string>DejaVu Sans</string></edit></match>
 </fontconfig>
 """
 
