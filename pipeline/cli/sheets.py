@@ -59,6 +59,8 @@ def sheet(
             raise UsageError("--looks makes its sheet as wedge does; leave out -o and -f, and use --at")
         from pipeline.cli.wedge import wedge
 
+        if "," not in looks:
+            raise UsageError(f"--looks {looks}: one look needs no sheet; name several, as in clay,glaze")
         varied = [f"look={looks}"]
         wedge(common, shot, varied, None, at, quality, columns, crop, scale, variant, settings, allow_code)
         return

@@ -70,9 +70,9 @@ def _moved(part: Part, points: Points, frame: int) -> Points:
             "a flow returns one point for each it is given. Return all points, moved or not.",
             frame,
         )
-    finite = np.isfinite(moved).all(axis=1)
+    finite = np.isfinite(moved)
     if not finite.all():
-        vertex = int(np.argmin(finite))
+        vertex = int(np.argmin(finite.all(axis=1)))
         where = ", ".join(f"{x:.4g}" for x in points[vertex])
         if told := trouble(flow, points[vertex], time, dt):
             raise FrameError(f"{place}: {told}", frame)

@@ -41,8 +41,9 @@ class Leg:
     def apply(self, points: Points) -> Points:
         """Points (N, 3) through all of it. Raises FrameError."""
         moved = self.course.follow(points)
-        lost = ~np.isfinite(moved).all(axis=1)
-        if lost.any():
+        finite = np.isfinite(moved)
+        if not finite.all():
+            lost = ~finite.all(axis=1)
             alone = points[lost]
             for step in self.steps:
                 try:

@@ -131,8 +131,9 @@ class Streamlines(Flow):
         """Raises FrameError where a point would need more sub-steps than there may be."""
         moved = self.course(time, dt).follow(points)
         if self.limited:
-            lost = ~np.isfinite(moved).all(axis=1)
-            if lost.any():
+            finite = np.isfinite(moved)
+            if not finite.all():
+                lost = ~finite.all(axis=1)
                 moved[lost] = self._closely(points[lost], time, dt)
         return moved
 
