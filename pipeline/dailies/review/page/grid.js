@@ -22,7 +22,7 @@ class Grid {
 
   /** The pictures that it needs for a frame. */
   urls(frame) {
-    return this.groups.flatMap((group) => group.cells.map(([sequence]) => sequence.url(frame))).filter(Boolean);
+    return this.groups.flatMap((group) => group.cells.map(([sequence]) => sequence.url(sequence.among(frame)))).filter(Boolean);
   }
 
   draw() {
@@ -30,11 +30,12 @@ class Grid {
     if (!this.tiles) this.#build();
     const { a, b, transport, cache } = this.review;
     for (const { sequence, canvas, button, mark } of this.tiles) {
-      const url = sequence.url(transport.frame), bitmap = url && cache.get(url), context = canvas.getContext("2d", { alpha: false });
+      const frame = sequence.among(transport.frame), url = sequence.url(frame), bitmap = url && cache.get(url);
+      const context = canvas.getContext("2d", { alpha: false });
       if (bitmap) context.drawImage(bitmap, 0, 0, canvas.width, canvas.height);
       else if (!url || cache.isBroken(url)) {
-        const [state, why] = sequence.state(transport.frame);
-        drawSlate(context, { x: 0, y: 0, width: canvas.width, height: canvas.height }, `frame ${transport.frame} ${state}`, why);
+        const [state, why] = sequence.state(frame);
+        drawSlate(context, { x: 0, y: 0, width: canvas.width, height: canvas.height }, `frame ${frame} ${state}`, why);
       }
       mark.textContent = [sequence === a && "A", sequence === b && "B"].filter(Boolean).join(" ");
       button.classList.toggle("chosen", sequence === a || sequence === b);

@@ -23,6 +23,9 @@ class Sequence {
   get first() { return this.numbers[0]; }
   get last() { return this.numbers[this.numbers.length - 1]; }
 
+  /** The frame to show among others at `number`: a still has but one. */
+  among(number) { return this.numbers.length === 1 ? this.numbers[0] : number; }
+
   /** Where the picture of a frame lies; null where there is none. */
   url(number) {
     const name = this.files[this.places.get(number)];
