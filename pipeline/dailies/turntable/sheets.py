@@ -37,7 +37,7 @@ SHEET_CODE = (
 )
 
 ROW = 4
-"""Looks that stand beside each other at most."""
+"""Looks that stand beside each other at most, and from which on there are many."""
 
 Bar = Callable[[str, int], Callable[[], None]]
 """Of a name and how many pictures there are, what to call after each of them."""
@@ -96,10 +96,10 @@ class Sheets:
         return folders.movie(first.quality_name, "-".join(self.turning.looks) + part)
 
     def _angles(self, which: Sequence[int], movie: Path) -> Path:
-        """The sheet of key angles of some of the takes; of several each turn of each has a row."""
+        """The sheet of key angles of some of the takes; of several each turn has a row, of many each look."""
         numbers = key_numbers(self._table, self.turning.turns, EIGHTHS if len(which) == 1 else QUARTERS)
         cells = [(index, number) for index in which for number in numbers]
-        columns = min(QUARTERS, self._table.frames)
+        columns = min(QUARTERS, self._table.frames) if len(which) < ROW else len(numbers)
         captions = [self._caption(index, number, len(which) > 1) for index, number in cells]
         look = self.turning.looks[which[0]] if len(which) == 1 and self.turning.looks else ""
         sheet, factor = self._sheet(captions, columns)
