@@ -17,7 +17,8 @@ from typer.testing import CliRunner
 from pipeline.cli.main import command_line
 from pipeline.dailies.turntable.angles import key_numbers, named
 from pipeline.dailies.turntable.asked import Turning
-from pipeline.errors import FlowsculptError
+from pipeline.dailies.turntable.sheets import Sheets
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.surfaces.framing import Framing, frame_all, turned, with_room
 from pipeline.production.takes.poses import TURNS, Pose, Turntable, framed_whole
@@ -149,6 +150,23 @@ def test_looks_share_what_they_have_in_common_and_have_a_movie_side_by_side(
     code, said = desk.command(*words)
     assert code == 0 and said.startswith("Nothing to be done"), said
     assert again.stat().st_mtime_ns == before
+
+
+def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_looks: Path) -> None:
+    turning = desk.turning(turn="lights", looks=("clay", "glaze"))
+    take = turning.takes[0]
+    keys = take.picture_keys(turning.studio.store)
+    assert keys is not None
+    path = turning.studio.store.path("frame", keys[6].frame)
+    whole = path.read_bytes()
+    path.chmod(0o644)
+    path.write_bytes(whole[:-99])
+    try:
+        with pytest.raises(FrameError, match=f"{NAME}.0002.0006.exr cannot be read to its end"):
+            Sheets(turning).draw()
+    finally:
+        path.write_bytes(whole)
+    assert not (turned_in_two_looks / "clay" / QUALITY / f"{NAME}.0002.lights.png").exists()
 
 
 def test_a_mesh_file_in_several_looks_is_read_once(desk: Desk) -> None:
