@@ -41,7 +41,7 @@ COMMANDS = {
     "render": "make",
     "stills": "make",
     "film": "make",
-    "turntable": "make",
+    "turntable": "turntable",
     "deliver": "deliver",
     "preview": "preview",
     "curves": "preview",

@@ -1,4 +1,4 @@
-"""Commands that make files: simulate, render, stills, film, turntable."""
+"""Commands that make files: simulate, render, stills, film."""
 
 from __future__ import annotations
 
@@ -132,27 +132,3 @@ def film(
     """
     studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
     make(common, lambda: studio.film(quality, find_edit(edit)))
-
-
-def turntable(
-    common: Common,
-    subject: Annotated[
-        str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF or GLB.")
-    ],
-    at: Annotated[
-        int | None, typer.Option(metavar="FRAME", help="The shot's frame; by default its first.")
-    ] = None,
-    frames: Annotated[int, typer.Option(help="How many pictures a full turn has.")] = 72,
-    look: Annotated[str | None, typer.Option(help="The look of a mesh file; shots have their own.")] = None,
-    quality: Quality = "preview",
-    variant: Variant = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
-) -> None:
-    """Turn one frame of a shot, or a mesh file, through 360° before the camera."""
-    make(
-        common,
-        lambda: Studio(
-            common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile
-        ).turntable(subject, quality, at, frames, look),
-    )

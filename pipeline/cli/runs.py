@@ -22,19 +22,28 @@ from pipeline.production.runs.run import Outcome, run
 from pipeline.production.takes.take import FORMS
 
 
-def make(common: Common, make_plan: Callable[[], Plan]) -> None:
-    """Plan, run, and say what became of it."""
+def make(
+    common: Common, make_plan: Callable[[], Plan], draw: Callable[[], Sequence[Path]] | None = None
+) -> None:
+    """Plan, run, and say what became of it.
+
+    draw  makes more of what is there after the run, and says where that is
+    """
     if common.dry_run:
         tell_plan(common, make_plan())
         return
     started = time.monotonic()
     outcome = carried_out(common, make_plan)
+    sheets = [path.as_posix() for path in (draw() if draw else ())]
     seconds = time.monotonic() - started
     words = _achieved(outcome, seconds)
+    if sheets:
+        words += f"\nDrawn of it: {', '.join(sheets)}"
     if outcome.runs:
         spending = Spending.of(common.root, outcome.runs[-1], common.cores)
         words += f"\nWhere the time went: {spending.in_brief()}. flowsculpt report says more."
-    answer(words, _outcome_facts(outcome, seconds), common.json)
+    facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
+    answer(words, facts, common.json)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
 

@@ -63,8 +63,8 @@ def test_a_speed_just_after_a_frame_is_part_of_its_picture_and_a_stretch_is_not(
 
 def test_a_turntable_shows_the_speed_of_the_flow_at_its_frame() -> None:
     turntable = Turntable(at=3, frames=4)
-    assert changed("strain", turntable) == [False] * 4
-    assert changed("speed", turntable) == [True] * 4
+    assert changed("strain", turntable) == [False] * 8
+    assert changed("speed", turntable) == [True] * 8
     assert take_of(BALL + SPINNING + "look: speed\n", turntable).follows_flow(2)
     assert not take_of(BALL + SPINNING + "look: strain\n", turntable).follows_flow(2)
 

@@ -292,10 +292,10 @@ def test_a_turntable_turns_a_mesh_file_once_around(studio):
     (studio.path / "wedge.obj").write_text(
         "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     )
-    done = studio.run("turntable", "wedge.obj", "--frames", "4")
+    done = studio.run("turntable", "wedge.obj", "--frames", "4", "--turn", "object", "--bare")
     assert done.code == 0, done.err
     folder = studio.path / "renders/turntable/wedge/preview"
     first, *others = pixels(sorted((folder / "frames").glob("*.exr")))
     assert len(others) == 3
     assert all(np.abs(first - other).max() > 0.05 for other in others)
-    assert probe_movie(folder / "wedge.mp4").frames == 4
+    assert probe_movie(folder / "wedge.object.mp4").frames == 4

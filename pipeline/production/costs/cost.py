@@ -95,8 +95,10 @@ def _about(plan: Plan, job: Job) -> tuple[str, str]:
     """The shot, as its folder is called, and the quality that a job is for."""
     data = plan.takes[job.takes[0]]
     name, turn = Path(data["script"]["path"]).stem, data["turntable"]
-    if turn and not Turntable(**turn).of_file and job.task not in OF_MOTION:
-        name = f"{name}.{turn['at']:04d}"
+    if turn and job.task not in OF_MOTION:
+        table = Turntable(**turn)
+        name = name if table.of_file else f"{name}.{table.at:04d}"
+        name = f"{name}/{table.look}" if table.look else name
     return name, data["quality"]
 
 

@@ -44,8 +44,10 @@ class Folders:
         return cls(Path("renders") / name, name)
 
     @classmethod
-    def of_turntable(cls, name: str) -> Folders:
-        return cls(Path("renders") / "turntable" / name, name)
+    def of_turntable(cls, name: str, look: str | None = None) -> Folders:
+        """Those of one of several looks lie in its folder."""
+        home = Path("renders") / "turntable" / name
+        return cls(home / look if look else home, name)
 
     def numbered(self, kind: str, quality: str, numbers: Iterable[int]) -> list[str]:
         """Files of a kind, one a number; `quality` is that of pictures.

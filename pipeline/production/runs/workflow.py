@@ -1,4 +1,4 @@
-"""What can be asked for and the plan that answers it: a shot's meshes or pictures, a turntable, the film."""
+"""What can be asked for and the plan that answers it: a shot's meshes or pictures, the film."""
 
 from __future__ import annotations
 
@@ -23,7 +23,6 @@ from pipeline.production.takes.folder import FILM, find_shot
 from pipeline.production.takes.keyring import PictureKeys
 from pipeline.production.takes.ledger import Ledger
 from pipeline.production.takes.montage import Montage, edited
-from pipeline.production.takes.poses import Turntable
 from pipeline.production.takes.script import Script
 from pipeline.production.takes.take import FORMS, Take
 from pipeline.production.takes.texts import Texts, shot_around
@@ -161,34 +160,11 @@ class Studio:
         """The pictures of a shot by its name, of all frames or a range, in numbers or in words."""
         return self._asked(shot, quality, frames, picture_states)
 
-    def turntable(self, subject: str, quality: str, at: int | None, frames: int, look: str | None) -> Plan:
-        """A full turn of one frame of a shot, or of a mesh file."""
-        from pipeline.mesh.io import FORMATS
-
-        if frames < 2:
-            raise UsageError(
-                f"a turntable of {frames} frames does not turn; it needs at least 2, and 72 is usual"
-            )
-        mesh = Path(subject)
-        of_file = mesh.suffix.lower().lstrip(".") in FORMATS
-        if of_file:
-            path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
-            self._texts.put(path, shot_around(mesh, look))
-        elif look is not None:
-            raise UsageError(f"--look is for mesh files; {subject} is a shot and has its own: edit the shot")
-        else:
-            path = find_shot(subject)
-        take = self.take(path, quality)
-        first = take.shot.frames.first if at is None else at
-        if first not in take.shot.frames:
-            raise UsageError(f"frame {first} is not in {take.shot.name}, which has frames {take.shot.frames}")
-        turn = replace(
-            take, requested=tuple(range(1, frames + 1)), turntable=Turntable(first, frames, of_file)
-        )
-        planner = self._planner()
-        planner.pictures(turn)
-        planner.movie(turn)
-        return planner.plan()
+    def around(self, mesh: Path) -> Path:
+        """A shot that shows a mesh file as it is, under the path of a file that is not there."""
+        path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
+        self._texts.put(path, shot_around(mesh))
+        return path
 
     def _asked(
         self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
 from functools import cached_property
@@ -11,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pipeline.frames import FrameRange
 from pipeline.production.files.layout import Folders
-from pipeline.production.takes.poses import Pose, Turntable
+from pipeline.production.takes.poses import Pose, Turntable, framed_whole
 from pipeline.production.takes.script import Script
 from pipeline.production.takes.window import base_of, quality_named
 
@@ -95,7 +94,7 @@ class Showing:
         if self.turntable is None:
             return self.motion_folders
         name = self.name if self.turntable.of_file else f"{self.name}.{self.turntable.at:04d}"
-        return Folders.of_turntable(name)
+        return Folders.of_turntable(name, self.turntable.look)
 
     def places(self, kind: str, numbers: Iterable[int]) -> list[str]:
         """Where files are shown: the `mesh`, the `normals`, the `raw` picture, the finished `frame`, or a
@@ -109,7 +108,9 @@ class Showing:
 
     @property
     def subject(self) -> str:
-        """What runs tell of: the shot, the turntable, or a shot with what is otherwise in it."""
+        """What runs tell of: the shot, the turntable, or either with what is otherwise in it."""
+        if self.turntable and self.turntable.look:
+            return f"{self.folders.name} ({self.turntable.look})"
         return self.folders.name if self.home is None else f"{self.name} ({Path(self.home).name})"
 
     @property
@@ -121,8 +122,7 @@ class Showing:
         """By picture number, all that the take could show."""
         if self.turntable is None:
             return {number: Pose(number) for number in self.script.outline.frames}
-        count = self.turntable.frames
-        return {i + 1: Pose(self.turntable.at, 2 * math.pi * i / count) for i in range(count)}
+        return self.turntable.poses()
 
     def whole(self) -> Self:
         """The same with every picture asked for."""
@@ -135,9 +135,13 @@ class Showing:
 
     @property
     def movie_path(self) -> Path:
-        return self.folders.movie(
-            self.quality_name, None if self.is_whole else str(FrameRange.of(self.requested))
-        )
+        return self.folders.movie(self.quality_name, None if self.is_whole else self._part)
+
+    @property
+    def _part(self) -> str:
+        """What of it was asked for."""
+        turn = self.turntable and self.turntable.turn_of(self.requested)
+        return turn or str(FrameRange.of(self.requested))
 
     def thresholds(self, number: int) -> Thresholds:
         """Those of a frame; where resampling is off, for the sake of the hard angle, which shades creases."""
@@ -154,8 +158,11 @@ class Showing:
         return self.shot.picture.tessellate if is_net else None
 
     def view(self, number: int) -> View:
-        """From where a picture is seen; a turntable stands still."""
-        return self.shot.picture.camera.at(self._clock.time(self.poses[number].mesh))
+        """From where a picture is seen; a turntable stands still, and its stage needs an object in frame."""
+        view = self.shot.picture.camera.at(self._clock.time(self.poses[number].mesh))
+        if self.turntable is None or self.shot.picture.stage.kind != "turntable":
+            return view
+        return framed_whole(view)
 
     @cached_property
     def _clock(self) -> Clock:

@@ -1,6 +1,6 @@
 """A take: the pictures of one shot at one quality, and the key of every file on the way to them.
 
-A shot's own take shows each mesh frame once. A turntable's shows one mesh frame many times, turned.
+A shot's own take shows each mesh frame once. A turntable's shows one of them many times, turned.
 """
 
 from __future__ import annotations
@@ -138,7 +138,7 @@ class Take(Showing):
         if not (layers.precision or offsets):
             return []
         around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
-        turn = self.turntable.frames if self.turntable else None
+        turn = self.turntable.step(number) if self.turntable else None
         flow: list[Any] = []
         if self.turntable is None and offsets:
             from pipeline.production.surfaces.movement import acting
@@ -175,7 +175,7 @@ class Take(Showing):
             "raw",
             code_key(PICTURE_CODE, ("mitsuba", "drjit", "OpenImageIO")),
             self.normals_key(pose.mesh),
-            pose.spin,
+            [pose.spin, pose.lights] if pose.lights else pose.spin,
             framings[number].as_data(),
             self._appearance,
             self.seed(number),

@@ -30,20 +30,15 @@ class Texts:
         self._own[path] = text
 
 
-def shot_around(mesh: Path, look: str | None) -> str:
-    """The text of a shot that shows a mesh file as it is."""
+def shot_around(mesh: Path) -> str:
+    """The text of a shot that shows a mesh file as it is. Raises MissingInputError where there is none."""
     if not mesh.is_file():
         raise MissingInputError(f"{mesh}: no such mesh file; check the path")
-    from render.look import LOOKS
-
-    if look is not None and look not in LOOKS:
-        raise UsageError(f"{look!r} is not a look; choose {', '.join(LOOKS)}")
     shot = {
         "title": mesh.stem,
         "frames": "1-1",
         "subject": {"model": str(mesh.absolute())},
         "resample": "off",
-        "look": look or "clay",
     }
     return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
 

@@ -79,9 +79,11 @@ def frame_camera(context: Context) -> bool:
     """Look at all the mesh frames of a take and find each picture's camera and stage."""
     take = context.take
     poses = list(take.poses.items())
+    stands = {(pose.mesh, pose.spin): number for number, pose in reversed(poses)}  # its lights move no camera
+    shown = sorted(stands.values())
 
     def points_of(index: int) -> Balls:
-        pose = poses[index][1]
+        pose = take.poses[shown[index]]
         frame = read_mesh_frame(context, pose.mesh)
         points, around = frame.mesh.vertices, radii(frame)
         if frame.lattice is not None:
@@ -90,10 +92,11 @@ def frame_camera(context: Context) -> bool:
         return Balls(turned(points, pose.spin), around)
 
     def write(path: Path) -> None:
-        views = [take.view(number) for number, _ in poses]
+        views = [take.view(number) for number in shown]
         framings = frame_all(views, points_of, take.aspect, take.follow)
         framings = [with_room(framing, take.shot.picture.stage) for framing in framings]
-        data = {str(n): framing.as_data() for (n, _), framing in zip(poses, framings, strict=True)}
+        found = {number: framing.as_data() for number, framing in zip(shown, framings, strict=True)}
+        data = {str(number): found[stands[pose.mesh, pose.spin]] for number, pose in poses}
         path.write_text(json.dumps(data))
 
     started = time.perf_counter()

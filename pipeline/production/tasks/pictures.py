@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import resource
 import time
 from collections.abc import Callable, Iterable, Mapping
@@ -89,7 +88,7 @@ class _Room:
         layers = render_frame(
             own.subject,
             picture.look,
-            picture.lights,
+            picture.lights.turned(take.poses[number].lights),
             picture.stage,
             own.placement,
             own.camera,
@@ -169,7 +168,7 @@ def _movement(
     take = context.take
     pose, motion = take.poses[number], take.shot.motion
     if take.turntable is not None:
-        turn = 2.0 * math.pi / take.turntable.frames
+        turn = take.turntable.step(number)
         return turning(arrays["vertices"], arrays.get("normals"), pose.spin, turn, float(motion.rate.fps))
     return flowing(motion, shading or shading_of(context, pose.mesh))
 

@@ -1,0 +1,103 @@
+"""What is asked for as a turntable, and the plan that makes it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from pipeline.errors import UsageError, suggestion
+from pipeline.frames import FrameRange
+from pipeline.mesh.io import FORMATS
+from pipeline.production.runs.plan import Plan
+from pipeline.production.runs.sharing import shared
+from pipeline.production.runs.workflow import Studio
+from pipeline.production.takes.folder import find_shot
+from pipeline.production.takes.poses import TURNS, Turntable
+from pipeline.production.takes.take import Take
+from render.look import LOOKS
+
+BOTH = "both"
+
+STAGE = "turntable"
+"""Of render.stage.STAGES: with balls and a chart."""
+
+
+@dataclass(frozen=True)
+class Turning:
+    """One frame of a shot, or a mesh file, to be turned.
+
+    subject  a shot's name or path, or a mesh file's
+    at       the shot's frame, by default its first
+    frames   pictures of a full turn
+    turn     one of TURNS, or BOTH
+    looks    names of looks, each in the place of the shot's own; of several each has its own turntable
+    bare     leaves the shot its own stage and camera: no balls, no chart
+
+    Raises UsageError for what cannot be turned so.
+    """
+
+    studio: Studio
+    subject: str
+    quality: str
+    at: int | None = None
+    frames: int = 72
+    turn: str = BOTH
+    looks: tuple[str, ...] = ()
+    bare: bool = False
+
+    def __post_init__(self) -> None:
+        if self.frames < 2:
+            raise UsageError(
+                f"a turntable of {self.frames} frames does not turn; it needs at least 2, and 72 is usual"
+            )
+        if self.turn not in (*TURNS, BOTH):
+            raise UsageError(
+                f"--turn {self.turn}: that is nothing to turn. {suggestion(self.turn, (*TURNS, BOTH))}"
+            )
+        for look in self.looks:
+            if look not in LOOKS:
+                raise UsageError(f"--look {look}: {look!r} is not a look. {suggestion(look, LOOKS)}")
+
+    @property
+    def turns(self) -> tuple[str, ...]:
+        return TURNS if self.turn == BOTH else (self.turn,)
+
+    @property
+    def takes(self) -> list[Take]:
+        """One for each look. Raises MissingInputError or UsageError where there is no such thing to turn."""
+        mesh = Path(self.subject)
+        of_file = mesh.suffix.lower().lstrip(".") in FORMATS
+        path = self.studio.around(mesh) if of_file else find_shot(self.subject)
+        return [self._take(path, of_file, look) for look in self.looks or (None,)]
+
+    def _take(self, path: Path, of_file: bool, look: str | None) -> Take:
+        studio = replace(self.studio, settings=tuple(self._settings(look)))
+        take = studio.take(path, self.quality)
+        known = FrameRange(take.script.outline.frames)
+        at = known.first if self.at is None else self.at
+        if at not in known:
+            raise UsageError(f"frame {at} is not in {take.name}, which has frames {known}")
+        table = Turntable(at, self.frames, of_file, look if len(self.looks) > 1 else None)
+        numbers = tuple(number for turn in self.turns for number in table.numbers(turn))
+        return replace(take, requested=numbers, turntable=table)
+
+    def _settings(self, look: str | None) -> Iterator[str]:
+        """Those of the user come last, and count."""
+        if not self.bare:
+            yield f"stage={STAGE}"
+        if look is not None:
+            yield f"look={look}"
+        yield from self.studio.settings
+
+    def plan(self) -> Plan:
+        """Frames and a movie of each look; what looks have in common is made once."""
+        takes, studio = self.takes, self.studio
+        planner = studio.planner_of(len(takes))
+        for take in takes:
+            planner.pictures(take)
+            planner.movie(take)
+        apart = planner.plan()
+        if len(takes) == 1:
+            return apart
+        return shared(apart, takes, studio.store, studio.cores, studio.profile.share)

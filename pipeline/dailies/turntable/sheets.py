@@ -1,0 +1,190 @@
+"""What is drawn of finished turntables: sheets of key angles, and several looks side by side.
+
+renders/turntable/<name>/<quality>/<name>.png                   key angles, beside the movie
+renders/turntable/<name>/<quality>/<name>.clay-glaze.{mp4,png}  looks side by side, and their key angles
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from numpy.typing import NDArray
+
+from pipeline.dailies.turntable.angles import EIGHTHS, QUARTERS, key_numbers, named
+from pipeline.dailies.turntable.asked import Turning
+from pipeline.errors import FrameError
+from pipeline.production.files.layout import Folders
+from pipeline.production.files.store import Store
+from pipeline.production.takes.edit import movie_bits
+from pipeline.production.takes.keyring import Keyring
+from pipeline.production.takes.keys import MOVIE_CODE, STILL_CODE, code_key, key_of
+from pipeline.production.takes.poses import Turntable
+from pipeline.production.takes.take import Take
+from pipeline.production.versions.wedge import shown_picture
+from render.ahead import ahead
+from render.contact_sheet import Caption, ContactSheet, columns_for, reduction
+from render.image import write_png
+from render.movie import write_movie
+
+SHEET_CODE = (
+    "pipeline/dailies/turntable",
+    "pipeline/production/versions/wedge.py",
+    "render/contact_sheet.py",
+)
+
+ROW = 4
+"""Looks that stand beside each other at most, and from which on there are many."""
+
+Bar = Callable[[str, int], Callable[[], None]]
+"""Of a name and how many pictures there are, what to call after each of them."""
+
+
+def _untold(name: str, total: int) -> Callable[[], None]:
+    return lambda: None
+
+
+@dataclass(frozen=True, eq=False)
+class Sheets:
+    """Of a turntable that was made; pictures that are not there are told to be missing."""
+
+    turning: Turning
+
+    def draw(self, bar: Bar = _untold) -> list[Path]:
+        """Make what is not there yet; where it is, relative to the root. Nothing if nothing is rendered.
+
+        Raises FrameError for a picture that is damaged; RenderEnvironmentError or MachineError where the disk
+        refuses.
+        """
+        if not any(self._shown(index, n) for index, take in enumerate(self._takes) for n in take.requested):
+            return []
+        drawn = [self._angles([index], take.movie_path) for index, take in enumerate(self._takes)]
+        if len(self._takes) > 1:
+            together = self._together
+            every = range(len(self._takes))
+            drawn = [self._movie(together, bar), self._angles(every, together), *drawn]
+        return drawn
+
+    @cached_property
+    def _takes(self) -> list[Take]:
+        return self.turning.takes
+
+    @cached_property
+    def _keys(self) -> list[Keyring | None]:
+        return [take.picture_keys(self._store) for take in self._takes]
+
+    @property
+    def _store(self) -> Store:
+        return self.turning.studio.store
+
+    @property
+    def _table(self) -> Turntable:
+        """What all have in common, the first has."""
+        table = self._takes[0].turntable
+        assert table is not None, "all takes are turntables"
+        return table
+
+    @property
+    def _together(self) -> Path:
+        """Where the movie of all looks is."""
+        first, turns = self._takes[0], self.turning.turns
+        folders = Folders(first.folders.home.parent, first.folders.name)
+        part = "" if len(turns) > 1 else f".{turns[0]}"
+        return folders.movie(first.quality_name, "-".join(self.turning.looks) + part)
+
+    def _angles(self, which: Sequence[int], movie: Path) -> Path:
+        """The sheet of key angles of some of the takes; of several each turn has a row, of many each look."""
+        numbers = key_numbers(self._table, self.turning.turns, EIGHTHS if len(which) == 1 else QUARTERS)
+        cells = [(index, number) for index in which for number in numbers]
+        columns = min(QUARTERS, self._table.frames) if len(which) < ROW else len(numbers)
+        captions = [self._caption(index, number, len(which) > 1) for index, number in cells]
+        look = self.turning.looks[which[0]] if len(which) == 1 and self.turning.looks else ""
+        sheet, factor = self._sheet(captions, columns)
+        note = self._note(look)
+        header = {"turntable": self._takes[0].folders.name, "quality": self._takes[0].quality_name}
+
+        def write(path: Path) -> None:
+            write_png(path, sheet.picture(self._pictures(cells, factor, 8, "srgb"), note), header)
+
+        key = self._key("png", STILL_CODE, cells, captions, columns, note)
+        self._store.put("png", key, write)
+        self._store.link("png", key, movie.with_suffix(".png"))
+        return movie.with_suffix(".png")
+
+    def _movie(self, target: Path, bar: Bar) -> Path:
+        """All looks side by side, picture by picture."""
+        first, every = self._takes[0], range(len(self._takes))
+        size = first.quality.width, first.quality.height
+        columns = len(every) if len(every) <= ROW else columns_for(len(every), size)
+        captions: list[Caption] = [(("", look),) for look in self.turning.looks]
+        sheet, factor = self._sheet(captions, columns, 16)
+
+        def page(number: int) -> NDArray[Any]:
+            pictures = self._pictures([(index, number) for index in every], factor, 16, "rec709")
+            return sheet.picture(pictures, " ".join(named(self._table, number)))
+
+        def write(path: Path) -> None:
+            shown = bar("side by side", len(first.requested))
+
+            def pages() -> Iterator[NDArray[Any]]:
+                for number in first.requested:
+                    yield page(number)
+                    shown()
+
+            write_movie(path, ahead(pages()), first.shot.rate.fps, movie_bits(first.quality_name))
+
+        cells = [(index, number) for index in every for number in first.requested]
+        key = self._key("movie", MOVIE_CODE, cells, captions, columns, str(first.script.outline.rate))
+        self._store.put("movie", key, write)
+        self._store.link("movie", key, target)
+        return target
+
+    def _sheet(self, captions: Sequence[Caption], columns: int, bits: int = 8) -> tuple[ContactSheet, int]:
+        quality = self._takes[0].quality
+        factor = reduction(len(captions), columns, (quality.width, quality.height))
+        size = quality.width // factor, quality.height // factor
+        return ContactSheet(self._heading, captions, size, columns, bits), factor
+
+    @property
+    def _heading(self) -> str:
+        take = self._takes[0]
+        return take.name if self._table.of_file else f"{take.name}: {take.shot.title}"
+
+    def _note(self, look: str) -> str:
+        frame = "" if self._table.of_file else f"frame {self._table.at}"
+        return " · ".join(filter(None, (look, frame, self._takes[0].quality_name)))
+
+    def _caption(self, index: int, number: int, with_look: bool) -> Caption:
+        turn, angle = named(self._table, number)
+        return ((self.turning.looks[index], f"{turn} {angle}"),) if with_look else ((turn, angle),)
+
+    def _shown(self, index: int, number: int) -> str | None:
+        """The key of a finished picture that is there."""
+        keys = self._keys[index]
+        key = keys[number].frame if keys is not None else None
+        return key if self._store.holds("frame", key) else None
+
+    def _pictures(
+        self, cells: Sequence[tuple[int, int]], factor: int, bits: int, display: str
+    ) -> list[NDArray[Any] | None]:
+        return [self._picture(index, number, factor, bits, display) for index, number in cells]
+
+    def _picture(self, index: int, number: int, factor: int, bits: int, display: str) -> NDArray[Any] | None:
+        keys = self._keys[index]
+        if keys is None or self._shown(index, number) is None:
+            return None
+        take = self._takes[index]
+        found = shown_picture(take, keys, self._store, number, factor, bits, display)
+        if found is None:
+            path = take.place("frame", number)
+            raise FrameError(f"{path} cannot be read to its end; flowsculpt verify mends it")
+        return found
+
+    def _key(self, kind: str, code: tuple[str, ...], cells: Sequence[tuple[int, int]], *said: Any) -> str:
+        shown = [self._shown(index, number) for index, number in cells]
+        seen_through = [dict(take.shown_as) for take in self._takes]
+        sources = code_key((*SHEET_CODE, *code), ("av", "OpenImageIO"))
+        return key_of("turntable", kind, sources, self._heading, shown, seen_through, *said)
