@@ -80,16 +80,16 @@ def ended_in_pass(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, signal.Sign
     """Has this process sent itself a signal while it renders a pass, as a user or a scheduler would."""
 
     def arrange(number: int, sent: signal.Signals) -> None:
-        render, count = passes._render, 0
+        render, count = passes.Passes.render, 0
 
-        def rendering(*arguments: Any) -> Any:
+        def rendering(*arguments: Any) -> None:
             nonlocal count
             count += 1
             if count == number:
                 os.kill(os.getpid(), sent)
-            return render(*arguments)
+            render(*arguments)
 
-        monkeypatch.setattr(passes, "_render", rendering)
+        monkeypatch.setattr(passes.Passes, "render", rendering)
 
     return arrange
 

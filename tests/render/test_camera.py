@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Callable
 
 import numpy as np
+import pyoidn
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -76,7 +77,7 @@ def test_the_denoiser_is_told_that_layers_behind_a_wide_lens_have_noise(
     rendered: Callable[..., Layers], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = []
-    real = denoise.__globals__["pyoidn"].denoise
+    real = pyoidn.denoise
     monkeypatch.setattr("pyoidn.denoise", lambda *a, **k: told.append(k["clean_aux"]) or real(*a, **k))
     for radius in (0.0, 0.4):
         denoise(rendered(camera=dataclasses.replace(CAMERA, lens_radius=radius)))
