@@ -1,6 +1,6 @@
 """`python -m benchmarks`: everything there is to measure."""
 
-from benchmarks import flows, orchestration, pictures, polyhedra, renewal, resampling
+from benchmarks import flows, orchestration, pictures, polyhedra, preview, renewal, resampling
 
 if __name__ == "__main__":
     resampling.main()
@@ -9,3 +9,4 @@ if __name__ == "__main__":
     flows.main()
     pictures.main()
     orchestration.main()
+    preview.main()
