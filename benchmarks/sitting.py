@@ -17,8 +17,8 @@ from pipeline.production.runs.plan import Job, Plan
 from pipeline.production.runs.planner import Planner
 from pipeline.production.takes.script import Script
 from pipeline.production.takes.take import Take
-from pipeline.production.tasks.__main__ import PLACES
 from pipeline.production.tasks.context import Context
+from pipeline.production.tasks.work import PLACES
 from render.engine import Engine
 
 NAME, PLAN = "T010_sitting", "sitting"
