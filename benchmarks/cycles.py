@@ -218,6 +218,7 @@ def main(width: int = 256, reference: int = 1024) -> list[Target]:
         begun = now()
         moments[number] = moment_of(ours(surfaces[number], size, 16, number + 10, engine))
         made[number] = now() - begun
+    steady(moments, 1)  # what is compiled is compiled now
     with tempfile.TemporaryDirectory() as folder, cycles(Path(folder), size) as blender:
         blender.show(surfaces[1])
         blender.rendered(1, True, 1)
