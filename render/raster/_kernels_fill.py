@@ -117,6 +117,8 @@ def _fill_wide(a: Array, b: Array, c: Array, closest: float, name: int, near: Ar
     if abs(volume) < _GRAZING * (abs(a[2]) + abs(b[2]) + abs(c[2])) ** 3:
         return False
     left, right, top, bottom = _bounds(a, b, c, closest, rows, columns)
+    if left > right or top > bottom:
+        return False
     u = _across(n0 / volume, rows, columns)
     v = _across(n1 / volume, rows, columns)
     w = _across(n2 / volume, rows, columns)
@@ -131,6 +133,7 @@ def _fill_wide(a: Array, b: Array, c: Array, closest: float, name: int, near: Ar
                 end = min(end, -here / share[2])
             elif here < 0.0:
                 end = -1.0
+        begin, end = min(begin, right + 1.0), max(end, left - 1.0)  # slopes may be next to nothing
         for j in range(int(np.ceil(begin - _ROUNDED)), int(np.floor(end + _ROUNDED)) + 1):
             here = total[0] + total[1] * i + total[2] * j
             if here > near[i, j]:

@@ -68,6 +68,7 @@ def test_every_frame_comes_while_the_next_is_simulated_and_again_from_the_right_
     follower: Follower,
 ) -> None:
     messages = follower.until("Save")
+    assert messages[0].pop("session") == follower.screen.session
     assert messages[0] == {
         "event": "begin",
         "take": 1,

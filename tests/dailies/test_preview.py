@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import resource
 from dataclasses import replace
 from pathlib import Path
 
@@ -15,7 +16,7 @@ from pipeline.dailies.preview.animatic import Animatic, size_for
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.shelf import Shelf
 from pipeline.dailies.preview.sketch import Sketch, is_closed, looks_outwards, shape_of
-from pipeline.errors import FrameError
+from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.surfaces.framing import frame_all
@@ -162,3 +163,29 @@ def test_an_unwritable_place_is_told_before_anything_is_simulated(studio: Studio
     (studio.path / "file").write_text("")
     done = studio.run("preview", NAME, "-o", "file/movie.mp4")
     assert done.code == 4 and len(done.err.strip().splitlines()) == 1 and "file" in done.err
+
+
+def test_speeds_shown_as_colours_are_found_again_after_an_edit(root: Path) -> None:
+    speed = "look={material: clay, measure: {speed: {range: [0, 5]}}}"
+    twist = "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 72, 6: 120}}"
+    fastest = []
+    with Reel(Studio(root, 2).store) as reel:
+        for settings in ((), (speed,), (speed, twist)):
+            take = take_of(root, *settings)
+            list(reel.play(take, [1]))
+            arrays = reel.arrays(take, 1)
+            fastest.append(float(arrays["speed"].max()) if "speed" in arrays else 0.0)
+    assert fastest[0] == 0.0 < fastest[1] and fastest[2] == pytest.approx(2.0 * fastest[1], rel=0.01)
+
+
+def test_a_full_disk_is_told_where_surfaces_wait_and_leaves_nothing() -> None:
+    shelf = Shelf(room=0.0)
+    limit = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
+    try:
+        with pytest.raises(MachineError):
+            shelf.put("one", {"a": np.arange(5000.0)})
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limit)
+    assert "one" not in shelf
+    shelf.close()

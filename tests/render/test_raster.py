@@ -5,6 +5,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
 
 from render.camera import Camera
 from render.dyes import colours
@@ -12,6 +14,7 @@ from render.lights import LIGHTS
 from render.look import LOOKS
 from render.pigment import Pigment
 from render.raster import Preview, Set, Shape, preview, with_lines
+from render.raster._kernels_fill import fill
 from render.stage import STAGES, Placement
 from render.surface import Surface
 
@@ -110,3 +113,42 @@ def test_every_look_can_be_shown_in_every_light(look, rig):
     around = Set(LIGHTS[rig], STAGES["cyclorama"], Placement((0.0, -0.5, 0.0), 0.5))
     picture = preview(square(0.0, look=look), around, CAMERA, SIZE, "rec709").picture
     assert np.isfinite(picture).all() and 0.02 < picture[14:22, 26:38].mean() < 0.98
+
+
+def covered(corners, rows, columns):
+    """(H, W, 3): shares of the corners over the depth at each pixel, by solving for them (a slow twin)."""
+    y, x = np.mgrid[0:rows, 0:columns]
+    places = np.stack(
+        [2 * (x + 0.5) / columns - 1, 1 - 2 * (y + 0.5) / rows, np.ones_like(x, float)], axis=-1
+    )
+    return places @ np.linalg.inv(corners)
+
+
+@settings(deadline=None)  # the first example compiles
+@given(
+    st.lists(
+        st.tuples(*[st.integers(-12, 12).map(lambda i: i / 4)] * 2, st.integers(-4, 12)),
+        min_size=3,
+        max_size=3,
+    )
+)
+def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points):
+    """Behind the lens, along its axes, beside the picture, large and small."""
+    corners = np.array([(x * max(abs(z), 1), y * max(abs(z), 1), z) for x, y, z in points], float)
+    assume(abs(np.linalg.det(corners)) > 1e-6)
+    rows, columns, closest = 30, 48, 0.01
+    before = corners[:, 2] > closest
+    inverse = np.where(before, 1.0 / np.where(before, corners[:, 2], 1.0), 0.0)
+    screen = np.stack(
+        [0.5 + 0.5 * corners[:, 0] * inverse, 0.5 - 0.5 * corners[:, 1] * inverse, inverse], axis=1
+    )
+    near, face = np.zeros((rows, columns), np.float32), np.full((rows, columns), -1, np.int32)
+    seen = np.zeros(3, np.bool_)
+    fill(corners, screen, np.array([[0, 1, 2]], np.int32), 7, False, closest, near, face, seen)
+    shares = covered(corners, rows, columns)
+    total = shares.sum(axis=2)
+    inside = (shares > 1e-6).all(axis=2) & (total < 1.0 / closest - 1e-6)
+    outside = (shares < -1e-6).any(axis=2)
+    assert (face[inside] == 7).all() and (face[outside] == -1).all()
+    np.testing.assert_allclose(near[inside], total[inside], rtol=1e-4)
+    assert seen.any() == (face == 7).any()

@@ -42,6 +42,7 @@ _CODE = (
     *(f"render/{name}.py" for name in ("slate", "burn_in", "typesetting", "timecode", "titles", "image")),
     *(f"render/{name}.py" for name in ("colour", "view", "_kernels_view", "dither")),
     *(f"pipeline/dailies/delivery/{name}.py" for name in ("rushes", "reel", "deliver")),
+    "pipeline/production/tasks/movies.py",
 )
 _KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
 

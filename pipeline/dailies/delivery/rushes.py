@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import FrameError
 from pipeline.production.files import layout, readers
 from pipeline.production.files.store import CorruptFileError, Store
 from pipeline.production.runs.history import History
@@ -16,7 +17,7 @@ from pipeline.production.takes.keyring import Keyring
 from pipeline.production.takes.take import Take
 from pipeline.production.versions.provenance import Provenance, records
 from render.colour import quantise, to_display
-from render.errors import RenderError
+from render.errors import CorruptImageError, MissingImageError
 from render.planes import Frame
 from render.slate import failure
 
@@ -60,7 +61,8 @@ class Rushes:
     def content(self, numbers: Sequence[int]) -> list[Any]:
         """Plain data of what is shown, cards and all."""
         shown = [self._key(n) if self.holds(n) else [n, self.reason(n)] for n in numbers]
-        return [self.take.name, self.version, list(numbers), shown, dict(self.take.shown_as)]
+        take = self.take
+        return [take.name, take.quality_name, self.version, list(numbers), shown, dict(take.shown_as)]
 
     def reason(self, number: int) -> str:
         """Why a frame is not there; often another one failed that it rests on."""
@@ -72,29 +74,35 @@ class Rushes:
         )
 
     def shown(self, number: int, look: Look) -> Shown:
-        """A frame as a display shows it, or the card in its place."""
+        """A frame as a display shows it, or the card in its place.
+
+        Raises FrameError where it is there and cannot be read, and forgets it, so that the next run makes it
+        anew.
+        """
         if not self.holds(number):
             return self._card(number, self.reason(number), look), self._values(number, "")
-        try:
-            return self._picture(number, look), self._values(number, self._key(number))
-        except (RenderError, CorruptFileError) as error:
-            return self._card(number, f"{error}", look), self._values(number, "")
+        return self._picture(number, look), self._values(number, self._key(number))
 
     def _picture(self, number: int, look: Look) -> Frame:
         take, picture = self.take, self.take.shot.picture
-        light = self._layer("frame", self._key(number), "beauty")
+        light = self._layer("frame", number, self._key(number), "beauty")
         values = to_display(light, picture.lights.exposure, look.display, picture.view)
         frame: Frame = quantise(values, bits=16)
         if not look.covered:
             return frame
         assert self.keys is not None, "a frame that is there has a key"
-        cover = self._layer("raw", self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
+        cover = self._layer("raw", number, self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
         assert frame.shape[:2][::-1] == take.quality.rendered_size
         return np.concatenate([frame, np.rint(cover.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
 
-    def _layer(self, kind: str, key: str, layer: str) -> NDArray[np.float32]:
+    def _layer(self, kind: str, number: int, key: str, layer: str) -> NDArray[np.float32]:
         read = readers.picture(key, self.take.quality.rendered_size)
-        return read(self._store.path(kind, key))[0][layer]
+        try:
+            return read(self._store.path(kind, key))[0][layer]
+        except (CorruptFileError, CorruptImageError, MissingImageError) as error:
+            self._store.discard(kind, key)
+            place = self.take.place(kind, number)
+            raise FrameError(f"{place} cannot be read to its end; run again to make it anew") from error
 
     def _card(self, number: int, reason: str, look: Look) -> Frame:
         size = self.take.quality.rendered_size

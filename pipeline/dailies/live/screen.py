@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import queue
 import threading
+import time
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -17,10 +18,13 @@ LATEST = 2
 class Screen:
     """Safe to use from several threads.
 
+    session  tells it from another process's, to which an open page may have come back
+
     A *take* is what one text of the shot makes; they are numbered. Of its pictures each may come twice, the
     second time from the camera that has seen the whole shot.
     """
 
+    session: int = field(default_factory=time.time_ns)
     _lock: threading.Lock = field(default_factory=threading.Lock)
     _heard_by: list[queue.SimpleQueue[Message]] = field(default_factory=list)
     _pictures: dict[tuple[int, int], bytes] = field(default_factory=dict)
@@ -34,6 +38,7 @@ class Screen:
             take = self._begun.get("take", 0) + 1
             self._begun = {
                 "event": "begin",
+                "session": self.session,
                 "take": take,
                 "shot": shot,
                 "first": first,

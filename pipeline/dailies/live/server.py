@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import queue
 import re
+import sys
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -36,18 +37,26 @@ def serving(screen: Screen, port: int = 0) -> Iterator[str]:
     Raises MachineError where the port is taken.
     """
     try:
-        server = ThreadingHTTPServer((HERE, port), partial(_Handler, screen))
+        server = _Server((HERE, port), partial(_Handler, screen))
     except OSError as error:
         raise MachineError(
             f"port {port} of this machine cannot be had ({error.strerror}); leave --port out for a free one"
         ) from error
-    server.daemon_threads = True
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
         yield f"http://{HERE}:{server.server_port}/"
     finally:
         server.shutdown()
         server.server_close()
+
+
+class _Server(ThreadingHTTPServer):
+    daemon_threads = True
+
+    def handle_error(self, *request: object) -> None:
+        """A browser that leaves in the middle is no error of ours."""
+        if not isinstance(sys.exc_info()[1], OSError):
+            super().handle_error(*request)  # type: ignore[arg-type]  # what the server hands over
 
 
 class _Handler(BaseHTTPRequestHandler):

@@ -15,6 +15,7 @@ from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.errors import FlowsculptError
 from pipeline.production.surfaces.framing import Framing
+from pipeline.production.surfaces.movement import STEP, acting
 from pipeline.production.takes.script import Script
 from render.errors import RenderError
 from render.image import jpeg_bytes
@@ -129,9 +130,10 @@ def _recipe(ready: Ready, number: int) -> tuple[Any, ...]:
     """What a picture is drawn from."""
     take, sketch = ready.sketch.take, ready.sketch
     shown = take.shot.picture
-    flows = take.mesh_key(min(number + 1, max(take.poses))) if sketch.flow else None
+    flows = repr(acting(take.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
     return (
         take.normals_key(number),
+        repr(take.measured(number)),
         ready.framings[number],
         (shown.look, shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),

@@ -93,7 +93,6 @@ class Meshes:
         if seconds > SLOW:
             arrays = readers.keyed(key, frame.to_arrays())
             self.store.put("mesh", key, partial(write_npz, arrays=arrays))
-            self.store.link("mesh", key, self.take.motion_folders.mesh(frame.number))
 
 
 def _size(frame: MeshFrame) -> int:

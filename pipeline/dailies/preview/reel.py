@@ -18,6 +18,7 @@ from pipeline.production.files import readers
 from pipeline.production.files.store import Store
 from pipeline.production.surfaces.movement import speeds
 from pipeline.production.surfaces.shading import Shading
+from pipeline.production.takes.keys import Key, key_of
 from pipeline.production.takes.take import Take
 from render.measure import SPEED
 
@@ -50,7 +51,7 @@ class Reel:
         Raises FrameError where the flow or the resampling fails; the frames before it have come.
         """
         frames = take.shot.motion.frames
-        self.shelf.keep_only({take.normals_key(n) for n in frames})
+        self.shelf.keep_only({_key(take, n) for n in frames})
         self.memory.keep_only({take.mesh_key(n) for n in frames})
         with ThreadPoolExecutor(1) as pool:
             under_way: deque[tuple[int, Future[None]]] = deque()
@@ -69,32 +70,37 @@ class Reel:
 
     def arrays(self, take: Take, number: int) -> dict[str, AnyArray]:
         """What is drawn of a frame that was played."""
-        return dict(self.shelf.get(take.normals_key(number)))
+        return dict(self.shelf.get(_key(take, number)))
 
     def _begun(
         self, take: Take, numbers: list[int], pool: ThreadPoolExecutor
     ) -> Iterator[tuple[int, Future[None]]]:
         meshes = Meshes(take, self.store, self.memory)
         for number in numbers:
-            key = take.normals_key(number)
-            if key in self.shelf:
+            if _key(take, number) in self.shelf:
                 made = pool.submit(_nothing)
-            elif self.store.holds("normals", key) and not take.measures_speed:
+            elif self.store.holds("normals", take.normals_key(number)) and not take.measures_speed:
                 made = pool.submit(self._take_out, take, number)
             else:
                 made = pool.submit(self._shade, take, meshes.at(number))
             yield number, made
 
     def _take_out(self, take: Take, number: int) -> None:
-        key = take.normals_key(number)
-        self.shelf.put(key, stored(take, self.store, "normals", number, readers.arrays(key)))
+        read = readers.arrays(take.normals_key(number))
+        self.shelf.put(_key(take, number), stored(take, self.store, "normals", number, read))
 
     def _shade(self, take: Take, frame: MeshFrame) -> None:
         shading = Shading.of(frame, take.thresholds(frame.number), take.shot.picture.tessellate)
         arrays = shading.arrays()
         if take.measures_speed:
             arrays[SPEED] = speeds(take.shot.motion, shading)
-        self.shelf.put(take.normals_key(frame.number), arrays)
+        self.shelf.put(_key(take, frame.number), arrays)
+
+
+def _key(take: Take, number: int) -> Key:
+    """Of what is drawn of a frame: its normals, and speeds where colours show them."""
+    measured = take.measured(number)
+    return key_of(take.normals_key(number), measured) if measured else take.normals_key(number)
 
 
 def _nothing() -> None:

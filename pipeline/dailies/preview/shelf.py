@@ -9,6 +9,7 @@ from pathlib import Path
 import psutil
 
 from pipeline.arrays import AnyArray
+from pipeline.production.files.disk import disk_faults
 from pipeline.production.files.npz import read_npz, write_npz
 from pipeline.production.takes.keys import Key
 
@@ -24,7 +25,8 @@ class Shelf:
     def __init__(self, room: float | None = None) -> None:
         self._room = SHARE * psutil.virtual_memory().available if room is None else room
         self._held: dict[Key, Arrays] = {}
-        self._folder = tempfile.TemporaryDirectory(prefix="flowsculpt-")
+        with disk_faults(Path(tempfile.gettempdir())):
+            self._folder = tempfile.TemporaryDirectory(prefix="flowsculpt-")
 
     def close(self) -> None:
         self._held.clear()
@@ -34,12 +36,13 @@ class Shelf:
         return key in self._held or self._file(key).exists()
 
     def put(self, key: Key, arrays: Arrays) -> None:
+        """Raises MachineError where there is room for it neither in memory nor on the disk."""
         size = sum(values.nbytes for values in arrays.values())
         if size <= self._room:
             self._room -= size
             self._held[key] = arrays
         else:
-            write_npz(self._file(key), dict(arrays))
+            self._write(self._file(key), arrays)
 
     def get(self, key: Key) -> Arrays:
         return self._held[key] if key in self._held else read_npz(self._file(key))
@@ -51,6 +54,15 @@ class Shelf:
         for file in Path(self._folder.name).iterdir():
             if file.stem not in keys:
                 file.unlink()
+
+    def _write(self, file: Path, arrays: Arrays) -> None:
+        draft = file.with_name(f"draft.{file.name}")
+        try:
+            with disk_faults(draft.parent):
+                write_npz(draft, dict(arrays))
+                draft.replace(file)
+        finally:
+            draft.unlink(missing_ok=True)
 
     def _file(self, key: Key) -> Path:
         return Path(self._folder.name) / f"{key}.npz"

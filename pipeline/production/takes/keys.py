@@ -61,7 +61,7 @@ PICTURE_CODE = (
             *("material", "absorption", "marks", "wireframe", "gouraud"),
             *("pigment", "noise", "_kernels_noise"),
             *("dyes", "measure", "colour_maps", "texture", "projection", "laid", "bsdf", "inline"),
-            *("lamps", "daylight", "environment", "stage", "scenery", "set_pieces"),
+            *("lamps", "lights", "daylight", "environment", "stage", "scenery", "set_pieces"),
             *("camera", "sensor", "inside", "image"),
         )
     ),

@@ -147,8 +147,8 @@ class Take(Showing):
         opened = self.open_at(number)
         return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
 
-    def _measured(self, number: int) -> list[Any]:
-        """What decides the colours of a picture that shows speeds."""
+    def measured(self, number: int) -> list[Any]:
+        """What decides the colours of a picture that shows speeds; nothing of others."""
         if not self.measures_speed:
             return []
         from pipeline.production.surfaces.movement import STEP, acting
@@ -180,7 +180,7 @@ class Take(Showing):
             self._appearance,
             self.seed(number),
             *self._beside(number, framings),
-            *self._measured(number),
+            *self.measured(number),
         )
 
     def frame_key(self, raw: Key, around: list[Key]) -> Key:

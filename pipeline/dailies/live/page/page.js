@@ -13,7 +13,7 @@ let follows = true; // the newest frame, until the whole take is there
 let arrived = new Set();
 
 function begin(message) {
-  const same = take && take.first === message.first && take.last === message.last;
+  const same = take && take.session === message.session && take.first === message.first && take.last === message.last;
   if (!same) pictures = new Map();
   take = message;
   arrived = new Set();
@@ -29,8 +29,9 @@ function begin(message) {
 
 function frame(message) {
   if (!take || message.take !== take.take) return;
-  const image = new Image();
+  const image = new Image(), { session } = take;
   image.onload = () => {
+    if (session !== take.session || message.take !== take.take) return;
     const held = pictures.get(message.frame);
     if (held && held.take === message.take && held.drawn > message.drawn) return;
     pictures.set(message.frame, { image, take: message.take, drawn: message.drawn });
@@ -40,7 +41,7 @@ function frame(message) {
     if (arrived.size > take.last - take.first) follows = false;
     drawStrip();
   };
-  image.src = `frames/${message.take}/${message.frame}.jpg?${message.drawn}`;
+  image.src = `frames/${message.take}/${message.frame}.jpg?${take.session}${message.drawn}`;
 }
 
 // What an edit left as it was comes at once, and is nothing to look at.
