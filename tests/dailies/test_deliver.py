@@ -108,6 +108,18 @@ def test_frames_that_failed_are_cards_that_say_why(there):
     assert probe_movie(there.path / made.path).frames == 6
 
 
+def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered(there):
+    studio, take = taken(there)
+    key = take.picture_keys(studio.store)[3].frame
+    studio.store.discard("frame", key)
+    studio.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
+    reel = of_shot(take, studio.store, {})
+    with pytest.raises(FrameError, match=r"0003\.exr cannot be read to its end; run again"):
+        Delivery(reel, Order((ENCODES["review"],)), studio.store).make(silent)
+    assert not studio.store.holds("frame", key)
+    assert not list((there.path / "renders" / NAME / "preview" / "deliver").glob("*.mp4"))
+
+
 def test_the_coverage_of_the_subject_is_the_alpha(there):
     studio, take = taken(there, "2-3")
     reel = of_shot(take, studio.store, {})
