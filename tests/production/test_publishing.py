@@ -75,6 +75,8 @@ class Desk:
         said = CliRunner().invoke(command_line(asked), asked)
         if isinstance(said.exception, FlowsculptError):
             return said.exception.exit_code, str(said.exception)
+        if said.exception is not None and not isinstance(said.exception, SystemExit):
+            raise said.exception
         return said.exit_code, said.output
 
 
