@@ -157,3 +157,18 @@ def test_a_truncated_movie_is_reported_or_shorter(tmp_path: Path) -> None:
         assert probe_movie(path).frames < 8
     except CorruptImageError as error:
         assert "make it again" in str(error)
+
+
+def test_the_same_frames_are_the_same_file_every_time(tmp_path: Path) -> None:
+    y, x = np.mgrid[0:108, 0:192]
+    waves = [
+        np.stack([np.sin(x / 9 + i / 3), np.cos(y / 7 + i / 5), ((x + y + 3 * i) % 50) / 25 - 1], axis=-1)
+        for i in range(8)
+    ]
+    frames = [((wave / 2 + 0.5) * 65535).astype(np.uint16) for wave in waves]
+    made = set()
+    for number in range(25):
+        movie = tmp_path / f"{number}.mp4"
+        write_movie(movie, iter(frames), Fraction(24))
+        made.add(movie.read_bytes())
+    assert len(made) == 1
