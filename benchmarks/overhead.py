@@ -95,11 +95,11 @@ class Watch:
         def denoised(*arguments: Any, **others: Any) -> Any:
             return self.timed("denoiser", lambda: denoise(*arguments, **others))
 
-        mi.render, Light.picture, pyoidn.denoise = rendered, followed, denoised  # type: ignore[method-assign]
+        mi.render, Light.picture, pyoidn.denoise = rendered, followed, denoised
         try:
             yield
         finally:
-            mi.render, Light.picture, pyoidn.denoise = render, follow, denoise  # type: ignore[method-assign]
+            mi.render, Light.picture, pyoidn.denoise = render, follow, denoise
 
 
 def _layer(integrator: Any) -> str:

@@ -45,6 +45,23 @@ class Run:
     err: str
 
 
+def commanded(root: Path, *words: str) -> tuple[int, str]:
+    """Exit code and words of a command, in this process; raises what no user should see."""
+    from typer.testing import CliRunner
+
+    from pipeline.cli.main import command_line
+    from pipeline.errors import FlowsculptError
+    from render.errors import RenderError
+
+    asked = ["--no-progress", "--root", str(root), *words]
+    said = CliRunner().invoke(command_line(asked), asked)
+    if isinstance(said.exception, FlowsculptError | RenderError):
+        return said.exception.exit_code, str(said.exception)
+    if said.exception is not None and not isinstance(said.exception, SystemExit):
+        raise said.exception
+    return said.exit_code, said.output
+
+
 @dataclass(frozen=True)
 class StudioFolder:
     """A working folder with `shots/`, and the command run in it."""

@@ -10,7 +10,7 @@ import typer
 from pipeline.cli.arguments import AllowCode, Frames, Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer
-from pipeline.cli.sketching import sketched
+from pipeline.cli.sketching import folder_for, sketched
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import UsageError
 from pipeline.production.files.layout import Folders
@@ -120,7 +120,7 @@ def curves(
     clock = read_shot(path, settings=settings or ()).motion.clock
     page = output or common.root / Folders.of_shot(path.stem).cameras().parent / f"{path.stem}.curves.svg"
     if not common.dry_run:
-        page.parent.mkdir(parents=True, exist_ok=True)
+        folder_for(page)
         tracks = [Track(c.name, c.unit, c.frames, c.values, c.keys) for c in found]
         plot_tracks(path.stem, tracks, float(clock.rate.fps), page)
     done = f"{page}: {len(found)} curves{', would be written' if common.dry_run else ''}."

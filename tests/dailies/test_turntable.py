@@ -12,13 +12,11 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from typer.testing import CliRunner
 
-from pipeline.cli.main import command_line
 from pipeline.dailies.turntable.angles import key_numbers, named
 from pipeline.dailies.turntable.asked import Turning
 from pipeline.dailies.turntable.sheets import Sheets
-from pipeline.errors import FlowsculptError, FrameError
+from pipeline.errors import FrameError
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.surfaces.framing import Framing, frame_all, turned, with_room
 from pipeline.production.takes.poses import TURNS, Pose, Turntable, framed_whole
@@ -31,6 +29,7 @@ from render.movie import probe_movie
 from render.set_pieces import ball, chart, spots
 from render.stage import STAGES, Placement
 from render.surface import Surface
+from tests.conftest import commanded
 
 NAME = "T010_tiny"
 SCALE = "20%"
@@ -57,11 +56,7 @@ class Desk:
         return Turning(Studio(self.root, 2), subject, QUALITY, at, 4, **asked)  # type: ignore[arg-type]
 
     def command(self, *words: str) -> tuple[int, str]:
-        asked = ["--no-progress", "-j", "2", "--root", str(self.root), "turntable", *words]
-        said = CliRunner().invoke(command_line(asked), asked)
-        if isinstance(said.exception, FlowsculptError):
-            return said.exception.exit_code, str(said.exception)
-        return said.exit_code, said.output
+        return commanded(self.root, "-j", "2", "turntable", *words)
 
 
 @pytest.fixture(scope="module")

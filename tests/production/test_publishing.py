@@ -12,10 +12,8 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from pipeline.cli.main import command_line
-from pipeline.errors import FlowsculptError, FrameError, MachineError, MissingInputError, UsageError
+from pipeline.errors import FrameError, MachineError, MissingInputError, UsageError
 from pipeline.production.runs.plan import Plan
 from pipeline.production.runs.run import exclusive
 from pipeline.production.runs.workflow import Studio
@@ -28,6 +26,7 @@ from pipeline.production.versions.publishing import Release
 from pipeline.production.versions.repeating import Repetition
 from pipeline.shot.named_files import digest_of_file
 from render.image import read_exr, write_exr
+from tests.conftest import commanded
 
 NAME = "T010_tiny"
 QUALITY = "preview.scale10"
@@ -71,13 +70,7 @@ class Desk:
 
     def command(self, *words: str) -> tuple[int, str]:
         """Exit code and words of a command."""
-        asked = ["--no-progress", "--root", str(self.root), *words]
-        said = CliRunner().invoke(command_line(asked), asked)
-        if isinstance(said.exception, FlowsculptError):
-            return said.exception.exit_code, str(said.exception)
-        if said.exception is not None and not isinstance(said.exception, SystemExit):
-            raise said.exception
-        return said.exit_code, said.output
+        return commanded(self.root, *words)
 
 
 def done(root: Path, plan: Plan) -> None:

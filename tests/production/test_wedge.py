@@ -10,10 +10,8 @@ from importlib import import_module
 from pathlib import Path
 
 import pytest
-from typer.testing import CliRunner
 
-from pipeline.cli.main import command_line
-from pipeline.errors import FlowsculptError, UsageError
+from pipeline.errors import UsageError
 from pipeline.production.runs import sharing
 from pipeline.production.runs.plan import Plan
 from pipeline.production.runs.workflow import Studio
@@ -24,6 +22,7 @@ from pipeline.production.versions.grid import Grid, Variation
 from pipeline.production.versions.wedge import Wedge, frames_by_task
 from render.image import read_exr, read_png
 from render.movie import probe_movie
+from tests.conftest import commanded
 
 NAME = "T010_tiny"
 QUALITY = "preview.scale10"
@@ -48,11 +47,7 @@ class Desk:
         return Wedge(Studio(self.root, cores), shot, Grid.parse(vary), QUALITY, frames, at)
 
     def command(self, *words: str) -> tuple[int, str]:
-        asked = ["--no-progress", "--root", str(self.root), *words]
-        said = CliRunner().invoke(command_line(asked), asked)
-        if isinstance(said.exception, FlowsculptError):
-            return said.exception.exit_code, str(said.exception)
-        return said.exit_code, said.output
+        return commanded(self.root, *words)
 
 
 @pytest.fixture(scope="module")

@@ -13,10 +13,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from typer.testing import CliRunner
 
-from pipeline.cli.main import command_line
-from pipeline.errors import FlowsculptError
 from pipeline.production.files.layout import EVENTS
 from pipeline.production.runs.events import EventLog
 from pipeline.production.runs.plan import Plan
@@ -26,9 +23,9 @@ from pipeline.production.tasks.context import Context
 from pipeline.production.tasks.work import PLACES
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.wedge import Wedge
-from render.errors import RenderError
 from render.frame import Layers
 from render.image import write_exr
+from tests.conftest import commanded
 
 NAME = "T010_tiny"
 LAST, MISSING, FAILED = 24, 17, 9
@@ -60,12 +57,7 @@ class Desk:
         return self.studio().take(self.root / "shots" / f"{NAME}.yaml", quality)
 
     def command(self, *words: str) -> tuple[int, str]:
-        asked = ["--no-progress", "--root", str(self.root), *words]
-        said = CliRunner().invoke(command_line(asked), asked)
-        if isinstance(said.exception, (FlowsculptError, RenderError)):
-            return said.exception.exit_code, str(said.exception)
-        assert said.exception is None or isinstance(said.exception, SystemExit), said.exception
-        return said.exit_code, said.output
+        return commanded(self.root, *words)
 
     def page(self, name: str = NAME) -> Path:
         return self.root / "renders" / "review" / name / "index.html"

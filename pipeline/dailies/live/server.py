@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from functools import partial
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
+from typing import Any
 
 from pipeline.dailies.live.screen import Screen
 from pipeline.errors import MachineError
@@ -53,18 +54,18 @@ def serving(screen: Screen, port: int = 0) -> Iterator[str]:
 class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
-    def handle_error(self, *request: object) -> None:
+    def handle_error(self, request: Any, client_address: Any) -> None:
         """A browser that leaves in the middle is no error of ours."""
         if not isinstance(sys.exc_info()[1], OSError):
-            super().handle_error(*request)  # type: ignore[arg-type]  # what the server hands over
+            super().handle_error(request, client_address)
 
 
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
-    def __init__(self, screen: Screen, *arguments: object) -> None:
+    def __init__(self, screen: Screen, request: Any, client_address: Any, server: Any) -> None:
         self._screen = screen
-        super().__init__(*arguments)  # type: ignore[arg-type]  # what the server hands over
+        super().__init__(request, client_address, server)
 
     def do_GET(self) -> None:
         if not self._is_asked_here():
