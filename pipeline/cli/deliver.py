@@ -15,6 +15,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.progress import counting
 from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer, duration, err, out, warn
+from pipeline.cli.studios import studio_of
 from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
 from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.errors import UsageError, suggestion
@@ -81,7 +82,7 @@ def deliver(
         heard=None if sound is None else heard_from(sound),
         folder=output,
     )
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code, variant)
     wanted = _Wanted(studio, tuple(names), windowed(quality, crop, scale), frames)
     if common.dry_run:
         tell_plan(common, wanted.plan())

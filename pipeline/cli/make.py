@@ -10,8 +10,8 @@ import typer
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Shots, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.runs import make
+from pipeline.cli.studios import studio_of
 from pipeline.errors import UsageError
-from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.folder import FILM, find_edit
 from pipeline.production.takes.take import FORMS
 from pipeline.production.takes.window import windowed
@@ -31,13 +31,7 @@ def simulate(
     the edit left valid. Vertices are numbered for life in them, and new ones name their parents; those of
     method polyhedra are not.
     """
-    studio = Studio(
-        common.root,
-        common.cores,
-        settings=tuple(settings or ()),
-        allow_code=allow_code,
-        profile=common.profile,
-    )
+    studio = studio_of(common, settings, allow_code)
     make(common, lambda: studio.meshes(shots, frames))
 
 
@@ -85,7 +79,7 @@ def render(
             "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
         )
     named = windowed(quality or "draft", crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code, variant)
     make(common, lambda: studio.pictures(shots, named, frames))
 
 
@@ -111,7 +105,7 @@ def stills(
     are in renders/SHOT/QUALITY/frames and raw.
     """
     quality = windowed(quality, crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code, variant)
     make(common, lambda: studio.stills(shots, form, quality, frames))
 
 
@@ -130,5 +124,5 @@ def film(
     Without a name it is shots/film.yaml; `flowsculpt film showreel` is shots/showreel.yaml. What is `--set`
     is set in every shot.
     """
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code, variant)
     make(common, lambda: studio.film(quality, find_edit(edit)))

@@ -11,11 +11,11 @@ from pipeline.cli.arguments import AllowCode, Frames, Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer
 from pipeline.cli.sketching import folder_for, sketched
+from pipeline.cli.studios import studio_of
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import UsageError
 from pipeline.production.files.layout import Folders
 from pipeline.production.files.store import Store
-from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.folder import find_shot
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
@@ -82,7 +82,7 @@ def preview(
 
     def sketch() -> tuple[Sketch, Store]:
         """As the shot is now."""
-        studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
+        studio = studio_of(common, settings, allow_code)
         take = studio.take(path, "preview", str(at) if at is not None else frames, variant="none")
         return Sketch(take, flow, edges, over), studio.store
 

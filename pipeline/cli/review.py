@@ -12,12 +12,12 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from pipeline.cli.arguments import AllowCode, Settings, Shots
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, err, warn
+from pipeline.cli.studios import studio_of
 from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Search
 from pipeline.dailies.review.page import Page
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.runs.history import History
-from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.folder import NAME
 from pipeline.production.takes.window import is_quality
 from render.quality import QUALITIES
@@ -63,7 +63,7 @@ def review(
         raise UsageError(
             f"--as {form}: pictures of a page are {' or '.join(FORMS)}. {suggestion(form, FORMS)}"
         )
-    studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code)
     search = Search(studio, tuple(qualities or ()), History.of(common.root))
     found = [search.shot(shot) for shot in dict.fromkeys(shots)]
     page = Page(

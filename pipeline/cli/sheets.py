@@ -11,9 +11,9 @@ from pipeline.cli.arguments import AllowCode, Crop, Quality, Scale, Settings, Va
 from pipeline.cli.options import Common
 from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer
+from pipeline.cli.studios import studio_of
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.folder import find_shot
 from pipeline.production.takes.window import windowed
 
@@ -69,7 +69,7 @@ def sheet(
     from pipeline.dailies.sheets.sheet import Sheet, spread
 
     name = windowed(quality, crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code, variant)
     take = studio.take(find_shot(shot), name, frames)
     made = Sheet(take if frames is not None else spread(take), studio.store, columns)
 
@@ -117,7 +117,7 @@ def figures(
     from pipeline.dailies.sheets.timing import Clocks, rendering
     from render.plot import plot_tracks
 
-    studio = Studio(common.root, common.cores, None, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code)
     take = studio.take(find_shot(shot), quality, variant="none")
     numbers = sorted(take.poses)
     found = measured(take, studio.store, numbers, common.cores)

@@ -12,10 +12,10 @@ from pipeline.cli.options import Common
 from pipeline.cli.progress import counting
 from pipeline.cli.runs import make
 from pipeline.cli.say import err
+from pipeline.cli.studios import studio_of
 from pipeline.dailies.turntable.asked import BOTH, Turning
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import UsageError
-from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.window import windowed
 
 
@@ -54,7 +54,7 @@ def turntable(
     renders/turntable. `flowsculpt turntable model.obj --look clay,glaze,chrome` makes them for each look, and
     one movie of all three side by side.
     """
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code, variant)
     named = windowed(quality, None, scale)
     turning = Turning(studio, subject, named, at, frames, turn, _looks(look), bare)
 

@@ -11,8 +11,8 @@ from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES
 from pipeline.cli.runs import carried_out, expected_words
 from pipeline.cli.say import answer, warn
+from pipeline.cli.studios import studio_of
 from pipeline.production.costs.cost import estimate
-from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.folder import find_shot
 from pipeline.production.takes.window import windowed
 from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
@@ -65,7 +65,7 @@ def wedge(
     common is made once: a wedge over looks simulates nothing again.
     """
     grid = Grid.parse(vary or [], yes)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+    studio = studio_of(common, settings, allow_code, variant)
     made = Wedge(studio, find_shot(shot), grid, windowed(quality, crop, scale), frames, at, columns)
     if common.dry_run:
         _tell(common, made)
