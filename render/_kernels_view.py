@@ -1,4 +1,4 @@
-"""Looking colours up in a cube, compiled: NumPy would walk the picture some forty times."""
+"""Looking colours up in a cube and rounding them, compiled: NumPy would walk the picture forty times."""
 
 from __future__ import annotations
 
@@ -38,3 +38,17 @@ def look_up(light: Floats, gain: float, toe: float, brightest: float, cube: Floa
                 weight *= part[2] if db else 1.0 - part[2]
                 total += weight * cube[r + dr, g + dg, b + db, channel]
             shown[i, channel] = min(max(total, 0.0), 1.0)
+
+
+@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+def round_by(values: Floats, noise: Floats, top: np.float32, steps: NDArray[np.integer]) -> None:
+    """Each of `values` (H, W, C), 0 … 1, to steps from 0 to `top`: up where the rest is 1 - noise (H, W) or
+    more. What is not a number counts as black.
+    """
+    none, whole = np.float32(0.0), np.float32(1.0)
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for k in range(values.shape[2]):
+                value = values[i, j, k] if values[i, j, k] > none else none
+                value = (value if value < whole else whole) * top + noise[i, j]
+                steps[i, j, k] = np.int32(value if value < top else top)

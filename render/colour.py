@@ -19,7 +19,7 @@ import OpenImageIO as oiio  # noqa: N813
 import platformdirs
 from numpy.typing import NDArray
 
-from render._kernels_view import look_up
+from render._kernels_view import look_up, round_by
 from render.dither import dither_pattern
 from render.errors import BadInputError
 from render.view import ACES, ColourView
@@ -53,10 +53,11 @@ def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
     Rounding is dithered by a fixed pattern of half a step, so a slow gradient breaks up into grain
     instead of bands; black and white stay what they are.
     """
-    top = 2**bits - 1
-    noise = dither_pattern(*values.shape[:2])[..., None]
-    steps = np.floor(np.clip(values, 0.0, 1.0) * np.float32(top) + noise)
-    return np.asarray(np.clip(steps, 0, top), dtype=np.uint8 if bits <= 8 else np.uint16)
+    steps = np.empty(values.shape, np.uint8 if bits <= 8 else np.uint16)
+    noise = dither_pattern(*values.shape[:2])
+    flat = np.ascontiguousarray(values, dtype=np.float32).reshape(*noise.shape, -1)
+    round_by(flat, noise, np.float32(2**bits - 1), steps.reshape(flat.shape))
+    return steps
 
 
 def prepare() -> None:

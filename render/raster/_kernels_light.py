@@ -3,24 +3,14 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
-import numba
-import numpy as np
-from numpy.typing import NDArray
-
-Array = NDArray[Any]
+from render.raster.compiled import Array, quick
 
 _FAINT = 1e-5
 """A highlight that is darker than that, over its middle, is left out."""
 
-QUICK = {"contract", "reassoc", "arcp", "nsz"}
-"""What may be done with sums and quotients: a picture for a moment need not have the same bits everywhere."""
 
-compiled = numba.njit(cache=True, nogil=True, error_model="numpy", fastmath=QUICK)
-
-
-@compiled  # type: ignore[untyped-decorator]  # numba has no types
+@quick  # type: ignore[untyped-decorator]  # numba has no types
 def light(
     points: Array,
     normals: Array,
@@ -43,58 +33,54 @@ def light(
     """
     sharp = sky[2, 0]
     least = _FAINT ** (1.0 / sharp)
-    body, mirror, n, to_eye, towards = np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3), np.zeros(3)
     for row in range(which.shape[0]):
         v = which[row]
-        colour = colours[v if len(colours) > 1 else 0]
+        ex, ey, ez = eye[0] - points[v, 0], eye[1] - points[v, 1], eye[2] - points[v, 2]
+        shorter = _over(ex * ex + ey * ey + ez * ez)
+        ex, ey, ez = ex * shorter, ey * shorter, ez * shorter
+        nx, ny, nz = float(normals[v, 0]), float(normals[v, 1]), float(normals[v, 2])
+        facing = nx * ex + ny * ey + nz * ez
+        shorter = math.copysign(_over(nx * nx + ny * ny + nz * nz), facing)
+        nx, ny, nz, facing = nx * shorter, ny * shorter, nz * shorter, facing * shorter
+        rising = 0.5 + 0.5 * (2.0 * facing * ny - ey)
+        own = v if len(colours) > 1 else 0
         for k in range(3):
-            body[k] = coat[0] * colour[k]
-            mirror[k] = coat[1] * colour[k] + coat[2]
-            to_eye[k] = eye[k] - points[v, k]
-            n[k] = normals[v, k]
-        _shorten(to_eye)
-        _shorten(n)
-        facing = n[0] * to_eye[0] + n[1] * to_eye[1] + n[2] * to_eye[2]
-        if facing < 0.0:
-            for k in range(3):
-                n[k] = -n[k]
-            facing = -facing
-        rising = 0.5 + 0.5 * (2.0 * facing * n[1] - to_eye[1])
-        for k in range(3):
-            around = body[k] * sky[0, k] * (0.6 + 0.4 * n[1])
-            around += mirror[k] * (sky[1, k] * rising + sky[0, k] * (1.2 - rising))
+            body, mirror = coat[0] * colours[own, k], coat[1] * colours[own, k] + coat[2]
+            around = body * sky[0, k] * (0.6 + 0.4 * ny)
+            around += mirror * (sky[1, k] * rising + sky[0, k] * (1.2 - rising))
             out[row, k] = out[row, 3 + k] = around
         for i in range(lamps.shape[0]):
-            strength = 1.0
+            x, y, z, strength = lamps[i, 0], lamps[i, 1], lamps[i, 2], 1.0
             if lamps[i, 9] > 0.0:
-                for k in range(3):
-                    towards[k] = lamps[i, k] - points[v, k]
-                squared = towards[0] ** 2 + towards[1] ** 2 + towards[2] ** 2
-                _shorten(towards)
-                turned = -(towards[0] * lamps[i, 3] + towards[1] * lamps[i, 4] + towards[2] * lamps[i, 5])
+                x, y, z = x - points[v, 0], y - points[v, 1], z - points[v, 2]
+                squared = x * x + y * y + z * z
+                shorter = _over(squared)
+                x, y, z = x * shorter, y * shorter, z * shorter
+                turned = -(x * lamps[i, 3] + y * lamps[i, 4] + z * lamps[i, 5])
                 strength = max(turned, 0.0) / squared
-            else:
-                towards[:] = lamps[i, :3]
-            strength *= max(0.0, n[0] * towards[0] + n[1] * towards[1] + n[2] * towards[2])
+            strength *= max(0.0, nx * x + ny * y + nz * z)
             if strength == 0.0:
                 continue
-            half, along = 0.0, 0.0
-            for k in range(3):
-                between = towards[k] + to_eye[k]
-                half += n[k] * between
-                along += between * between
-            half /= math.sqrt(max(along, 1e-300))
+            x, y, z = x + ex, y + ey, z + ez
+            half = (nx * x + ny * y + nz * z) * _over(x * x + y * y + z * z)
             glint = (sharp + 8.0) / (8.0 * math.pi) * half**sharp if half > least else 0.0
             for k in range(3):
-                sent = strength * lamps[i, 6 + k] * (body[k] / math.pi + mirror[k] * glint)
+                body, mirror = coat[0] * colours[own, k], coat[1] * colours[own, k] + coat[2]
+                sent = strength * lamps[i, 6 + k] * (body / math.pi + mirror * glint)
                 out[row, k] += sent
                 if i > 0:
                     out[row, 3 + k] += sent
 
 
-@compiled  # type: ignore[untyped-decorator]  # numba has no types
-def _shorten(vector: Array) -> None:
-    """To a length of 1."""
-    length = max(math.sqrt(vector[0] ** 2 + vector[1] ** 2 + vector[2] ** 2), 1e-300)
-    for k in range(3):
-        vector[k] /= length
+@quick  # type: ignore[untyped-decorator]  # numba has no types
+def _over(squared: float) -> float:
+    """One over the length of a vector."""
+    return 1.0 / math.sqrt(max(squared, 1e-300))
+
+
+@quick  # type: ignore[untyped-decorator]  # numba has no types
+def keyed(sent: Array, share: Array, out: Array) -> None:
+    """What vertices send, out (N, 3), that see a share (N,) of the key light; sent (N, 6) as `light` says."""
+    for n in range(share.shape[0]):
+        for k in range(3):
+            out[n, k] = sent[n, 3 + k] + share[n] * (sent[n, k] - sent[n, 3 + k])

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.camera import Camera
-from render.raster._kernels_pixels import draw_lines
+from render.raster._kernels_lines import draw_lines
 from render.raster.picture import Preview
 
 Floats = NDArray[np.float64]
@@ -22,7 +22,8 @@ def with_lines(
 
     What is behind the surface shines through faintly. Far lines are drawn first.
     """
-    height, columns = shown.depth.shape
+    depth = shown.depth
+    height, columns = depth.shape
     seen = camera.project(lines.reshape(-1, 3), columns / height).reshape(lines.shape)
     seen[..., 0] = (seen[..., 0] + 1.0) / 2.0 * columns
     seen[..., 1] = (1.0 - seen[..., 1]) / 2.0 * height
@@ -31,5 +32,5 @@ def with_lines(
     ends = np.stack([seen[:, :-1], seen[:, 1:]], axis=2).reshape(-1, 2, 3)
     inked = ((inks[:, :-1] + inks[:, 1:]) / 2.0).reshape(-1, 4)
     picture = shown.picture.astype(np.float64)
-    draw_lines(np.ascontiguousarray(ends), np.ascontiguousarray(inked), width, HIDDEN, shown.depth, picture)
+    draw_lines(np.ascontiguousarray(ends), np.ascontiguousarray(inked), width, HIDDEN, depth, picture)
     return picture.astype(np.float32)

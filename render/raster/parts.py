@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from render.camera import Camera
 from render.lights import LightRig
 from render.look import Look
-from render.raster._kernels_fill import project
-from render.stage import Mesh, Placement, Stage
+from render.raster._kernels_place import project
+from render.stage import Placement, Stage
 from render.view import ACES, ColourView
 
 Floats = NDArray[np.float64]
@@ -24,7 +24,7 @@ class Shape(NamedTuple):
     """A surface: vertices (V, 3), normals (V, 3), faces (F, 3), and what it is made of.
 
     colours (V, 3) take the place of the look's, where it has more than one (see `render.dyes`). Of a closed
-    surface only faces that look at the lens are seen, which is quicker.
+    surface only faces that look outwards are seen, which is quicker.
     """
 
     vertices: NDArray[np.floating]
@@ -33,6 +33,12 @@ class Shape(NamedTuple):
     look: Look
     colours: Floats | None = None
     closed: bool = False
+
+    def as_kernels_take_it(self) -> Shape:
+        """The same in single precision, row after row."""
+        vertices, normals = (np.ascontiguousarray(a, np.float32) for a in (self.vertices, self.normals))
+        faces = np.ascontiguousarray(self.faces, np.int32)
+        return self._replace(vertices=vertices, normals=normals, faces=faces)
 
 
 @dataclass(frozen=True)
@@ -57,22 +63,18 @@ class Lens(NamedTuple):
         half = math.tan(camera.field_of_view / 2.0)
         return cls(np.array(camera.origin), camera.axes() / [[half], [half / aspect], [1.0]], camera.near)
 
-    def project(self, vertices: NDArray[np.floating]) -> tuple[Floats, Floats]:
-        """(V, 3) and (V, 3), as the kernel `project` says."""
-        corners, screen = np.empty((len(vertices), 3)), np.empty((len(vertices), 3))
-        project(vertices, *self, corners, screen)
-        return corners, screen
-
-
-def stage_shape(around: Set) -> Shape:
-    """The stage where it stands."""
-    vertices, normals, faces = _stage_mesh(around.stage)
-    matrix = around.placement.matrix()
-    turned = normals @ matrix[:3, :3].T / around.placement.size
-    placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    return Shape(placed, turned, faces, Look("diffuse", around.stage.colour))
+    def project(self, vertices: NDArray[np.float32], rows: int, columns: int) -> NDArray[np.float32]:
+        """(V, 3), as the kernel `project` says."""
+        screen = np.empty((len(vertices), 3), np.float32)
+        project(vertices, *self, rows, columns, screen)
+        return screen
 
 
 @lru_cache(maxsize=4)
-def _stage_mesh(stage: Stage) -> Mesh:
-    return stage.mesh()
+def stage_shape(stage: Stage, placement: Placement) -> Shape:
+    """The stage where it stands."""
+    vertices, normals, faces = stage.mesh()
+    matrix = placement.matrix()
+    turned = normals @ matrix[:3, :3].T / placement.size
+    placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    return Shape(placed, turned, faces, Look("diffuse", stage.colour)).as_kernels_take_it()

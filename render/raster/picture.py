@@ -11,23 +11,18 @@ from numpy.typing import NDArray
 from render.camera import Camera
 from render.colour import to_display
 from render.lights import LIGHTS
-from render.look import LOOKS, Look
+from render.look import LOOKS
 from render.plain import Triple
-from render.raster._kernels_fill import fill
-from render.raster._kernels_light import light
-from render.raster._kernels_pixels import FINER, draw_edges, empty, mix
-from render.raster.lamps import lamps_of
+from render.raster._kernels_large import FINER, Large
+from render.raster._kernels_light import keyed
+from render.raster._kernels_lines import draw_edges
+from render.raster._kernels_paint import pack, paint, resolve
+from render.raster._kernels_place import LARGE, SMALL
+from render.raster.lit import Lighting
 from render.raster.parts import Floats, Lens, Set, Shape, stage_shape
 from render.raster.shadow import Shadow
+from render.raster.sides import Sides
 from render.stage import STAGES, Placement
-
-BODILESS = ("metal", "brushed")
-UNCOATED = ("diffuse", "smoke")
-COAT = 0.05
-"""Models that have a mirror's colour and no other, models without a clear coat, and what others reflect."""
-
-SHARPNESS = (6.0, 160.0)
-"""Between which highlights are: sharper ones would fall between vertices, and be dots."""
 
 
 class Edges(NamedTuple):
@@ -39,10 +34,16 @@ class Edges(NamedTuple):
 
 
 class Preview(NamedTuple):
-    """picture: display values (H, W, 3), 0 … 1; depth (H, W) along the lens, infinite where nothing is."""
+    """picture: display values (H, W, 3), 0 … 1; nearness (H, W): one over the depth, 0 where nothing is."""
 
     picture: NDArray[np.float32]
-    depth: Floats
+    nearness: NDArray[np.float32]
+
+    @property
+    def depth(self) -> Floats:
+        """(H, W) along the lens, in the middle of pixels; infinite where nothing is."""
+        with np.errstate(divide="ignore"):
+            return 1.0 / self.nearness.astype(np.float64)
 
 
 def preview(
@@ -55,25 +56,18 @@ def preview(
 ) -> Preview:
     """A picture of a surface on its stage, `size` (width, height) pixels."""
     around = replace(around, lights=around.lights.plainly())
-    width, height = size
-    frame = _Frame.of(Lens.of(camera, width / height), size)
-    parts = [subject] if around.stage.kind == "none" else [subject, stage_shape(around)]
-    seen = [frame.drawn(part) for part in parts]
-    shadow, lamps = Shadow.of(subject, around), lamps_of(around)
-    picture = np.empty((height, width, 3), np.float32)
-    behind = _shown(np.array([around.lights.sky.horizon], np.float32), around, display)[0]
-    empty(frame.face, behind, picture)
-    for part in seen:
-        values = np.zeros((len(part.shape.vertices), 9), np.float32)
-        which = np.flatnonzero(part.seen)
-        values[which, :6] = _shown(part.lit(which, around, lamps, camera), around, display).reshape(-1, 6)
-        values[which, 6:] = shadow.places(part.shape, which)
-        looked_up = shadow.near, shadow.blocks
-        mix(part.corners, part.faces, part.first, values, looked_up, frame.face, picture)
+    frame = _Frame.of(camera, around, size, display, edges is not None)
+    seen = Sides.of(subject.as_kernels_take_it(), frame.lens, frame.near.shape)
+    shadow = Shadow.of(seen.shape, around, seen.outwards)
+    frame.add(seen, shadow)
+    if around.stage.kind != "none":
+        stage = stage_shape(around.stage, around.placement)
+        frame.add(Sides.of(stage, frame.lens, frame.near.shape), shadow, len(subject.faces))
+    picture = frame.picture()
     if edges is not None:
         ink = np.array([*edges.colour, edges.opacity, edges.width])
-        draw_edges(seen[0].screen, seen[0].faces, seen[0].first, frame.face, ink, picture)
-    return Preview(picture, frame.depth())
+        draw_edges(seen.screen, seen.shape.faces, frame.name, ink, picture)
+    return Preview(picture, frame.near[FINER // 2 :: FINER, FINER // 2 :: FINER])
 
 
 def prepare() -> None:
@@ -83,79 +77,80 @@ def prepare() -> None:
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     around = Set(LIGHTS["studio"], STAGES["cyclorama"], Placement())
     camera = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0))
-    for points in (corners, corners.astype(np.float32)):
-        shape = Shape(points, points, np.array([[0, 1, 2]], np.int32), LOOKS["clay"])
-        shown = preview(shape, around, camera, (8, 4), "rec709", Edges())
+    shape = Shape(corners, corners, np.array([[0, 1, 2]], np.int32), LOOKS["clay"])
+    shown = preview(shape, around, camera, (8, 4), "rec709", Edges())
     with_lines(shown, np.zeros((1, 2, 3)), np.zeros((1, 2, 3)), np.ones((1, 2)), camera, 1.0)
 
 
 @dataclass(frozen=True, eq=False)
-class _Drawn:
-    """A shape in the picture: its corners and where they fall, what its first face is called, and which of
-    its vertices (V,) may be seen."""
-
-    shape: Shape
-    faces: NDArray[np.int32]
-    corners: Floats
-    screen: Floats
-    first: int
-    seen: NDArray[np.bool_]
-
-    def lit(self, which: NDArray[np.intp], around: Set, lamps: Floats, camera: Camera) -> NDArray[np.float32]:
-        """(2 N, 3): what each sends to the eye with the key light, and without it."""
-        shape, sky = self.shape, around.lights.sky
-        colours = np.array([shape.look.colour]) if shape.colours is None else shape.colours
-        sharp = float(np.clip(2.0 / max(shape.look.roughness, 0.02) ** 2 - 2.0, *SHARPNESS))
-        above = np.array([sky.horizon, sky.zenith, (sharp, 0.0, 0.0)])
-        out = np.empty((len(which), 6), np.float32)
-        light(
-            shape.vertices,
-            shape.normals,
-            np.ascontiguousarray(colours, np.float64),
-            which,
-            np.array(camera.origin),
-            _reflects(shape.look),
-            above,
-            lamps,
-            out,
-        )
-        return out.reshape(-1, 3)
-
-
-@dataclass(frozen=True, eq=False)
 class _Frame:
-    """Which faces are seen in a picture, and one over their depth, FINER times as finely as its pixels."""
+    """A picture that shapes are added to, FINER times as fine as it will be.
+
+    near, colour and name as the kernel `paint` takes them
+    """
 
     lens: Lens
+    lighting: Lighting
+    around: Set
+    display: str
     near: NDArray[np.float32]
-    face: NDArray[np.int32]
-    shapes: list[_Drawn]
+    colour: NDArray[np.uint32]
+    name: NDArray[np.int32]
 
     @classmethod
-    def of(cls, lens: Lens, size: tuple[int, int]) -> _Frame:
-        shape = FINER * size[1], FINER * size[0]
-        return cls(lens, np.zeros(shape, np.float32), np.full(shape, -1, np.int32), [])
+    def of(cls, camera: Camera, around: Set, size: tuple[int, int], display: str, named: bool) -> _Frame:
+        width, height = size
+        shape = FINER * height, FINER * width
+        behind = _shown(np.array([around.lights.sky.horizon], np.float32), around, display)[0]
+        return cls(
+            Lens.of(camera, width / height),
+            Lighting.of(around, camera),
+            around,
+            display,
+            np.zeros(shape, np.float32),
+            np.full(shape, pack(*behind), np.uint32),
+            np.full(shape if named else (0, 0), -1, np.int32),
+        )
 
-    def drawn(self, shape: Shape) -> _Drawn:
-        last = self.shapes[-1] if self.shapes else None
-        corners, screen = self.lens.project(shape.vertices)
-        faces = np.ascontiguousarray(shape.faces, np.int32)
-        first, seen = last.first + len(last.faces) if last else 0, np.zeros(len(corners), np.bool_)
-        fill(corners, screen, faces, first, shape.closed, self.lens.near, self.near, self.face, seen)
-        self.shapes.append(_Drawn(shape, faces, corners, screen, first, seen))
-        return self.shapes[-1]
+    def add(self, seen: Sides, shadow: Shadow, first: int = 0) -> None:
+        """Triangles that hide what is there or are hidden by it; `first`, what the first one is called."""
+        shown, large = self._small(seen, shadow), self._large(seen, shadow)
+        for order in seen.orders:
+            paint(
+                order, seen.shape.faces, first, seen.screen, shown, large, self.near, self.colour, self.name
+            )
 
-    def depth(self) -> Floats:
-        """(H, W), in the middle of each pixel."""
-        with np.errstate(divide="ignore"):
-            return 1.0 / self.near[FINER // 2 :: FINER, FINER // 2 :: FINER].astype(np.float64)
+    def _small(self, seen: Sides, shadow: Shadow) -> NDArray[np.float32]:
+        """(V, 3): what corners of small triangles show."""
+        shape, which = seen.shape, seen.corners(SMALL)
+        sent = np.empty((len(which), 3), np.float32)
+        keyed(self.lighting.sent(shape, which), shadow.reaches(shadow.places(shape, which)), sent)
+        shown = np.empty((len(shape.vertices), 3), np.float32)
+        shown[which] = _shown(sent, self.around, self.display)
+        return shown
 
+    def _large(self, seen: Sides, shadow: Shadow) -> Large:
+        """What large triangles need."""
+        shape, which = seen.shape, seen.corners(LARGE)
+        values = np.empty((len(shape.vertices) if len(which) else 0, 9), np.float32)
+        sent = self.lighting.sent(shape, which).reshape(-1, 3)
+        values[which, :6] = _shown(sent, self.around, self.display).reshape(-1, 6)
+        values[which, 6:] = shadow.places(shape, which)
+        pixels = self.near.size // FINER**2
+        hits, found = np.empty((pixels, 3), np.int32), np.empty((pixels, 10), np.float32)
+        return Large(shape.vertices, *self.lens, values, shadow.near, shadow.blocks, hits, found)
 
-def _reflects(look: Look) -> Floats:
-    """(3,), as `light` takes it."""
-    if look.model in BODILESS:
-        return np.array([0.0, 1.0, 0.0])
-    return np.array([1.0, 0.0, 0.0 if look.model in UNCOATED else COAT])
+    @property
+    def places(self) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.int32]]:
+        """As the kernel `paint` takes them."""
+        return self.near, self.colour, self.name
+
+    def picture(self) -> NDArray[np.float32]:
+        """(H, W, 3)."""
+        rows, columns = self.near.shape
+        picture = np.empty((rows // FINER, columns // FINER, 3), np.float32)
+        resolve(self.colour, picture)
+        return picture
 
 
 def _shown(light: NDArray[np.float32], around: Set, display: str) -> NDArray[np.float32]:

@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster._kernels_fill import fill, largest
-from render.raster._kernels_pixels import BLOCK
+from render.raster._kernels_shadow import BLOCK, cast, largest, places, reaches
 from render.raster.lamps import key_camera
 from render.raster.parts import Lens, Set, Shape
 
-SIDE = 32 * BLOCK
+SIDE = 64 * BLOCK
 """Pixels of its picture along each side."""
 
 LIFT = 0.06
@@ -22,39 +20,39 @@ LIFT = 0.06
 
 @dataclass(frozen=True, eq=False)
 class Shadow:
-    """What the key light sees: near (S, S) is one over the depth, 0 where nothing is; without a lens, (0, 0).
+    """What the key light sees; without a lens there is no key light, and pictures are empty.
 
-    lift  scene units
+    near    (S, S), one over the depth, 0 where nothing is
+    blocks  (S / BLOCK, S / BLOCK), as the kernel `largest` finds them
+    lift    scene units
     """
 
     lens: Lens | None
     near: NDArray[np.float32]
+    blocks: NDArray[np.float32]
     lift: float
 
     @classmethod
-    def of(cls, subject: Shape, around: Set) -> Shadow:
+    def of(cls, subject: Shape, around: Set, side: int) -> Shadow:
+        """side  of triangles that cast a shadow, as the kernel `cast` takes it"""
         camera, lift = key_camera(around), LIFT * around.placement.size
         if camera is None:
-            return cls(None, np.zeros((0, 0), np.float32), lift)
+            return cls(None, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32), lift)
         lens = Lens.of(camera, 1.0)
-        near, face = np.zeros((SIDE, SIDE), np.float32), np.empty((SIDE, SIDE), np.int32)
-        seen = np.empty(len(subject.vertices), np.bool_)
-        corners, screen = lens.project(subject.vertices)
-        faces = np.ascontiguousarray(subject.faces, np.int32)
-        fill(corners, screen, faces, 0, subject.closed, lens.near, near, face, seen)
-        return cls(lens, near, lift)
+        near, blocks = np.zeros((SIDE, SIDE), np.float32), np.empty((SIDE // BLOCK,) * 2, np.float32)
+        cast(lens.project(subject.vertices, SIDE, SIDE), subject.faces, side, near)
+        largest(near, blocks)
+        return cls(lens, near, blocks, lift)
 
-    @cached_property
-    def blocks(self) -> NDArray[np.float32]:
-        """(S / BLOCK, S / BLOCK): the largest of each block and the eight around."""
-        many = len(self.near) // BLOCK
-        found = np.zeros((many, many), np.float32)
-        largest(self.near, BLOCK, found)
+    def places(self, shape: Shape, which: NDArray[np.intp]) -> NDArray[np.float32]:
+        """(N, 3): where vertices are looked up in the picture."""
+        found = np.zeros((len(which), 3), np.float32)
+        if self.lens is not None:
+            places(shape.vertices, shape.normals, which, self.lift, self.lens.origin, self.lens.axes, found)
         return found
 
-    def places(self, shape: Shape, which: NDArray[np.intp]) -> NDArray[np.floating]:
-        """(N, 3): where vertices are looked up in the picture, as the kernel `project` finds corners."""
-        if self.lens is None:
-            return np.zeros((len(which), 3))
-        lifted = shape.vertices[which] + self.lift * shape.normals[which]
-        return self.lens.project(np.ascontiguousarray(lifted))[0]
+    def reaches(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N,): how much of the key light is seen from there, from 0 to 1."""
+        share = np.empty(len(places), np.float32)
+        reaches(places, self.near, self.blocks, share)
+        return share

@@ -60,8 +60,7 @@ class Sketch:
         """uint8 (H, W, 3). Raises FrameError where the flow fails."""
         picture = self.take.shot.picture
         around = Set(picture.lights, picture.stage, framing.placement, picture.view)
-        shape = shape_of(arrays, picture.look)
-        shape = shape._replace(closed=self.closed and looks_outwards(shape))
+        shape = shape_of(arrays, picture.look)._replace(closed=self.closed)
         shown = preview(shape, around, framing.camera, size, display, Edges() if self.edges else None)
         light = shown.picture
         if self.flow:
@@ -108,12 +107,6 @@ def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
     many = int(faces.max()) + 1
     return np.array_equal(np.sort(begin * many + end), np.sort(end * many + begin))
-
-
-def looks_outwards(shape: Shape) -> bool:
-    """Whether the faces of a closed surface look away from what is within: a flow may turn it inside out."""
-    a, b, c = (shape.vertices[shape.faces[:, k]].astype(np.float64) for k in range(3))
-    return bool(np.einsum("ij,ij->", a, np.cross(b, c)) > 0.0)
 
 
 def inks(ways: Ways) -> tuple[Floats, Floats]:

@@ -1,0 +1,70 @@
+"""Lines over a picture, compiled: edges of faces, and pieces of ways."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from render.raster._kernels_large import FINER
+from render.raster.compiled import Array, quick
+
+
+@quick  # type: ignore[untyped-decorator]  # numba has no types
+def draw_edges(screen: Array, faces: Array, name: Array, ink: Array, picture: Array) -> None:
+    """The edges of the faces (F, 3) that are seen, over a picture (H, W, 3) of display values.
+
+    screen  (V, 3), as `project` finds them; faces that go on behind the lens have no edges
+    name    (FINER H, FINER W): which face is seen; others than these have no edges
+    ink     (5,): colour, how opaque, and how wide in pixels
+    """
+    share = ink[3] / (FINER * FINER)
+    for i in range(name.shape[0]):
+        for j in range(name.shape[1]):
+            f = name[i, j]
+            if not 0 <= f < faces.shape[0]:
+                continue
+            away = np.inf
+            for k in range(3):
+                a, b = faces[f, k], faces[f, (k + 1) % 3]
+                if min(screen[a, 2], screen[b, 2]) <= 0.0:
+                    continue
+                dx, dy = screen[b, 0] - screen[a, 0], screen[b, 1] - screen[a, 1]
+                across = abs((j - screen[a, 0]) * dy - (i - screen[a, 1]) * dx)
+                away = min(away, across / max(np.sqrt(dx * dx + dy * dy), 1e-12))
+            cover = share * min(1.0, max(0.0, ink[4] / 2.0 + 0.5 - away / FINER))
+            for k in range(3):
+                picture[i // FINER, j // FINER, k] += cover * (ink[k] - picture[i // FINER, j // FINER, k])
+
+
+@quick  # type: ignore[untyped-decorator]  # numba has no types
+def draw_lines(ends: Array, inks: Array, width: float, hidden: float, depth: Array, picture: Array) -> None:
+    """Short pieces of lines over a picture (H, W, 3), in order, with soft edges.
+
+    ends    (N, 2, 3): where each piece begins and ends, pixels from the left and the top, and the depth
+    inks    (N, 4): its colour, and how opaque it is
+    width   of all, pixels
+    hidden  what is left of its opacity where the surface (`depth`, (H, W)) is before it
+    """
+    rows, columns = depth.shape
+    reach = width / 2.0 + 1.0
+    for n in range(ends.shape[0]):
+        x0, y0, z0 = ends[n, 0]
+        x1, y1, z1 = ends[n, 1]
+        dx, dy = x1 - x0, y1 - y0
+        squared = dx * dx + dy * dy
+        if squared < 1e-12 or min(z0, z1) <= 0.0:
+            continue
+        for i in range(max(0, int(min(y0, y1) - reach)), min(rows, int(max(y0, y1) + reach) + 1)):
+            for j in range(max(0, int(min(x0, x1) - reach)), min(columns, int(max(x0, x1) + reach) + 1)):
+                px, py = j + 0.5 - x0, i + 0.5 - y0
+                along = (px * dx + py * dy) / squared
+                if along < 0.0 or along >= 1.0:
+                    continue  # the next piece has it
+                beside = abs(px * dy - py * dx) / np.sqrt(squared)
+                cover = min(1.0, width / 2.0 + 0.5 - beside)
+                if cover <= 0.0:
+                    continue
+                opacity = inks[n, 3] * cover
+                if z0 + along * (z1 - z0) > depth[i, j]:
+                    opacity *= hidden
+                for k in range(3):
+                    picture[i, j, k] += opacity * (inks[n, k] - picture[i, j, k])

@@ -1,0 +1,111 @@
+"""The picture that the key light sees, and what of its light reaches a place, compiled."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from render.raster._kernels_place import box, corner
+from render.raster.compiled import Array, exact, quick
+
+BLOCK = 8
+"""Pixels of the shadow's picture that are looked at together."""
+
+_AROUND = 3
+_FAR, _BETWEEN = (-3, 0, 3), (-3, -2, 0, 1, 3)
+"""The pixels of the shadow's picture that are looked at around a place, and those where these differ."""
+
+
+@exact  # type: ignore[untyped-decorator]  # numba has no types
+def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
+    """One over the depth of the nearest triangle, into near (S, S), which is 0.
+
+    side  1 or -1 where only triangles that run counter-clockwise, or clockwise, cast a shadow; 0 for all
+
+    What goes on behind the light casts none.
+    """
+    rows, columns = near.shape
+    for f in range(faces.shape[0]):
+        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
+        cx, cy = screen[c, 0], screen[c, 1]
+        area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
+        if area == 0.0 or area * side < 0.0:
+            continue
+        left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
+        if left > right or top > bottom:
+            continue
+        depth_a, depth_b, depth_c = screen[a, 2], screen[b, 2], screen[c, 2]
+        if not (depth_a > 0.0 and depth_b > 0.0 and depth_c > 0.0):
+            continue
+        ux, uy = (by - cy) / -area, (cx - bx) / -area
+        vx, vy = (cy - ay) / -area, (ax - cx) / -area
+        for i in range(top, bottom + 1):
+            u = ux * (left - cx) + uy * (i - cy)
+            v = vx * (left - cx) + vy * (i - cy)
+            for j in range(left, right + 1):
+                w = 1.0 - u - v
+                if u >= 0.0 and v >= 0.0 and w >= 0.0:
+                    near[i, j] = max(near[i, j], u * depth_a + v * depth_b + w * depth_c)
+                u += ux
+                v += vx
+
+
+@exact  # type: ignore[untyped-decorator]  # numba has no types
+def largest(near: Array, blocks: Array) -> None:
+    """Of each BLOCK of near (S, S) and the eight around it, into blocks (S / BLOCK, S / BLOCK)."""
+    many = blocks.shape[0]
+    own = np.zeros((many, many), np.float32)
+    for i in range(near.shape[0]):
+        for column in range(many):
+            most = np.float32(0.0)
+            for j in range(BLOCK):
+                most = max(most, near[i, BLOCK * column + j])
+            own[i // BLOCK, column] = max(own[i // BLOCK, column], most)
+    for i in range(many):
+        for j in range(many):
+            blocks[i, j] = own[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2].max()
+
+
+@exact  # type: ignore[untyped-decorator]  # numba has no types
+def places(
+    vertices: Array, normals: Array, which: Array, lift: float, origin: Array, axes: Array, out: Array
+) -> None:
+    """Where some of the vertices (V, 3) are looked up, `lift` above their surface: into out (N, 3)."""
+    raised = np.empty((1, 3))
+    for n in range(which.shape[0]):
+        v = which[n]
+        for k in range(3):
+            raised[0, k] = vertices[v, k] + lift * normals[v, k]
+        out[n, 0], out[n, 1], out[n, 2] = corner(raised, 0, origin, axes)
+
+
+@quick  # type: ignore[untyped-decorator]  # numba has no types
+def reaches(at: Array, near: Array, blocks: Array, share: Array) -> None:
+    """How much of the key light places (N, 3) see, from 0 to 1, into share (N,); by those around them.
+
+    near    (S, S), one over the depth that the light reaches; empty where there is no key light
+    blocks  (S / BLOCK, S / BLOCK), as `largest` finds them
+    """
+    side = near.shape[0]
+    for n in range(at.shape[0]):
+        share[n] = 1.0
+        if side == 0 or at[n, 2] <= 0.0:
+            continue
+        here = 1.0 / at[n, 2]
+        row, column = int((1.0 - at[n, 1] * here) / 2.0 * side), int((at[n, 0] * here + 1.0) / 2.0 * side)
+        if not (_AROUND <= row < side - _AROUND and _AROUND <= column < side - _AROUND):
+            continue
+        if blocks[row // BLOCK, column // BLOCK] <= here:
+            continue
+        lit = 0
+        for di in _FAR:
+            for dj in _FAR:
+                lit += near[row + di, column + dj] <= here
+        if lit == 0 or lit == 9:  # so do those between, but for the thinnest of shadows
+            share[n] = lit / 9.0
+            continue
+        lit = 0
+        for di in _BETWEEN:
+            for dj in _BETWEEN:
+                lit += near[row + di, column + dj] <= here
+        share[n] = lit / 25.0

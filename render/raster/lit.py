@@ -1,0 +1,65 @@
+"""What vertices send to the eye."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.camera import Camera
+from render.lights import Sky
+from render.look import Look
+from render.raster._kernels_light import light
+from render.raster.lamps import lamps_of
+from render.raster.parts import Floats, Set, Shape
+
+BODILESS = ("metal", "brushed")
+UNCOATED = ("diffuse", "smoke")
+COAT = 0.05
+"""Models that have a mirror's colour and no other, models without a clear coat, and what others reflect."""
+
+SHARPNESS = (6.0, 160.0)
+"""Between which highlights are: sharper ones would fall between vertices, and be dots."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lighting:
+    """What lights a set, and from where that is seen.
+
+    lamps  (L, 10), as the kernel `light` takes them
+    """
+
+    sky: Sky
+    lamps: Floats
+    eye: Floats
+
+    @classmethod
+    def of(cls, around: Set, camera: Camera) -> Lighting:
+        return cls(around.lights.sky, lamps_of(around), np.array(camera.origin))
+
+    def sent(self, shape: Shape, which: NDArray[np.intp]) -> NDArray[np.float32]:
+        """(N, 6): linear light of vertices with the key light, and without it."""
+        colours = np.array([shape.look.colour]) if shape.colours is None else shape.colours
+        sharp = float(np.clip(2.0 / max(shape.look.roughness, 0.02) ** 2 - 2.0, *SHARPNESS))
+        above = np.array([self.sky.horizon, self.sky.zenith, (sharp, 0.0, 0.0)])
+        out = np.empty((len(which), 6), np.float32)
+        light(
+            shape.vertices,
+            shape.normals,
+            np.ascontiguousarray(colours, np.float64),
+            which,
+            self.eye,
+            _reflects(shape.look),
+            above,
+            self.lamps,
+            out,
+        )
+        return out
+
+
+def _reflects(look: Look) -> Floats:
+    """(3,), as `light` takes it."""
+    if look.model in BODILESS:
+        return np.array([0.0, 1.0, 0.0])
+    return np.array([1.0, 0.0, 0.0 if look.model in UNCOATED else COAT])
