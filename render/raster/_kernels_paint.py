@@ -58,7 +58,7 @@ def paint(
             v = vx * (left - cx) + vy * (i - cy)
             for j in range(left, right + 1):
                 here = depth_c + u * depth_u + v * depth_v
-                if min(u, v, 1.0 - u - v, here - near[i, j]) >= 0.0:  # one question: most are guessed wrongly
+                if (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (here > near[i, j]):  # one branch, not four
                     near[i, j] = here
                     colour[i, j] = (
                         int(red + u * red_u + v * red_v) << 20

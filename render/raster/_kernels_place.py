@@ -96,9 +96,15 @@ def box(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, rows: int, columns: int
 ) -> tuple[int, int, int, int]:
     """The first and the last column and row whose middles a triangle may cover."""
-    return (
-        max(0, int(np.ceil(min(ax, bx, cx)))),
-        min(columns - 1, int(np.floor(max(ax, bx, cx)))),
-        max(0, int(np.ceil(min(ay, by, cy)))),
-        min(rows - 1, int(np.floor(max(ay, by, cy)))),
-    )
+    left, right = _ends(ax, bx, cx, columns)
+    top, bottom = _ends(ay, by, cy, rows)
+    return left, right, top, bottom
+
+
+@exact  # type: ignore[untyped-decorator]  # numba has no types
+def _ends(a: float, b: float, c: float, many: int) -> tuple[int, int]:
+    """Without `min` and `max`, which ask of each whether it is a number."""
+    low, high = (a, b) if a < b else (b, a)
+    low, high = c if c < low else low, c if c > high else high
+    begin, end = int(np.ceil(low)), int(np.floor(high))
+    return begin if begin > 0 else 0, end if end < many else many - 1
