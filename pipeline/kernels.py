@@ -1,8 +1,7 @@
 """Where compiled kernels live, and the decorator that makes one.
 
-numba's on-disk cache does not notice edits in functions that a kernel calls from another file, so
-the cache folder is named by a hash of every kernel source. A new source means a new folder and one
-compilation (`flowsculpt doctor --prepare`, done at set-up); nothing else ever compiles.
+The cache folder is named by a hash of every kernel source (see `render.kernels`). A new source means a new
+folder and one compilation (`flowsculpt doctor --prepare`, done at set-up); nothing else ever compiles.
 
 Intel's SVML has other sines and exponentials for vectors than for single numbers, so that a point's bits
 would hang on its place in a block: numba is told not to take it (see `pipeline/__init__.py`).
@@ -11,20 +10,16 @@ would hang on its place in a block: numba is told not to take it (see `pipeline/
 from __future__ import annotations
 
 import ctypes
-import getpass
-import hashlib
 import importlib
-import os
-import stat
-import tempfile
 from collections.abc import Callable
 from functools import cache, cached_property
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
-import platformdirs
 from numba.core import sigutils
+
+from render.kernels import folder_of
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -39,41 +34,8 @@ def kernel_modules() -> list[str]:
 
 @cache
 def cache_folder() -> Path:
-    """The folder of these sources, in the user's cache or, where unwritable, among temporary files.
-
-    numba runs what it finds there, so a folder among temporary files is taken only where it is the user's
-    own and closed to others; else the kernels are compiled anew, into a folder of this process.
-    """
-    digest = hashlib.sha256(f"{numba.__version__} SVML={numba.config.USING_SVML}".encode())
-    for file in (Path(__file__), *sorted(_PACKAGE.rglob("_kernels*.py"))):
-        digest.update(file.read_bytes())
-    name = digest.hexdigest()[:16]
-    for base in (_user_cache, _temporary_cache):
-        try:
-            folder = base() / "kernels" / name
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError:
-            continue
-        if os.access(folder, os.W_OK):
-            return folder
-    return Path(tempfile.mkdtemp(prefix="flowsculpt-kernels-"))
-
-
-def _user_cache() -> Path:
-    return platformdirs.user_cache_path("flowsculpt")
-
-
-def _temporary_cache() -> Path:
-    """A folder that is named after the user and theirs alone. Raises PermissionError where it is not."""
-    user = os.getuid() if hasattr(os, "getuid") else getpass.getuser()
-    folder = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{user}"
-    folder.mkdir(mode=0o700, exist_ok=True)
-    found = folder.lstat()
-    if hasattr(os, "getuid") and (found.st_uid != user or stat.S_IMODE(found.st_mode) & 0o077):
-        raise PermissionError(f"{folder} is open to others")
-    if not stat.S_ISDIR(found.st_mode):
-        raise PermissionError(f"{folder} is a link")
-    return folder
+    """The folder of these sources."""
+    return folder_of(_PACKAGE, Path(__file__))
 
 
 def kernel(signature: Any, **options: Any) -> Callable[[F], F]:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from render.kernels import compiled
 
 Rows = NDArray[np.float64]
 
 _WORD = np.uint64(0xFFFFFFFF)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def mixed(word: np.uint64) -> np.uint64:
     """The finaliser of MurmurHash3 (Appleby, public domain) on 32 bits."""
     word = (word ^ (word >> np.uint64(16))) * np.uint64(0x85EBCA6B) & _WORD
@@ -21,7 +22,7 @@ def mixed(word: np.uint64) -> np.uint64:
     return word ^ (word >> np.uint64(16))
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def draw(x: int, y: int, z: int, seed: int, drawn: Rows) -> None:
     """Numbers from 0 to 1 into `drawn`: the same for the same cell and seed, everywhere."""
     a = np.uint64(x) * np.uint64(0x8DA6B343)
@@ -33,7 +34,7 @@ def draw(x: int, y: int, z: int, seed: int, drawn: Rows) -> None:
         drawn[channel] = word / 4294967296.0
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def add_value_noise(points: Rows, seed: int, strength: float, total: Rows) -> None:
     """Adds to `total` (N, 3) noise of three channels at points (N, 3), between −strength and strength.
 
@@ -56,7 +57,7 @@ def add_value_noise(points: Rows, seed: int, strength: float, total: Rows) -> No
                 total[i, channel] += strength * weight * (2.0 * drawn[channel] - 1.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def find_spots(points: Rows, seed: int, nearest: Rows) -> None:
     """Into `nearest` (N,) the distance from points (N, 3) to the spot that is nearest for its size."""
     drawn = np.zeros(4)

@@ -5,14 +5,15 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from render.kernels import compiled
 
 Floats = NDArray[np.float32]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def take_in(
     here: Floats,
     there: Floats,
@@ -57,7 +58,7 @@ def take_in(
             total[y, x, 3] += weight
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def fetch_all(picture: Floats, places: Floats, found: Floats) -> None:
     """Read `picture` (H, W, C) between its pixels, at `places` (H, W, 2), into `found` (H, W, C)."""
     height, width = picture.shape[:2]
@@ -70,7 +71,7 @@ def fetch_all(picture: Floats, places: Floats, found: Floats) -> None:
             found[y, x, :] = values
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def _fetch(picture: Floats, column: float, row: float, found: NDArray[np.float64]) -> None:
     """The values at a place, weighted by distance between the four pixels around it."""
     left, top = int(column), int(row)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import math
 
-import numba
 import numpy as np
 from numpy.typing import NDArray
+
+from render.kernels import compiled
 
 Floats = NDArray[np.float32]
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def look_up(light: Floats, gain: float, toe: float, brightest: float, cube: Floats, shown: Floats) -> None:
     """Each of `light` (N, 3), times `gain`, trilinearly in `cube` (S, S, S, 3), into `shown` (N, 3).
 
@@ -40,7 +41,7 @@ def look_up(light: Floats, gain: float, toe: float, brightest: float, cube: Floa
             shown[i, channel] = min(max(total, 0.0), 1.0)
 
 
-@numba.njit(cache=True, nogil=True, error_model="numpy")  # type: ignore[untyped-decorator]  # numba has no types
+@compiled()
 def round_by(values: Floats, noise: Floats, top: np.float32, steps: NDArray[np.integer]) -> None:
     """Each of `values` (H, W, C), 0 … 1, to steps from 0 to `top`: up where the rest is 1 - noise (H, W) or
     more. What is not a number counts as black.

@@ -61,9 +61,11 @@ def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
 
 
 def prepare() -> None:
-    """Bake every display's cube and compile the look-up, so that the first picture need not wait for it."""
+    """Bake every display's cube and compile the kernels, so that the first picture need not wait for it."""
     for display in DISPLAYS:
-        to_display(np.zeros((1, 1, 3), np.float32), display=display)
+        shown = to_display(np.zeros((1, 1, 3), np.float32), display=display)
+        for bits in (8, 16):
+            quantise(shown, bits)
 
 
 def view_exactly(

@@ -171,7 +171,7 @@ FILM = {
 }
 """What films and movies of shots are encoded by, by their bits a sample."""
 
-SKETCH = replace(ENCODES["review"], options={**X264, "preset": "veryfast", "g": "12", "bf": "0"})
+SKETCH = replace(ENCODES["review"], options={**X264, "preset": "superfast", "g": "12", "bf": "0"})
 """What previews are encoded by: soon done, and stepped through quickly."""
 
 

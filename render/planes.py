@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from render._kernels_planes import to_ycbcr
 from render.dither import dither_pattern
 from render.errors import BadInputError
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
 """A display picture (H, W, 3), or (H, W, 4) with its coverage; uint8 counts 0 … 255, uint16 0 … 65535."""
-
-_LUMA = np.array([0.2126, 0.7152, 0.0722], dtype=np.float32)  # ITU-R BT.709-6, 3.2
 
 
 def require_frame(frame: NDArray[Any], channels: tuple[int, ...] = (3,)) -> None:
@@ -28,6 +28,8 @@ def even(frame: Frame) -> Frame:
     """The frame, an odd last column or row repeated once: where colour has half the resolution, sizes are
     even."""
     height, width = frame.shape[:2]
+    if height % 2 == width % 2 == 0:
+        return frame
     padded: NDArray[Any] = np.pad(frame, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
     return padded
 
@@ -37,18 +39,27 @@ def ycbcr(frame: Frame, bits: int) -> NDArray[Any]:
 
     A coverage becomes a fourth plane, full range.
     """
-    values = frame.astype(np.float32) / np.float32(np.iinfo(frame.dtype).max)
-    rgb = values[..., :3]
-    luma = rgb @ _LUMA
-    blue = (rgb[..., 2] - luma) / np.float32(1.8556)
-    red = (rgb[..., 0] - luma) / np.float32(1.5748)
-    scale = np.float32(2 ** (bits - 8))
-    planes = np.stack([16 + 219 * luma, 128 + 224 * blue, 128 + 224 * red]) * scale
-    noise = dither_pattern(*luma.shape) if frame.dtype == np.uint16 else np.float32(0.5)
-    steps = np.floor(planes + noise)
-    if frame.shape[2] == 4:
-        steps = np.concatenate([steps, np.rint(values[..., 3] * (2**bits - 1))[None]])
-    return steps.astype(np.uint8 if bits == 8 else np.uint16)
+    height, width, channels = frame.shape
+    top, scale = np.float32(np.iinfo(frame.dtype).max), np.float32(2 ** (bits - 8))
+    noise = dither_pattern(height, width) if frame.dtype == np.uint16 else _half(height, width)
+    planes = np.empty((channels, height, width), np.uint8 if bits == 8 else np.uint16)
+    to_ycbcr(np.ascontiguousarray(frame), top, scale, noise, planes)
+    if channels == 4:
+        planes[3] = np.rint(frame[..., 3].astype(np.float32) / top * np.float32(2**bits - 1))
+    return planes
+
+
+def prepare() -> None:
+    """Compile the kernel, so that the first movie need not wait for it."""
+    for bits in (8, 10):
+        ycbcr(np.zeros((2, 2, 3), np.uint8), bits)
+        ycbcr(np.zeros((2, 2, 3), np.uint16), bits)
+
+
+@lru_cache(maxsize=4)
+def _half(height: int, width: int) -> NDArray[np.float32]:
+    """(H, W) of a half: what is 8 bits already was dithered then."""
+    return np.full((height, width), 0.5, np.float32)
 
 
 def gbr(frame: Frame) -> NDArray[np.uint16]:

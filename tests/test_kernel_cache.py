@@ -6,10 +6,13 @@ import stat
 import subprocess
 import sys
 import tempfile
+from pathlib import Path
 
 import pytest
 
+import render
 from pipeline import kernels
+from render import kernels as render_kernels
 
 SCENE = """
 from pathlib import Path
@@ -76,6 +79,15 @@ def test_no_vector_library_with_other_bits_is_taken():
     assert done.stdout.split() == ["1", "False"], done.stderr
 
 
+WHERE = """
+from pathlib import Path
+from render import kernels
+from render.raster._kernels_paint import paint
+file = Path(kernels.__file__)
+print(Path(paint.stats.cache_path).is_relative_to(kernels.folder_of(file.parent, file)))
+"""
+
+
 @pytest.fixture
 def folder_now(tmp_path, monkeypatch):
     """Where kernels would live, asked anew each time: the caches are empty, and the user's is in `home`."""
@@ -105,6 +117,21 @@ def test_an_edit_of_any_kernel_file_means_another_folder(tmp_path, monkeypatch, 
         assert folder_now() != before, file
         file.write_bytes(text)
     assert folder_now() == before
+
+
+def test_kernels_of_pictures_live_in_a_folder_of_their_sources_too(tmp_path, folder_now):
+    """One calls others, in other files: where these have changed it must not be found as it was."""
+    whole = Path(render.__file__).parent
+    copied = shutil.copytree(whole, tmp_path / "render", ignore=shutil.ignore_patterns("__pycache__"))
+    before = render_kernels.folder_of(copied)
+    assert before == render_kernels.folder_of(whole)
+    for file in sorted((copied / "raster").glob("_kernels*.py")):
+        text = file.read_bytes()
+        file.write_bytes(text + b"# edited")
+        assert render_kernels.folder_of(copied) != before, file
+        file.write_bytes(text)
+    cached = subprocess.run([sys.executable, "-c", WHERE], capture_output=True, text=True, check=True)
+    assert cached.stdout.strip() == "True"
 
 
 @pytest.fixture

@@ -20,7 +20,7 @@ from pipeline.production.care.why import Answer, Question
 from pipeline.production.runs.history import History
 from pipeline.production.runs.workflow import Studio
 from pipeline.production.takes.folder import find_shot, shot_names
-from render import colour, engine, raster
+from render import colour, engine, planes, raster
 from render.quality import QUALITIES
 
 
@@ -109,6 +109,7 @@ def doctor(
     if prepare and not common.dry_run:
         compile_all()
         colour.prepare()
+        planes.prepare()
         raster.prepare()
     renderer = engine.facts()
     there = next(folder for folder in (common.root, *common.root.parents) if folder.exists())

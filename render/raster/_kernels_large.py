@@ -51,7 +51,7 @@ class Large(NamedTuple):
     found: Array
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def paint_large(
     a: int, b: int, c: int, called: int, large: Large, near: Array, colour: Array, name: Array
 ) -> None:
@@ -73,7 +73,7 @@ def paint_large(
     _show(large.hits, large.found, many, called, colour, name)
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def _cover(planes: Array, left: float, right: float, top: int, bottom: int, near: Array, hits: Array) -> int:
     """Where a triangle is the nearest; answers in how many pixels.
 
@@ -119,7 +119,7 @@ def _cover(planes: Array, left: float, right: float, top: int, bottom: int, near
     return many
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def _interpolate(planes: Array, hits: Array, many: int, found: Array) -> None:
     """What corners show, in the middle of pixels, which may lie beside the triangle: into found (N, 9)."""
     for n in range(many):
@@ -132,7 +132,7 @@ def _interpolate(planes: Array, hits: Array, many: int, found: Array) -> None:
             found[n, k] = (planes[0, 3 + k] + planes[1, 3 + k] * i + planes[2, 3 + k] * j) * depth
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def _show(hits: Array, found: Array, many: int, called: int, colour: Array, name: Array) -> None:
     """Pixels as much in the key light as found[:, 9] says, at the places that the triangle has there."""
     named = name.shape[0] > 0
@@ -149,7 +149,7 @@ def _show(hits: Array, found: Array, many: int, called: int, colour: Array, name
                     name[i + s // FINER, j + s % FINER] = called
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def _planes(
     corners: Array,
     values: Array,
@@ -182,7 +182,7 @@ def _planes(
     return True
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def _bounds(corners: Array, closest: float, rows: int, columns: int) -> tuple[float, float, int, int]:
     """The columns and rows that a triangle may be seen in, as far as it is before the lens."""
     left, right, low, high = np.inf, -np.inf, np.inf, -np.inf

@@ -10,7 +10,7 @@ _FAINT = 1e-5
 """A highlight that is darker than that, over its middle, is left out."""
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def light(
     points: Array,
     normals: Array,
@@ -72,13 +72,13 @@ def light(
                     out[row, 3 + k] += sent
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def _over(squared: float) -> float:
     """One over the length of a vector."""
     return 1.0 / math.sqrt(max(squared, 1e-300))
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def keyed(sent: Array, share: Array, out: Array) -> None:
     """What vertices send, out (N, 3), that see a share (N,) of the key light; sent (N, 6) as `light` says."""
     for n in range(share.shape[0]):

@@ -8,7 +8,7 @@ from render.raster._kernels_large import FINER
 from render.raster.compiled import Array, quick
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def draw_edges(screen: Array, faces: Array, name: Array, ink: Array, picture: Array) -> None:
     """The edges of the faces (F, 3) that are seen, over a picture (H, W, 3) of display values.
 
@@ -35,7 +35,7 @@ def draw_edges(screen: Array, faces: Array, name: Array, ink: Array, picture: Ar
                 picture[i // FINER, j // FINER, k] += cover * (ink[k] - picture[i // FINER, j // FINER, k])
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def draw_lines(ends: Array, inks: Array, width: float, hidden: float, depth: Array, picture: Array) -> None:
     """Short pieces of lines over a picture (H, W, 3), in order, with soft edges.
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from render.raster._kernels_large import FINER, TOP, Large, paint_large
 from render.raster._kernels_place import WIDE, box
 from render.raster.compiled import Array, exact, quick
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def paint(
     order: Array,
     faces: Array,
@@ -33,7 +31,7 @@ def paint(
     named = name.shape[0] > 0
     for n in range(order.shape[0]):
         f = order[n]
-        a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
         depth_a, depth_b, depth_c = screen[a, 2], screen[b, 2], screen[c, 2]
         if not (depth_a > 0.0 and depth_b > 0.0 and depth_c > 0.0):
             paint_large(a, b, c, first + f, large, near, colour, name)
@@ -71,13 +69,13 @@ def paint(
                 v += vx
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def pack(red: float, green: float, blue: float) -> int:
     """Display values in 32 bits."""
     return int(TOP * red + 0.5) << 20 | int(TOP * green + 0.5) << 10 | int(TOP * blue + 0.5)
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def resolve(colour: Array, picture: Array) -> None:
     """The mean of the places of each pixel, into picture (H, W, 3)."""
     share = 1.0 / (TOP * FINER * FINER)

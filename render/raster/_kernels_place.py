@@ -17,7 +17,7 @@ CLOCKWISE = 2
 """By how many bits marks of corners of triangles that run clockwise are shifted."""
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def project(
     vertices: Array, origin: Array, axes: Array, near: float, rows: int, columns: int, screen: Array
 ) -> None:
@@ -34,7 +34,7 @@ def project(
         screen[v, 2] = inverse
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def corner(vertices: Array, v: int, origin: Array, axes: Array) -> tuple[float, float, float]:
     """x and y of a vertex from -1 to 1 across the picture (y up), times its depth; and the depth."""
     x, y, z = vertices[v, 0] - origin[0], vertices[v, 1] - origin[1], vertices[v, 2] - origin[2]
@@ -45,7 +45,7 @@ def corner(vertices: Array, v: int, origin: Array, axes: Array) -> tuple[float, 
     )
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def sort_faces(
     screen: Array, faces: Array, rows: int, columns: int, order: Array, marks: Array
 ) -> tuple[int, int, float, bool]:
@@ -91,7 +91,7 @@ def sort_faces(
     return front, faces.shape[0] - back, volume, whole
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def box(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, rows: int, columns: int
 ) -> tuple[int, int, int, int]:
@@ -101,7 +101,7 @@ def box(
     return left, right, top, bottom
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def _ends(a: float, b: float, c: float, many: int) -> tuple[int, int]:
     """Without `min` and `max`, which ask of each whether it is a number."""
     low, high = (a, b) if a < b else (b, a)

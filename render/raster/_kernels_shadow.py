@@ -15,7 +15,7 @@ _FAR, _BETWEEN = (-3, 0, 3), (-3, -2, 0, 1, 3)
 """The pixels of the shadow's picture that are looked at around a place, and those where these differ."""
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
     """One over the depth of the nearest triangle, into near (S, S), which is 0.
 
@@ -50,7 +50,7 @@ def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
                 v += vx
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def largest(near: Array, blocks: Array) -> None:
     """Of each BLOCK of near (S, S) and the eight around it, into blocks (S / BLOCK, S / BLOCK)."""
     many = blocks.shape[0]
@@ -66,7 +66,7 @@ def largest(near: Array, blocks: Array) -> None:
             blocks[i, j] = own[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2].max()
 
 
-@exact  # type: ignore[untyped-decorator]  # numba has no types
+@exact
 def places(
     vertices: Array, normals: Array, which: Array, lift: float, origin: Array, axes: Array, out: Array
 ) -> None:
@@ -79,7 +79,7 @@ def places(
         out[n, 0], out[n, 1], out[n, 2] = corner(raised, 0, origin, axes)
 
 
-@quick  # type: ignore[untyped-decorator]  # numba has no types
+@quick
 def reaches(at: Array, near: Array, blocks: Array, share: Array) -> None:
     """How much of the key light places (N, 3) see, from 0 to 1, into share (N,); by those around them.
 

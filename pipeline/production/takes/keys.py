@@ -77,7 +77,10 @@ MOVIE_CODE = (
         f"render/{name}.py"
         for name in ("_kernels_view", "colour", "dither", "titles", "view", "ahead", "dissolve")
     ),
-    *(f"render/{name}.py" for name in ("movie", "encodes", "encoding", "planes", "sink", "sound", "track")),
+    *(
+        f"render/{name}.py"
+        for name in ("movie", "encodes", "encoding", "planes", "_kernels_planes", "sink", "sound", "track")
+    ),
     "pipeline/production/tasks/movies.py",
 )
 STILL_CODE = (
