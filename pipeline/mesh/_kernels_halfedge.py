@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices
-from pipeline.kernels import kernel
+from pipeline.kernels import kernel, only_read
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
 _BLOCK, _PART = 48, 48 << 12  # half-edges: looked at in one go, and by one thread
@@ -43,6 +43,7 @@ INTS = numba.int32[::1]
 MATRIX = numba.float64[:, ::1]
 VECTOR = numba.float64[::1]
 BYTES = numba.uint8[::1]
+SEEN_INTS, SEEN_MATRIX, SEEN_VECTOR = (only_read(kind) for kind in (INTS, MATRIX, VECTOR))
 SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS, BYTES], Surface)
 
 
