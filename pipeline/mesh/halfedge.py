@@ -54,7 +54,7 @@ class HalfedgeMesh:
             _grown(np.empty(0, np.int32), corners),
             _grown(_tags_of(mesh), corners),
         )
-        problem, _ = match_twins(self.surface.vert[: mesh.faces.size], len(mesh.vertices), self.twins)
+        problem, _ = match_twins(mesh.faces.reshape(-1), len(mesh.vertices), self.twins)
         assert problem == SOUND, "require() has already shown the mesh to be manifold"
 
     @property

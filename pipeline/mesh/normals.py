@@ -125,7 +125,7 @@ def _frames(mesh: TriangleMesh) -> tuple[Vectors, Floats]:
 def twins_of(mesh: TriangleMesh) -> Indices:
     """(3F,) the half-edge that runs back along the same edge, -1 on a boundary. Raises MeshError."""
     twin = np.empty(mesh.faces.size, np.int32)
-    problem, _ = match_twins(mesh.faces.reshape(-1).copy(), len(mesh.vertices), twin)
+    problem, _ = match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
     if problem != SOUND:
         require(mesh)
         raise MeshError("mesh: it is not an oriented manifold")
