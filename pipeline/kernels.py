@@ -17,7 +17,9 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
+import numpy as np
 from numba.core import sigutils
+from numpy.typing import NDArray
 
 from render.kernels import folder_of
 
@@ -52,6 +54,19 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
         return dispatcher
 
     return decorate
+
+
+def only_read(kind: Any) -> Any:
+    """The type of an array that a kernel only reads. It is given such as `readable` makes, or frozen ones."""
+    return kind.copy(readonly=True)
+
+
+def readable(array: NDArray[Any], kind: type = np.float64) -> NDArray[Any]:
+    """The same numbers for a kernel that only reads them, of that type: a read-only view, or if need be a
+    copy, in C order. To numba an array that may be written is of another type, to compile for anew."""
+    view: NDArray[Any] = np.ascontiguousarray(array, kind).view()
+    view.flags.writeable = False
+    return view
 
 
 def higher_kernel(function: F) -> F:

@@ -51,7 +51,7 @@ def mesh_statistics(mesh: TriangleMesh) -> MeshStatistics:
 def _median_dihedral(mesh: TriangleMesh, normals: Vectors) -> float:
     """The angle falls as the cosine grows, so the median cosine will do; π where no faces meet."""
     twin = np.empty(3 * len(mesh.faces), np.int32)
-    match_twins(mesh.faces.flatten(), len(mesh.vertices), twin)
+    match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
     first = np.flatnonzero(twin > np.arange(len(twin)))
     if not len(first):
         return math.pi

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices
-from pipeline.kernels import kernel
+from pipeline.kernels import kernel, only_read
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
 _BLOCK, _PART = 48, 48 << 12  # half-edges: looked at in one go, and by one thread
@@ -43,6 +43,7 @@ INTS = numba.int32[::1]
 MATRIX = numba.float64[:, ::1]
 VECTOR = numba.float64[::1]
 BYTES = numba.uint8[::1]
+SEEN_INTS, SEEN_MATRIX, SEEN_VECTOR = (only_read(kind) for kind in (INTS, MATRIX, VECTOR))
 SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS, BYTES], Surface)
 
 
@@ -79,12 +80,12 @@ def join(twin: Indices, h: int, k: int) -> None:
         twin[k] = h
 
 
-@kernel("UniTuple(int64, 2)(int32[::1], int64, int32[::1])")
+@kernel(numba.types.UniTuple(numba.int64, 2)(SEEN_INTS, numba.int64, INTS), nogil=True)
 def match_twins(vert: Indices, vertices: int, twin: Indices) -> tuple[int, int]:
     """Fill `twin` from `vert`; answers (SOUND, -1), or what is wrong and a half-edge where it is.
 
-    Half-edges are dropped into one bucket per lower vertex (a counting sort), so that an edge only has
-    to be looked for among the few that share that vertex.
+    Half-edges are dropped into one bucket per lower vertex (a counting sort), each with the higher one, so
+    that an edge only has to be looked for among the few that share that vertex.
     """
     start = np.zeros(vertices + 1, np.int32)
     for h in range(len(vert)):
@@ -92,29 +93,29 @@ def match_twins(vert: Indices, vertices: int, twin: Indices) -> tuple[int, int]:
     for v in range(vertices):
         start[v + 1] += start[v]
     filled = start[:-1].copy()
-    bucket = np.empty(len(vert), np.int32)
+    bucket, higher = np.empty(len(vert), np.int32), np.empty(len(vert), np.int32)
     for h in range(len(vert)):
-        low = min(vert[h], vert[following(h)])
-        bucket[filled[low]] = h
+        one, other = vert[h], vert[following(h)]
+        low = min(one, other)
+        bucket[filled[low]], higher[filled[low]] = h, max(one, other)
         filled[low] += 1
         twin[h] = -1
     for low in range(vertices):
         for i in range(start[low], start[low + 1]):
-            h = bucket[i]
-            if twin[h] >= 0:
+            if higher[i] < 0:
                 continue
-            high = max(vert[h], vert[following(h)])
             mate = -1
             for j in range(i + 1, start[low + 1]):
-                k = bucket[j]
-                if max(vert[k], vert[following(k)]) == high:
+                if higher[j] == higher[i]:
                     if mate >= 0:
-                        return CROWDED, h
-                    mate = k
+                        return CROWDED, bucket[i]
+                    mate = j
             if mate >= 0:
-                if vert[mate] == vert[h]:
+                h, k = bucket[i], bucket[mate]
+                if vert[k] == vert[h]:
                     return DISAGREEING, h
-                join(twin, h, mate)
+                join(twin, h, k)
+                higher[mate] = -1
     return SOUND, -1
 
 

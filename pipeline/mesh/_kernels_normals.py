@@ -2,39 +2,79 @@
 
 from __future__ import annotations
 
+import math
+
 import numba
-import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
-from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, MATRIX, fan_start, preceding
+from pipeline.kernels import kernel, only_read
+from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX, SEEN_INTS, SEEN_MATRIX, fan_start, preceding
 
 FACES = numba.int32[:, ::1]
 FLAGS = numba.uint8[::1]
+SEEN_FACES = only_read(FACES)
+_ANGLES = numba.types.UniTuple(numba.float64, 3)
 
 
-@kernel((MATRIX, FACES, MATRIX, MATRIX))
-def face_frames(points: Points, faces: Faces, normals: Vectors, angles: Floats) -> None:
-    """Unit normal (zero without area) and the three corner angles, radians, of every face."""
-    edge = np.empty((3, 3))
+@kernel((SEEN_MATRIX, SEEN_FACES, MATRIX), nogil=True, error_model="numpy")
+def normals_of_faces(points: Points, faces: Faces, normals: Vectors) -> None:
+    """Unit normal of every face; zero without area."""
     for f in range(len(faces)):
-        for i in range(3):
-            for k in range(3):
-                edge[i, k] = points[faces[f, (i + 1) % 3], k] - points[faces[f, i], k]
-        x = edge[0, 1] * edge[1, 2] - edge[0, 2] * edge[1, 1]
-        y = edge[0, 2] * edge[1, 0] - edge[0, 0] * edge[1, 2]
-        z = edge[0, 0] * edge[1, 1] - edge[0, 1] * edge[1, 0]
-        area = np.sqrt(x * x + y * y + z * z)
-        scale = 1.0 / area if area > 0 and np.isfinite(1.0 / area) else 0.0
-        normals[f, 0], normals[f, 1], normals[f, 2] = x * scale, y * scale, z * scale
-        for i in range(3):
-            dot = 0.0
-            for k in range(3):
-                dot -= edge[i, k] * edge[(i + 2) % 3, k]
-            angles[f, i] = np.arctan2(area, dot)
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+        vx, vy, vz = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
+        x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+        area = math.sqrt(x * x + y * y + z * z)
+        if 0.0 < area < math.inf and 1.0 / area < math.inf:
+            scale = 1.0 / area
+            normals[f, 0], normals[f, 1], normals[f, 2] = x * scale, y * scale, z * scale
+        else:
+            normals[f, 0] = normals[f, 1] = normals[f, 2] = 0.0
 
 
-@kernel((MATRIX, INTS, numba.float64, FLAGS))
+@kernel(_ANGLES(SEEN_MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
+def _corner_angles(points: Points, a: int, b: int, c: int) -> tuple[float, float, float]:
+    """Of a triangle, radians."""
+    ux, uy, uz = points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
+    vx, vy, vz = points[c, 0] - points[b, 0], points[c, 1] - points[b, 1], points[c, 2] - points[b, 2]
+    wx, wy, wz = points[a, 0] - points[c, 0], points[a, 1] - points[c, 1], points[a, 2] - points[c, 2]
+    x, y, z = uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+    area = math.sqrt(x * x + y * y + z * z)
+    return (
+        math.atan2(area, -(ux * wx + uy * wy + uz * wz)),
+        math.atan2(area, -(vx * ux + vy * uy + vz * uz)),
+        math.atan2(area, -(wx * vx + wy * vy + wz * vz)),
+    )
+
+
+@kernel((SEEN_MATRIX, MATRIX), nogil=True, error_model="numpy")
+def scale_known(given: Vectors, known: Vectors) -> None:
+    """Vectors (V, 3) of length 1; zero where they have no length, or are not finite."""
+    for v in range(len(given)):
+        x, y, z = given[v, 0], given[v, 1], given[v, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if 0.0 < length < math.inf:
+            known[v, 0], known[v, 1], known[v, 2] = x / length, y / length, z / length
+        else:
+            known[v, 0] = known[v, 1] = known[v, 2] = 0.0
+
+
+@kernel((SEEN_FACES, MATRIX, MATRIX, FLAGS), nogil=True, error_model="numpy")
+def flag_trusted(faces: Faces, face_normals: Vectors, known: Vectors, trusted: AnyArray) -> None:
+    """Flag vertices whose known normal points out of all faces around that have one."""
+    for v in range(len(known)):
+        trusted[v] = known[v, 0] != 0.0 or known[v, 1] != 0.0 or known[v, 2] != 0.0
+    for f in range(len(faces)):
+        x, y, z = face_normals[f, 0], face_normals[f, 1], face_normals[f, 2]
+        if x == 0.0 and y == 0.0 and z == 0.0:
+            continue
+        for i in range(3):
+            v = faces[f, i]
+            if known[v, 0] * x + known[v, 1] * y + known[v, 2] * z <= 0.0:
+                trusted[v] = 0
+
+
+@kernel((MATRIX, INTS, numba.float64, FLAGS), nogil=True)
 def find_hard(normals: Vectors, twin: Indices, cosine: float, hard: AnyArray) -> None:
     """Flag half-edges on a boundary or between faces that turn by more than the angle of `cosine`.
 
@@ -74,7 +114,7 @@ def _fan_begin(twin: Indices, hard: AnyArray, h: int) -> int:
     return first if count >= 2 else -1 - start
 
 
-@kernel(numba.int64(INTS, INTS, FLAGS, FLAGS, INTS, INTS))
+@kernel(numba.int64(SEEN_INTS, INTS, FLAGS, FLAGS, INTS, INTS), nogil=True)
 def number_fans(
     vert: Indices, twin: Indices, hard: AnyArray, whole: AnyArray, corner: Indices, source: Indices
 ) -> int:
@@ -90,6 +130,9 @@ def number_fans(
     for h in range(len(vert)):
         if corner[h] >= 0:
             continue
+        if whole[vert[h]]:
+            corner[h] = vert[h]
+            continue
         begin = _fan_begin(twin, hard, h)
         divided = begin >= 0
         start = begin if divided else -1 - begin
@@ -99,37 +142,55 @@ def number_fans(
             k = twin[preceding(k)]
             if k < 0 or k == start:
                 break
-            if divided and hard[k] and not whole[vert[h]]:
+            if divided and hard[k]:
                 source[count] = vert[h]
                 fan = count
                 count += 1
     return count
 
 
-@kernel(numba.float64(MATRIX, numba.int64))
+@kernel(numba.float64(MATRIX, numba.int64), **LEAN)
 def _length(rows: Floats, i: int) -> float:
-    length: float = np.sqrt(rows[i, 0] ** 2 + rows[i, 1] ** 2 + rows[i, 2] ** 2)
-    return length
+    return math.sqrt(rows[i, 0] * rows[i, 0] + rows[i, 1] * rows[i, 1] + rows[i, 2] * rows[i, 2])
 
 
-@kernel((FACES, MATRIX, MATRIX, MATRIX))
-def sum_normals(faces: Faces, face_normals: Vectors, weights: Floats, normals: Vectors) -> None:
-    """Unit normals of vertices: the mean of their faces', weighted by corner; always finite and unit."""
+@kernel((SEEN_MATRIX, SEEN_FACES, SEEN_FACES, MATRIX, FLAGS, MATRIX), nogil=True)
+def sum_normals(
+    points: Points, faces: Faces, fans: Faces, face_normals: Vectors, known: AnyArray, normals: Vectors
+) -> None:
+    """Unit normals of fans: the mean of their faces', weighted by corner angle; always finite and unit.
+
+    fans   (F, 3) the fan of each corner
+    known  (V,) flags vertices that are not asked for: what is answered there means nothing
+    """
     normals[:] = 0.0
     for f in range(len(faces)):
-        for i in range(3):
-            for k in range(3):
-                normals[faces[f, i], k] += weights[f, i] * face_normals[f, k]
+        a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
+        if not (known[a] and known[b] and known[c]):
+            angles = _corner_angles(points, a, b, c)
+            for i in range(3):
+                for k in range(3):
+                    normals[fans[f, i], k] += angles[i] * face_normals[f, k]
     for f in range(len(faces)):
         for i in range(3):
-            v = faces[f, i]
-            if _length(normals, v) < 1e-9:
+            v = fans[f, i]
+            if not known[faces[f, i]] and _length(normals, v) < 1e-9:
                 for k in range(3):
                     normals[v, k] = face_normals[f, k]
     for v in range(len(normals)):
         length = _length(normals, v)
-        if length > 0:
+        if 0.0 < length < math.inf:
             for k in range(3):
                 normals[v, k] /= length
         else:
-            normals[v, 1] = 1.0
+            normals[v, 0], normals[v, 1], normals[v, 2] = 0.0, 1.0, 0.0
+
+
+@kernel((MATRIX, FLAGS, INTS, MATRIX), nogil=True, error_model="numpy")
+def prefer_known(known: Vectors, trusted: AnyArray, source: Indices, normals: Vectors) -> None:
+    """Put the known normal of its vertex in place of a fan's, where it is trusted or agrees with that."""
+    for i in range(len(normals)):
+        v = source[i]
+        x, y, z = known[v, 0], known[v, 1], known[v, 2]
+        if trusted[v] or x * normals[i, 0] + y * normals[i, 1] + z * normals[i, 2] > 0.0:
+            normals[i, 0], normals[i, 1], normals[i, 2] = x, y, z

@@ -54,7 +54,7 @@ class HalfedgeMesh:
             _grown(np.empty(0, np.int32), corners),
             _grown(_tags_of(mesh), corners),
         )
-        problem, _ = match_twins(self.surface.vert[: mesh.faces.size], len(mesh.vertices), self.twins)
+        problem, _ = match_twins(mesh.faces.reshape(-1), len(mesh.vertices), self.twins)
         assert problem == SOUND, "require() has already shown the mesh to be manifold"
 
     @property
@@ -119,7 +119,7 @@ class HalfedgeMesh:
         return kept
 
     def attributes(self) -> dict[str, AnyArray]:
-        """Copies of the vertex attributes, in their own shapes and types."""
+        """Copies of the vertex attributes, in their own shapes and types; read-only, as those of meshes."""
         return self._columns.unpack(self.surface.carried[: self.sizes[0]])
 
     def column(self, name: str) -> int | None:
@@ -190,6 +190,7 @@ class _Columns:
         for name, (shape, kind) in self._layout.items():
             part = matrix[:, column : column + _width(shape)]
             named[name] = part.reshape(len(matrix), *shape).astype(kind)
+            named[name].flags.writeable = False
             column += _width(shape)
         return named
 

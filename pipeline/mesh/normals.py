@@ -9,8 +9,17 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import MeshError
+from pipeline.kernels import readable
 from pipeline.mesh._kernels_halfedge import SOUND, match_twins
-from pipeline.mesh._kernels_normals import face_frames, find_hard, number_fans, sum_normals
+from pipeline.mesh._kernels_normals import (
+    find_hard,
+    flag_trusted,
+    normals_of_faces,
+    number_fans,
+    prefer_known,
+    scale_known,
+    sum_normals,
+)
 from pipeline.mesh.triangles import TriangleMesh
 from pipeline.mesh.validate import require
 
@@ -38,7 +47,9 @@ class ShadedMesh(NamedTuple):
 
 def face_normals(mesh: TriangleMesh) -> Vectors:
     """(F, 3) unit normals, pointing outwards; zero for a face without area."""
-    return _frames(mesh)[0]
+    normals = np.empty((len(mesh.faces), 3))
+    normals_of_faces(mesh.vertices, mesh.faces, normals)
+    return normals
 
 
 def dihedral_angles(mesh: TriangleMesh) -> Floats:
@@ -47,7 +58,11 @@ def dihedral_angles(mesh: TriangleMesh) -> Floats:
     0 where the surface is flat, pi where it doubles back on itself, nan on a boundary.
     Raises MeshError where the mesh is not an oriented manifold.
     """
-    normals, twin = face_normals(mesh), twins_of(mesh)
+    return _turns(face_normals(mesh), twins_of(mesh))
+
+
+def _turns(normals: Vectors, twin: Indices) -> Floats:
+    """`dihedral_angles`, of faces with these normals."""
     mine, theirs = np.repeat(normals, 3, axis=0), normals[twin // 3]
     sine = np.linalg.norm(np.cross(mine, theirs), axis=1)
     angles: Floats = np.arctan2(sine, np.einsum("ij,ij->i", mine, theirs))
@@ -68,64 +83,50 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
     surface turns there: that depends on the triangles, and its normal does not. Where it is not, the smooth
     sides that it does not point into have it nevertheless.
 
-    Raises MeshError where the mesh is not an oriented manifold.
+    Raises MeshError where the mesh is not an oriented manifold, or the attribute is not (V, 3).
     """
-    face, angles = _frames(mesh)
-    vert, twin = mesh.faces.reshape(-1).copy(), twins_of(mesh)
-    trusted = trusted_normals(mesh, face)
-    hard = _tagged(mesh)
+    face, twin, known = face_normals(mesh), twins_of(mesh), _known(mesh)
+    trusted, hard = _trusted(mesh, known, face), _tagged(mesh)
     if not isinstance(hard_angle, float):
-        hard |= np.nan_to_num(dihedral_angles(mesh)) > hard_angle[_ends(mesh)].mean(axis=1)
+        hard |= np.nan_to_num(_turns(face, twin)) > hard_angle[_ends(mesh)].mean(axis=1)
         hard_angle = math.pi
     find_hard(face, twin, math.cos(hard_angle), hard.view(np.uint8))
-    corner, source = np.empty(len(vert), np.int32), np.empty(len(mesh.vertices) + len(vert), np.int32)
-    count = number_fans(vert, twin, hard.view(np.uint8), trusted.view(np.uint8), corner, source)
+    corner, source = np.empty(mesh.faces.size, np.int32), np.empty(len(mesh.vertices) + len(twin), np.int32)
+    count = number_fans(mesh.faces.reshape(-1), twin, hard.view(np.uint8), trusted, corner, source)
     faces, source = corner.reshape(-1, 3), source[:count].copy()
-    smooth = np.empty((count, 3))
-    sum_normals(faces, face, angles, smooth)
-    if NORMAL in mesh.attributes:
-        own = _known(mesh)[source]
-        agreeing = np.einsum("ij,ij->i", own, smooth) > 0
-        smooth[agreeing] = own[agreeing]
+    smooth = _smooth(mesh, faces, face, trusted, count)
+    if known is not None:
+        prefer_known(known, trusted, source, smooth)
     return ShadedMesh(mesh.vertices[source], smooth, faces, source)
 
 
-def trusted_normals(mesh: TriangleMesh, face: Vectors | None = None) -> AnyArray:
+def trusted_normals(mesh: TriangleMesh) -> AnyArray:
     """(V,) bool: at which vertices the attribute `normal` is what the surface should be shaded with.
-
-    face  the normals of its faces, where they are known
 
     Not where it is zero or not finite, at tagged creases, or where it points into one of the faces around: a
     sheet that has become thinner than its triangles has a rim of which they show nothing, and a face that is
     seen must not be shaded with the normal of its back.
     """
-    if NORMAL not in mesh.attributes or not len(mesh.faces):
-        return np.zeros(len(mesh.vertices), bool)
-    own, face = _known(mesh), face_normals(mesh) if face is None else face
-    behind = (np.einsum("fik,fk->fi", own[mesh.faces], face) <= 0) & face.any(axis=1, keepdims=True)
-    trusted: AnyArray = np.linalg.norm(own, axis=1) > 0
-    trusted[mesh.faces[behind]] = False
-    return trusted
+    return _trusted(mesh, _known(mesh), face_normals(mesh)).view(bool)
 
 
 def vertex_normals(mesh: TriangleMesh) -> Vectors:
     """(V, 3) unit normals, one a vertex, smooth over everything; angle-weighted."""
-    normals, angles = _frames(mesh)
-    smooth = np.empty((len(mesh.vertices), 3))
-    sum_normals(_own(mesh.faces), normals, angles, smooth)
+    count = len(mesh.vertices)
+    return _smooth(mesh, mesh.faces, face_normals(mesh), np.zeros(count, np.uint8), count)
+
+
+def _smooth(mesh: TriangleMesh, fans: Faces, face: Vectors, known: AnyArray, count: int) -> Vectors:
+    """(count, 3) unit normals of fans (F, 3), but not at vertices whose normal is `known`."""
+    smooth = np.empty((count, 3))
+    sum_normals(mesh.vertices, mesh.faces, readable(fans, np.int32), face, known, smooth)
     return smooth
-
-
-def _frames(mesh: TriangleMesh) -> tuple[Vectors, Floats]:
-    normals, angles = np.empty((len(mesh.faces), 3)), np.empty((len(mesh.faces), 3))
-    face_frames(_own(mesh.vertices), _own(mesh.faces), normals, angles)
-    return normals, angles
 
 
 def twins_of(mesh: TriangleMesh) -> Indices:
     """(3F,) the half-edge that runs back along the same edge, -1 on a boundary. Raises MeshError."""
     twin = np.empty(mesh.faces.size, np.int32)
-    problem, _ = match_twins(mesh.faces.reshape(-1).copy(), len(mesh.vertices), twin)
+    problem, _ = match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
     if problem != SOUND:
         require(mesh)
         raise MeshError("mesh: it is not an oriented manifold")
@@ -151,17 +152,22 @@ def _ends(mesh: TriangleMesh) -> Indices:
     return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
-def _known(mesh: TriangleMesh) -> Vectors:
-    """(V, 3) the unit normals that the mesh brings along; zero where it has none, and at tagged creases."""
-    given = mesh.attributes[NORMAL].astype(np.float64)
-    with np.errstate(invalid="ignore", over="ignore"):
-        lengths = np.linalg.norm(given, axis=1, keepdims=True)
-        good = (lengths > 0) & np.isfinite(lengths)
-        known: Vectors = np.divide(given, lengths, out=np.zeros_like(given), where=good)
+def _known(mesh: TriangleMesh) -> Vectors | None:
+    """(V, 3) the unit normals that the mesh brings along, zero where it has none, and at tagged creases; None
+    where it brings none at all, or has no faces."""
+    if NORMAL not in mesh.attributes or not len(mesh.faces):
+        return None
+    given, known = readable(mesh.attributes[NORMAL]), np.empty((len(mesh.vertices), 3))
+    if given.shape != known.shape:
+        raise MeshError(f"attribute {NORMAL!r} has shape {given.shape}; normals must be {known.shape}")
+    scale_known(given, known)
     known[mesh.creases.ravel()] = 0.0
     return known
 
 
-def _own(array: AnyArray) -> AnyArray:
-    """A writable copy, as compiled kernels declare their arguments."""
-    return np.array(array)
+def _trusted(mesh: TriangleMesh, known: Vectors | None, face: Vectors) -> AnyArray:
+    """(V,) uint8, see `trusted_normals`."""
+    trusted = np.zeros(len(mesh.vertices), np.uint8)
+    if known is not None:
+        flag_trusted(mesh.faces, face, known, trusted)
+    return trusted

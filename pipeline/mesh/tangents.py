@@ -11,6 +11,8 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.arrays import Floats, Points, Vectors
+from pipeline.kernels import readable
+from pipeline.mesh._kernels_tangents import count_known, cross_beside, longest_side, place_beside
 
 STEP = 1e-7
 """How far tangent points lie from theirs, in sizes of the surface.
@@ -39,31 +41,28 @@ def carried_normals(
 
     A vertex whose surroundings the flow has collapsed to a line gets zero: it has no normal any more.
     """
-    known = normals.any(axis=1)
-    carried = np.zeros_like(normals)
-    if not known.any():
+    known, carried = readable(normals), np.zeros((len(normals), 3))
+    if not count_known(known):
         return carried
-    one, two = tangents(normals[known])
     if apart is None:
-        apart = np.full(len(points), STEP * float(np.ptp(points, axis=0).max()))
-    base, start, length = moved[known], points[known], apart[known, None]
-    ahead, beside = np.split(move(np.concatenate([start + length * one, start + length * two])), 2)
-    carried[known] = unit(np.cross(ahead - base, beside - base))
+        apart = np.full(len(points), STEP * longest_side(readable(points)))
+    beside = move(_beside(points, known, apart))
+    cross_beside(known, readable(moved), readable(beside), carried)
     return carried
 
 
 def tangents(normals: Vectors) -> tuple[Vectors, Vectors]:
-    """Two unit vectors (N, 3) each, with t₁ × t₂ = n, for unit normals (N, 3).
+    """Two unit vectors (N, 3) each, with t₁ × t₂ = n, for unit normals (N, 3)."""
+    beside = _beside(np.zeros((len(normals), 3)), normals, np.ones(len(normals)))
+    return beside[: len(beside) // 2], beside[len(beside) // 2 :]
 
-    Source: Duff et al., *Building an Orthonormal Basis, Revisited*, J. Computer Graphics Techniques 6 (2017).
-    """
-    x, y, z = normals.T
-    sign = np.copysign(1.0, z)
-    a = -1.0 / (sign + z)
-    b = x * y * a
-    one = np.column_stack([1.0 + sign * x * x * a, sign * b, -sign * x])
-    two = np.column_stack([b, sign + y * y * a, -y])
-    return one, two
+
+def _beside(points: Points, normals: Vectors, apart: Floats) -> Points:
+    """(2K, 3) tangent points of the K vertices with a normal: first all along one tangent."""
+    known = readable(normals)
+    beside = np.empty((2 * count_known(known), 3))
+    place_beside(readable(points), known, readable(apart), beside)
+    return beside
 
 
 def unit(vectors: Vectors, otherwise: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Vectors:

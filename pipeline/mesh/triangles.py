@@ -40,7 +40,7 @@ class TriangleMesh:
         attributes: Mapping[str, ArrayLike] | None = None,
         creases: ArrayLike | None = None,
     ) -> None:
-        points = _frozen(np.array(vertices, dtype=np.float64, order="C"))
+        points = _frozen(vertices, np.float64)
         corners = np.asarray(faces)
         if points.ndim != 2 or points.shape[1] != 3:
             raise MeshError(f"vertices have shape {points.shape}; they must be (V, 3)")
@@ -53,13 +53,13 @@ class TriangleMesh:
                 f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
                 f"there are {len(points)} vertices, numbered from 0"
             )
-        named = {name: _frozen(np.array(values)) for name, values in (attributes or {}).items()}
+        named = {name: _frozen(values) for name, values in (attributes or {}).items()}
         for name, values in named.items():
             if values.ndim == 0 or len(values) != len(points):
                 raise MeshError(f"attribute {name!r} has shape {values.shape}; it needs {len(points)} rows")
-        object.__setattr__(self, "creases", _frozen(_sorted_pairs(creases, len(points))))
+        object.__setattr__(self, "creases", _frozen(_sorted_pairs(creases, len(points)), np.int32))
         object.__setattr__(self, "vertices", points)
-        object.__setattr__(self, "faces", _frozen(np.array(corners, dtype=np.int32, order="C")))
+        object.__setattr__(self, "faces", _frozen(corners, np.int32))
         object.__setattr__(self, "attributes", MappingProxyType(named))
 
     def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:
@@ -96,6 +96,13 @@ def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
     return np.unique(np.sort(ends, axis=1), axis=0).astype(np.int32)
 
 
-def _frozen(array: AnyArray) -> AnyArray:
+def _frozen(values: ArrayLike, kind: type | None = None) -> AnyArray:
+    """An array in C order into which nobody writes: this one if it is such, as those of meshes are, or a
+    copy."""
+    if type(values) is np.ndarray and values.dtype == (kind or values.dtype):
+        flags = values.flags
+        if flags.owndata and flags.c_contiguous and not flags.writeable:
+            return values
+    array = np.array(values, dtype=kind, order="C")
     array.flags.writeable = False
     return array

@@ -87,7 +87,7 @@ def _points_problem(mesh: TriangleMesh) -> str | None:
 
 
 def _edges_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
-    vert = mesh.faces.reshape(-1).copy()
+    vert = mesh.faces.reshape(-1)
     fault, h = match_twins(vert, len(mesh.vertices), twin)
     if fault == SOUND:
         return _doubled_problem(mesh, twin)

@@ -1,5 +1,7 @@
 """The corner table against a slow twin, and what it promises about room, holes and attributes."""
 
+from collections import Counter
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -7,6 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import MeshError
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from pipeline.mesh._kernels_halfedge import CROWDED, DISAGREEING, SOUND, match_twins
 
 MENAGERIE = [box(edge_length=0.7), icosphere(3), sheet(edge_length=0.5), torus(1, 0.4, 0.3)]
 
@@ -31,6 +34,23 @@ def test_twins_do_not_care_how_faces_are_ordered(mesh: TriangleMesh, random: obj
     faces = np.stack([np.roll(f, k) for f, k in zip(faces, rng.integers(3, size=len(faces)), strict=True)])
     shuffled = TriangleMesh(mesh.vertices, faces)
     assert HalfedgeMesh(shuffled).twins.tolist() == slow_twins(shuffled)
+
+
+@settings(deadline=None)
+@given(st.lists(st.permutations(range(6)).map(lambda row: tuple(row[:3])), min_size=1, max_size=8))
+def test_of_any_faces_the_matching_tells_what_is_wrong_and_where(faces: list[tuple[int, ...]]) -> None:
+    mesh = TriangleMesh(np.zeros((6, 3)), faces)
+    twin = np.empty(mesh.faces.size, np.int32)
+    ends = [(f[i], f[(i + 1) % 3]) for f in faces for i in range(3)]
+    around = Counter(frozenset(edge) for edge in ends)
+    fault, h = match_twins(mesh.faces.reshape(-1), 6, twin)
+    if max(around.values()) <= 2 and max(Counter(ends).values()) == 1:
+        assert (fault, twin.tolist()) == (SOUND, slow_twins(mesh))
+    elif fault == CROWDED:
+        assert around[frozenset(ends[h])] > 2
+    else:
+        assert fault == DISAGREEING
+        assert around[frozenset(ends[h])] == ends.count(ends[h]) == 2
 
 
 def test_room_grows_and_keeps_what_is_there() -> None:
