@@ -11,6 +11,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, err
 from pipeline.dailies.preview.animatic import Animatic, Tell
+from pipeline.dailies.preview.meshes import Memory
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.production.files.disk import disk_faults
@@ -23,7 +24,8 @@ def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, outpu
     many = 1 if at is not None else len(sketch.take.requested)
     frames = f"{many} frame{'s' if many > 1 else ''}"
     if not common.dry_run:
-        with Reel(store) as reel, bars(common, sketch, many) as tell:
+        # No edit follows, so nothing goes on from a mesh that is drawn.
+        with Reel(store, Memory(room=0.0)) as reel, bars(common, sketch, many) as tell:
             folder_for(path)
             animatic = Animatic(sketch, reel)
             if at is None:
