@@ -6,8 +6,6 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, err
 from pipeline.dailies.preview.animatic import Animatic, Tell
@@ -60,6 +58,8 @@ def bars(common: Common, sketch: Sketch, drawn: int) -> Iterator[Tell]:
     if not common.progress:
         yield lambda stage, number: None
         return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     with Progress(
         TextColumn("{task.description:>16}"),
         BarColumn(),
