@@ -53,6 +53,7 @@ setup: .venv/ready
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
 	$(BIN)/python -m render.llvm
 	-$(BIN)/python -m pipeline.dailies.review.three
+	$(BIN)/python -m compileall -q pipeline render
 	$(BIN)/flowsculpt doctor --prepare
 	@touch $@
 

@@ -33,7 +33,10 @@ class FrameRange:
             raise UsageError(
                 f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
             )
-        import fileseq  # a grammar, which takes a moment to import, and most processes read no range
+        if plain := _PLAIN.fullmatch(text):
+            first, last = map(int, plain.groups())
+            return cls(tuple(range(first, last + 1) if first <= last else range(first, last - 1, -1)))
+        import fileseq  # a grammar, which takes a moment to import, and most processes read no other range
 
         try:
             numbers = tuple(fileseq.FrameSet(text))
@@ -126,6 +129,9 @@ def _reach(text: str) -> int:
         return MOST_FRAMES + 1
     return sum(abs(int(last) - int(first)) + 1 for first, last in re.findall(r"(-?\d+)-(-?\d+)", text))
 
+
+_PLAIN = re.compile(r"([0-9]+)-([0-9]+)")
+"""Every frame from one to another, as shots and edits have them."""
 
 _RATE = re.compile(r"\s*[+-]?\d{1,20}(\.\d{0,20}([eE][+-]?\d{1,3})?|[eE][+-]?\d{1,3}|/\d{1,20})?\s*")
 """Numbers short enough to be computed exactly."""

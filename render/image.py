@@ -16,7 +16,6 @@ from typing import Any
 import numpy as np
 import OpenImageIO as oiio  # noqa: N813
 from numpy.typing import NDArray
-from PIL import Image as PillowImage
 
 from render.aovs import AOVS
 from render.appear import appearing, cannot_write
@@ -120,6 +119,8 @@ def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = N
 
 def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
     """A JPEG of display values (H, W, 3), for a page that is shown now: OpenImageIO writes to files alone."""
+    from PIL import Image as PillowImage  # takes a moment to import, and only live pages show such
+
     buffer = BytesIO()
     PillowImage.fromarray(picture).save(buffer, "JPEG", quality=90, subsampling=0)
     return buffer.getvalue()

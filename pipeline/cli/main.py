@@ -12,6 +12,7 @@ from typing import Annotated, get_args
 
 import typer
 
+from pipeline.cli.heap import keep_freed_memory
 from pipeline.cli.options import (
     Cores,
     DryRun,
@@ -131,6 +132,7 @@ def _taking_a_value() -> Iterator[str]:
 def main() -> None:
     """Run the command line; never shows a traceback for what a user can mend."""
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm or a service manager sends
+    keep_freed_memory()
     try:
         command_line(sys.argv[1:])()
     except (FlowsculptError, RenderError) as error:

@@ -6,11 +6,10 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, err
 from pipeline.dailies.preview.animatic import Animatic, Tell
+from pipeline.dailies.preview.meshes import Memory
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.production.files.disk import disk_faults
@@ -23,7 +22,8 @@ def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, outpu
     many = 1 if at is not None else len(sketch.take.requested)
     frames = f"{many} frame{'s' if many > 1 else ''}"
     if not common.dry_run:
-        with Reel(store) as reel, bars(common, sketch, many) as tell:
+        # No edit follows, so nothing goes on from a mesh that is drawn.
+        with Reel(store, Memory(room=0.0)) as reel, bars(common, sketch, many) as tell:
             folder_for(path)
             animatic = Animatic(sketch, reel)
             if at is None:
@@ -58,6 +58,8 @@ def bars(common: Common, sketch: Sketch, drawn: int) -> Iterator[Tell]:
     if not common.progress:
         yield lambda stage, number: None
         return
+    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
     with Progress(
         TextColumn("{task.description:>16}"),
         BarColumn(),

@@ -24,7 +24,7 @@ SMALLEST, LARGEST = 1e-9, 1e12
 class Document(BaseModel):
     """A mapping in a shot file: no unknown keys, no silent conversions."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False)
+    model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
 class Told:

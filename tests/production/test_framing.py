@@ -5,8 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.surfaces.framing import Balls, envelope, frame_all, smooth, turned
+from pipeline.production.surfaces.framing import (
+    Balls,
+    envelope,
+    fitting_distance,
+    frame_all,
+    smooth,
+    turned,
+)
 from pipeline.shot.cameras import View
+from render.errors import BadInputError
 
 ASPECT = 16 / 9
 VIEW = View(azimuth=0.4, elevation=0.25, field_of_view=np.radians(26), margin=0.08)
@@ -47,6 +55,40 @@ def test_a_sculpture_at_rest_stands_on_the_floor_and_fills_the_safe_area():
     assert framing.placement.origin[1] == pytest.approx(-1)
     x, y, _ = framing.camera.project(cube, ASPECT).T
     assert max(np.abs(x).max(), np.abs(y).max()) == pytest.approx(1 - 2 * 0.08)
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.floats(0.0, 1e3), st.floats(0.1, 2.0), st.floats(0, 0.4))
+def test_the_fitting_distance_is_the_least(seed, away, field_of_view, margin):
+    """Each point by itself: how far away it must be, sideways and upright."""
+    rng = np.random.default_rng(seed)
+    view = VIEW._replace(field_of_view=field_of_view, margin=margin)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    target = rng.normal(size=3) * away
+    cloud, radii = target + rng.normal(size=(50, 3)), rng.uniform(0.0, 0.5, 50)
+    wide = np.tan(field_of_view / 2) * (1 - 2 * margin)
+    needed = {"points": [], "balls": []}
+    for point, radius in zip(cloud, radii, strict=True):
+        right, up, back = axes @ (point - target)
+        for beside, share in ((right, wide), (up, wide / ASPECT)):
+            needed["points"].append(back + abs(beside) / share)
+            needed["balls"].append(back + (abs(beside) + radius * np.hypot(1.0, share)) / share)
+    for kind, shape in (("points", cloud), ("balls", Balls(cloud, radii))):
+        found = fitting_distance(shape, target, axes, view, ASPECT)
+        assert found == pytest.approx(max(needed[kind]), abs=1e-9)
+
+
+def test_points_of_single_precision_are_framed_as_exactly_as_others():
+    clouds = [cloud.astype(np.float32) for cloud in blobs(11, 8)]
+    single = frame_all([VIEW] * 8, clouds.__getitem__, ASPECT)
+    assert single == frame_all([VIEW] * 8, lambda i: clouds[i].astype(np.float64), ASPECT)
+
+
+def test_what_has_no_place_has_no_camera():
+    cloud = blobs(2, 1)[0]
+    cloud[17, 1] = np.nan
+    with pytest.raises(BadInputError, match="finite"):
+        frame_all([VIEW], lambda _: cloud, ASPECT)
 
 
 def test_an_edit_late_in_the_shot_leaves_early_cameras_alone():

@@ -4,8 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
+from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.reel import Reel
 from pipeline.production.surfaces.framing import Balls, Framing, frame_all, with_room
 from pipeline.production.takes.take import Take
@@ -15,10 +14,10 @@ def aims(take: Take, reel: Reel, numbers: Sequence[int]) -> Mapping[int, Framing
     """Camera and stage of frames that the reel has played. Those of all the shot's are the render's own, but
     for the rounding of points to float32; those of a part are what its own frames ask for."""
 
-    def points_of(index: int) -> Balls:
+    def points_of(index: int) -> AnyArray | Balls:
         arrays = reel.arrays(take, numbers[index])
-        points = arrays["vertices"].astype(np.float64)
-        return Balls(points, arrays.get("radii", np.zeros(len(points))))
+        points = arrays["vertices"]
+        return Balls(points, arrays["radii"]) if "radii" in arrays else points
 
     framings = frame_all([take.view(n) for n in numbers], points_of, take.aspect, take.follow)
     stage = take.shot.picture.stage

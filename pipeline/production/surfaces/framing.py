@@ -40,15 +40,20 @@ NEAR, FAR = 1e-2, 1e4
 """Where cameras begin and cease to see, scene units; in scenes that are too small or too large for these, a
 tenth of the distance of the target, and a hundred times that."""
 
+DOWN = (0.0, -1.0, 0.0)
+
+AT_ONCE = 4096
+"""Points that are looked at together: what is found of them then stays in a core's own memory."""
+
 STAGE_HALF_WIDTH = 1.5
 """Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
 
 
 class Balls(NamedTuple):
-    """Points (N, 3) with something around them: radii (N,), scene units."""
+    """Points (N, 3) of any float type, with something around them: radii (N,), scene units."""
 
-    points: Points
-    radii: Floats
+    points: AnyArray
+    radii: AnyArray
 
 
 @dataclass(frozen=True)
@@ -67,9 +72,11 @@ class Framing:
 
 
 def frame_all(
-    views: Sequence[View], points_of: Callable[[int], Points | Balls], aspect: float, follow: float = 1.0
+    views: Sequence[View], points_of: Callable[[int], AnyArray | Balls], aspect: float, follow: float = 1.0
 ) -> list[Framing]:
     """Frame a sequence: `points_of(i)` gives (N, 3) vertices, or balls, that `views[i]` sees.
+
+    Points may be of any float type, and are reckoned with as float64.
 
     aspect  width to height
     follow  1 goes along with the sculpture; 0 holds the distance, the aim and the floor for the whole
@@ -101,15 +108,14 @@ def frame_all(
     return framings
 
 
-def _survey(views: Sequence[View], points_of: Callable[[int], Points | Balls]) -> tuple[Points, Floats]:
+def _survey(views: Sequence[View], points_of: Callable[[int], AnyArray | Balls]) -> tuple[Points, Floats]:
     """(T, 3): the middle of what each view sees, by the bounds it has there; and (T,) its lowest height."""
     centres, floors = np.empty((len(views), 3)), np.empty(len(views))
     for i, view in enumerate(views):
-        points, radii = _balls(points_of(i))
         axes = _axes(view.azimuth + view.orbit, view.elevation)
-        seen, around = points @ axes.T, np.expand_dims(radii, -1)
-        centres[i] = ((seen - around).min(axis=0) + (seen + around).max(axis=0)) / 2 @ axes
-        floors[i] = (points[:, 1] - radii).min()
+        reach = _furthest(points_of(i), np.vstack([axes, -axes, DOWN]), np.ones(7))
+        centres[i] = (reach[:3] - reach[3:6]) / 2 @ axes
+        floors[i] = -reach[6]
     return centres, floors
 
 
@@ -130,7 +136,7 @@ def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArr
 
 
 def fitting_distance(
-    points: Points | Balls, target: Floats, axes: Floats, view: View, aspect: float
+    points: AnyArray | Balls, target: Floats, axes: Floats, view: View, aspect: float
 ) -> float:
     """The least distance from `target` at which all points, or balls, lie within the margins of the picture.
 
@@ -138,17 +144,27 @@ def fitting_distance(
 
     A ball lies beside a plane through the lens if its centre is its radius away from it.
     """
-    points, radii = _balls(points)
-    right, up, back = ((points - target) @ axes.T).T
+    right, up, back = axes
     wide = np.tan(view.field_of_view / 2) * (1 - 2 * view.margin)
     high = wide / aspect
-    sideways = back + (np.abs(right) + radii * np.hypot(1.0, wide)) / wide
-    upright = back + (np.abs(up) + radii * np.hypot(1.0, high)) / high
-    return float(np.maximum(sideways, upright).max())
+    sides = np.stack([back + right / wide, back - right / wide, back + up / high, back - up / high])
+    slant = np.repeat([np.hypot(1.0, wide) / wide, np.hypot(1.0, high) / high], 2)
+    return float((_furthest(points, sides, slant) - sides @ target).max())
 
 
-def _balls(points: Points | Balls) -> Balls:
-    return points if isinstance(points, Balls) else Balls(points, np.zeros(len(points)))
+def _furthest(points: AnyArray | Balls, ways: Floats, slant: Floats) -> Floats:
+    """(K,): how far points, or balls, reach along ways (K, 3), which a radius adds to by `slant` (K,).
+
+    What bounds a picture are planes, so this is all that framing asks of a sculpture.
+    """
+    centres, radii = points if isinstance(points, Balls) else (points, None)
+    reach = np.full(len(ways), -np.inf)
+    for some in (slice(i, i + AT_ONCE) for i in range(0, len(centres), AT_ONCE)):
+        along = ways @ centres[some].T
+        if radii is not None:
+            along += slant[:, None] * radii[some]
+        np.maximum(reach, along.max(axis=1), out=reach)
+    return reach
 
 
 def envelope(track: Floats, radius: int, extreme: Callable[[Floats], float]) -> Floats:
