@@ -36,8 +36,8 @@ class Large(NamedTuple):
     values                 (V, 9): what a vertex shows in the key light, and out of it; and where it is
                            looked up in the shadow's picture
     reach, blocks          that picture, as `reaches` takes it
-    hits                   (H W / FINER², 3) int32, room for the pixels that one triangle is seen in
-    found                  (H W / FINER², 10) float32, room for what they show
+    hits                   (4, H W / FINER²) int32, room for the pixels that one triangle is seen in
+    found                  (10, H W / FINER²) float32, room for what they show
     """
 
     vertices: Array
@@ -69,7 +69,7 @@ def paint_large(
         return
     many = _cover(planes, left, right, top, bottom, near, large.hits)
     _interpolate(planes, large.hits, many, large.found)
-    reaches(large.found[:many, 6:9], large.reach, large.blocks, large.found[:many, 9])
+    reaches(large.found[6:9, :many], large.reach, large.blocks, large.found[9, :many])
     _show(large.hits, large.found, many, called, colour, name)
 
 
@@ -77,7 +77,7 @@ def paint_large(
 def _cover(planes: Array, left: float, right: float, top: int, bottom: int, near: Array, hits: Array) -> int:
     """Where a triangle is the nearest; answers in how many pixels.
 
-    hits  (N, 3) become their rows and columns, and which of their places, a bit for each
+    hits  (4, N) become their rows and columns, and which of their places, a bit for each
     """
     many = 0
     slope, fall = planes[2, :3].sum(), planes[1, :3].sum()
@@ -114,37 +114,47 @@ def _cover(planes: Array, left: float, right: float, top: int, bottom: int, near
                     near[row, column] = here
                     bits |= 1 << s
             if bits:
-                hits[many, 0], hits[many, 1], hits[many, 2] = i, j, bits
+                hits[0, many], hits[1, many], hits[2, many] = i, j, bits
                 many += 1
     return many
 
 
 @quick
 def _interpolate(planes: Array, hits: Array, many: int, found: Array) -> None:
-    """What corners show, in the middle of pixels, which may lie beside the triangle: into found (N, 9)."""
+    """What corners show, in the middle of pixels, which may lie beside the triangle: into found (9, N).
+
+    Pixels are the inner loop, in single precision, so that several are found at a time.
+    """
+    x = np.float32(planes[0, 0] + planes[0, 1] + planes[0, 2])
+    y = np.float32(planes[1, 0] + planes[1, 1] + planes[1, 2])
+    z = np.float32(planes[2, 0] + planes[2, 1] + planes[2, 2])
+    depth = found[9]
     for n in range(many):
-        i, j = float(hits[n, 0]), float(hits[n, 1])
-        over = 0.0
-        for k in range(3):
-            over += planes[0, k] + planes[1, k] * i + planes[2, k] * j
-        depth = 1.0 / over
-        for k in range(9):
-            found[n, k] = (planes[0, 3 + k] + planes[1, 3 + k] * i + planes[2, 3 + k] * j) * depth
+        depth[n] = np.float32(1.0) / (x + y * np.float32(hits[0, n]) + z * np.float32(hits[1, n]))
+    for k in range(9):
+        x, y, z = np.float32(planes[0, 3 + k]), np.float32(planes[1, 3 + k]), np.float32(planes[2, 3 + k])
+        row = found[k]
+        for n in range(many):
+            row[n] = (x + y * np.float32(hits[0, n]) + z * np.float32(hits[1, n])) * depth[n]
 
 
 @quick
 def _show(hits: Array, found: Array, many: int, called: int, colour: Array, name: Array) -> None:
-    """Pixels as much in the key light as found[:, 9] says, at the places that the triangle has there."""
-    named = name.shape[0] > 0
+    """Pixels as much in the key light as found[9] says, at the places that the triangle has there."""
+    named, packed = name.shape[0] > 0, hits[3]
+    none, white, half = np.float32(0.0), np.float32(TOP), np.float32(0.5)
+    packed[:many] = 0
+    for k in range(3):
+        with_key, without = found[k], found[3 + k]
+        for n in range(many):
+            shown = white * (without[n] + found[9, n] * (with_key[n] - without[n])) + half
+            shown = shown if shown > none else none
+            packed[n] = packed[n] << 10 | np.int32(shown if shown < white else white)
     for n in range(many):
-        i, j = FINER * hits[n, 0], FINER * hits[n, 1]
-        packed = np.uint32(0)
-        for k in range(3):
-            shown = found[n, 3 + k] + found[n, 9] * (found[n, k] - found[n, 3 + k])
-            packed = packed << np.uint32(10) | np.uint32(TOP * min(max(shown, 0.0), 1.0) + 0.5)
+        i, j = FINER * hits[0, n], FINER * hits[1, n]
         for s in range(FINER * FINER):
-            if hits[n, 2] >> s & 1:
-                colour[i + s // FINER, j + s % FINER] = packed
+            if hits[2, n] >> s & 1:
+                colour[i + s // FINER, j + s % FINER] = packed[n]
                 if named:
                     name[i + s // FINER, j + s % FINER] = called
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from render.raster._kernels_large import FINER, TOP, Large, paint_large
 from render.raster._kernels_place import WIDE, box
 from render.raster.compiled import Array, exact, quick
@@ -78,14 +80,17 @@ def pack(red: float, green: float, blue: float) -> int:
 @quick
 def resolve(colour: Array, picture: Array) -> None:
     """The mean of the places of each pixel, into picture (H, W, 3)."""
-    share = 1.0 / (TOP * FINER * FINER)
+    share = np.float32(1.0 / (TOP * FINER * FINER))
+    first, second, ten = np.uint32(20), np.uint32(10), np.uint32(1023)
     for i in range(picture.shape[0]):
         for j in range(picture.shape[1]):
-            red, green, blue = 0, 0, 0
+            red = green = blue = np.uint32(0)
             for di in range(FINER):
                 for dj in range(FINER):
                     packed = colour[FINER * i + di, FINER * j + dj]
-                    red += packed >> 20
-                    green += packed >> 10 & 1023
-                    blue += packed & 1023
-            picture[i, j, 0], picture[i, j, 1], picture[i, j, 2] = share * red, share * green, share * blue
+                    red += packed >> first
+                    green += packed >> second & ten
+                    blue += packed & ten
+            picture[i, j, 0] = share * np.float32(red)
+            picture[i, j, 1] = share * np.float32(green)
+            picture[i, j, 2] = share * np.float32(blue)

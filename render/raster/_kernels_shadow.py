@@ -70,29 +70,29 @@ def largest(near: Array, blocks: Array) -> None:
 def places(
     vertices: Array, normals: Array, which: Array, lift: float, origin: Array, axes: Array, out: Array
 ) -> None:
-    """Where some of the vertices (V, 3) are looked up, `lift` above their surface: into out (N, 3)."""
+    """Where some of the vertices (V, 3) are looked up, `lift` above their surface: into out (3, N)."""
     raised = np.empty((1, 3))
     for n in range(which.shape[0]):
         v = which[n]
         for k in range(3):
             raised[0, k] = vertices[v, k] + lift * normals[v, k]
-        out[n, 0], out[n, 1], out[n, 2] = corner(raised, 0, origin, axes)
+        out[0, n], out[1, n], out[2, n] = corner(raised, 0, origin, axes)
 
 
 @quick
 def reaches(at: Array, near: Array, blocks: Array, share: Array) -> None:
-    """How much of the key light places (N, 3) see, from 0 to 1, into share (N,); by those around them.
+    """How much of the key light places (3, N) see, from 0 to 1, into share (N,); by those around them.
 
     near    (S, S), one over the depth that the light reaches; empty where there is no key light
     blocks  (S / BLOCK, S / BLOCK), as `largest` finds them
     """
     side = near.shape[0]
-    for n in range(at.shape[0]):
+    for n in range(at.shape[1]):
         share[n] = 1.0
-        if side == 0 or at[n, 2] <= 0.0:
+        if side == 0 or at[2, n] <= 0.0:
             continue
-        here = 1.0 / at[n, 2]
-        row, column = int((1.0 - at[n, 1] * here) / 2.0 * side), int((at[n, 0] * here + 1.0) / 2.0 * side)
+        here = 1.0 / at[2, n]
+        row, column = int((1.0 - at[1, n] * here) / 2.0 * side), int((at[0, n] * here + 1.0) / 2.0 * side)
         if not (_AROUND <= row < side - _AROUND and _AROUND <= column < side - _AROUND):
             continue
         if blocks[row // BLOCK, column // BLOCK] <= here:

@@ -135,9 +135,9 @@ class _Frame:
         values = np.empty((len(shape.vertices) if len(which) else 0, 9), np.float32)
         sent = self.lighting.sent(shape, which).reshape(-1, 3)
         values[which, :6] = _shown(sent, self.around, self.display).reshape(-1, 6)
-        values[which, 6:] = shadow.places(shape, which)
+        values[which, 6:] = shadow.places(shape, which).T
         pixels = self.near.size // FINER**2
-        hits, found = np.empty((pixels, 3), np.int32), np.empty((pixels, 10), np.float32)
+        hits, found = np.empty((4, pixels), np.int32), np.empty((10, pixels), np.float32)
         return Large(shape.vertices, *self.lens, values, shadow.near, shadow.blocks, hits, found)
 
     @property

@@ -45,14 +45,14 @@ class Shadow:
         return cls(lens, near, blocks, lift)
 
     def places(self, shape: Shape, which: NDArray[np.intp]) -> NDArray[np.float32]:
-        """(N, 3): where vertices are looked up in the picture."""
-        found = np.zeros((len(which), 3), np.float32)
+        """(3, N): where vertices are looked up in the picture."""
+        found = np.zeros((3, len(which)), np.float32)
         if self.lens is not None:
             places(shape.vertices, shape.normals, which, self.lift, self.lens.origin, self.lens.axes, found)
         return found
 
     def reaches(self, places: NDArray[np.float32]) -> NDArray[np.float32]:
         """(N,): how much of the key light is seen from there, from 0 to 1."""
-        share = np.empty(len(places), np.float32)
+        share = np.empty(places.shape[1], np.float32)
         reaches(places, self.near, self.blocks, share)
         return share

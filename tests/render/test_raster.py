@@ -192,7 +192,7 @@ def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points)
     seen = Sides.of(shape, lens, (rows, columns))
     near, colour = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.uint32)
     name, grey = np.full((rows, columns), -1, np.int32), np.full((3, 9), 0.5, np.float32)
-    room = np.empty((rows * columns, 3), np.int32), np.empty((rows * columns, 10), np.float32)
+    room = np.empty((4, rows * columns), np.int32), np.empty((10, rows * columns), np.float32)
     none = np.zeros((0, 0), np.float32)
     large = Large(shape.vertices, *lens, grey, none, none, *room)
     for order in seen.orders:
