@@ -5,14 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.surfaces.framing import (
-    Balls,
-    envelope,
-    fitting_distance,
-    frame_all,
-    smooth,
-    turned,
-)
+from pipeline.production.surfaces.framing import AHEAD, Framer, envelope, frame_all, smooth, turned
+from pipeline.production.surfaces.sights import Balls, fitting_distance
 from pipeline.shot.cameras import View
 from render.errors import BadInputError
 
@@ -151,3 +145,29 @@ def test_one_ball_fills_the_safe_area_and_stands_on_the_floor():
     distance = np.linalg.norm(np.subtract(framing.camera.origin, framing.camera.target))
     high = np.tan(np.radians(13)) / ASPECT * (1 - 2 * 0.08)
     assert 2 / distance == pytest.approx(np.sin(np.arctan(high)))  # the ball touches the plane of the margin
+
+
+@given(st.integers(0, 2**16), st.lists(st.integers(1, 25), min_size=1, max_size=12))
+def test_cameras_are_settled_while_frames_come_and_are_those_of_the_whole(
+    seed: int, steps: list[int]
+) -> None:
+    frames = sum(steps)
+    clouds = blobs(seed, frames)
+    whole = frame_all([VIEW] * frames, clouds.__getitem__, ASPECT)
+    seen = 0
+    framer = Framer(
+        [VIEW] * frames, lambda i: clouds[i] if i < seen else pytest.fail("not there yet"), ASPECT
+    )
+    found = []
+    for step in steps:
+        seen += step
+        found += framer.framings(seen)
+        assert len(found) == (frames if seen == frames else max(0, seen - AHEAD))
+    assert found == whole
+
+
+def test_a_camera_that_stands_waits_for_the_whole_sequence() -> None:
+    clouds = blobs(3, 40)
+    framer = Framer([VIEW] * 40, clouds.__getitem__, ASPECT, follow=0.5)
+    assert framer.framings(39) == []
+    assert framer.framings(40) == frame_all([VIEW] * 40, clouds.__getitem__, ASPECT, follow=0.5)

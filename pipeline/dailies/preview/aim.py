@@ -6,7 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.reel import Reel
-from pipeline.production.surfaces.framing import Balls, Framing, frame_all, with_room
+from pipeline.production.surfaces.framing import Framing, frame_all, with_room
+from pipeline.production.surfaces.sights import Balls
 from pipeline.production.takes.take import Take
 
 

@@ -4,24 +4,33 @@ The whole range is looked at first. For each frame the centre of the sculpture, 
 point and the distance from which it just fits the safe area are found; the three tracks are smoothed so that
 the camera never jumps, and so that nothing leaves the picture: the distance is smoothed from above, the
 floor from below. A frame's camera depends on frames at most `3 * STEADINESS` away, so an edit late in
-a shot leaves early pictures alone.
+a shot leaves early pictures alone, and cameras can be found while frames still come.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.arrays import AnyArray, Floats
+from pipeline.production.surfaces.sights import (
+    Balls,
+    bearing,
+    bounds,
+    camera_of,
+    fitting_distance,
+    plain,
+    side_of,
+)
 from render.camera import Camera
 from render.plain import from_plain, to_plain
 from render.stage import Placement, Stage
 
 if TYPE_CHECKING:
-    from pipeline.shot.cameras import Lens, View
+    from pipeline.shot.cameras import View
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""
@@ -29,31 +38,11 @@ STEADINESS = 10
 FOOTING = 1
 """Frames to either side over which the floor is smoothed: few, so that the sculpture stands, not hovers."""
 
-HALF_A_SCULPTURE = 100.0
-"""Millimetres that count as the sculpture's half-size, where a shot does not say what a unit is: lenses then
-blur a small one and its enlarged copy alike."""
-
-UPRIGHT = 1e-6
-"""The cosine of an elevation from which on the vertical does not tell which way is up in the picture."""
-
-NEAR, FAR = 1e-2, 1e4
-"""Where cameras begin and cease to see, scene units; in scenes that are too small or too large for these, a
-tenth of the distance of the target, and a hundred times that."""
-
-DOWN = (0.0, -1.0, 0.0)
-
-AT_ONCE = 4096
-"""Points that are looked at together: what is found of them then stays in a core's own memory."""
+AHEAD = 3 * STEADINESS
+"""Frames after one that its camera depends on: the distance is smoothed from above, around aims that are."""
 
 STAGE_HALF_WIDTH = 1.5
 """Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
-
-
-class Balls(NamedTuple):
-    """Points (N, 3) of any float type, with something around them: radii (N,), scene units."""
-
-    points: AnyArray
-    radii: AnyArray
 
 
 @dataclass(frozen=True)
@@ -85,38 +74,79 @@ def frame_all(
     What a view says itself is taken as it is: a target, a distance, a position. The stage stands around the
     sculpture all the same, and is as large as it.
     """
-    centres, floors = _survey(views, points_of)
-    middles = _between(centres.mean(axis=0), smooth(centres, STEADINESS), follow)
-    ground = _between(floors.min(), smooth(envelope(floors, FOOTING, np.min), FOOTING), follow)
-    aims = np.array([m if v.target is None else v.target for v, m in zip(views, middles, strict=True)])
-    sides = [_side(view, aim) for view, aim in zip(views, aims, strict=True)]
-    reach, around = np.empty(len(views)), np.empty(len(views))
-    for i, view in enumerate(views):
-        points = points_of(i)
-        reach[i] = fitting_distance(points, aims[i], sides[i], view, aspect)
-        by_itself = view.target is not None
-        around[i] = fitting_distance(points, middles[i], sides[i], view, aspect) if by_itself else reach[i]
-    half_widths = np.array([np.tan(view.field_of_view / 2) for view in views])
-    distances = _between(reach.max(), _beyond(reach), follow)
-    sizes = _between((around * half_widths).max(), _beyond(around) * half_widths, follow) / STAGE_HALF_WIDTH
-    framings = []
-    for i, view in enumerate(views):
-        turn = view.azimuth if view.position is None else _bearing(views[0], aims[0])[0]
-        x, _, z = middles[i]
-        placement = Placement(origin=_plain([x, ground[i], z]), size=float(sizes[i]), turn=turn)
-        framings.append(Framing(_camera(view, aims[i], sides[i], distances[i], sizes[i]), placement))
-    return framings
+    return Framer(views, points_of, aspect, follow).framings(len(views))
 
 
-def _survey(views: Sequence[View], points_of: Callable[[int], AnyArray | Balls]) -> tuple[Points, Floats]:
-    """(T, 3): the middle of what each view sees, by the bounds it has there; and (T,) its lowest height."""
-    centres, floors = np.empty((len(views), 3)), np.empty(len(views))
-    for i, view in enumerate(views):
-        axes = _axes(view.azimuth + view.orbit, view.elevation)
-        reach = _furthest(points_of(i), np.vstack([axes, -axes, DOWN]), np.ones(7))
-        centres[i] = (reach[:3] - reach[3:6]) / 2 @ axes
-        floors[i] = -reach[6]
-    return centres, floors
+class Framer:
+    """The cameras of a sequence while its frames come; arguments as of `frame_all`."""
+
+    def __init__(
+        self,
+        views: Sequence[View],
+        points_of: Callable[[int], AnyArray | Balls],
+        aspect: float,
+        follow: float = 1.0,
+    ) -> None:
+        many = len(views)
+        self._views, self._points_of, self._aspect, self._follow = views, points_of, aspect, follow
+        self._half_widths = np.array([np.tan(view.field_of_view / 2) for view in views])
+        self._centres, self._floors = np.zeros((many, 3)), np.zeros(many)
+        self._middles, self._aims, self._sides = (np.zeros((many, 3, *more)) for more in ((), (), (3,)))
+        self._reach, self._around = np.zeros(many), np.zeros(many)
+        self._surveyed = self._aimed = self._given = 0
+
+    def framings(self, come: int) -> list[Framing]:
+        """Those that the first `come` frames settle, in order, but for those that it answered before.
+
+        Where a camera does not follow the sculpture, none is settled before all frames have come.
+        """
+        self._survey(come)
+        whole = come == len(self._views)
+        if not whole and self._follow != 1.0:
+            return []
+        self._aim(come if whole else come - STEADINESS)
+        return self._place(come if whole else come - AHEAD)
+
+    def _survey(self, come: int) -> None:
+        for i in range(self._surveyed, come):
+            self._centres[i], self._floors[i] = bounds(self._points_of(i), self._views[i])
+        self._surveyed = come
+
+    def _aim(self, last: int) -> None:
+        """At what cameras look, and how far away they are at least."""
+        first = self._aimed
+        last = self._aimed = max(first, last)
+        moving = _part(self._centres[: self._surveyed], first, last, STEADINESS, _calmly)
+        self._middles[first:last] = _between(self._centres.mean(axis=0), moving, self._follow)
+        for i in range(first, last):
+            view, middle, points = self._views[i], self._middles[i], self._points_of(i)
+            aim = self._aims[i] = middle if view.target is None else np.array(view.target)
+            side = self._sides[i] = side_of(view, aim)
+            self._reach[i] = self._around[i] = fitting_distance(points, aim, side, view, self._aspect)
+            if view.target is not None:
+                self._around[i] = fitting_distance(points, middle, side, view, self._aspect)
+
+    def _place(self, last: int) -> list[Framing]:
+        first = self._given
+        last = self._given = max(first, last)
+        floors, half_widths = self._floors[: self._surveyed], self._half_widths
+        reach, around = self._reach[: self._aimed], self._around[: self._aimed]
+        ground = _between(floors.min(), _part(floors, first, last, 2 * FOOTING, _standing), self._follow)
+        away = _part(reach, first, last, 2 * STEADINESS, _beyond)
+        wide = _part(around, first, last, 2 * STEADINESS, _beyond) * half_widths[first:last]
+        distances = _between(reach.max(initial=0.0), away, self._follow)
+        most = (around * half_widths[: self._aimed]).max(initial=0.0)
+        sizes = _between(most, wide, self._follow) / STAGE_HALF_WIDTH
+        return [
+            self._framing(i, ground[i - first], distances[i - first], float(sizes[i - first]))
+            for i in range(first, last)
+        ]
+
+    def _framing(self, i: int, ground: float, distance: float, size: float) -> Framing:
+        view, (x, _, z) = self._views[i], self._middles[i]
+        turn = view.azimuth if view.position is None else bearing(self._views[0], self._aims[0])[0]
+        placement = Placement(origin=plain([x, ground, z]), size=size, turn=turn)
+        return Framing(camera_of(view, self._aims[i], self._sides[i], distance, size), placement)
 
 
 def with_room(framing: Framing, stage: Stage) -> Framing:
@@ -135,38 +165,6 @@ def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArr
     return np.asarray((points - pivot) @ turn.T + pivot)
 
 
-def fitting_distance(
-    points: AnyArray | Balls, target: Floats, axes: Floats, view: View, aspect: float
-) -> float:
-    """The least distance from `target` at which all points, or balls, lie within the margins of the picture.
-
-    axes  (3, 3): rows right, up and back, the camera's
-
-    A ball lies beside a plane through the lens if its centre is its radius away from it.
-    """
-    right, up, back = axes
-    wide = np.tan(view.field_of_view / 2) * (1 - 2 * view.margin)
-    high = wide / aspect
-    sides = np.stack([back + right / wide, back - right / wide, back + up / high, back - up / high])
-    slant = np.repeat([np.hypot(1.0, wide) / wide, np.hypot(1.0, high) / high], 2)
-    return float((_furthest(points, sides, slant) - sides @ target).max())
-
-
-def _furthest(points: AnyArray | Balls, ways: Floats, slant: Floats) -> Floats:
-    """(K,): how far points, or balls, reach along ways (K, 3), which a radius adds to by `slant` (K,).
-
-    What bounds a picture are planes, so this is all that framing asks of a sculpture.
-    """
-    centres, radii = points if isinstance(points, Balls) else (points, None)
-    reach = np.full(len(ways), -np.inf)
-    for some in (slice(i, i + AT_ONCE) for i in range(0, len(centres), AT_ONCE)):
-        along = ways @ centres[some].T
-        if radii is not None:
-            along += slant[:, None] * radii[some]
-        np.maximum(reach, along.max(axis=1), out=reach)
-    return reach
-
-
 def envelope(track: Floats, radius: int, extreme: Callable[[Floats], float]) -> Floats:
     """The extreme of each value's neighbours up to `radius` frames away."""
     return np.array([extreme(track[max(0, i - radius) : i + radius + 1]) for i in range(len(track))])
@@ -183,9 +181,24 @@ def smooth(track: Floats, radius: int) -> Floats:
     return smoothed
 
 
+def _part(track: Floats, first: int, last: int, around: int, made: Callable[[Floats], Floats]) -> Floats:
+    """From `first` to before `last` of what is made of a track, which looks so many frames around."""
+    begin = max(0, first - around)
+    return made(track[begin:])[first - begin : last - begin]
+
+
+def _calmly(track: Floats) -> Floats:
+    return smooth(track, STEADINESS)
+
+
 def _beyond(track: Floats) -> Floats:
     """A calm track that is nowhere below another."""
     return smooth(envelope(track, STEADINESS, np.max), STEADINESS)
+
+
+def _standing(track: Floats) -> Floats:
+    """A track that is nowhere above another."""
+    return smooth(envelope(track, FOOTING, np.min), FOOTING)
 
 
 def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
@@ -193,72 +206,3 @@ def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
     if follow == 1.0:
         return moving
     return np.asarray(held + follow * (moving - held))
-
-
-def _bearing(view: View, aim: Floats) -> tuple[float, float]:
-    """Azimuth and elevation from which a view sees its aim; from the front where it stands in it."""
-    if view.position is None:
-        return view.azimuth + view.orbit, view.elevation
-    x, y, z = np.subtract(view.position, aim)
-    return float(np.arctan2(x, z)), float(np.arctan2(y, np.hypot(x, z)))
-
-
-def _axes(azimuth: float, elevation: float) -> Floats:
-    """(3, 3): rows right, up and back of a camera that is not rolled."""
-    sin_a, cos_a = np.sin(azimuth), np.cos(azimuth)
-    sin_e, cos_e = np.sin(elevation), np.cos(elevation)
-    return np.array(
-        [
-            [cos_a, 0.0, -sin_a],
-            [-sin_e * sin_a, cos_e, -sin_e * cos_a],
-            [cos_e * sin_a, sin_e, cos_e * cos_a],
-        ]
-    )
-
-
-def _side(view: View, aim: Floats) -> Floats:
-    """(3, 3): the axes of a view's camera, rolled."""
-    right, up, back = _axes(*_bearing(view, aim))
-    if view.roll == 0.0:
-        return np.stack([right, up, back])
-    cos, sin = np.cos(view.roll), np.sin(view.roll)
-    return np.stack([cos * right - sin * up, cos * up + sin * right, back])
-
-
-def _camera(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera:
-    """The camera of a view at the distance that framing found; `size` is the sculpture's half-size."""
-    if view.position is None:
-        away = distance * view.dolly if view.distance is None else view.distance
-        origin = aim + away * axes[2]
-    else:
-        origin = np.array(view.position)
-        away = float(np.linalg.norm(origin - aim))
-    is_upright = view.roll == 0.0 and np.hypot(axes[2][0], axes[2][2]) > UPRIGHT
-    return Camera(
-        origin=_plain(origin),
-        target=_plain(aim if away > 0.0 else origin - axes[2]),
-        up=(0.0, 1.0, 0.0) if is_upright else _plain(axes[1]),
-        field_of_view=view.field_of_view,
-        near=min(NEAR, away / 10.0) if away > 0.0 else NEAR,
-        far=max(FAR, 100.0 * away),
-        **_blur(view.lens, origin, axes[2], away, size),
-    )
-
-
-def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: float) -> dict[str, float]:
-    """How wide a lens opens and how far away it is sharp, scene units; nothing of one sharp everywhere."""
-    if lens is None:
-        return {}
-    unit = HALF_A_SCULPTURE / size if lens.unit is None else lens.unit
-    if lens.focus is None:
-        sharp = away
-    elif isinstance(lens.focus, float):
-        sharp = lens.focus
-    else:
-        sharp = float((origin - lens.focus) @ back)
-    return {"lens_radius": float(lens.focal_length / lens.aperture / 2.0 / unit), "focus_distance": sharp}
-
-
-def _plain(values: Iterable[float]) -> tuple[float, float, float]:
-    x, y, z = (float(v) for v in values)
-    return x, y, z

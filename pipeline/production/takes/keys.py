@@ -48,7 +48,7 @@ NORMALS_CODE = (
     "pipeline/production/tasks/meshes.py",
 )
 FRAMING_CODE = (
-    "pipeline/production/surfaces/framing.py",
+    *(f"pipeline/production/surfaces/{name}.py" for name in ("framing", "sights")),
     *(f"pipeline/mesh/{name}.py" for name in ("bspline", "lattice")),
 )
 PICTURE_CODE = (

@@ -15,8 +15,9 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.bspline import bspline_surface
 from pipeline.production.files import readers
 from pipeline.production.files.npz import write_npz
-from pipeline.production.surfaces.framing import Balls, frame_all, turned, with_room
+from pipeline.production.surfaces.framing import frame_all, turned, with_room
 from pipeline.production.surfaces.shading import Shading, radii
+from pipeline.production.surfaces.sights import Balls
 from pipeline.production.tasks.context import Context
 
 
