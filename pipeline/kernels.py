@@ -49,7 +49,7 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
     numba.config.CACHE_DIR = str(cache_folder())
 
     def decorate(function: F) -> F:
-        dispatcher: F = numba.njit(cache=True, **options)(function)
+        dispatcher: F = numba.njit(cache=True, nogil=True, **options)(function)
         DECLARED.append((dispatcher, signature))
         return dispatcher
 

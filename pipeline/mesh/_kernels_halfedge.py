@@ -80,7 +80,7 @@ def join(twin: Indices, h: int, k: int) -> None:
         twin[k] = h
 
 
-@kernel(numba.types.UniTuple(numba.int64, 2)(SEEN_INTS, numba.int64, INTS), nogil=True)
+@kernel(numba.types.UniTuple(numba.int64, 2)(SEEN_INTS, numba.int64, INTS))
 def match_twins(vert: Indices, vertices: int, twin: Indices) -> tuple[int, int]:
     """Fill `twin` from `vert`; answers (SOUND, -1), or what is wrong and a half-edge where it is.
 

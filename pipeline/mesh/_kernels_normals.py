@@ -16,7 +16,7 @@ SEEN_FACES = only_read(FACES)
 _ANGLES = numba.types.UniTuple(numba.float64, 3)
 
 
-@kernel((SEEN_MATRIX, SEEN_FACES, MATRIX), nogil=True, error_model="numpy")
+@kernel((SEEN_MATRIX, SEEN_FACES, MATRIX), error_model="numpy")
 def normals_of_faces(points: Points, faces: Faces, normals: Vectors) -> None:
     """Unit normal of every face; zero without area."""
     for f in range(len(faces)):
@@ -47,7 +47,7 @@ def _corner_angles(points: Points, a: int, b: int, c: int) -> tuple[float, float
     )
 
 
-@kernel((SEEN_MATRIX, MATRIX), nogil=True, error_model="numpy")
+@kernel((SEEN_MATRIX, MATRIX), error_model="numpy")
 def scale_known(given: Vectors, known: Vectors) -> None:
     """Vectors (V, 3) of length 1; zero where they have no length, or are not finite."""
     for v in range(len(given)):
@@ -59,7 +59,7 @@ def scale_known(given: Vectors, known: Vectors) -> None:
             known[v, 0] = known[v, 1] = known[v, 2] = 0.0
 
 
-@kernel((SEEN_FACES, MATRIX, MATRIX, FLAGS), nogil=True, error_model="numpy")
+@kernel((SEEN_FACES, MATRIX, MATRIX, FLAGS), error_model="numpy")
 def flag_trusted(faces: Faces, face_normals: Vectors, known: Vectors, trusted: AnyArray) -> None:
     """Flag vertices whose known normal points out of all faces around that have one."""
     for v in range(len(known)):
@@ -74,7 +74,7 @@ def flag_trusted(faces: Faces, face_normals: Vectors, known: Vectors, trusted: A
                 trusted[v] = 0
 
 
-@kernel((MATRIX, INTS, numba.float64, FLAGS), nogil=True)
+@kernel((MATRIX, INTS, numba.float64, FLAGS))
 def find_hard(normals: Vectors, twin: Indices, cosine: float, hard: AnyArray) -> None:
     """Flag half-edges on a boundary or between faces that turn by more than the angle of `cosine`.
 
@@ -114,7 +114,7 @@ def _fan_begin(twin: Indices, hard: AnyArray, h: int) -> int:
     return first if count >= 2 else -1 - start
 
 
-@kernel(numba.int64(SEEN_INTS, INTS, FLAGS, FLAGS, INTS, INTS), nogil=True)
+@kernel(numba.int64(SEEN_INTS, INTS, FLAGS, FLAGS, INTS, INTS))
 def number_fans(
     vert: Indices, twin: Indices, hard: AnyArray, whole: AnyArray, corner: Indices, source: Indices
 ) -> int:
@@ -154,7 +154,7 @@ def _length(rows: Floats, i: int) -> float:
     return math.sqrt(rows[i, 0] * rows[i, 0] + rows[i, 1] * rows[i, 1] + rows[i, 2] * rows[i, 2])
 
 
-@kernel((SEEN_MATRIX, SEEN_FACES, SEEN_FACES, MATRIX, FLAGS, MATRIX), nogil=True)
+@kernel((SEEN_MATRIX, SEEN_FACES, SEEN_FACES, MATRIX, FLAGS, MATRIX))
 def sum_normals(
     points: Points, faces: Faces, fans: Faces, face_normals: Vectors, known: AnyArray, normals: Vectors
 ) -> None:
@@ -186,7 +186,7 @@ def sum_normals(
             normals[v, 0], normals[v, 1], normals[v, 2] = 0.0, 1.0, 0.0
 
 
-@kernel((MATRIX, FLAGS, INTS, MATRIX), nogil=True, error_model="numpy")
+@kernel((MATRIX, FLAGS, INTS, MATRIX), error_model="numpy")
 def prefer_known(known: Vectors, trusted: AnyArray, source: Indices, normals: Vectors) -> None:
     """Put the known normal of its vertex in place of a fan's, where it is trusted or agrees with that."""
     for i in range(len(normals)):

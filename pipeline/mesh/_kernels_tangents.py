@@ -11,7 +11,7 @@ from pipeline.kernels import kernel
 from pipeline.mesh._kernels_halfedge import MATRIX, SEEN_MATRIX, SEEN_VECTOR
 
 
-@kernel(numba.int64(SEEN_MATRIX), nogil=True, error_model="numpy")
+@kernel(numba.int64(SEEN_MATRIX), error_model="numpy")
 def count_known(normals: Vectors) -> int:
     """How many normals (V, 3) are not zero."""
     count = 0
@@ -20,7 +20,7 @@ def count_known(normals: Vectors) -> int:
     return count
 
 
-@kernel(numba.float64(SEEN_MATRIX), nogil=True, error_model="numpy")
+@kernel(numba.float64(SEEN_MATRIX), error_model="numpy")
 def longest_side(points: Points) -> float:
     """Of the box around points (V, 3), one at least."""
     longest = 0.0
@@ -32,7 +32,7 @@ def longest_side(points: Points) -> float:
     return longest
 
 
-@kernel((SEEN_MATRIX, SEEN_MATRIX, SEEN_VECTOR, MATRIX), nogil=True, error_model="numpy")
+@kernel((SEEN_MATRIX, SEEN_MATRIX, SEEN_VECTOR, MATRIX), error_model="numpy")
 def place_beside(points: Points, normals: Vectors, apart: Floats, beside: Points) -> None:
     """Fill `beside` (2K, 3): for the K vertices with a normal a point along a first tangent, in order, and
     then for each one along the second.
@@ -57,7 +57,7 @@ def place_beside(points: Points, normals: Vectors, apart: Floats, beside: Points
         one, two = one + 1, two + 1
 
 
-@kernel((SEEN_MATRIX, SEEN_MATRIX, SEEN_MATRIX, MATRIX), nogil=True, error_model="numpy")
+@kernel((SEEN_MATRIX, SEEN_MATRIX, SEEN_MATRIX, MATRIX), error_model="numpy")
 def cross_beside(normals: Vectors, moved: Points, beside: Points, carried: Vectors) -> None:
     """Set unit normals in `carried` (V, 3) by the points of `place_beside`, when a flow has taken them and
     the vertices along; not where there was none, nor where the three points lie on a line."""
