@@ -9,7 +9,6 @@ from pathlib import Path
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, err
 from pipeline.dailies.preview.animatic import Animatic, Tell
-from pipeline.dailies.preview.meshes import Memory
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.production.files.disk import disk_faults
@@ -19,17 +18,18 @@ from pipeline.production.files.store import Store
 def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, output: Path | None) -> None:
     """A still of frame `at`, or the movie of what the take asks for."""
     path = output or common.root / place(sketch, at)
-    many = 1 if at is not None else len(sketch.take.requested)
+    asked = {at} if at is not None else set(sketch.take.requested)
+    many = len(asked)
     frames = f"{many} frame{'s' if many > 1 else ''}"
     if not common.dry_run:
-        # No edit follows, so nothing goes on from a mesh that is drawn.
-        with Reel(store, Memory(room=0.0)) as reel, bars(common, sketch, many) as tell:
+        with Reel(store, once=True) as reel:
             folder_for(path)
             animatic = Animatic(sketch, reel)
-            if at is None:
-                animatic.movie(path, tell)
-            else:
-                animatic.still(at, path, tell)
+            with bars(common, len(animatic.played(asked)), many) as tell:
+                if at is None:
+                    animatic.movie(path, tell)
+                else:
+                    animatic.still(at, path, tell)
     answer(
         f"{path}: {frames}{' would be drawn' if common.dry_run else ''}.",
         {"path": str(path), "frames": many},
@@ -53,7 +53,7 @@ def place(sketch: Sketch, number: int | None = None) -> Path:
 
 
 @contextmanager
-def bars(common: Common, sketch: Sketch, drawn: int) -> Iterator[Tell]:
+def bars(common: Common, simulated: int, drawn: int) -> Iterator[Tell]:
     """What is told of frames, as a bar for each kind of work."""
     if not common.progress:
         yield lambda stage, number: None
@@ -68,6 +68,6 @@ def bars(common: Common, sketch: Sketch, drawn: int) -> Iterator[Tell]:
         TimeRemainingColumn(),
         console=err,
     ) as progress:
-        totals = {"simulating": len(sketch.take.poses), "drawing": drawn}
+        totals = {"simulating": simulated, "drawing": drawn}
         tasks = {stage: progress.add_task(stage, total=total) for stage, total in totals.items()}
         yield lambda stage, number: progress.advance(tasks[stage])

@@ -48,8 +48,9 @@ def _movies(common: Common, read: Read, reel: Reel, movie: Path, edited: set[Pat
             sketch, _ = read()
             more = files_of(sketch.take.script) - edited
             edited, before = edited | more, before | stamp(more)
-            with bars(common, sketch, len(sketch.take.requested)) as tell:
-                many = Animatic(sketch, reel).movie(movie, tell)
+            animatic, asked = Animatic(sketch, reel), set(sketch.take.requested)
+            with bars(common, len(animatic.played(asked)), len(asked)) as tell:
+                many = animatic.movie(movie, tell)
             answer(f"{movie}: {many} frames.", {"path": str(movie), "frames": many}, common.json)
         except (FlowsculptError, RenderError) as error:
             complain(str(error))

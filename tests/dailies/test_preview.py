@@ -19,7 +19,7 @@ from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
 from pipeline.production.runs.workflow import Studio
-from pipeline.production.surfaces.framing import frame_all
+from pipeline.production.surfaces.framing import AHEAD, frame_all
 from pipeline.production.takes.take import Take
 from render.image import read_png
 from tests.conftest import TINY, StudioFolder
@@ -153,6 +153,31 @@ def test_pictures_of_a_range_are_those_of_the_whole(root: Path) -> None:
         part = replace(whole, requested=(4, 5))
         Animatic(Sketch(part), reel).still(5, root / "two.png", quiet)
     assert (root / "one.png").read_bytes() == (root / "two.png").read_bytes()
+
+
+LONG = ("frames=1-80", "flows.0.twist.amount={ease: linear, keys: {1: 0, 80: 90}}")
+
+
+def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(root: Path) -> None:
+    take, told = take_of(root, *LONG), []
+    with Reel(Studio(root, 2).store, once=True) as reel:
+        assert Animatic(Sketch(take), reel).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
+        assert told.index(("drawing", 1)) < told.index(("simulating", 80))
+        assert not reel.memory.frames
+        with pytest.raises(FileNotFoundError):
+            reel.arrays(take, 1)
+    assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
+
+
+def test_a_still_waits_for_no_more_frames_than_its_camera_depends_on(root: Path) -> None:
+    take, told = take_of(root, *LONG), []
+    with Reel(Studio(root, 2).store) as reel:
+        Animatic(Sketch(take), reel).still(20, root / "early.png", lambda *what: told.append(what))
+        assert told == [("simulating", n) for n in range(1, 20 + AHEAD + 1)]
+        list(reel.play(take, range(1, 81)))
+        framing = aims(take, reel, list(range(1, 81)))[20]
+        expected = Sketch(take, closed=True).picture(20, reel.arrays(take, 20), framing, (960, 540), "srgb")
+    np.testing.assert_array_equal(read_png(root / "early.png"), expected)
 
 
 def test_an_unwritable_place_is_told_before_anything_is_simulated(studio: StudioFolder) -> None:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import itertools
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Set
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -11,10 +12,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.dailies.preview.aim import aims
+from pipeline.dailies.preview.aim import aimed
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch, is_closed
-from pipeline.production.surfaces.framing import Framing
+from pipeline.production.surfaces.framing import AHEAD, Framing
+from pipeline.production.takes.take import Take
 from render.encodes import SKETCH
 from render.encoding import write_encode
 from render.image import write_png
@@ -26,41 +28,64 @@ SIZES = {"still": (960, 540), "movie": (480, 270)}
 THREADS = 2
 """Pictures that are drawn at a time."""
 
+WAITING = 12
+"""Pictures that are begun, or drawn and not yet written, before more frames are simulated."""
+
+Picture = NDArray[Any]
+Framed = tuple[int, Framing]
+
 Tell = Callable[[str, int], None]
 """Hears of each frame: `simulating` or `drawing`, and its number."""
 
 
 @dataclass(frozen=True, eq=False)
 class Animatic:
-    """A take, played from a reel."""
+    """A take, drawn while the reel plays it."""
 
     sketch: Sketch
     reel: Reel
 
     def still(self, number: int, path: Path, tell: Tell) -> None:
         """A PNG. Raises FrameError where a frame fails, RenderEnvironmentError where the disk does."""
-        ready = self._ready(tell)
-        picture = next(ready.pictures([number], size_for(self.aspect, SIZES["still"]), "srgb"))
+        framed = self._framed({number}, tell)
+        picture = next(self._pictures(framed, size_for(self.sketch.take.aspect, SIZES["still"]), "srgb"))
         write_png(path, picture, {"shot": self.sketch.take.name, "frame": number})
 
     def movie(self, path: Path, tell: Tell) -> int:
         """An MP4 of the frames asked for; how many it has. Raises as `still`."""
-        return self._ready(tell).movie(path, tell)
+        take = self.sketch.take
+        framed = self._framed(set(take.requested), tell)
+        pictures = self._pictures(framed, size_for(take.aspect, SIZES["movie"]), "rec709")
+        return write_movie(path, take, pictures, tell)
 
-    @property
-    def aspect(self) -> float:
-        return self.sketch.take.aspect
+    def played(self, asked: Set[int]) -> list[int]:
+        """The frames that have to be there, so that those asked for can be drawn.
 
-    def _ready(self, tell: Tell) -> Ready:
-        """Cameras look at the whole shot first: every frame of it is needed where they are not known."""
-        take, reel = self.sketch.take, self.reel
+        Where cameras are not known they depend on frames around; on all, where they stand still.
+        """
+        take = self.sketch.take
+        if take.framings(self.reel.store) is not None:
+            return sorted(asked)
+        poses = sorted(take.poses)
+        return poses[: poses.index(max(asked)) + AHEAD + 1] if take.follow == 1.0 else poses
+
+    def _framed(self, asked: Set[int], tell: Tell) -> Iterator[Framed]:
+        take, reel, wanted = self.sketch.take, self.reel, self.played(asked)
+
+        def played() -> Iterator[int]:
+            for number in reel.play(take, wanted):
+                tell("simulating", number)
+                yield number
+
         known = take.framings(reel.store)
-        wanted = sorted(take.poses) if known is None else sorted(take.requested)
-        for number in reel.play(take, wanted):
-            tell("simulating", number)
-        framings = aims(take, reel, wanted) if known is None else known
-        closed = is_closed(reel.arrays(take, wanted[0]))
-        return Ready(replace(self.sketch, closed=closed), reel, framings)
+        framed = aimed(take, reel, played(), wanted) if known is None else ((n, known[n]) for n in played())
+        return (each for each in framed if each[0] in asked)
+
+    def _pictures(self, framed: Iterator[Framed], size: tuple[int, int], display: str) -> Iterator[Picture]:
+        first = next(framed)
+        closed = is_closed(self.reel.arrays(self.sketch.take, first[0]))
+        sketch = replace(self.sketch, closed=closed)
+        return drawn(sketch, self.reel, itertools.chain([first], framed), size, display)
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,39 +96,55 @@ class Ready:
     reel: Reel
     framings: Mapping[int, Framing]
 
-    def pictures(self, numbers: Iterable[int], size: tuple[int, int], display: str) -> Iterator[NDArray[Any]]:
-        """uint8 (H, W, 3), in order; several are drawn at a time."""
-
-        def drawn(number: int) -> NDArray[Any]:
-            arrays = self.reel.arrays(self.sketch.take, number)
-            return self.sketch.picture(number, arrays, self.framings[number], size, display)
-
-        with ThreadPoolExecutor(THREADS) as pool:
-            under_way: deque[Future[NDArray[Any]]] = deque()
-            for number in numbers:
-                under_way.append(pool.submit(drawn, number))
-                if len(under_way) > 2 * THREADS:
-                    yield under_way.popleft().result()
-            while under_way:
-                yield under_way.popleft().result()
+    def pictures(self, numbers: Iterable[int], size: tuple[int, int], display: str) -> Iterator[Picture]:
+        """As `drawn`."""
+        return drawn(self.sketch, self.reel, ((n, self.framings[n]) for n in numbers), size, display)
 
     def movie(self, path: Path, tell: Tell) -> int:
         """An MP4 of the frames asked for; how many it has."""
         take = self.sketch.take
-        numbers, size = sorted(take.requested), size_for(take.aspect, SIZES["movie"])
-        pictures = self.pictures(numbers, size, "rec709")
-        rate = take.shot.rate.fps
-        start = timecode(numbers[0], rate)
-        return write_encode(path, _told(pictures, numbers, tell), rate, SKETCH, start)
+        pictures = self.pictures(sorted(take.requested), size_for(take.aspect, SIZES["movie"]), "rec709")
+        return write_movie(path, take, pictures, tell)
+
+
+def drawn(
+    sketch: Sketch, reel: Reel, framed: Iterable[Framed], size: tuple[int, int], display: str
+) -> Iterator[Picture]:
+    """uint8 (H, W, 3), in order; several are drawn at a time, while the next are framed."""
+
+    def draw(number: int, framing: Framing) -> Picture:
+        return sketch.picture(number, reel.arrays(sketch.take, number), framing, size, display)
+
+    with ThreadPoolExecutor(THREADS) as pool:
+        under_way: deque[tuple[int, Future[Picture]]] = deque()
+
+        def oldest() -> Picture:
+            number, picture = under_way.popleft()
+            found = picture.result()
+            reel.drawn(sketch.take, number)
+            return found
+
+        for number, framing in framed:
+            under_way.append((number, pool.submit(draw, number, framing)))
+            while under_way and (under_way[0][1].done() or len(under_way) > WAITING):
+                yield oldest()
+        while under_way:
+            yield oldest()
+
+
+def write_movie(path: Path, take: Take, pictures: Iterator[Picture], tell: Tell) -> int:
+    """An MP4 of the frames that a take asks for; how many it has."""
+    numbers, rate = sorted(take.requested), take.shot.rate.fps
+
+    def told() -> Iterator[Picture]:
+        for number, picture in zip(numbers, pictures, strict=True):
+            yield picture
+            tell("drawing", number)
+
+    return write_encode(path, told(), rate, SKETCH, timecode(numbers[0], rate))
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
     """Width and height, even, of a picture of that aspect with about as many pixels as another."""
     height = (like[0] * like[1] / aspect) ** 0.5
     return 2 * max(1, round(height * aspect / 2)), 2 * max(1, round(height / 2))
-
-
-def _told(pictures: Iterator[NDArray[Any]], numbers: list[int], tell: Tell) -> Iterator[NDArray[Any]]:
-    for number, picture in zip(numbers, pictures, strict=True):
-        yield picture
-        tell("drawing", number)

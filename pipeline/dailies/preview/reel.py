@@ -30,12 +30,17 @@ AHEAD = 4
 class Reel:
     """What is known of a shot's surfaces from one look to the next; a context manager.
 
-    After an edit what it left valid is known still.
+    After an edit what it left valid is known still. Where nobody will look again, each frame is forgotten
+    when it has been drawn, and no mesh is remembered.
     """
 
     store: Store
-    memory: Memory = field(default_factory=Memory)
+    once: bool = False
+    memory: Memory = field(init=False)
     shelf: Shelf = field(default_factory=Shelf)
+
+    def __post_init__(self) -> None:
+        self.memory = Memory(room=0.0) if self.once else Memory()
 
     def __enter__(self) -> Reel:
         return self
@@ -71,6 +76,11 @@ class Reel:
     def arrays(self, take: Take, number: int) -> dict[str, AnyArray]:
         """What is drawn of a frame that was played."""
         return dict(self.shelf.get(_key(take, number)))
+
+    def drawn(self, take: Take, number: int) -> None:
+        """A frame will not be asked for any more, unless somebody looks again."""
+        if self.once:
+            self.shelf.drop(_key(take, number))
 
     def _begun(
         self, take: Take, numbers: list[int], pool: ThreadPoolExecutor

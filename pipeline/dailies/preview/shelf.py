@@ -47,13 +47,15 @@ class Shelf:
     def get(self, key: Key) -> Arrays:
         return self._held[key] if key in self._held else read_npz(self._file(key))
 
+    def drop(self, key: Key) -> None:
+        """Forget what is held under a key."""
+        self._room += sum(values.nbytes for values in self._held.pop(key, {}).values())
+        self._file(key).unlink(missing_ok=True)
+
     def keep_only(self, keys: set[Key]) -> None:
         """Forget all others."""
-        for key in self._held.keys() - keys:
-            self._room += sum(values.nbytes for values in self._held.pop(key).values())
-        for file in Path(self._folder.name).iterdir():
-            if file.stem not in keys:
-                file.unlink()
+        for key in {*self._held, *(file.stem for file in Path(self._folder.name).iterdir())} - keys:
+            self.drop(key)
 
     def _write(self, file: Path, arrays: Arrays) -> None:
         draft = file.with_name(f"draft.{file.name}")
