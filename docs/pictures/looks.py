@@ -16,10 +16,12 @@ from PIL import Image
 from pipeline.animation import animate, material_of
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.patches import spread, tessellate
-from pipeline.production.surfaces.framing import Balls, Framing, View, frame_all
+from pipeline.production.surfaces.framing import Framing, frame_all
 from pipeline.production.surfaces.movement import speeds
 from pipeline.production.surfaces.shading import Shading
+from pipeline.production.surfaces.sights import Balls
 from pipeline.shot import read_shot
+from pipeline.shot.cameras import View
 from pipeline.shot.shot import Shot
 from render.colour import quantise, to_display
 from render.denoise import denoise

@@ -97,8 +97,8 @@ def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
 
 
 def _frozen(values: ArrayLike, kind: type | None = None) -> AnyArray:
-    """An array in C order into which nobody writes: this one if it is such, as those of meshes are, or a
-    copy."""
+    """An array in C order into which nobody writes: a copy, or this one if it is its own and read-only, as
+    those of meshes are. Who made it so must not write into it again."""
     if type(values) is np.ndarray and values.dtype == (kind or values.dtype):
         flags = values.flags
         if flags.owndata and flags.c_contiguous and not flags.writeable:

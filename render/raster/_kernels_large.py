@@ -1,4 +1,4 @@
-"""Triangles of many pixels, or that go on behind the lens, compiled: lit in the middle of each pixel.
+"""Triangles of many pixels, or that go on behind the lens, compiled: shadows fall on them pixel by pixel.
 
 In homogeneous coordinates (Olano and Greer 1997) nothing needs to be clipped: shares of the corners, each
 over the depth, are linear across the picture, and so is what corners show.
@@ -28,6 +28,18 @@ _ROUNDED = 1e-9
 """Of a pixel, by which rows are longer, so that rounding leaves no gap between neighbours."""
 
 
+def _middles() -> Array:
+    """(16, 2): for each set of places that a triangle may have in a pixel, the row and column of their
+    middle, from that of the pixel."""
+    bits = np.arange(2 ** (FINER * FINER))[:, None] >> np.arange(FINER * FINER) & 1
+    inside = (np.arange(FINER) + 0.5) / FINER - 0.5
+    places = np.stack([inside.repeat(FINER), np.tile(inside, FINER)], axis=1)
+    return np.asarray(bits @ places / np.maximum(bits.sum(axis=1, keepdims=True), 1), dtype=np.float32)
+
+
+_MIDDLES = _middles()
+
+
 class Large(NamedTuple):
     """What large triangles need.
 
@@ -37,7 +49,7 @@ class Large(NamedTuple):
                            looked up in the shadow's picture
     reach, blocks          that picture, as `reaches` takes it
     hits                   (4, H W / FINER²) int32, room for the pixels that one triangle is seen in
-    found                  (10, H W / FINER²) float32, room for what they show
+    found                  (12, H W / FINER²) float32, room for what they show
     """
 
     vertices: Array
@@ -121,21 +133,26 @@ def _cover(planes: Array, left: float, right: float, top: int, bottom: int, near
 
 @quick
 def _interpolate(planes: Array, hits: Array, many: int, found: Array) -> None:
-    """What corners show, in the middle of pixels, which may lie beside the triangle: into found (9, N).
+    """What corners show, in the middle of the places of pixels that a triangle has: into found (9, N).
 
-    Pixels are the inner loop, in single precision, so that several are found at a time.
+    There it is never beside the triangle, where no corner says what is seen. Pixels are the inner loop, in
+    single precision, so that several are found at a time.
     """
     x = np.float32(planes[0, 0] + planes[0, 1] + planes[0, 2])
     y = np.float32(planes[1, 0] + planes[1, 1] + planes[1, 2])
     z = np.float32(planes[2, 0] + planes[2, 1] + planes[2, 2])
     depth = found[9]
+    rows, columns = found[10], found[11]
     for n in range(many):
-        depth[n] = np.float32(1.0) / (x + y * np.float32(hits[0, n]) + z * np.float32(hits[1, n]))
+        rows[n] = np.float32(hits[0, n]) + _MIDDLES[hits[2, n], 0]
+        columns[n] = np.float32(hits[1, n]) + _MIDDLES[hits[2, n], 1]
+    for n in range(many):
+        depth[n] = np.float32(1.0) / (x + y * rows[n] + z * columns[n])
     for k in range(9):
         x, y, z = np.float32(planes[0, 3 + k]), np.float32(planes[1, 3 + k]), np.float32(planes[2, 3 + k])
         row = found[k]
         for n in range(many):
-            row[n] = (x + y * np.float32(hits[0, n]) + z * np.float32(hits[1, n])) * depth[n]
+            row[n] = (x + y * rows[n] + z * columns[n]) * depth[n]
 
 
 @quick

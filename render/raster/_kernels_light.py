@@ -10,12 +10,17 @@ _FAINT = 1e-5
 """A highlight that is darker than that, over its middle, is left out."""
 
 
+_GRADUAL = 2.0
+"""How soon what a mirror shows goes over from the ground to the sky, where it looks along the horizon."""
+
+
 @quick
 def light(
     points: Array,
     normals: Array,
     colours: Array,
     which: Array,
+    side: int,
     eye: Array,
     coat: Array,
     sky: Array,
@@ -26,12 +31,14 @@ def light(
 
     points   (V, 3), as normals (V, 3) and colours (V, 3) or (1, 3); `which` (N,), those looked at
     coat     (3,): the share of the colour that is a body's, and that is a mirror's; and how clear the coat is
-    sky      (3, 3): radiance of the horizon and of the zenith; in the last row how sharp highlights are
-    lamps    (L, 10): for a softbox its place, the way it faces, radiance times area, and 1; for a sun the way
-             to it, nothing, irradiance, and 0
-    out      (N, 6). Both sides of a surface are lit
+    side     0 where both sides may be seen, so that normals turn to the eye; of a closed surface 1, or -1
+             where they point inwards: a vertex just behind its outline is no inside
+    sky      (4, 3): radiance of the horizon, of the zenith and of the ground; last how sharp highlights are
+    lamps    (L, 10): for a softbox its place, the way it faces, radiance times area, and half its width; for
+             a sun the way to it, nothing, irradiance, and 0
+    out      (N, 6)
     """
-    sharp = sky[2, 0]
+    sharp = sky[3, 0]
     least = _FAINT ** (1.0 / sharp)
     for row in range(which.shape[0]):
         v = which[row]
@@ -40,25 +47,32 @@ def light(
         ex, ey, ez = ex * shorter, ey * shorter, ez * shorter
         nx, ny, nz = float(normals[v, 0]), float(normals[v, 1]), float(normals[v, 2])
         facing = nx * ex + ny * ey + nz * ez
-        shorter = math.copysign(_over(nx * nx + ny * ny + nz * nz), facing)
-        nx, ny, nz, facing = nx * shorter, ny * shorter, nz * shorter, facing * shorter
-        rising = 0.5 + 0.5 * (2.0 * facing * ny - ey)
+        shorter = _over(nx * nx + ny * ny + nz * nz)
+        if side < 0 or (side == 0 and facing < 0.0):
+            shorter = -shorter
+        nx, ny, nz, facing = nx * shorter, ny * shorter, nz * shorter, max(facing * shorter, 0.0)
+        rising = 2.0 * facing * ny - ey
+        above = min(max(0.5 + _GRADUAL * rising, 0.0), 1.0)
         own = v if len(colours) > 1 else 0
         for k in range(3):
             body, mirror = coat[0] * colours[own, k], coat[1] * colours[own, k] + coat[2]
-            around = body * sky[0, k] * (0.6 + 0.4 * ny)
-            around += mirror * (sky[1, k] * rising + sky[0, k] * (1.2 - rising))
+            around = body * (sky[0, k] * (0.6 + 0.4 * ny) + sky[2, k] * (0.5 - 0.5 * ny))
+            mirrored = sky[1, k] * (0.5 + 0.5 * rising) + sky[0, k] * (0.7 - 0.5 * rising)
+            around += mirror * (above * mirrored + (1.0 - above) * sky[2, k])
             out[row, k] = out[row, 3 + k] = around
         for i in range(lamps.shape[0]):
-            x, y, z, strength = lamps[i, 0], lamps[i, 1], lamps[i, 2], 1.0
+            x, y, z, strength, wide = lamps[i, 0], lamps[i, 1], lamps[i, 2], 1.0, 0.0
             if lamps[i, 9] > 0.0:
                 x, y, z = x - points[v, 0], y - points[v, 1], z - points[v, 2]
                 squared = x * x + y * y + z * z
                 shorter = _over(squared)
                 x, y, z = x * shorter, y * shorter, z * shorter
                 turned = -(x * lamps[i, 3] + y * lamps[i, 4] + z * lamps[i, 5])
-                strength = max(turned, 0.0) / squared
-            strength *= max(0.0, nx * x + ny * y + nz * z)
+                strength, wide = max(turned, 0.0) / squared, lamps[i, 9] * shorter
+            risen = nx * x + ny * y + nz * z
+            if risen < wide:  # part of it is below the surface, and part may rise above it
+                risen = max(risen + wide, 0.0) ** 2 / (4.0 * wide)
+            strength *= max(risen, 0.0)
             if strength == 0.0:
                 continue
             x, y, z = x + ex, y + ey, z + ez

@@ -8,6 +8,9 @@ from render.raster._kernels_large import FINER, TOP, Large, paint_large
 from render.raster._kernels_place import WIDE, box
 from render.raster.compiled import Array, exact, quick
 
+_EDGE = 1e-9
+"""Of a triangle, by which it is larger, so that rounding leaves no gap between neighbours."""
+
 
 @exact
 def paint(
@@ -58,7 +61,7 @@ def paint(
             v = vx * (left - cx) + vy * (i - cy)
             for j in range(left, right + 1):
                 here = depth_c + u * depth_u + v * depth_v
-                if (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (here > near[i, j]):  # one branch, not four
+                if (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1.0 + _EDGE) & (here > near[i, j]):
                     near[i, j] = here
                     colour[i, j] = (
                         int(red + u * red_u + v * red_v) << 20

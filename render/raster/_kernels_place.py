@@ -7,8 +7,8 @@ import numpy as np
 from render.raster.compiled import Array, exact
 
 WIDE = 8
-"""Places of a picture across from which on a triangle is filled row by row and lit pixel by pixel. What is
-smaller is lit at its corners."""
+"""Places of a picture across from which on a triangle is filled row by row, and shadows fall on it pixel by
+pixel. What is smaller has them at its corners."""
 
 SMALL, LARGE = 1, 2
 """How a vertex is marked: as a corner of small triangles, and of large ones."""

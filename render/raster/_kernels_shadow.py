@@ -15,13 +15,19 @@ _FAR, _BETWEEN = (-3, 0, 3), (-3, -2, 0, 1, 3)
 """The pixels of the shadow's picture that are looked at around a place, and those where these differ."""
 
 
+_EDGE = 1e-9
+"""Of a triangle, by which it is larger, so that rounding leaves no gap between neighbours."""
+
+
 @exact
-def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
+def cast(screen: Array, faces: Array, side: int, near: Array, far: Array) -> None:
     """One over the depth of the nearest triangle, into near (S, S), which is 0.
 
-    side  1 or -1 where only triangles that run counter-clockwise, or clockwise, cast a shadow; 0 for all
+    side  0 where both sides may be seen; of a closed surface 1 or -1, as triangles that look at the light run
+          counter-clockwise or clockwise
+    far   (S, S), 0 before: the same of triangles that look away from the light, of a closed surface
 
-    What goes on behind the light casts none.
+    What goes on behind the light casts no shadow.
     """
     rows, columns = near.shape
     for f in range(faces.shape[0]):
@@ -29,8 +35,9 @@ def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
         ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
         cx, cy = screen[c, 0], screen[c, 1]
         area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
-        if area == 0.0 or area * side < 0.0:
+        if area == 0.0:
             continue
+        into = far if area * side < 0.0 else near
         left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
         if left > right or top > bottom:
             continue
@@ -44,10 +51,22 @@ def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
             v = vx * (left - cx) + vy * (i - cy)
             for j in range(left, right + 1):
                 w = 1.0 - u - v
-                if u >= 0.0 and v >= 0.0 and w >= 0.0:
-                    near[i, j] = max(near[i, j], u * depth_a + v * depth_b + w * depth_c)
+                if u >= -_EDGE and v >= -_EDGE and w >= -_EDGE:
+                    into[i, j] = max(into[i, j], u * depth_a + v * depth_b + w * depth_c)
                 u += ux
                 v += vx
+
+
+@exact
+def halve(near: Array, far: Array) -> None:
+    """Move the shadow of a closed surface halfway to where light would leave it: near (S, S), in place.
+
+    What is lit then lies clear of it, however steeply (Woo 1992).
+    """
+    for i in range(near.shape[0]):
+        for j in range(near.shape[1]):
+            if far[i, j] > 0.0:
+                near[i, j] = 0.5 * (near[i, j] + far[i, j])
 
 
 @exact

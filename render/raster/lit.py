@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +12,7 @@ from render.camera import Camera
 from render.lights import Sky
 from render.look import Look
 from render.raster._kernels_light import light
-from render.raster.lamps import lamps_of
+from render.raster.lamps import falling, lamps_of
 from render.raster.parts import Floats, Set, Shape
 
 BODILESS = ("metal", "brushed")
@@ -27,31 +28,38 @@ SHARPNESS = (6.0, 160.0)
 class Lighting:
     """What lights a set, and from where that is seen.
 
-    lamps  (L, 10), as the kernel `light` takes them
+    lamps   (L, 10), as the kernel `light` takes them
+    ground  (3,): what the stage sends upwards, where nothing shades it
     """
 
     sky: Sky
+    ground: Floats
     lamps: Floats
     eye: Floats
 
     @classmethod
     def of(cls, around: Set, camera: Camera) -> Lighting:
-        return cls(around.lights.sky, lamps_of(around), np.array(camera.origin))
+        lamps = lamps_of(around)
+        ground = np.array(around.lights.sky.horizon)
+        if around.stage.kind != "none":
+            ground = np.array(around.stage.colour) * (0.5 * ground + falling(lamps, around) / math.pi)
+        return cls(around.lights.sky, ground, lamps, np.array(camera.origin))
 
-    def sent(self, shape: Shape, which: NDArray[np.intp]) -> NDArray[np.float32]:
-        """(N, 6): linear light of vertices with the key light, and without it."""
+    def sent(self, shape: Shape, which: NDArray[np.intp], side: int) -> NDArray[np.float32]:
+        """(N, 6): linear light of vertices with the key light, and without it; `side` as of the kernel."""
         colours = np.array([shape.look.colour]) if shape.colours is None else shape.colours
         sharp = float(np.clip(2.0 / max(shape.look.roughness, 0.02) ** 2 - 2.0, *SHARPNESS))
-        above = np.array([self.sky.horizon, self.sky.zenith, (sharp, 0.0, 0.0)])
+        about = np.array([self.sky.horizon, self.sky.zenith, self.ground, (sharp, 0.0, 0.0)])
         out = np.empty((len(which), 6), np.float32)
         light(
             shape.vertices,
             shape.normals,
             np.ascontiguousarray(colours, np.float64),
             which,
+            side,
             self.eye,
             _reflects(shape.look),
-            above,
+            about,
             self.lamps,
             out,
         )

@@ -14,7 +14,7 @@ from render.camera import Camera
 from render.lights import LightRig
 from render.look import Look
 from render.raster._kernels_place import project
-from render.stage import Placement, Stage
+from render.stage import Mesh, Placement, Stage
 from render.view import ACES, ColourView
 
 Floats = NDArray[np.float64]
@@ -73,7 +73,17 @@ class Lens(NamedTuple):
 @lru_cache(maxsize=4)
 def stage_shape(stage: Stage, placement: Placement) -> Shape:
     """The stage where it stands."""
-    vertices, normals, faces = stage.mesh()
+    return _placed(stage.mesh(), stage, placement)
+
+
+@lru_cache(maxsize=4)
+def plinth_shape(stage: Stage, placement: Placement) -> Shape:
+    """What the subject stands on, alone."""
+    return _placed(stage.plinth(), stage, placement)
+
+
+def _placed(mesh: Mesh, stage: Stage, placement: Placement) -> Shape:
+    vertices, normals, faces = mesh
     matrix = placement.matrix()
     turned = normals @ matrix[:3, :3].T / placement.size
     placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]

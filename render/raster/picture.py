@@ -41,7 +41,7 @@ class Preview(NamedTuple):
 
     @property
     def depth(self) -> Floats:
-        """(H, W) along the lens, in the middle of pixels; infinite where nothing is."""
+        """(H, W) along the lens, next to the middle of pixels; infinite where nothing is."""
         with np.errstate(divide="ignore"):
             return 1.0 / self.nearness.astype(np.float64)
 
@@ -124,7 +124,11 @@ class _Frame:
         """(V, 3): what corners of small triangles show."""
         shape, which = seen.shape, seen.corners(SMALL)
         sent = np.empty((len(which), 3), np.float32)
-        keyed(self.lighting.sent(shape, which), shadow.reaches(shadow.places(shape, which)), sent)
+        keyed(
+            self.lighting.sent(shape, which, seen.outwards),
+            shadow.reaches(shadow.places(shape, which, seen.outwards)),
+            sent,
+        )
         shown = np.empty((len(shape.vertices), 3), np.float32)
         shown[which] = _shown(sent, self.around, self.display)
         return shown
@@ -133,17 +137,12 @@ class _Frame:
         """What large triangles need."""
         shape, which = seen.shape, seen.corners(LARGE)
         values = np.empty((len(shape.vertices) if len(which) else 0, 9), np.float32)
-        sent = self.lighting.sent(shape, which).reshape(-1, 3)
+        sent = self.lighting.sent(shape, which, seen.outwards).reshape(-1, 3)
         values[which, :6] = _shown(sent, self.around, self.display).reshape(-1, 6)
-        values[which, 6:] = shadow.places(shape, which).T
+        values[which, 6:] = shadow.places(shape, which, seen.outwards).T
         pixels = self.near.size // FINER**2
-        hits, found = np.empty((4, pixels), np.int32), np.empty((10, pixels), np.float32)
+        hits, found = np.empty((4, pixels), np.int32), np.empty((12, pixels), np.float32)
         return Large(shape.vertices, *self.lens, values, shadow.near, shadow.blocks, hits, found)
-
-    @property
-    def places(self) -> tuple[NDArray[np.float32], NDArray[np.uint32], NDArray[np.int32]]:
-        """As the kernel `paint` takes them."""
-        return self.near, self.colour, self.name
 
     def picture(self) -> NDArray[np.float32]:
         """(H, W, 3)."""

@@ -1,4 +1,4 @@
-"""The shadow that the subject casts: what the key light sees of it, as a picture of depths."""
+"""The shadow that the subject and its plinth cast: what the key light sees, as a picture of depths."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster._kernels_shadow import BLOCK, cast, largest, places, reaches
+from render.raster._kernels_shadow import BLOCK, cast, halve, largest, places, reaches
 from render.raster.lamps import key_camera
-from render.raster.parts import Lens, Set, Shape
+from render.raster.parts import Lens, Set, Shape, plinth_shape
 
 SIDE = 64 * BLOCK
 """Pixels of its picture along each side."""
@@ -34,21 +34,28 @@ class Shadow:
 
     @classmethod
     def of(cls, subject: Shape, around: Set, side: int) -> Shadow:
-        """side  of triangles that cast a shadow, as the kernel `cast` takes it"""
+        """side  as the kernel `cast` takes it"""
         camera, lift = key_camera(around), LIFT * around.placement.size
         if camera is None:
             return cls(None, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32), lift)
         lens = Lens.of(camera, 1.0)
         near, blocks = np.zeros((SIDE, SIDE), np.float32), np.empty((SIDE // BLOCK,) * 2, np.float32)
-        cast(lens.project(subject.vertices, SIDE, SIDE), subject.faces, side, near)
+        far = np.zeros((SIDE, SIDE) if side else (0, 0), np.float32)
+        cast(lens.project(subject.vertices, SIDE, SIDE), subject.faces, side, near, far)
+        if side:
+            halve(near, far)
+        if around.stage.kind == "plinth":
+            plinth = plinth_shape(around.stage, around.placement)
+            cast(lens.project(plinth.vertices, SIDE, SIDE), plinth.faces, 0, near, far)
         largest(near, blocks)
         return cls(lens, near, blocks, lift)
 
-    def places(self, shape: Shape, which: NDArray[np.intp]) -> NDArray[np.float32]:
-        """(3, N): where vertices are looked up in the picture."""
+    def places(self, shape: Shape, which: NDArray[np.intp], outwards: int) -> NDArray[np.float32]:
+        """(3, N): where vertices are looked up in the picture; `outwards` as of `Sides`."""
         found = np.zeros((3, len(which)), np.float32)
+        lift = -self.lift if outwards < 0 else self.lift
         if self.lens is not None:
-            places(shape.vertices, shape.normals, which, self.lift, self.lens.origin, self.lens.axes, found)
+            places(shape.vertices, shape.normals, which, lift, self.lens.origin, self.lens.axes, found)
         return found
 
     def reaches(self, places: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -50,6 +50,7 @@ class Animatic:
         framed = self._framed({number}, tell)
         picture = next(self._pictures(framed, size_for(self.sketch.take.aspect, SIZES["still"]), "srgb"))
         write_png(path, picture, {"shot": self.sketch.take.name, "frame": number})
+        tell("drawing", number)
 
     def movie(self, path: Path, tell: Tell) -> int:
         """An MP4 of the frames asked for; how many it has. Raises as `still`."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Iterable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -14,6 +15,7 @@ from pipeline.dailies.preview.meshes import Memory, Meshes
 from pipeline.dailies.preview.shelf import Shelf
 from pipeline.dailies.preview.stored import stored
 from pipeline.errors import FrameError
+from pipeline.mesh.patches import MOST_PIECES
 from pipeline.production.files import readers
 from pipeline.production.files.store import Store
 from pipeline.production.surfaces.movement import speeds
@@ -22,8 +24,11 @@ from pipeline.production.takes.keys import Key, key_of
 from pipeline.production.takes.take import Take
 from render.measure import SPEED
 
-AHEAD = 4
+UNSHADED = 4
 """Frames whose normals may be found while others are simulated."""
+
+DICED = 100_000
+"""About as many vertices a surface is cut into where renders dice it."""
 
 
 @dataclass(eq=False)
@@ -64,7 +69,7 @@ class Reel:
             try:
                 for number, made in self._begun(take, sorted(numbers), pool):
                     under_way.append((number, made))
-                    while len(under_way) > AHEAD or (under_way and under_way[0][1].done()):
+                    while len(under_way) > UNSHADED or (under_way and under_way[0][1].done()):
                         yield _done(*under_way.popleft())
             except FrameError as error:
                 failed = error
@@ -89,7 +94,7 @@ class Reel:
         for number in numbers:
             if _key(take, number) in self.shelf:
                 made = pool.submit(_nothing)
-            elif self.store.holds("normals", take.normals_key(number)) and not take.measures_speed:
+            elif self.store.holds("normals", take.normals_key(number)) and not _needs_mesh(take):
                 made = pool.submit(self._take_out, take, number)
             else:
                 made = pool.submit(self._shade, take, meshes.at(number))
@@ -100,7 +105,7 @@ class Reel:
         self.shelf.put(_key(take, number), stored(take, self.store, "normals", number, read))
 
     def _shade(self, take: Take, frame: MeshFrame) -> None:
-        shading = Shading.of(frame, take.thresholds(frame.number), take.shot.picture.tessellate)
+        shading = Shading.of(frame, take.thresholds(frame.number), _pieces(take, frame))
         arrays = shading.arrays()
         if take.measures_speed:
             arrays[SPEED] = speeds(take.shot.motion, shading)
@@ -111,6 +116,20 @@ def _key(take: Take, number: int) -> Key:
     """Of what is drawn of a frame: its normals, and speeds where colours show them."""
     measured = take.measured(number)
     return key_of(take.normals_key(number), measured) if measured else take.normals_key(number)
+
+
+def _needs_mesh(take: Take) -> bool:
+    """Whether normals that are kept do not say all that is drawn."""
+    return take.measures_speed or take.shot.picture.dicing is not None
+
+
+def _pieces(take: Take, frame: MeshFrame) -> int:
+    """Into how many edges are cut. Renders that dice go by the picture; a quick look does not wait for it, but
+    patterns have to be found somewhere."""
+    picture = take.shot.picture
+    if picture.dicing is None:
+        return picture.tessellate
+    return max(1, min(MOST_PIECES, math.isqrt(DICED // max(1, len(frame.mesh.vertices)))))
 
 
 def _nothing() -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 from collections.abc import Mapping
 from pathlib import Path
+from threading import Lock
 
 import psutil
 
@@ -25,6 +26,7 @@ class Shelf:
     def __init__(self, room: float | None = None) -> None:
         self._room = SHARE * psutil.virtual_memory().available if room is None else room
         self._held: dict[Key, Arrays] = {}
+        self._counting = Lock()
         with disk_faults(Path(tempfile.gettempdir())):
             self._folder = tempfile.TemporaryDirectory(prefix="flowsculpt-")
 
@@ -38,8 +40,10 @@ class Shelf:
     def put(self, key: Key, arrays: Arrays) -> None:
         """Raises MachineError where there is room for it neither in memory nor on the disk."""
         size = sum(values.nbytes for values in arrays.values())
-        if size <= self._room:
-            self._room -= size
+        with self._counting:
+            fits = size <= self._room
+            self._room -= size if fits else 0
+        if fits:
             self._held[key] = arrays
         else:
             self._write(self._file(key), arrays)
@@ -49,7 +53,8 @@ class Shelf:
 
     def drop(self, key: Key) -> None:
         """Forget what is held under a key."""
-        self._room += sum(values.nbytes for values in self._held.pop(key, {}).values())
+        with self._counting:
+            self._room += sum(values.nbytes for values in self._held.pop(key, {}).values())
         self._file(key).unlink(missing_ok=True)
 
     def keep_only(self, keys: set[Key]) -> None:

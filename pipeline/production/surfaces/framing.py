@@ -1,6 +1,6 @@
 """Automatic framing: the camera and the stage follow the sculpture, calmly.
 
-The whole range is looked at first. For each frame the centre of the sculpture, the height of its lowest
+For each frame the centre of the sculpture, the height of its lowest
 point and the distance from which it just fits the safe area are found; the three tracks are smoothed so that
 the camera never jumps, and so that nothing leaves the picture: the distance is smoothed from above, the
 floor from below. A frame's camera depends on frames at most `3 * STEADINESS` away, so an edit late in

@@ -59,7 +59,7 @@ PICTURE_CODE = (
             *("paths", "aim", "draws", "sequence"),
             *("scene", "mitsuba_mesh", "surface", "spheres"),
             *("material", "absorption", "marks", "wireframe", "gouraud"),
-            *("pigment", "noise", "_kernels_noise"),
+            *("pigment", "noise", "kernels", "_kernels_noise"),
             *("dyes", "measure", "colour_maps", "texture", "projection", "laid", "bsdf", "inline"),
             *("lamps", "lights", "daylight", "environment", "stage", "scenery", "set_pieces"),
             *("camera", "sensor", "inside", "image"),
@@ -70,12 +70,13 @@ PICTURE_CODE = (
 )
 FINISH_CODE = (
     *(f"render/{name}.py" for name in ("denoise", "steady", "_kernels_steady", "camera", "stage", "image")),
+    "render/kernels.py",
     "pipeline/production/tasks/finishing.py",
 )
 MOVIE_CODE = (
     *(
         f"render/{name}.py"
-        for name in ("_kernels_view", "colour", "dither", "titles", "view", "ahead", "dissolve")
+        for name in ("kernels", "_kernels_view", "colour", "dither", "titles", "view", "ahead", "dissolve")
     ),
     *(
         f"render/{name}.py"
@@ -84,7 +85,7 @@ MOVIE_CODE = (
     "pipeline/production/tasks/movies.py",
 )
 STILL_CODE = (
-    *(f"render/{name}.py" for name in ("_kernels_view", "colour", "dither", "image", "view")),
+    *(f"render/{name}.py" for name in ("kernels", "_kernels_view", "colour", "dither", "image", "view")),
     "pipeline/production/tasks/stills.py",
 )
 
