@@ -70,7 +70,7 @@ def light(
                 turned = -(x * lamps[i, 3] + y * lamps[i, 4] + z * lamps[i, 5])
                 strength, wide = max(turned, 0.0) / squared, lamps[i, 9] * shorter
             risen = nx * x + ny * y + nz * z
-            if risen < wide:  # part of it is below the surface, and part may rise above it
+            if risen < wide and wide > 0.0:  # part of it is below the surface, and part may rise above it
                 risen = max(risen + wide, 0.0) ** 2 / (4.0 * wide)
             strength *= max(risen, 0.0)
             if strength == 0.0:

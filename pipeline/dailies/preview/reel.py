@@ -124,8 +124,8 @@ def _needs_mesh(take: Take) -> bool:
 
 
 def _pieces(take: Take, frame: MeshFrame) -> int:
-    """Into how many edges are cut. Renders that dice go by the picture; a quick look does not wait for it, but
-    patterns have to be found somewhere."""
+    """Into how many edges are cut. Renders that dice go by the picture; a quick look does not wait for it,
+    but patterns have to be found somewhere."""
     picture = take.shot.picture
     if picture.dicing is None:
         return picture.tessellate
