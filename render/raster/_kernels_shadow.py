@@ -20,16 +20,15 @@ _EDGE = 1e-9
 
 
 @exact
-def cast(screen: Array, faces: Array, side: int, near: Array, far: Array) -> None:
-    """One over the depth of the nearest triangle, into near (S, S), which is 0.
+def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
+    """One over the depth of the nearest triangle, into near (2, S, S), which is 0.
 
     side  0 where both sides may be seen; of a closed surface 1 or -1, as triangles that look at the light run
-          counter-clockwise or clockwise
-    far   (S, S), 0 before: the same of triangles that look away from the light, of a closed surface
+          counter-clockwise or clockwise: these go into near[0] then, and others into near[1]
 
     What goes on behind the light casts no shadow.
     """
-    rows, columns = near.shape
+    rows, columns = near.shape[1], near.shape[2]
     for f in range(faces.shape[0]):
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
@@ -37,7 +36,7 @@ def cast(screen: Array, faces: Array, side: int, near: Array, far: Array) -> Non
         area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
         if area == 0.0:
             continue
-        into = far if area * side < 0.0 else near
+        which = 1 if area * side < 0.0 else 0
         left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
         if left > right or top > bottom:
             continue
@@ -52,21 +51,23 @@ def cast(screen: Array, faces: Array, side: int, near: Array, far: Array) -> Non
             for j in range(left, right + 1):
                 w = 1.0 - u - v
                 if u >= -_EDGE and v >= -_EDGE and w >= -_EDGE:
-                    into[i, j] = max(into[i, j], u * depth_a + v * depth_b + w * depth_c)
+                    here = u * depth_a + v * depth_b + w * depth_c
+                    if here > near[which, i, j]:
+                        near[which, i, j] = here
                 u += ux
                 v += vx
 
 
 @exact
-def halve(near: Array, far: Array) -> None:
-    """Move the shadow of a closed surface halfway to where light would leave it: near (S, S), in place.
+def halve(near: Array) -> None:
+    """Move the shadow of a closed surface halfway to where light would leave it, in what `cast` found.
 
     What is lit then lies clear of it, however steeply (Woo 1992).
     """
-    for i in range(near.shape[0]):
-        for j in range(near.shape[1]):
-            if far[i, j] > 0.0:
-                near[i, j] = 0.5 * (near[i, j] + far[i, j])
+    for i in range(near.shape[1]):
+        for j in range(near.shape[2]):
+            if near[1, i, j] > 0.0:
+                near[0, i, j] = 0.5 * (near[0, i, j] + near[1, i, j])
 
 
 @exact

@@ -39,16 +39,15 @@ class Shadow:
         if camera is None:
             return cls(None, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32), lift)
         lens = Lens.of(camera, 1.0)
-        near, blocks = np.zeros((SIDE, SIDE), np.float32), np.empty((SIDE // BLOCK,) * 2, np.float32)
-        far = np.zeros((SIDE, SIDE) if side else (0, 0), np.float32)
-        cast(lens.project(subject.vertices, SIDE, SIDE), subject.faces, side, near, far)
+        near, blocks = np.zeros((2, SIDE, SIDE), np.float32), np.empty((SIDE // BLOCK,) * 2, np.float32)
+        cast(lens.project(subject.vertices, SIDE, SIDE), subject.faces, side, near)
         if side:
-            halve(near, far)
+            halve(near)
         if around.stage.kind == "plinth":
             plinth = plinth_shape(around.stage, around.placement)
-            cast(lens.project(plinth.vertices, SIDE, SIDE), plinth.faces, 0, near, far)
-        largest(near, blocks)
-        return cls(lens, near, blocks, lift)
+            cast(lens.project(plinth.vertices, SIDE, SIDE), plinth.faces, 0, near)
+        largest(near[0], blocks)
+        return cls(lens, near[0], blocks, lift)
 
     def places(self, shape: Shape, which: NDArray[np.intp], outwards: int) -> NDArray[np.float32]:
         """(3, N): where vertices are looked up in the picture; `outwards` as of `Sides`."""
