@@ -24,6 +24,9 @@ from render.surface import Surface
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
 SIZE = (64, 36)
+SEEN = 0.055
+"""A difference of display values that stands out, if one pixel alone has it."""
+
 BARE = Set(LIGHTS["studio"], STAGES["none"], Placement((0.0, -1.0, 0.0)))
 
 
@@ -149,6 +152,47 @@ def test_of_a_closed_surface_the_outer_side_is_seen_however_its_faces_run(side, 
     culled = preview(shape, BARE, CAMERA, SIZE, "srgb")
     np.testing.assert_allclose(culled.nearness, seen.nearness, rtol=1e-5)
     assert np.abs(culled.picture - seen.picture).max() < 0.02
+
+
+def ball(pieces):
+    """A closed one of half-size 1, from a cube."""
+    shape = cube(1.0)
+    for _ in range(pieces):
+        shape = cut(shape)
+    points = shape.vertices / np.linalg.norm(shape.vertices, axis=1, keepdims=True)
+    return shape._replace(vertices=points, normals=points, closed=True)
+
+
+def around_each(mask, picture, least, reach=6):
+    """The least, or the greatest, of the pixels of a mask up to `reach` away from each."""
+    none = np.inf if least else -np.inf
+    held, found = np.where(mask[..., None], picture, none), np.full_like(picture, none)
+    shifts = range(-reach, reach + 1)
+    for shift in ((y, x) for y in shifts for x in shifts):
+        found = (np.minimum if least else np.maximum)(found, np.roll(held, shift, (0, 1)))
+    return found
+
+
+@pytest.mark.parametrize("pieces", [2, 3, 4])
+def test_outlines_have_no_dots(pieces):
+    """What is just behind one is no inside: pixels there show what is next to them, or the sky."""
+    around = replace(BARE, lights=LIGHTS["daylight"])
+    high = Camera((0.0, 3.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
+    seen = preview(ball(pieces), around, high, (384, 216), "srgb")
+    sky, inside = seen.picture[0, 0], seen.nearness > 0
+    core = np.logical_and.reduce([np.roll(inside, (y, x), (0, 1)) for y in (-2, 0, 2) for x in (-2, 0, 2)])
+    rim = around_each(core, seen.picture, least=True)[..., 0] < np.inf
+    low = np.minimum(around_each(core, seen.picture, least=True), sky) - SEEN
+    high = np.maximum(around_each(core, seen.picture, least=False), sky) + SEEN
+    assert ((seen.picture >= low) & (seen.picture <= high))[rim].all()
+
+
+def test_a_floor_lights_what_looks_down():
+    lower = []
+    for kind in ("none", "cyclorama"):
+        around = Set(LIGHTS["three_point"], STAGES[kind], Placement((0.0, -1.0, 0.0)))
+        lower.append(preview(ball(5), around, CAMERA, (192, 108), "srgb").picture[80:86, 86:106].mean())
+    assert lower[1] > lower[0] + 0.05
 
 
 def test_surfaces_look_the_same_in_large_and_in_small_triangles():
