@@ -59,7 +59,9 @@ def prepare() -> None:
 @lru_cache(maxsize=4)
 def _half(height: int, width: int) -> NDArray[np.float32]:
     """(H, W) of a half: what is 8 bits already was dithered then."""
-    return np.full((height, width), 0.5, np.float32)
+    noise = np.full((height, width), 0.5, np.float32)
+    noise.setflags(write=False)  # everyone is given this one
+    return noise
 
 
 def gbr(frame: Frame) -> NDArray[np.uint16]:

@@ -5,11 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from render.raster._kernels_large import FINER, TOP, Large, paint_large
-from render.raster._kernels_place import WIDE, box
+from render.raster._kernels_place import EDGE, WIDE, box
 from render.raster.compiled import Array, exact, quick
-
-_EDGE = 1e-9
-"""Of a triangle, by which it is larger, so that rounding leaves no gap between neighbours."""
 
 
 @exact
@@ -61,7 +58,7 @@ def paint(
             v = vx * (left - cx) + vy * (i - cy)
             for j in range(left, right + 1):
                 here = depth_c + u * depth_u + v * depth_v
-                if (u >= -_EDGE) & (v >= -_EDGE) & (u + v <= 1.0 + _EDGE) & (here > near[i, j]):
+                if (u >= -EDGE) & (v >= -EDGE) & (u + v <= 1.0 + EDGE) & (here > near[i, j]):
                     near[i, j] = here
                     colour[i, j] = (
                         int(red + u * red_u + v * red_v) << 20

@@ -10,6 +10,9 @@ WIDE = 8
 """Places of a picture across from which on a triangle is filled row by row, and shadows fall on it pixel by
 pixel. What is smaller has them at its corners."""
 
+EDGE = 1e-9
+"""Of a triangle, by which it is larger, so that rounding leaves no gap between neighbours."""
+
 SMALL, LARGE = 1, 2
 """How a vertex is marked: as a corner of small triangles, and of large ones."""
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster._kernels_place import box, corner
+from render.raster._kernels_place import EDGE, box, corner
 from render.raster.compiled import Array, exact, quick
 
 BLOCK = 8
@@ -13,10 +13,6 @@ BLOCK = 8
 _AROUND = 3
 _FAR, _BETWEEN = (-3, 0, 3), (-3, -2, 0, 1, 3)
 """The pixels of the shadow's picture that are looked at around a place, and those where these differ."""
-
-
-_EDGE = 1e-9
-"""Of a triangle, by which it is larger, so that rounding leaves no gap between neighbours."""
 
 
 @exact
@@ -50,7 +46,7 @@ def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
             v = vx * (left - cx) + vy * (i - cy)
             for j in range(left, right + 1):
                 w = 1.0 - u - v
-                if u >= -_EDGE and v >= -_EDGE and w >= -_EDGE:
+                if u >= -EDGE and v >= -EDGE and w >= -EDGE:
                     here = u * depth_a + v * depth_b + w * depth_c
                     if here > near[which, i, j]:
                         near[which, i, j] = here

@@ -25,19 +25,6 @@ def lamps_of(around: Set) -> Floats:
     return np.array(rows).reshape(-1, 10)
 
 
-def falling(lamps: Floats, around: Set) -> Floats:
-    """(3,): irradiance of the ground under the subject, by all lamps."""
-    placed, found = np.array(around.placement.origin), np.zeros(3)
-    for row in lamps:
-        towards, strength = row[:3], 1.0
-        if row[9] > 0.0:
-            away = row[:3] - placed
-            towards = _unit(away)
-            strength = max(0.0, -float(towards @ row[3:6])) / float(away @ away)
-        found += strength * max(0.0, float(towards[1])) * row[6:9]
-    return found
-
-
 def key_camera(around: Set) -> Camera | None:
     """What the first of the lights sees of the subject, in a square picture; None where there is no light."""
     rig, size = around.lights, around.placement.size

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +11,7 @@ from render.camera import Camera
 from render.lights import Sky
 from render.look import Look
 from render.raster._kernels_light import light
-from render.raster.lamps import falling, lamps_of
+from render.raster.lamps import lamps_of
 from render.raster.parts import Floats, Set, Shape
 
 BODILESS = ("metal", "brushed")
@@ -39,11 +38,14 @@ class Lighting:
 
     @classmethod
     def of(cls, around: Set, camera: Camera) -> Lighting:
-        lamps = lamps_of(around)
-        ground = np.array(around.lights.sky.horizon)
-        if around.stage.kind != "none":
-            ground = np.array(around.stage.colour) * (0.5 * ground + falling(lamps, around) / math.pi)
-        return cls(around.lights.sky, ground, lamps, np.array(camera.origin))
+        sky, eye = around.lights.sky, np.array(camera.origin)
+        alone = cls(sky, np.array(sky.horizon), lamps_of(around), eye)
+        if around.stage.kind == "none":
+            return alone
+        place, up = (np.array([v], np.float32) for v in (around.placement.origin, (0.0, 1.0, 0.0)))
+        floor = Shape(place, up, np.empty((0, 3), np.int32), Look("diffuse", around.stage.colour))
+        sent = alone.sent(floor, np.zeros(1, np.intp), 1)  # what looks up sees no ground
+        return replace(alone, ground=sent[0, :3].astype(np.float64))
 
     def sent(self, shape: Shape, which: NDArray[np.intp], side: int) -> NDArray[np.float32]:
         """(N, 6): linear light of vertices with the key light, and without it; `side` as of the kernel."""
