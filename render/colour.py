@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import OpenImageIO as oiio  # noqa: N813  # what it calls itself
+import OpenImageIO as oiio
 import platformdirs
 from numpy.typing import NDArray
 

@@ -75,7 +75,7 @@ def read_map(path: str, digest: str) -> NDArray[np.float32]:
 
 
 def _pixels(path: str) -> NDArray[np.float32]:
-    import OpenImageIO as oiio  # noqa: N813
+    import OpenImageIO as oiio
 
     file = oiio.ImageInput.open(path)
     if file is None:

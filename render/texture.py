@@ -87,7 +87,7 @@ def require_space(space: str | None) -> None:
 @cache
 def _names() -> frozenset[str]:
     """Colour spaces of OpenColorIO's own config, and what else they are called."""
-    import OpenImageIO as oiio  # noqa: N813
+    import OpenImageIO as oiio
 
     config = oiio.ColorConfig(DEFAULT_CONFIG)
     return frozenset(n for name in config.getColorSpaceNames() for n in (name, *config.getAliases(name)))
@@ -100,7 +100,7 @@ def _linear(pixels: Pixels, space: str, path: str) -> NDArray[np.floating]:
         return linear_of_srgb(np.clip(pixels, 0.0, 1.0))
     if space == "linear":
         return np.clip(pixels, 0.0, 1.0)
-    import OpenImageIO as oiio  # noqa: N813
+    import OpenImageIO as oiio
 
     shown = oiio.ImageBuf(pixels)
     found = oiio.ImageBufAlgo.colorconvert(shown, space, _LINEAR, colorconfig=DEFAULT_CONFIG)
@@ -111,7 +111,7 @@ def _linear(pixels: Pixels, space: str, path: str) -> NDArray[np.floating]:
 
 def _read(path: str) -> tuple[Pixels, bool]:
     """(H, W, 3) as the file has them, and whether they are floats there."""
-    import OpenImageIO as oiio  # noqa: N813
+    import OpenImageIO as oiio
 
     as_they_are = oiio.ImageSpec()
     as_they_are["oiio:UnassociatedAlpha"] = 1

@@ -93,7 +93,7 @@ def view_of(
 @cache
 def _read(config: str, digest: str) -> Any:
     """The config, read once for each content of its file."""
-    import OpenImageIO as oiio  # noqa: N813
+    import OpenImageIO as oiio
 
     found = oiio.ColorConfig(config)
     if not found.getNumDisplays():
