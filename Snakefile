@@ -11,7 +11,7 @@ must run.
 import sys
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.runs.snakefile import plan_of
+from pipeline.production.execution.snakefile import plan_of
 from snakemake.exceptions import WorkflowError
 
 try:

@@ -20,9 +20,9 @@ import psutil
 
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.sitting import PLAN, Sitting
-from pipeline.production.files.layout import PLANS
-from pipeline.production.runs.events import EventLog
-from pipeline.production.runs.plan import Plan
+from pipeline.production.planning.plan import Plan
+from pipeline.production.store.event_log import EventLog
+from pipeline.production.store.paths import PLANS
 from render.engine import choose
 
 SHOT = """\

@@ -26,14 +26,14 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.report import Target, keep, show
-from pipeline.production.farm.profile import Profile
-from pipeline.production.files.layout import STATE
-from pipeline.production.runs import scheduler
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.surfaces.framing import Framing
-from pipeline.production.takes.ledger import Ledger
-from pipeline.production.takes.take import Take
+from pipeline.production.execution import scheduler
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.profile import Profile
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.request.planning_cache import Ledger
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.paths import STATE
 from render.camera import Camera
 from render.stage import Placement
 

@@ -29,7 +29,7 @@ from pipeline.dailies.live.session import Session
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
-from pipeline.production.runs.workflow import Studio
+from pipeline.production.execution.project import Studio
 from render.camera import Camera
 from render.lights import LIGHTS
 from render.look import LOOKS

@@ -16,10 +16,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from benchmarks.report import Row, keep, show
-from pipeline.production.costs.spending import named_run
-from pipeline.production.files.layout import EVENTS, PLANS
-from pipeline.production.runs.events import EventReader
-from pipeline.production.runs.plan import Plan, batches
+from pipeline.production.maintenance.run_report import named_run
+from pipeline.production.planning.plan import Plan, batches
+from pipeline.production.store.event_log import EventReader
+from pipeline.production.store.paths import EVENTS, PLANS
 
 HOP = 14.0
 """Seconds that a job of a farm waits for its queue, its start and its end being seen (measured: 13 to 15)."""

@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numba
 
-from pipeline.production.files.layout import Folders
-from pipeline.production.files.store import Store
-from pipeline.production.runs.events import EventLog
-from pipeline.production.runs.plan import Job, Plan
-from pipeline.production.runs.planner import Planner
-from pipeline.production.takes.script import Script
-from pipeline.production.takes.take import Take
-from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.work import PLACES
+from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.planning.planner import Planner
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.shot_source import Script
+from pipeline.production.store.event_log import EventLog
+from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Store
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.worker import PLACES
 from render.engine import Engine
 
 NAME, PLAN = "T010_sitting", "sitting"

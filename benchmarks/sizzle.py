@@ -26,7 +26,7 @@ from pipeline.arrays import AnyArray
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue import Rotation
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.production.surfaces.shading import Shading
+from pipeline.production.render_inputs.shading import Shading
 from pipeline.resample import Formula, Report, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from render import lamps, material, scenery

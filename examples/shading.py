@@ -11,7 +11,7 @@ import numpy as np
 from examples.drawing import INK
 from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
-from pipeline.production.surfaces.framing import Framing, frame_all
+from pipeline.production.render_inputs.framing import Framing, frame_all
 from pipeline.shot.cameras import View
 from render.colour import quantise, to_display
 from render.denoise import denoise

@@ -16,10 +16,10 @@ from PIL import Image
 from pipeline.animation import animate, material_of
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.patches import spread, tessellate
-from pipeline.production.surfaces.framing import Framing, frame_all
-from pipeline.production.surfaces.movement import speeds
-from pipeline.production.surfaces.shading import Shading
-from pipeline.production.surfaces.sights import Balls
+from pipeline.production.render_inputs.framing import Framing, frame_all
+from pipeline.production.render_inputs.framing_geometry import Balls
+from pipeline.production.render_inputs.motion import speeds
+from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import read_shot
 from pipeline.shot.cameras import View
 from pipeline.shot.shot import Shot

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.production.surfaces.framing import Framing, with_room
+from pipeline.production.render_inputs.framing import Framing, with_room
 from render.colour import quantise, to_display
 from render.daylight import Daylight
 from render.denoise import denoise

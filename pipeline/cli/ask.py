@@ -15,11 +15,11 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain, duration, out
 from pipeline.errors import FlowsculptError
 from pipeline.kernels import cache_folder, compile_all
-from pipeline.production.care.state import FrameStates, states
-from pipeline.production.care.why import Answer, Question
-from pipeline.production.runs.history import History
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot, shot_names
+from pipeline.production.execution.project import Studio
+from pipeline.production.maintenance.why import Answer, Question
+from pipeline.production.planning.frame_states import FrameStates, states
+from pipeline.production.planning.history import History
+from pipeline.production.request.lookup import find_shot, shot_names
 from render import colour, engine, planes, raster
 from render.quality import QUALITIES
 

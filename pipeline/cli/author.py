@@ -13,8 +13,8 @@ import typer
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.takes.folder import NAME, SHOTS, find_shot, shot_names
+from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
+from pipeline.production.store.disk import disk_faults
 from pipeline.shot import read_shot
 from pipeline.shot.beginning import SCHEMA, shot_of_flow, shot_of_shot
 from pipeline.shot.catalogue import DOCUMENTS

@@ -13,14 +13,14 @@ from pipeline.cli.options import Common
 from pipeline.cli.runs import carried_out
 from pipeline.cli.say import answer, complain, err, warn
 from pipeline.errors import FlowsculptError
-from pipeline.production.care.cleaning import Sweep, sweep
-from pipeline.production.care.state import is_begun
-from pipeline.production.care.verifying import Checked, damages, verified
-from pipeline.production.files.store import Store
-from pipeline.production.runs.run import exclusive
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot, shot_names
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.execution.run import exclusive
+from pipeline.production.maintenance.clean import Sweep, sweep
+from pipeline.production.maintenance.verify import Checked, damages, verified
+from pipeline.production.planning.frame_states import is_begun
+from pipeline.production.request.lookup import find_shot, shot_names
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.store import Store
 from pipeline.production.versions.checking import PublishedFile, checked, published_files, remedies
 from render.quality import QUALITIES
 

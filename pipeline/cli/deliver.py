@@ -19,11 +19,11 @@ from pipeline.cli.studios import studio_of
 from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
 from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.errors import UsageError, suggestion
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import edit_names, find_edit
-from pipeline.production.takes.take import Take
-from pipeline.production.takes.window import windowed
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.crop_and_scale import windowed
+from pipeline.production.request.lookup import edit_names, find_edit
+from pipeline.production.request.render_request import Take
 from pipeline.shot.edits import is_edit
 from render.burn_in import FIELDS, BurnIn
 from render.encodes import ENCODES, encode_named

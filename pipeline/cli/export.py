@@ -13,11 +13,11 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.errors import UsageError, suggestion
-from pipeline.production.farm import openjd as job_description
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import FILM, find_edit
-from pipeline.production.takes.window import windowed
+from pipeline.production.execution import openjd as job_description
+from pipeline.production.execution.project import Studio
+from pipeline.production.request.crop_and_scale import windowed
+from pipeline.production.request.lookup import FILM, find_edit
+from pipeline.production.store.disk import disk_faults
 
 FORMATS = ("openjd", "otio")
 

@@ -12,9 +12,9 @@ from pipeline.cli.options import Common
 from pipeline.cli.runs import make
 from pipeline.cli.studios import studio_of
 from pipeline.errors import UsageError
-from pipeline.production.takes.folder import FILM, find_edit
-from pipeline.production.takes.take import FORMS
-from pipeline.production.takes.window import windowed
+from pipeline.production.request.crop_and_scale import windowed
+from pipeline.production.request.lookup import FILM, find_edit
+from pipeline.production.request.render_request import FORMS
 from render.quality import QUALITIES
 
 

@@ -13,8 +13,8 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.say import complain
-from pipeline.production.farm.profile import Profile
-from pipeline.production.runs.watchdog import PATIENCE
+from pipeline.production.execution.watchdog import PATIENCE
+from pipeline.production.planning.profile import Profile
 from render.engine import available_cores
 
 INTERRUPTED = 130

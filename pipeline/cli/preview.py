@@ -14,9 +14,9 @@ from pipeline.cli.sketching import folder_for, sketched
 from pipeline.cli.studios import studio_of
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import UsageError
-from pipeline.production.files.layout import Folders
-from pipeline.production.files.store import Store
-from pipeline.production.takes.folder import find_shot
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Store
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
 from render.burn_in import BurnIn

@@ -20,9 +20,9 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from pipeline.production.runs.events import Event, EventReader
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.ticking import every
+from pipeline.production.execution.poll import every
+from pipeline.production.planning.plan import Plan
+from pipeline.production.store.event_log import Event, EventReader
 
 POLL_SECONDS = 0.2
 

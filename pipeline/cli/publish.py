@@ -17,13 +17,13 @@ from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer, complain, out, warn
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.files.layout import PUBLISHED, published
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot
-from pipeline.production.takes.window import windowed
+from pipeline.production.execution.project import Studio
+from pipeline.production.request.crop_and_scale import windowed
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.store.paths import PUBLISHED, published
 from pipeline.production.versions.provenance import FILE, Provenance, records
-from pipeline.production.versions.publishing import Release
-from pipeline.production.versions.repeating import Comparison, Repetition
+from pipeline.production.versions.publish import Release
+from pipeline.production.versions.reproduce import Comparison, Repetition
 
 
 def publish(

@@ -10,7 +10,7 @@ from rich.table import Table
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, out
 from pipeline.cli.sizes import duration
-from pipeline.production.costs.spending import WORDS, Spending, named_run
+from pipeline.production.maintenance.run_report import WORDS, Spending, named_run
 
 
 def report(

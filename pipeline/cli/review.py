@@ -17,9 +17,9 @@ from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Search
 from pipeline.dailies.review.page import Page
 from pipeline.errors import UsageError, suggestion
-from pipeline.production.runs.history import History
-from pipeline.production.takes.folder import NAME
-from pipeline.production.takes.window import is_quality
+from pipeline.production.planning.history import History
+from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.request.lookup import NAME
 from render.quality import QUALITIES
 
 FORMS = ("jpeg", "png")

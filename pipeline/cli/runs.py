@@ -15,11 +15,11 @@ from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES, Bars
 from pipeline.cli.say import answer, complain, err, warn
 from pipeline.cli.sizes import duration, size
-from pipeline.production.costs.cost import Estimate, estimate
-from pipeline.production.costs.spending import Spending
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.run import Outcome, run
-from pipeline.production.takes.take import FORMS
+from pipeline.production.execution.run import Outcome, run
+from pipeline.production.maintenance.run_report import Spending
+from pipeline.production.planning.estimate import Estimate, estimate
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.render_request import FORMS
 
 
 def make(

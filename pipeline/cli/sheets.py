@@ -13,9 +13,9 @@ from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer
 from pipeline.cli.studios import studio_of
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.runs.plan import Plan
-from pipeline.production.takes.folder import find_shot
-from pipeline.production.takes.window import windowed
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.crop_and_scale import windowed
+from pipeline.production.request.lookup import find_shot
 
 OneShot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
 

@@ -11,8 +11,8 @@ from pipeline.cli.say import answer, err
 from pipeline.dailies.preview.animatic import Animatic, Tell
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.files.store import Store
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.store import Store
 
 
 def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, output: Path | None) -> None:

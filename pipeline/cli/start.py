@@ -14,7 +14,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain
 from pipeline.errors import FlowsculptError
 from pipeline.flow.python_file import python_flows
-from pipeline.production.takes.folder import edit_names, find_edit, find_shot, shot_names
+from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import Film, Shot, read_film, read_shot
 
 

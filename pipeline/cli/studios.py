@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from pipeline.cli.options import Common
-from pipeline.production.runs.workflow import Studio
+from pipeline.production.execution.project import Studio
 
 
 def studio_of(

@@ -16,7 +16,7 @@ from pipeline.cli.studios import studio_of
 from pipeline.dailies.turntable.asked import BOTH, Turning
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import UsageError
-from pipeline.production.takes.window import windowed
+from pipeline.production.request.crop_and_scale import windowed
 
 
 def turntable(

@@ -18,7 +18,7 @@ from pipeline.dailies.preview.animatic import Animatic, Ready
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import FlowsculptError
-from pipeline.production.files.store import Store
+from pipeline.production.store.store import Store
 from render.errors import RenderError
 
 Read = Callable[[], tuple[Sketch, Store]]

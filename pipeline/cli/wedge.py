@@ -12,9 +12,9 @@ from pipeline.cli.progress import STAGES
 from pipeline.cli.runs import carried_out, expected_words
 from pipeline.cli.say import answer, warn
 from pipeline.cli.studios import studio_of
-from pipeline.production.costs.cost import estimate
-from pipeline.production.takes.folder import find_shot
-from pipeline.production.takes.window import windowed
+from pipeline.production.planning.estimate import estimate
+from pipeline.production.request.crop_and_scale import windowed
+from pipeline.production.request.lookup import find_shot
 from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
 from pipeline.production.versions.wedge import Wedge, frames_by_task
 

@@ -13,8 +13,8 @@ from pipeline.dailies.delivery.deliver import Delivery, Order
 from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.dailies.delivery.rushes import Look
 from pipeline.errors import FrameError
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.request.render_request import Take
 from render.burn_in import BurnIn
 from render.encodes import ENCODES
 from render.probe import probe_movie

@@ -19,7 +19,7 @@ from pipeline.dailies.live.session import Session
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import MachineError
-from pipeline.production.runs.workflow import Studio
+from pipeline.production.execution.project import Studio
 from tests.conftest import TINY
 
 NAME = "T010_tiny"

@@ -18,9 +18,9 @@ from pipeline.dailies.preview.shelf import Shelf
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.surfaces.framing import AHEAD, frame_all
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.render_inputs.framing import AHEAD, frame_all
+from pipeline.production.request.render_request import Take
 from render.image import read_png
 from tests.conftest import TINY, StudioFolder
 

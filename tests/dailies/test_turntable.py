@@ -17,10 +17,10 @@ from pipeline.dailies.turntable.angles import key_numbers, named
 from pipeline.dailies.turntable.asked import Turning
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import FrameError
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.surfaces.framing import Framing, frame_all, turned, with_room
-from pipeline.production.takes.poses import TURNS, Pose, Turntable, framed_whole
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.render_inputs.framing import Framing, frame_all, turned, with_room
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.turntable import TURNS, Pose, Turntable, framed_whole
 from pipeline.production.versions.wedge import frames_by_task
 from pipeline.shot.cameras import Lens, View
 from render.camera import Camera

@@ -11,10 +11,10 @@ from pipeline.cli import export
 from pipeline.cli.options import Common
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.farm.openjd import _written
-from pipeline.production.farm.profile import Profile
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.tasks.context import Context
+from pipeline.production.execution.openjd import _written
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.profile import Profile
+from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.meshes import simulate
 from render.image import read_exr
 

@@ -8,15 +8,15 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MachineError, MissingInputError, UsageError
-from pipeline.production.farm.needs import LEAST_MIB, START_MINUTES, Experience
-from pipeline.production.farm.profile import SIDE_BY_SIDE, Profile
-from pipeline.production.files.layout import EVENTS
-from pipeline.production.files.store import Store
-from pipeline.production.runs.events import EventLog, EventReader
-from pipeline.production.runs.plan import Job, Plan, batches
-from pipeline.production.runs.scheduler import _words, complaint
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.tasks.context import Context
+from pipeline.production.execution.project import Studio
+from pipeline.production.execution.scheduler import _words, complaint
+from pipeline.production.planning.needs import LEAST_MIB, START_MINUTES, Experience
+from pipeline.production.planning.plan import Job, Plan, batches
+from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
+from pipeline.production.store.event_log import EventLog, EventReader
+from pipeline.production.store.paths import EVENTS
+from pipeline.production.store.store import Store
+from pipeline.production.tasks.job import Context
 
 NAME = "T010_tiny"
 

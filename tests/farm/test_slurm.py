@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.files.layout import STATE
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.tasks.context import Context
+from pipeline.production.execution.project import Studio
+from pipeline.production.store.paths import STATE
+from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.meshes import simulate
 
 NAME = "T010_tiny"

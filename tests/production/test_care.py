@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 
-from pipeline.production.care.cleaning import sweep
-from pipeline.production.care.verifying import verified
-from pipeline.production.files.store import Store
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot
+from pipeline.production.execution.project import Studio
+from pipeline.production.maintenance.clean import sweep
+from pipeline.production.maintenance.verify import verified
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.store.store import Store
 from render.image import read_header
 
 NAME = "T010_tiny"

@@ -8,11 +8,11 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.snakefile import plan_of
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.edit import Cut
-from pipeline.production.takes.folder import edit_names, find_edit, find_shot, shot_names
+from pipeline.production.execution.project import Studio
+from pipeline.production.execution.snakefile import plan_of
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.edit import Cut
+from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
 from pipeline.shot.edits import is_edit
 from render.movie import probe_movie

@@ -5,8 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.surfaces.framing import AHEAD, Framer, envelope, frame_all, smooth, turned
-from pipeline.production.surfaces.sights import Balls, fitting_distance
+from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth, turned
+from pipeline.production.render_inputs.framing_geometry import Balls, fitting_distance
 from pipeline.shot.cameras import View
 from render.errors import BadInputError
 

@@ -7,8 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.surfaces.framing import FOOTING, STEADINESS, Framing, frame_all
-from pipeline.production.surfaces.sights import Balls
+from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, Framing, frame_all
+from pipeline.production.render_inputs.framing_geometry import Balls
 from pipeline.shot.cameras import Lens, View
 
 ASPECT = 16 / 9

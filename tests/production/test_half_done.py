@@ -16,17 +16,17 @@ import numpy as np
 import pytest
 
 from pipeline.errors import UsageError
-from pipeline.production.files import halves
-from pipeline.production.files.layout import EVENTS, HALVES
-from pipeline.production.files.store import Store
-from pipeline.production.runs.events import EventLog, EventReader
-from pipeline.production.runs.plan import Job, Plan
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.tasks import wear
-from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.supervise import Supervisor, _verdict
-from pipeline.production.tasks.wear import RENEWED, VARIABLE, Wear, WornOutError
-from pipeline.production.tasks.work import PLACES
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.store import checkpoints
+from pipeline.production.store.event_log import EventLog, EventReader
+from pipeline.production.store.paths import EVENTS, HALVES
+from pipeline.production.store.store import Store
+from pipeline.production.tasks import memory_guard
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.memory_guard import RENEWED, VARIABLE, Wear, WornOutError
+from pipeline.production.tasks.supervisor import Supervisor, _verdict
+from pipeline.production.tasks.worker import PLACES
 from render import passes
 from render.image import read_exr
 
@@ -141,7 +141,7 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     store, targets = Store(tmp_path), [Path(f"renders/A/final/raw/A.{n:04d}.exr") for n in range(4)]
 
     def kept(number: int, key: str) -> Path:
-        keep = halves.begun(store, targets[number], key, lambda _: None, lambda: True)
+        keep = checkpoints.begun(store, targets[number], key, lambda _: None, lambda: True)
         keep.offer(lambda: {"done": np.array(1)})
         return keep.path
 
@@ -149,13 +149,13 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     store.path("raw", "0" * 32).parent.mkdir(parents=True)
     store.path("raw", "0" * 32).write_bytes(b"")
     os.utime(old, (0.0, 0.0))
-    halves.sweep(store)
+    checkpoints.sweep(store)
     assert [path.exists() for path in (made, wanted, old, other)] == [False, True, False, True]
     anew = kept(1, "a" * 32)
     assert anew.exists() and not wanted.exists()
-    halves.forget(tmp_path, targets[1:2])
+    checkpoints.forget(tmp_path, targets[1:2])
     assert not anew.exists() and other.exists()
-    halves.forget(tmp_path, targets)
+    checkpoints.forget(tmp_path, targets)
     assert not (tmp_path / HALVES).exists()
 
 
@@ -172,11 +172,11 @@ def test_a_renderer_that_has_grown_leaves_its_other_frames_to_a_fresh_one(
 
 def test_a_renderer_may_grow_by_half_and_to_a_gibibyte(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(wear.gc, "collect", lambda: 0)
+    monkeypatch.setattr(memory_guard.gc, "collect", lambda: 0)
     cases = ((200, 1000, False), (200, 1100, True), (2000, 2900, False), (2000, 3100, True))
     for first, grown, worn in cases:
         held = iter([first, *[grown] * 2])
-        monkeypatch.setattr(wear, "_resident_mib", lambda held=held: float(next(held)))
+        monkeypatch.setattr(memory_guard, "_resident_mib", lambda held=held: float(next(held)))
         process = Wear()
         process.rendered()
         process.heed()
@@ -198,7 +198,7 @@ def test_a_size_that_is_none_is_refused(said: str, monkeypatch: pytest.MonkeyPat
 _RENDERER = """
 import sys
 from pathlib import Path
-from pipeline.production.runs.events import EventLog
+from pipeline.production.store.event_log import EventLog
 log = EventLog(Path(sys.argv[1]), "job")
 number = int(sys.argv[2])
 for event, frame in {0: [("frame", 1), ("fail", 2)], 2: [("frame", 3)], 3: [("frame", 4)]}[number]:

@@ -10,8 +10,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.takes import keys
-from pipeline.production.takes.keys import (
+from pipeline.production.keys import digest
+from pipeline.production.keys.digest import (
     FINISH_CODE,
     FRAMING_CODE,
     MOVIE_CODE,
@@ -114,7 +114,7 @@ whose values are in the keys themselves."""
 def test_all_that_a_simulation_imports_is_in_its_key_or_known_to_change_no_mesh():
     script = "import sys, pipeline.animation; print(*sys.modules)"
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, check=True)
-    room = Path(keys.__file__).parents[3]
+    room = Path(digest.__file__).parents[3]
 
     def in_the_key(module: str) -> bool:
         place = Path(*module.split("."))
@@ -140,9 +140,9 @@ def test_all_that_a_simulation_imports_is_in_its_key_or_known_to_change_no_mesh(
     ],
 )
 def test_only_an_edit_of_what_moves_vertices_simulates_again(edited, counts, tmp_path, monkeypatch):
-    room = Path(keys.__file__).parents[3]
+    room = Path(digest.__file__).parents[3]
     shutil.copytree(room / "pipeline", tmp_path / "pipeline", ignore=shutil.ignore_patterns("__pycache__"))
-    monkeypatch.setattr(keys, "_ROOM", tmp_path)
+    monkeypatch.setattr(digest, "_ROOM", tmp_path)
     before = code_key.__wrapped__(SIMULATION_CODE)
     with (tmp_path / "pipeline" / edited).open("a", encoding="utf-8") as file:
         file.write("# another word\n")

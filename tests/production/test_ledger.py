@@ -8,13 +8,13 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes import ledger, script
-from pipeline.production.takes.ledger import Ledger
-from pipeline.production.takes.outline import Outline
-from pipeline.production.takes.pinned import pins_of
-from pipeline.production.takes.poses import Turntable
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.request import planning_cache, shot_source
+from pipeline.production.request.input_digests import pins_of
+from pipeline.production.request.planning_cache import Ledger
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.shot_summary import Outline
+from pipeline.production.request.turntable import Turntable
 from pipeline.shot.named_files import digest_of_file
 
 SHOT = """\
@@ -99,7 +99,7 @@ def test_other_code_knows_nothing_of_it(shot: Path, monkeypatch: pytest.MonkeyPa
     book.note({"a": 1}, "of this")
     assert book.recall("of this") == {"a": 1}
     assert book.recall("of that") is None
-    monkeypatch.setattr(ledger, "_code", lambda: ["other"])
+    monkeypatch.setattr(planning_cache, "_code", lambda: ["other"])
     assert book.recall("of this") is None
 
 
@@ -134,7 +134,7 @@ def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) ->
     planned = take_of(shot)
     (shot.parent / "wedge.obj").write_text(WEDGE.replace("v 2 0 0", "v 3 0 0"))
     take_of(shot)
-    late = script.Script.from_data(planned.script.as_data(), Ledger(shot.parent))
+    late = shot_source.Script.from_data(planned.script.as_data(), Ledger(shot.parent))
     assert late.pins == pins_of([(shot.parent / "wedge.obj", planned.script.pins[0][1])])
     assert late.pins[0][1] != digest_of_file(shot.parent / "wedge.obj")
     with pytest.raises(Exception, match="changed since the work was planned"):

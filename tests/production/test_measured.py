@@ -10,12 +10,12 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.dailies.preview.sketch import shape_of
-from pipeline.production.surfaces.framing import Framing
-from pipeline.production.surfaces.movement import speeds
-from pipeline.production.surfaces.shading import Shading
-from pipeline.production.takes.poses import Turntable
-from pipeline.production.takes.script import Script
-from pipeline.production.takes.take import Take
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.render_inputs.motion import speeds
+from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.shot_source import Script
+from pipeline.production.request.turntable import Turntable
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
 from render.camera import Camera

@@ -11,11 +11,11 @@ import pytest
 
 from pipeline.animation import MeshFrame, animate, at_moment
 from pipeline.mesh.normals import split_at_creases
-from pipeline.production.surfaces.framing import Framing
-from pipeline.production.surfaces.movement import Movement, flowing, framing_at, turning
-from pipeline.production.surfaces.shading import Shading
-from pipeline.production.takes.script import Script
-from pipeline.production.takes.take import Take
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.render_inputs.motion import Movement, flowing, framing_at, turning
+from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.shot_source import Script
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
 from render.camera import Camera

@@ -14,11 +14,11 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.files.npz import read_npz
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.npz import read_npz
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"

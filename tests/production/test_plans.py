@@ -8,8 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.runs.plan import BATCH, FEWEST, LAST, Plan, batches
-from pipeline.production.runs.workflow import Studio
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import BATCH, FEWEST, LAST, Plan, batches
 
 SHOT = (
     "title: T\nframes: 1-{frames}\nsubject: {{solid: box}}\nresample: off\n"

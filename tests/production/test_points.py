@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.mesh.bspline import PIECES
-from pipeline.production.takes.script import Script
-from pipeline.production.takes.take import Take
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.shot_source import Script
 from render.image import read_exr, read_header
 
 CLOUD = """\

@@ -14,16 +14,16 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FrameError, MachineError, MissingInputError, UsageError
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.run import exclusive
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.variants import avoid
-from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.work import PLACES
+from pipeline.production.execution.project import Studio
+from pipeline.production.execution.run import exclusive
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.variants import avoid
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.worker import PLACES
 from pipeline.production.versions import freezing
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
-from pipeline.production.versions.publishing import Release
-from pipeline.production.versions.repeating import Repetition
+from pipeline.production.versions.publish import Release
+from pipeline.production.versions.reproduce import Repetition
 from pipeline.shot.named_files import digest_of_file
 from render.image import read_exr, write_exr
 from tests.conftest import commanded

@@ -10,9 +10,9 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
-from pipeline.production.files import readers
-from pipeline.production.files.npz import write_npz
-from pipeline.production.files.store import CorruptFileError
+from pipeline.production.store import readers
+from pipeline.production.store.npz import write_npz
+from pipeline.production.store.store import CorruptFileError
 from pipeline.shot import read_shot
 from render.errors import CorruptImageError
 from render.frame import Layers

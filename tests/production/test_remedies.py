@@ -14,9 +14,9 @@ from typing import Any
 import psutil
 import pytest
 
-from pipeline.production.runs.events import EventLog, EventReader
-from pipeline.production.runs.remedies import ROUNDS, Remedies
-from pipeline.production.runs.watchdog import watched
+from pipeline.production.execution.retry import ROUNDS, Remedies
+from pipeline.production.execution.watchdog import watched
+from pipeline.production.store.event_log import EventLog, EventReader
 
 STUCK = [sys.executable, "-c", "import time; time.sleep(60)"]
 

@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.care.selection import is_in_words, selected
-from pipeline.production.care.state import FrameStates, picture_states
-from pipeline.production.files.layout import EVENTS
-from pipeline.production.runs.events import EventLog
-from pipeline.production.runs.history import History
-from pipeline.production.runs.plan import BATCH, batches
-from pipeline.production.runs.workflow import Studio
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.frame_states import FrameStates, picture_states
+from pipeline.production.planning.frame_words import is_in_words, selected
+from pipeline.production.planning.history import History
+from pipeline.production.planning.plan import BATCH, batches
+from pipeline.production.store.event_log import EventLog
+from pipeline.production.store.paths import EVENTS
 
 NAME = "T010_tiny"
 NONE = FrameRange(())

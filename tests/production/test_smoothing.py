@@ -14,10 +14,10 @@ from pipeline.errors import ShotError
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.patches import tessellate
 from pipeline.mesh.solids import icosphere
-from pipeline.production.surfaces.dicing import pieces_for
-from pipeline.production.surfaces.framing import Framing
-from pipeline.production.takes.script import Script
-from pipeline.production.takes.take import Take
+from pipeline.production.render_inputs.dicing import pieces_for
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.shot_source import Script
 from pipeline.shot import read_shot
 from render.camera import Camera
 from render.quality import Quality

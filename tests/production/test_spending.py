@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError
-from pipeline.production.costs.cost import estimate
-from pipeline.production.costs.spending import Spending, named_run
-from pipeline.production.runs.plan import Job, Plan
+from pipeline.production.maintenance.run_report import Spending, named_run
+from pipeline.production.planning.estimate import estimate
+from pipeline.production.planning.plan import Job, Plan
 
 PLACE = "renders/A/draft"
 

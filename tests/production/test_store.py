@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MachineError
-from pipeline.production.files.store import Store
+from pipeline.production.store.store import Store
 
 KEY = "ab" * 16
 

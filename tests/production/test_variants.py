@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 
 from pipeline.errors import MachineError
-from pipeline.production.files.layout import EVENTS
-from pipeline.production.runs.events import EventReader
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes import variants
-from pipeline.production.takes.variants import ON_GPU, avoid, variant_for
+from pipeline.production.execution.project import Studio
+from pipeline.production.request import variants
+from pipeline.production.request.variants import ON_GPU, avoid, variant_for
+from pipeline.production.store.event_log import EventReader
+from pipeline.production.store.paths import EVENTS
 from pipeline.production.tasks import __main__ as process
-from pipeline.production.tasks import pictures, work
+from pipeline.production.tasks import render, worker
 from render.engine import DEFAULT_ORDER, Engine
 
 NAME = "T010_tiny"
@@ -89,8 +89,8 @@ def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
 
     machine["gpu"] = 1
     monkeypatch.chdir(studio.path)
-    monkeypatch.setattr(pictures, "render", fails)
-    monkeypatch.setattr(work, "_limit_kernels", lambda threads: None)
+    monkeypatch.setattr(render, "render", fails)
+    monkeypatch.setattr(worker, "_limit_kernels", lambda threads: None)
     plan = Studio(studio.path, 1, ON_GPU).pictures([NAME], "preview")
     (job,) = [job for job in plan.jobs if job.task == "render"]
     assert process.main(plan.freeze(studio.path).as_posix(), job.name, 0) == 1

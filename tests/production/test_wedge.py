@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import UsageError
-from pipeline.production.runs import sharing
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.variants import avoid
-from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.work import PLACES
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning import sharing
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.variants import avoid
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.worker import PLACES
 from pipeline.production.versions.grid import Grid, Variation
 from pipeline.production.versions.wedge import Wedge, frames_by_task
 from render.image import read_exr, read_png

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.care.differences import differences
-from pipeline.production.care.why import Answer, Question
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot
+from pipeline.production.execution.project import Studio
+from pipeline.production.maintenance.differences import differences
+from pipeline.production.maintenance.why import Answer, Question
+from pipeline.production.request.lookup import find_shot
 
 NAME = "T010_tiny"
 

@@ -5,7 +5,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
-from pipeline.production.takes.window import base_of, quality_named, windowed
+from pipeline.production.request.crop_and_scale import base_of, quality_named, windowed
 from render.quality import QUALITIES
 
 

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.surfaces.framing import frame_all, with_room
+from pipeline.production.render_inputs.framing import frame_all, with_room
 from pipeline.shot.cameras import View
 from render.camera import Camera
 from render.errors import BadInputError

@@ -14,13 +14,13 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.production.files.layout import EVENTS
-from pipeline.production.runs.events import EventLog
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.take import Take
-from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.work import PLACES
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.event_log import EventLog
+from pipeline.production.store.paths import EVENTS
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.worker import PLACES
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.wedge import Wedge
 from render.frame import Layers

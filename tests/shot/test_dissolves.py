@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError, ShotError
-from pipeline.production.takes.edit import Cut
+from pipeline.production.request.edit import Cut
 from pipeline.shot import read_film
 from pipeline.shot.shot import Film
 

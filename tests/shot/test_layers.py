@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
 from pipeline.flow.choreography import number_at
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.request.render_request import Take
 from pipeline.shot import Shot, read_film, read_shot
 from pipeline.shot.layers import rests_on
 from render.look import LOOKS

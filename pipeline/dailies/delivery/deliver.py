@@ -15,10 +15,10 @@ import numpy as np
 from pipeline.dailies.delivery.reel import Reel
 from pipeline.dailies.delivery.rushes import Look, Shown, opaque
 from pipeline.errors import MachineError
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.files.store import Store
-from pipeline.production.takes.edit import Heard
-from pipeline.production.takes.keys import Key, code_key, key_of
+from pipeline.production.keys.digest import Key, code_key, key_of
+from pipeline.production.request.edit import Heard
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.store import Store
 from render.ahead import ahead
 from render.burn_in import BurnIn
 from render.colour import quantise

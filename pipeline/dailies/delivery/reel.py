@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 from pipeline.dailies.delivery.rushes import Failed, Look, Rushes, Shown, opaque
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.production.files import layout
-from pipeline.production.files.store import Store
-from pipeline.production.takes.edit import Cut
-from pipeline.production.takes.take import Take
+from pipeline.production.request.edit import Cut
+from pipeline.production.request.render_request import Take
+from pipeline.production.store import paths
+from pipeline.production.store.store import Store
 from pipeline.production.tasks.movies import cut_together
 from render.dissolve import dissolved, mixed
 from render.planes import Frame
@@ -107,7 +107,7 @@ def of_film(cut: Cut, takes: Sequence[Take], store: Store, failed: Failed) -> Re
         name=cut.name,
         title=opening.title or cut.name,
         subtitle=opening.subtitle,
-        folder=layout.film(quality_name, cut.name).parent / "deliver",
+        folder=paths.film(quality_name, cut.name).parent / "deliver",
         rate=rate,
         size=size,
         start=FILM_BEGINS * ceil(rate.fps),

@@ -10,11 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import FrameError
-from pipeline.production.files import layout, readers
-from pipeline.production.files.store import CorruptFileError, Store
-from pipeline.production.runs.history import History
-from pipeline.production.takes.keyring import Keyring
-from pipeline.production.takes.take import Take
+from pipeline.production.planning.history import History
+from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.render_request import Take
+from pipeline.production.store import paths, readers
+from pipeline.production.store.store import CorruptFileError, Store
 from pipeline.production.versions.provenance import Provenance, records
 from render.colour import quantise, to_display
 from render.errors import CorruptImageError, MissingImageError
@@ -129,7 +129,7 @@ def _version(take: Take, store: Store, keys: Keyring | None) -> str:
     if keys is None or take.turntable is not None:
         return IN_WORK
     ours = {n: keys[n].frame for n in take.requested}
-    for _, record in reversed(list(records(store.root / layout.published(take.name)))):
+    for _, record in reversed(list(records(store.root / paths.published(take.name)))):
         if (
             isinstance(record, Provenance)
             and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()

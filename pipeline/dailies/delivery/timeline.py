@@ -15,9 +15,9 @@ from typing import Any
 from urllib.parse import quote
 
 from pipeline.frames import FrameRange
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.takes.edit import Cut, Piece
-from pipeline.production.takes.take import Take
+from pipeline.production.request.edit import Cut, Piece
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.disk import disk_faults
 from render.appear import appearing
 from render.encodes import ENCODES, Encode
 from render.timecode import FILM_BEGINS

@@ -14,9 +14,9 @@ from pipeline.dailies.preview.animatic import SIZES, Ready, size_for
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.errors import FlowsculptError
-from pipeline.production.surfaces.framing import Framing
-from pipeline.production.surfaces.movement import STEP, acting
-from pipeline.production.takes.script import Script
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.render_inputs.motion import STEP, acting
+from pipeline.production.request.shot_source import Script
 from render.errors import RenderError
 from render.image import jpeg_bytes
 

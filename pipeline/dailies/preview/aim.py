@@ -6,9 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.reel import Reel
-from pipeline.production.surfaces.framing import Framer, Framing, with_room
-from pipeline.production.surfaces.sights import Balls
-from pipeline.production.takes.take import Take
+from pipeline.production.render_inputs.framing import Framer, Framing, with_room
+from pipeline.production.render_inputs.framing_geometry import Balls
+from pipeline.production.request.render_request import Take
 
 TOGETHER = 8
 """Frames after which it is asked again which cameras are settled."""

@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from pipeline.dailies.preview.aim import aimed
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch, is_closed
-from pipeline.production.surfaces.framing import AHEAD, Framing
-from pipeline.production.takes.take import Take
+from pipeline.production.render_inputs.framing import AHEAD, Framing
+from pipeline.production.request.render_request import Take
 from render.encodes import SKETCH
 from render.encoding import write_encode
 from render.image import write_png

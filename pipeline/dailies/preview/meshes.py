@@ -17,11 +17,11 @@ import psutil
 from pipeline.animation import MeshFrame, animate
 from pipeline.dailies.preview.stored import stored
 from pipeline.errors import FrameError
-from pipeline.production.files import readers
-from pipeline.production.files.npz import write_npz
-from pipeline.production.files.store import Store
-from pipeline.production.takes.keys import Key
-from pipeline.production.takes.take import Take
+from pipeline.production.keys.digest import Key
+from pipeline.production.request.render_request import Take
+from pipeline.production.store import readers
+from pipeline.production.store.npz import write_npz
+from pipeline.production.store.store import Store
 
 SLOW = 0.25
 """Seconds of a core from which on a frame is kept in the store."""

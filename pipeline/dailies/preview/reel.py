@@ -16,12 +16,12 @@ from pipeline.dailies.preview.shelf import Shelf
 from pipeline.dailies.preview.stored import stored
 from pipeline.errors import FrameError
 from pipeline.mesh.patches import MOST_PIECES
-from pipeline.production.files import readers
-from pipeline.production.files.store import Store
-from pipeline.production.surfaces.movement import speeds
-from pipeline.production.surfaces.shading import Shading
-from pipeline.production.takes.keys import Key, key_of
-from pipeline.production.takes.take import Take
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.render_inputs.motion import speeds
+from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.request.render_request import Take
+from pipeline.production.store import readers
+from pipeline.production.store.store import Store
 from render.measure import SPEED
 
 UNSHADED = 4

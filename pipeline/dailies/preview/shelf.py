@@ -10,9 +10,9 @@ from threading import Lock
 import psutil
 
 from pipeline.arrays import AnyArray
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.files.npz import read_npz, write_npz
-from pipeline.production.takes.keys import Key
+from pipeline.production.keys.digest import Key
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.npz import read_npz, write_npz
 
 SHARE = 0.2
 """Of the memory that is free, how much a shelf may take."""

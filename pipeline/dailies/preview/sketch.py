@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray, Floats
 from pipeline.dailies.preview.ways import Ways, ways_at
 from pipeline.mesh import icosphere
-from pipeline.production.surfaces.framing import Framing
-from pipeline.production.takes.take import Take
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.request.render_request import Take
 from render.burn_in import BurnIn
 from render.colour import quantise
 from render.dyes import colours

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TypeVar
 
 from pipeline.errors import FrameError
-from pipeline.production.files.store import CorruptFileError, Store
-from pipeline.production.takes.take import Take
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.store import CorruptFileError, Store
 
 T = TypeVar("T")
 

@@ -9,14 +9,14 @@ from pathlib import Path
 from pipeline.dailies.review.pictures import PLAIN, Pictures, Screen
 from pipeline.dailies.sheets.timing import rendering
 from pipeline.errors import FlowsculptError, MissingInputError
-from pipeline.production.care.state import PICTURE_STAGES, picture_states
-from pipeline.production.files.layout import Folders, published
-from pipeline.production.files.layout import wedge as wedge_folder
-from pipeline.production.runs.history import History
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot
-from pipeline.production.takes.take import Take
-from pipeline.production.takes.window import is_quality
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
+from pipeline.production.planning.history import History
+from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.paths import Folders, published
+from pipeline.production.store.paths import wedge as wedge_folder
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.provenance import Provenance, records, restored
 from pipeline.production.versions.wedge import Wedge

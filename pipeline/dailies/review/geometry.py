@@ -13,10 +13,10 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.dailies.sheets.measures import simulated
-from pipeline.production.files import readers
-from pipeline.production.files.store import CorruptFileError, Store
-from pipeline.production.takes.keys import Key, key_of
-from pipeline.production.takes.take import Take
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.request.render_request import Take
+from pipeline.production.store import readers
+from pipeline.production.store.store import CorruptFileError, Store
 from render.appear import appearing
 
 FORMAT = 1

@@ -24,8 +24,8 @@ from pipeline.dailies.review.pictures import Pictures
 from pipeline.dailies.review.proxies import Darkroom, Proxies
 from pipeline.dailies.sheets.measures import limits_of, measured
 from pipeline.dailies.sheets.timing import Clocks
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.files.store import Store
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.store import Store
 from render.appear import appearing
 
 SOURCES = files("pipeline.dailies.review") / "page"

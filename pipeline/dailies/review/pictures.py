@@ -8,7 +8,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.takes.keys import STILL_CODE, Key, code_key, key_of
+from pipeline.production.keys.digest import STILL_CODE, Key, code_key, key_of
 from render.errors import RenderError
 from render.image import read_header
 from render.view import ACES, ColourView

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dailies.review.pictures import Pictures
-from pipeline.production.files.store import SUFFIXES, Store
-from pipeline.production.takes.keys import Key, key_of
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.store.store import SUFFIXES, Store
 from render.colour import quantise, to_display
 from render.contact_sheet import reduced
 from render.errors import RenderError

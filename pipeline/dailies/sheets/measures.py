@@ -16,10 +16,10 @@ from numpy.typing import NDArray
 from pipeline.animation import MeshFrame
 from pipeline.arrays import Floats
 from pipeline.mesh import TriangleMesh
-from pipeline.production.files import readers
-from pipeline.production.files.store import CorruptFileError, Store
-from pipeline.production.takes.keys import Key, code_key, key_of
-from pipeline.production.takes.take import Take
+from pipeline.production.keys.digest import Key, code_key, key_of
+from pipeline.production.request.render_request import Take
+from pipeline.production.store import readers
+from pipeline.production.store.store import CorruptFileError, Store
 
 CODE = ("pipeline/dailies/sheets/measures.py",)
 

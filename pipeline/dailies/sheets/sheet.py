@@ -6,8 +6,8 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.frames import FrameRange
-from pipeline.production.files.store import Store
-from pipeline.production.takes.take import Take
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.store import Store
 from pipeline.production.versions.wedge import shown_picture
 from render.contact_sheet import ContactSheet, columns_for, reduction
 from render.image import write_png

@@ -6,9 +6,9 @@ import json
 from collections import defaultdict
 from pathlib import Path
 
-from pipeline.production.costs.measured import OF_MOTION
-from pipeline.production.runs.events import EventReader, logs_of
-from pipeline.production.takes.take import Take
+from pipeline.production.planning.timings import OF_MOTION
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.event_log import EventReader, logs_of
 
 _STAGES = ("simulate", "smooth_normals", "finish")
 

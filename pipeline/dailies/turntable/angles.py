@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.production.takes.poses import Turntable
+from pipeline.production.request.turntable import Turntable
 
 EIGHTHS, QUARTERS = 8, 4
 """Angles of a full turn. Objects are looked at from more sides than they are lit from."""

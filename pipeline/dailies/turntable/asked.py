@@ -9,12 +9,12 @@ from pathlib import Path
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.io import FORMATS
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.sharing import shared
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.folder import find_shot
-from pipeline.production.takes.poses import TURNS, Turntable
-from pipeline.production.takes.take import Take
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.sharing import shared
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.turntable import TURNS, Turntable
 from render.look import LOOKS
 
 BOTH = "both"

@@ -17,13 +17,13 @@ from numpy.typing import NDArray
 from pipeline.dailies.turntable.angles import EIGHTHS, QUARTERS, key_numbers, named
 from pipeline.dailies.turntable.asked import Turning
 from pipeline.errors import FrameError
-from pipeline.production.files.layout import Folders
-from pipeline.production.files.store import Store
-from pipeline.production.takes.edit import movie_bits
-from pipeline.production.takes.keyring import Keyring
-from pipeline.production.takes.keys import MOVIE_CODE, STILL_CODE, code_key, key_of
-from pipeline.production.takes.poses import Turntable
-from pipeline.production.takes.take import Take
+from pipeline.production.keys.digest import MOVIE_CODE, STILL_CODE, code_key, key_of
+from pipeline.production.request.edit import movie_bits
+from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.turntable import Turntable
+from pipeline.production.store.paths import Folders
+from pipeline.production.store.store import Store
 from pipeline.production.versions.wedge import shown_picture
 from render.ahead import ahead
 from render.contact_sheet import Caption, ContactSheet, columns_for, reduction

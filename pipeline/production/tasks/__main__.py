@@ -12,9 +12,9 @@ from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 
-from pipeline.production.runs.plan import Plan
-from pipeline.production.tasks.context import Context
-from pipeline.production.tasks.supervise import Supervisor, renderer
+from pipeline.production.planning.plan import Plan
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.supervisor import Supervisor, renderer
 
 
 def main(plan_path: str, job_name: str, settled: int | None = None, insist: bool = False) -> int:
@@ -36,7 +36,7 @@ def main(plan_path: str, job_name: str, settled: int | None = None, insist: bool
         context = replace(context, job=replace(context.job, frames=context.job.frames[settled:]))
     elif context.job.task == "render":
         return Supervisor(context, renderer(plan_path, job_name)).run()
-    return int(import_module("pipeline.production.tasks.work").work(context))
+    return int(import_module("pipeline.production.tasks.worker").work(context))
 
 
 if __name__ == "__main__":

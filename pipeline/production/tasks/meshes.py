@@ -13,12 +13,12 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.bspline import bspline_surface
-from pipeline.production.files import readers
-from pipeline.production.files.npz import write_npz
-from pipeline.production.surfaces.framing import frame_all, turned, with_room
-from pipeline.production.surfaces.shading import Shading, radii
-from pipeline.production.surfaces.sights import Balls
-from pipeline.production.tasks.context import Context
+from pipeline.production.render_inputs.framing import frame_all, turned, with_room
+from pipeline.production.render_inputs.framing_geometry import Balls
+from pipeline.production.render_inputs.shading import Shading, radii
+from pipeline.production.store import readers
+from pipeline.production.store.npz import write_npz
+from pipeline.production.tasks.job import Context
 
 
 def simulate(context: Context) -> bool:

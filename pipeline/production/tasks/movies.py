@@ -9,13 +9,13 @@ from typing import TypeVar
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
-from pipeline.production.files import readers
-from pipeline.production.runs.planner import film_key
-from pipeline.production.takes.edit import Cut, movie_bits
-from pipeline.production.takes.keyring import Keyring
-from pipeline.production.takes.keys import Key
-from pipeline.production.takes.take import Take
-from pipeline.production.tasks.context import REPORTED, Context
+from pipeline.production.keys.digest import Key
+from pipeline.production.planning.planner import film_key
+from pipeline.production.request.edit import Cut, movie_bits
+from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.render_request import Take
+from pipeline.production.store import readers
+from pipeline.production.tasks.job import REPORTED, Context
 from render.ahead import ahead
 from render.colour import quantise, to_display
 from render.dissolve import Piece, dissolved, mixed

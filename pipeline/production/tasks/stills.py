@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-from pipeline.production.files import readers
-from pipeline.production.tasks.context import Context
+from pipeline.production.store import readers
+from pipeline.production.tasks.job import Context
 from render.colour import quantise, to_display
 from render.image import write_jpeg, write_png
 

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
-from pipeline.production.files.layout import PUBLISHED, repeated
+from pipeline.production.store.paths import PUBLISHED, repeated
 from pipeline.production.versions.provenance import FILE, Provenance, records
 from pipeline.shot.named_files import digest_of_file, is_there
 

@@ -8,8 +8,8 @@ import shutil
 import uuid
 from pathlib import Path
 
-from pipeline.production.files.disk import disk_faults
-from pipeline.production.files.store import Store
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import FILE, Provenance
 
 _DRAFT = ".draft."

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from pipeline.errors import UsageError
-from pipeline.production.takes.keys import key_of
+from pipeline.production.keys.digest import key_of
 from pipeline.shot.named_files import shown
 
 OPTION = "--vary"

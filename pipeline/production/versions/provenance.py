@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.takes.folder import NAME
-from pipeline.production.takes.script import Script
-from pipeline.production.takes.window import is_quality
-from pipeline.production.versions.circumstances import code_keys, host, packages
+from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.request.lookup import NAME
+from pipeline.production.request.shot_source import Script
+from pipeline.production.versions.environment import code_keys, host, packages
 from pipeline.shot.named_files import digest_of_file, is_there
 from render.image import read_exr
 

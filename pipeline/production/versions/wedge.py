@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from pipeline.errors import FlowsculptError, ShotError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.files import layout
-from pipeline.production.files.store import Store
-from pipeline.production.runs.plan import Plan
-from pipeline.production.runs.sharing import shared
-from pipeline.production.runs.workflow import Studio
-from pipeline.production.takes.keyring import Keyring
-from pipeline.production.takes.take import Take
-from pipeline.production.takes.variants import variant_for
+from pipeline.production.execution.project import Studio
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.sharing import shared
+from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.variants import variant_for
+from pipeline.production.store import paths
+from pipeline.production.store.store import Store
 from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
 from pipeline.shot.named_files import shown
 from render.colour import quantise, to_display
@@ -173,7 +173,7 @@ class Wedge:
 
     @property
     def _home(self) -> Path:
-        return layout.wedge(self.shot.stem)
+        return paths.wedge(self.shot.stem)
 
     def _take(self, cell: Cell, frames: str) -> Take:
         studio = replace(self.studio, settings=(*self.studio.settings, *cell.settings))

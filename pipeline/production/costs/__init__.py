@@ -1,1 +1,0 @@
-"""What runs take, before and after."""

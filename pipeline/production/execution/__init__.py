@@ -1,0 +1,1 @@
+"""Run plans: Snakemake, retries, the watchdog, farms."""

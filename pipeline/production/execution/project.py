@@ -1,0 +1,218 @@
+"""What can be asked for and the plan that answers it: a shot's meshes or pictures, the film."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.errors import UsageError, suggestion
+from pipeline.frames import FrameRange
+from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
+from pipeline.production.planning.frame_words import is_in_words, selected
+from pipeline.production.planning.history import History
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.planner import Planner
+from pipeline.production.planning.profile import Profile
+from pipeline.production.request.crop_and_scale import base_of
+from pipeline.production.request.edit import Cut
+from pipeline.production.request.lookup import FILM, find_shot
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.planning_cache import Ledger
+from pipeline.production.request.render_request import FORMS, Take
+from pipeline.production.request.resolved_edit import Montage, edited
+from pipeline.production.request.shot_source import Script
+from pipeline.production.request.source_cache import Texts, shot_around
+from pipeline.production.request.variants import variant_for
+from pipeline.production.store.paths import STATE
+from pipeline.production.store.store import Store
+from render.quality import QUALITIES
+
+if TYPE_CHECKING:
+    from pipeline.production.maintenance.verify import Damage
+
+States = Callable[[Take, Store, History], FrameStates]
+
+
+@dataclass(frozen=True)
+class Studio:
+    """A root to write to, so many cores to use; shots are looked up in `shots/` of the working folder.
+
+    Every file is read once, so that all of a run goes by one text however it is edited meanwhile.
+
+    variant     the Mitsuba variant asked for; by default the first that works
+    settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
+    allow_code  whether shots may run the Python files that they name
+    profile     where the jobs of its plans run, and so how many there are of them
+    """
+
+    root: Path
+    cores: int
+    variant: str | None = None
+    settings: tuple[str, ...] = ()
+    allow_code: bool = False
+    profile: Profile = field(default_factory=Profile.local)
+    _texts: Texts = field(default_factory=Texts, repr=False)
+    _montages: dict[Path, Montage] = field(default_factory=dict, repr=False)
+    _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
+    _notes: list[str] = field(default_factory=list, repr=False)
+
+    @property
+    def notes(self) -> list[str]:
+        """What the user is to be told with a plan."""
+        return self._notes
+
+    @property
+    def store(self) -> Store:
+        return Store(self.root)
+
+    def meshes(self, shots: Sequence[str], frames: str | None = None) -> Plan:
+        """The mesh frames of shots."""
+        planner = self._planner()
+        for shot in shots:
+            planner.simulate(self._asked(shot, "draft", frames, mesh_states, variant="none"))
+        return planner.plan()
+
+    def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
+        planner = self._planner()
+        for shot in shots:
+            take = self._asked(shot, quality, frames, picture_states)
+            planner.pictures(take)
+            if frames is None or not is_in_words(frames):
+                planner.movie(take)
+            if frames is None:
+                continue
+            whole = take.whole()
+            keys = whole.picture_keys(self.store)
+            rest = set(whole.requested) - set(take.requested)
+            if keys and all(self._rendered(keys[n]) for n in rest):
+                planner.pictures(whole)
+                planner.movie(whole)
+        return planner.plan()
+
+    def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of a shot and their movie, from the beginning, whatever is there already."""
+        nothing = Store(self.root / STATE / "nothing")
+        planner = Planner(nothing, 1, self._notes)
+        take = self.take(find_shot(shot), quality, frames)
+        planner.pictures(take)
+        planner.movie(take)
+        return planner.plan()
+
+    def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:
+        """Finished frames of shots as a display shows them, in files of a form."""
+        if form not in FORMS:
+            raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
+        planner = self._planner()
+        for shot in shots:
+            planner.stills(self._asked(shot, quality, frames, picture_states), form)
+        return planner.plan()
+
+    def mended(self, damages: Iterable[Damage]) -> Plan:
+        """The files of takes that were faulty."""
+        planner = self._planner()
+        for damage in damages:
+            if damage.meshes:
+                planner.simulate(replace(damage.take, requested=damage.meshes))
+            if damage.pictures:
+                planner.pictures(replace(damage.take, requested=damage.pictures))
+            if damage.movie:
+                planner.pictures(damage.take.whole())
+                planner.movie(damage.take.whole())
+        return planner.plan()
+
+    def surfaces(self, take: Take) -> Plan:
+        """What the pictures of a take are made from, and not the pictures."""
+        planner = self._planner()
+        planner.surfaces(take)
+        return planner.plan()
+
+    def film(self, quality: str, path: Path = FILM) -> Plan:
+        """The film of an edit: its shots' frames, their movies, and all of them cut together.
+
+        It is called as the file of the edit is.
+        """
+        cut, takes = self.cut(quality, path)
+        planner = self._planner()
+        for take in takes:
+            planner.pictures(take)
+            planner.movie(take)
+        planner.film(cut, takes)
+        return planner.plan()
+
+    def cut(self, quality: str, path: Path = FILM) -> tuple[Cut, list[Take]]:
+        """What the film of an edit is cut to, and the takes of its clips."""
+        montage = self._montages.get(path) or self._montages.setdefault(path, self._montage(path))
+        takes = [replace(self.take(shot, quality), requested=frames) for shot, frames in montage.clips]
+        return montage.cut, takes
+
+    def frames(self, takes: Sequence[Take]) -> Plan:
+        """The finished frames that takes ask for, and nothing made of them."""
+        planner = self._planner()
+        for take in takes:
+            planner.pictures(take)
+        return planner.plan()
+
+    def asked(self, shot: str, quality: str, frames: str | None = None) -> Take:
+        """The pictures of a shot by its name, of all frames or a range, in numbers or in words."""
+        return self._asked(shot, quality, frames, picture_states)
+
+    def around(self, mesh: Path) -> Path:
+        """A shot that shows a mesh file as it is, under the path of a file that is not there."""
+        path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
+        self._texts.put(path, shot_around(mesh))
+        return path
+
+    def _asked(
+        self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None
+    ) -> Take:
+        """The frames of a shot that are asked for; what words mean is settled once."""
+        path = find_shot(shot)
+        if frames is None or not is_in_words(frames):
+            return self.take(path, quality, frames, variant)
+        whole = self.take(path, quality, variant=variant)
+        asked = path, quality, frames
+        if asked not in self._chosen:
+            self._chosen[asked] = selected(
+                frames, FrameRange(whole.requested), lambda: states(whole, self.store, History.of(self.root))
+            )
+        return replace(whole, requested=self._chosen[asked].numbers)
+
+    def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
+        """The pictures of a shot file at one quality, all or a range."""
+        if base_of(quality) not in QUALITIES:
+            raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
+        script = self._script(path)
+        whole = FrameRange(script.outline.frames)
+        requested = FrameRange.parse(frames) if frames is not None else whole
+        outside = requested.outside(whole)
+        if outside:
+            raise UsageError(
+                f"{script.path}: frames {outside} are not in the shot, which has {whole}; ask for frames "
+                "among those"
+            )
+        chosen = variant or variant_for(self.root, script.name, self.variant, self._notes.append)
+        return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
+
+    def _rendered(self, keys: PictureKeys) -> bool:
+        return self.store.holds("frame", keys.frame) or self.store.holds("raw", keys.raw)
+
+    def _script(self, path: Path) -> Script:
+        read = self._texts.script(path.absolute(), self.settings, self.allow_code)
+        return replace(read, ledger=Ledger(self.root)).pinned()
+
+    def _montage(self, path: Path) -> Montage:
+        """What an edit shows; its shots are read only where the ledger does not tell it."""
+        ledger = Ledger(self.root)
+        return edited(path, self.settings, ledger, lambda shot: self._script(shot).outline)
+
+    def _planner(self) -> Planner:
+        return self.planner_of(1)
+
+    def planner_of(self, many: int) -> Planner:
+        """For so many takes that are made side by side."""
+        side_by_side = max(1, self.profile.side_by_side(self.cores) // many)
+        return Planner(self.store, side_by_side, self._notes, self.profile.share)

@@ -1,0 +1,179 @@
+"""Running a plan: one lock, Snakemake underneath, and as many rounds as healing needs."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import filelock
+
+from pipeline.errors import FrameError, MachineError
+from pipeline.production.execution import scheduler
+from pipeline.production.execution.retry import Remedies
+from pipeline.production.execution.watchdog import PATIENCE, watched
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.profile import Profile
+from pipeline.production.store import checkpoints
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.event_log import Event, EventLog, EventReader
+from pipeline.production.store.paths import EVENTS, MARKS, STATE
+from pipeline.production.store.store import Store
+
+Watcher = AbstractContextManager[object]
+
+
+@dataclass
+class Outcome:
+    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
+
+    runs  the names of its rounds: of their plans and event logs
+    """
+
+    plan: Plan
+    runs: list[str] = field(default_factory=list)
+    restored: int = 0
+    events: list[Event] = field(default_factory=list)
+    unfinished: bool = False
+
+    @property
+    def failures(self) -> list[Event]:
+        """What failed, once for each shot, stage and frame; nothing where the run ended well all the same."""
+        seen: dict[tuple[object, ...], Event] = {}
+        for event in self.events:
+            if event["event"] == "fail":
+                seen.setdefault((event.get("shot"), event.get("stage"), event.get("frame")), event)
+        return list(seen.values()) if self.unfinished else []
+
+    @property
+    def warnings(self) -> list[str]:
+        """What frames were made in spite of, each once."""
+        return list(dict.fromkeys(str(e["message"]) for e in self.events if e["event"] == "warn"))
+
+    @property
+    def exit_code(self) -> int:
+        codes = [self._exit_code(event) for event in self.failures]
+        return max(codes, default=FrameError.exit_code) if self.unfinished else 0
+
+    def _exit_code(self, failure: Event) -> int:
+        """Where others of its stage were made, a failed frame is 1, whatever was wrong with it; the machine's
+        faults are their own."""
+        code = int(failure.get("exit_code", FrameError.exit_code))
+        some_failed = failure.get("frame") is not None and self.made(str(failure["stage"]))
+        return FrameError.exit_code if some_failed and code != MachineError.exit_code else code
+
+    def made(self, stage: str) -> int:
+        """How many frames of a stage were computed, not found."""
+        return sum(e["event"] == "frame" and e["stage"] == stage and not e["found"] for e in self.events)
+
+
+@contextmanager
+def exclusive(root: Path) -> Iterator[None]:
+    """Hold the lock of `root`: the kernel releases it when the process ends, however it ends.
+
+    Raises MachineError where another run holds it.
+    """
+    lock = acquire(root)
+    try:
+        yield
+    finally:
+        lock.release()
+
+
+def acquire(root: Path) -> filelock.BaseFileLock:
+    """The lock of `root`, held. Raises MachineError where another run holds it."""
+    path = root / STATE / "lock"
+    lock = filelock.FileLock(path, timeout=0)
+    with disk_faults(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        try:
+            lock.acquire()
+        except filelock.Timeout:
+            raise MachineError(
+                f"{root}: another flowsculpt run is at work here; one run at a time may write to a root. "
+                "Wait for it, stop it, or choose another folder with --root."
+            ) from None
+    return lock
+
+
+def run(
+    make_plan: Callable[[], Plan],
+    root: Path,
+    cores: int,
+    watch: Callable[[Plan, EventReader], Watcher],
+    profile: Profile | None = None,
+    patience: float = PATIENCE,
+) -> Outcome:
+    """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
+
+    `watch(plan, reader)` is a context manager that shows progress while Snakemake works; `profile` says where
+    jobs run, by default here. A job of this machine that shows no sign of life for `patience` seconds is
+    ended, and tried once more.
+    Raises MachineError where the lock is held or the disk refuses.
+    """
+    store = Store(root)
+    with exclusive(root):
+        store.sweep()
+        shutil.rmtree(root / MARKS, ignore_errors=True)
+        checkpoints.sweep(store)
+        outcome, remedies = Outcome(make_plan()), Remedies(cores)
+        hopeful = True
+        while True:
+            outcome.restored += outcome.plan.restore_links(store)
+            if not (outcome.plan.jobs and hopeful):
+                break
+            work = _Work(outcome.plan, root, remedies.cores, profile or Profile.local(), patience)
+            events = work.done(watch)
+            outcome.runs.append(outcome.plan.name)
+            outcome.events += events
+            outcome.plan = make_plan()
+            hopeful = remedies.help(events)
+        outcome.unfinished = bool(outcome.plan.jobs)
+        outcome.events += remedies.given_up
+        if not outcome.unfinished:
+            checkpoints.forget(root, outcome.plan.raw_places)
+        return outcome
+
+
+@dataclass(frozen=True)
+class _Work:
+    """A plan to be carried out under `root`, with so many cores, where a profile says."""
+
+    plan: Plan
+    root: Path
+    cores: int
+    profile: Profile
+    patience: float
+
+    def done(self, watch: Callable[[Plan, EventReader], Watcher]) -> list[Event]:
+        """What was told while it was carried out."""
+        log = self.root / EVENTS / f"{self.plan.name}.jsonl"
+        frozen = self.plan.freeze(self.root)
+        EventLog(log).write("run", cores=self.cores)
+        try:
+            with watch(self.plan, EventReader(log)), watched(log, self.patience):
+                well = scheduler.execute(frozen, self.root, self.cores, self.profile)
+        finally:
+            EventLog(log).write("ran")
+            shutil.rmtree(self.root / MARKS / self.plan.name, ignore_errors=True)
+        events = list(EventReader(log).new())
+        told = {"fail", "healed", "hung", "killed"}
+        if not well and not any(event["event"] in told for event in events):
+            said = scheduler.log_of(frozen)
+            events += _unexplained(events, said, scheduler.complaint(self.root / said))
+        return events
+
+
+def _unexplained(events: list[Event], log: Path, complaint: str | None) -> list[Event]:
+    """What no job has told of: some were killed, a farm refused them, or Snakemake itself went wrong."""
+    ended = {event["job"] for event in events if event["event"] == "end"}
+    killed = [e for e in events if e["event"] == "begin" and e["job"] not in ended]
+    if not killed:
+        if complaint is None:
+            message, code = f"the workflow failed; {log} says more", FrameError.exit_code
+        else:
+            message, code = f"no job could run: {complaint} {log} says more", MachineError.exit_code
+        return [{"event": "fail", "shot": "workflow", "stage": "", "message": message, "exit_code": code}]
+    return [{**each, "event": "killed", "message": f"{each['job']} was killed"} for each in killed]

@@ -1,0 +1,146 @@
+"""Snakemake, in a process of its own: the Snakefile, a frozen plan, a profile that says where its jobs run.
+
+A process of its own can be ended with all of its jobs, prints where it likes, and leaves our signal handlers
+alone. `python -m pipeline.production.execution.scheduler WORDS…`, in the root, is that process: Snakemake's
+own command line, so that a profile means here what it means to Snakemake.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import psutil
+
+from pipeline.errors import MachineError
+from pipeline.production.planning.profile import Profile, shipped
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.paths import LOGS
+
+PATIENCE = 5.0
+"""Seconds that processes have to end before they are killed."""
+
+FARM_PATIENCE = 90.0
+"""Seconds that taking jobs back from a farm may take."""
+
+
+def snakefile() -> Path:
+    """The checkout's Snakefile, or the one shipped in the wheel."""
+    here = Path(__file__).parents
+    for place in (here[3] / "Snakefile", here[1] / "Snakefile"):
+        if place.is_file():
+            return place
+    raise MachineError("no Snakefile beside the package; install flowsculpt again")
+
+
+def log_of(plan: Path) -> Path:
+    """What Snakemake prints while it runs a plan, relative to the root."""
+    return LOGS / plan.stem / "snakemake.log"
+
+
+def complaint(log: Path) -> str | None:
+    """What Snakemake's log tells first of a job that could not be run, such as that a farm refused it."""
+    told = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", _text(log), re.MULTILINE)
+    return told.group(1).strip().rstrip(".") + "." if told else None
+
+
+def _text(log: Path) -> str:
+    try:
+        return log.read_text(errors="replace")
+    except OSError:
+        return ""
+
+
+def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:
+    """Run a frozen plan (relative to `root`) on this machine's cores or a farm; whether every job ended well.
+
+    An interrupt ends all jobs, and takes those of a farm back, before it is passed on.
+    """
+    log = root / log_of(plan)
+    with disk_faults(log):
+        log.parent.mkdir(parents=True, exist_ok=True)
+        output = log.open("w")
+    command = [sys.executable, "-m", "pipeline.production.execution.scheduler", *_words(plan, cores, profile)]
+    with (
+        output,
+        subprocess.Popen(
+            command,
+            cwd=root,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=output,
+            start_new_session=not profile.is_local,  # Ctrl-C would cut short what takes jobs back
+        ) as process,
+    ):
+        try:
+            return process.wait() == 0
+        except BaseException:
+            if not profile.is_local:
+                _take_back(process)
+            end_family(process.pid)
+            raise
+
+
+def _words(plan: Path, cores: int, profile: Profile) -> list[str]:
+    """What Snakemake is called with. Its words win over our own settings, and these over the profile."""
+    ours = ["--snakefile", str(snakefile()), "--workflow-profile", str(shipped() / "default")]
+    here = ["--local-cores", str(cores)]
+    if profile.is_local:
+        here = ["--cores", str(cores), "--resources", f"mem_mb={psutil.virtual_memory().available >> 20}"]
+    return [*ours, *profile.arguments, *here, "--config", f"plan={plan.as_posix()}"]
+
+
+def _take_back(process: subprocess.Popen[bytes]) -> None:
+    """Have Snakemake cancel what it gave to a farm, as it does when it is interrupted, and wait for it."""
+    process.send_signal(signal.SIGINT)
+    with contextlib.suppress(subprocess.TimeoutExpired):
+        process.wait(FARM_PATIENCE)
+
+
+def end_family(pid: int) -> None:
+    """End a process, if it is still there, and all that it started: asked first, then killed."""
+    with contextlib.suppress(psutil.NoSuchProcess):
+        parent = psutil.Process(pid)
+        family = [*parent.children(recursive=True), parent]
+        for member in family:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                member.terminate()
+        _, stubborn = psutil.wait_procs(family, timeout=PATIENCE)
+        for member in stubborn:
+            with contextlib.suppress(psutil.NoSuchProcess):
+                member.kill()
+
+
+def _leave_with(parent: int, of_farm: bool) -> None:
+    """End this process and its jobs once the process that started it is gone, however it went."""
+    while os.getppid() == parent:
+        time.sleep(0.5)
+    if of_farm:
+        os.kill(os.getpid(), signal.SIGINT)
+        time.sleep(FARM_PATIENCE)
+    end_family(os.getpid())
+
+
+def main(words: list[str]) -> None:
+    """Snakemake's command line, which ends this process.
+
+    The lock is ours, not Snakemake's, whose lock outlives a killed process. Times decide nothing: keys in the
+    plan do, and a plan holds only jobs that are needed.
+    """
+    from snakemake.cli import main as snakemake
+
+    signal.signal(signal.SIGINT, signal.default_int_handler)  # even where who started us had it ignored
+    watcher = threading.Thread(target=_leave_with, args=(os.getppid(), "--cores" not in words), daemon=True)
+    watcher.start()
+    snakemake(words)
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,1 +1,0 @@
-"""The store, and how its files are written, read and looked at."""

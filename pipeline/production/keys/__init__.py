@@ -1,0 +1,1 @@
+"""Keys: digests of all that a file is made from."""

@@ -1,0 +1,1 @@
+"""From requests to plans: which files are missing, in what jobs they are made, what that takes."""

@@ -1,0 +1,1 @@
+"""What pictures are rendered from, besides the mesh: shading normals, cameras, motion."""

@@ -1,0 +1,73 @@
+"""Which Mitsuba variant renders a shot: the first that works here and has not failed on it.
+
+A GPU is used where it is asked for, and can; a shot falls over from it, as a whole, to what a processor runs.
+The variant is part of every picture's key, so pictures of two variants never stand in one shot.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Mapping
+from functools import cache
+from importlib.metadata import version
+from pathlib import Path
+
+from pipeline.errors import MachineError
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.store.paths import STATE
+from render.engine import DEFAULT_ORDER, choose, works
+
+ON_GPU = "cuda_ad_rgb"
+
+
+def variant_for(root: Path, shot: str, asked: str | None = None, tell: Callable[[str], None] = print) -> str:
+    """The variant that `shot` is rendered by: the one asked for, or the first that may serve.
+
+    tell  is told, in one line, where a GPU was asked for and another variant serves, and why
+
+    Raises RenderEnvironmentError where none works, MachineError where another one asked for has failed.
+    """
+    avoided = _avoided(root, shot)
+    if asked is None:
+        return _first_but(avoided)
+    if asked == ON_GPU and (asked in avoided or not _gpu_works()):
+        absent = f"{asked} cannot render here: Mitsuba finds no NVIDIA GPU with a driver that it can use"
+        chosen = _first_but(avoided)
+        tell(f"{avoided.get(asked, absent)}; {shot} is rendered with {chosen} instead")
+        return chosen
+    if asked in avoided:
+        raise MachineError(f"{avoided[asked]}; leave --variant out to have another one chosen")
+    return choose([asked]).variant
+
+
+def _first_but(avoided: Mapping[str, str]) -> str:
+    return choose([v for v in DEFAULT_ORDER if v not in avoided] or None).variant
+
+
+@cache
+def _gpu_works() -> bool:
+    """Asked once a process: that it does not is remembered nowhere else, for a driver may be installed."""
+    return works(ON_GPU)
+
+
+def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
+    """Remember that a variant failed on a shot; whether another is left to try."""
+    path = _memory(root, shot)
+    known = {**_avoided(root, shot), variant: reason}
+    with disk_faults(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps({"mitsuba": version("mitsuba"), "avoid": known}))
+    return any(v not in known for v in DEFAULT_ORDER)
+
+
+def _avoided(root: Path, shot: str) -> dict[str, str]:
+    """Variants that failed on this shot, by name, with the reason; another Mitsuba gets another chance."""
+    try:
+        memory = json.loads(_memory(root, shot).read_text())
+    except (FileNotFoundError, ValueError):
+        return {}
+    return dict(memory["avoid"]) if memory.get("mitsuba") == version("mitsuba") else {}
+
+
+def _memory(root: Path, shot: str) -> Path:
+    return root / STATE / "variants" / f"{shot}.json"

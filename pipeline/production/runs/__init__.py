@@ -1,1 +1,0 @@
-"""Plans, and carrying them out."""

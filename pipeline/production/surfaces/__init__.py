@@ -1,1 +1,0 @@
-"""From mesh frames to what pictures are made from: shading, cameras, movement."""

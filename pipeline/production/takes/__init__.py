@@ -1,1 +1,0 @@
-"""What is asked for, and the key of every file on the way to it."""

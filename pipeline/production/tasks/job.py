@@ -1,0 +1,199 @@
+"""What a task works on, and how it makes, reads and reports files."""
+
+from __future__ import annotations
+
+import os
+import platform
+import sys
+import time
+from collections.abc import Callable, Iterable
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, TypeVar
+
+from pipeline.errors import FlowsculptError, FrameError
+from pipeline.production.keys.digest import Key
+from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.request.planning_cache import Ledger
+from pipeline.production.store.event_log import EventLog, EventReader
+from pipeline.production.store.paths import EVENTS
+from pipeline.production.store.store import CorruptFileError, Store
+from render.errors import CorruptImageError, MissingImageError, RenderError
+
+if TYPE_CHECKING:
+    from pipeline.production.request.picture_keys import Keyring
+    from pipeline.production.request.render_request import Take
+
+T = TypeVar("T")
+
+REPORTED = (FlowsculptError, RenderError)
+"""What is told in one line; anything else is a bug, and its traceback goes to the log."""
+
+ENVIRONMENT = 4
+"""The exit code of the machine's faults, which further frames would meet as well."""
+
+
+@dataclass(frozen=True)
+class Context:
+    """One job of a plan, at work in `root`."""
+
+    root: Path
+    plan: Plan
+    job: Job
+    log: EventLog
+
+    @classmethod
+    def of(cls, root: Path, plan: Plan, job_name: str) -> Context:
+        """That of a job, which tells what it does in the plan's log."""
+        return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / plan.log_name, job_name))
+
+    def failed_for_good(self) -> bool:
+        """Whether an earlier attempt at this job told why it failed, as another would. One that was killed
+        told nothing, and what the machine refused may be had on another."""
+        log = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl")
+        told = [event for event in log.new(self.job.name) if event["job"] == self.job.name]
+        fails = [event.get("exit_code") for event in told if event["event"] == "fail"]
+        kinds = {event["event"] for event in told}
+        known = "healed" in kinds or (bool(fails) and "end" in kinds)
+        return known and ENVIRONMENT not in fails
+
+    def failed(self, stage: str) -> set[int]:
+        """The frames of this job's pictures that failed at an earlier stage of this run."""
+        quality = self.plan.takes[self.job.takes[0]]["quality"]
+        about = {"event": "fail", "stage": stage, "shot": self.subject, "quality": quality}
+        told = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new("fail")
+        return {e["frame"] for e in told if e.get("frame") is not None and about.items() <= e.items()}
+
+    def bring_inputs_to_now(self) -> None:
+        """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
+        differ, and Snakemake takes results that are older than their inputs for a mistake."""
+        now = time.time()
+        for path in (self.root / self.plan.mark(self.plan.job(name)) for name in self.job.after):
+            with suppress(OSError):
+                if path.stat().st_mtime > now:
+                    os.utime(path)
+
+    @property
+    def store(self) -> Store:
+        return Store(self.root)
+
+    @cached_property
+    def take(self) -> Take:
+        """The take of a job that has one."""
+        return self.takes[0]
+
+    @cached_property
+    def takes(self) -> list[Take]:
+        from pipeline.production.request.render_request import (
+            Take,  # a second's work, which who only watches never needs
+        )
+
+        ledger = Ledger(self.root)
+        return [Take.from_data(self.plan.takes[place], ledger) for place in self.job.takes]
+
+    def picture_keys(self, take: Take) -> Keyring:
+        """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
+        keys = take.picture_keys(self.store)
+        if keys is None:
+            raise FrameError(f"{take.folders.cameras()} is gone; run again to find the cameras anew")
+        return keys
+
+    def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
+        """Have the file of `key` made unless the store holds it, and show it; whether it was there."""
+        found = self.store.holds(kind, key)
+        if not found:
+            self.store.put(kind, key, write)
+        self.store.link(kind, key, target)
+        return found
+
+    def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
+        """A stored file, read whole. A corrupt one is forgotten, so that the next round makes it anew."""
+        path = self.store.path(kind, key)
+        if not path.exists():
+            with suppress(OSError):
+                list(path.parent.iterdir())  # a network file system may remember that it was not there
+        try:
+            return reader(path)
+        except (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError) as error:
+            self.store.discard(kind, key)
+            self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
+            raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
+
+    def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
+        """Once one file was found corrupt, read the others too: the next round makes them all anew."""
+        for number in numbers:
+            with suppress(FrameError):
+                read(number)
+
+    def each(self, frames: Iterable[int], work: Callable[[int], bool]) -> bool:
+        """Do `work(number)` for every frame and tell; a frame that fails leaves the others to be made.
+
+        `work` returns whether the frame had been there already. Returns whether all went well.
+        """
+        well = True
+        for number in frames:
+            self._log("start", number)
+            started = time.perf_counter()
+            try:
+                found = work(number)
+            except REPORTED as error:
+                self.fail(error, number)
+                well = False
+                if error.exit_code == ENVIRONMENT:
+                    break
+            else:
+                self.tell(number, found, time.perf_counter() - started)
+        return well
+
+    def tell(self, number: int, found: bool, seconds: float) -> None:
+        self._log("frame", number, found=found, seconds=round(seconds, 4))
+
+    def begin(self) -> None:
+        """This process works on the job from now on: by it the job is ended should it hang."""
+        here = {"process": os.getpid(), "host": platform.node()}
+        self.log.write("begin", stage=self.job.task, threads=self.job.threads, **here)
+
+    def passed(self, number: int, done: int, most: int) -> None:
+        """So many passes of a picture have been rendered, of at most so many."""
+        self._log("pass", number, done=done, most=most)
+
+    @property
+    def _place(self) -> str | None:
+        """The folder of the pictures that the job is about."""
+        if self.job.task == "film":
+            return None
+        return (self.take.folders.home / self.take.quality_name).as_posix()
+
+    def warn(self, number: int, message: str) -> None:
+        """Something that a frame is made in spite of."""
+        print(message, file=sys.stderr)
+        self._log("warn", number, message=message)
+
+    def resumed(self, number: int, passes: int) -> None:
+        """A frame went on from where its passes had been kept."""
+        self._log("resumed", number, passes=passes)
+
+    def renewed(self, held: float, most: float | None) -> None:
+        """This process holds so many MiB, more than it may, and another one makes the rest."""
+        message = f"the renderer grew to {held:.0f} MiB; a fresh one goes on"
+        self._log("renewed", message=message, held_mib=held, most_mib=most)
+
+    def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:
+        print(error, file=sys.stderr)
+        self._log("fail", number, message=str(error), exit_code=error.exit_code)
+
+    def killed(self, signal: str) -> None:
+        """Something else ended a process of this job, as the system does where memory runs out."""
+        self._log("killed", message=f"{self.job.task} of {self.subject} was ended by {signal}")
+
+    def _log(self, event: str, number: int | None = None, **facts: Any) -> None:
+        quality = self.plan.takes[self.job.takes[0]]["quality"]
+        about = {"stage": self.job.task, "shot": self.subject, "quality": quality, "frame": number}
+        self.log.write(event, **about, **facts)
+
+    @property
+    def subject(self) -> str:
+        """What the job is about: a shot's name, or the film."""
+        return "film" if self.job.task == "film" else self.take.subject

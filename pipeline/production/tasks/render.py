@@ -1,0 +1,244 @@
+"""From surfaces to raw pictures."""
+
+from __future__ import annotations
+
+import json
+import resource
+import time
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.production.keys.digest import Key
+from pipeline.production.render_inputs.framing import Framing, turned
+from pipeline.production.request.header import raw_header
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.store import checkpoints, readers
+from pipeline.production.store.disk import disk_faults
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.memory_guard import Wear
+from pipeline.production.tasks.signals import Stop, stopping
+from render.camera import Camera
+from render.checkpoint import Checkpoint
+from render.engine import Engine, choose
+from render.frame import Layers, render_frame
+from render.image import write_exr
+from render.measure import SPEED
+from render.shutter import Moment, Shutter
+from render.spheres import Spheres
+from render.surface import Surface
+from render.wireframe import outlines
+
+if TYPE_CHECKING:  # what only some pictures need takes half a second
+    from pipeline.production.render_inputs.motion import Movement, Shown
+    from pipeline.production.render_inputs.shading import Shading
+    from pipeline.shot import Shot
+
+
+def render(context: Context) -> bool:
+    """Render the raw pictures of a batch: passes averaged, AOVs beside the beauty.
+
+    Raises KeyboardInterrupt where the process is to end, and WornOutError where it has grown too large; both
+    leave the pictures not yet made to another process.
+    """
+    take = context.take
+    engine = choose([take.variant], threads=context.job.threads)
+    framings: Mapping[int, Framing] = take.framings(context.store) or {}
+    keys = context.picture_keys(take)
+    with stopping() as stop:
+        room = _Room(context, engine, framings, keys, stop, Wear())
+        return context.each(context.job.frames, room.make)
+
+
+@dataclass(frozen=True)
+class _Room:
+    """Where the pictures of a batch are rendered."""
+
+    context: Context
+    engine: Engine
+    framings: Mapping[int, Framing]
+    keys: Mapping[int, PictureKeys]
+    stop: Stop
+    wear: Wear
+
+    def make(self, number: int) -> bool:
+        """Have a picture rendered that the store lacks; whether it was there."""
+        self.stop.heed()
+        self.wear.heed()
+        context, key = self.context, self.keys[number].raw
+        target = context.take.folders.raw(context.take.quality_name, number)
+        keep = checkpoints.begun(
+            context.store, target, key, partial(context.warn, number), lambda: self.stop.asked
+        )
+        found = context.make("raw", key, target, partial(self._write, number, keep))
+        keep.remove()
+        if not found:
+            self.wear.rendered()
+        return found
+
+    def _write(self, number: int, keep: Checkpoint, path: Path) -> None:
+        context, take, begun = self.context, self.context.take, time.perf_counter()
+        picture = take.shot.picture
+        own, shutter, following = _moments(context, number, self.framings)
+        layers = render_frame(
+            own.subject,
+            picture.look,
+            picture.lights.turned(take.poses[number].lights),
+            picture.stage,
+            own.placement,
+            own.camera,
+            take.quality,
+            take.seed(number),
+            self.engine,
+            partial(self._passed, number),
+            aovs=take.layers.extra,
+            shutter=shutter,
+            following=following,
+            keep=keep,
+        )
+        if keep.taken_up:
+            context.resumed(number, keep.taken_up)
+        header = raw_header(context.take, number, self.framings[number], self.keys[number])
+        write_exr(path, layers, header, dict(take.layers.precision))
+        seconds = time.perf_counter() - begun
+        _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
+
+    def _passed(self, number: int, done: int, most: int) -> None:
+        self.stop.heed()
+        self.context.passed(number, done, most)
+
+
+def _moments(
+    context: Context, number: int, framings: Mapping[int, Framing]
+) -> tuple[Moment, Shutter | None, Moment | None]:
+    """What a picture shows, while its shutter is open, and at the next one; of these what it asks for."""
+    take = context.take
+    pose, framing = take.poses[number], framings[number]
+    arrays, shading = _drawn(context, number, framing.camera)
+    normals = arrays.get("normals")
+    shown = (
+        turned(arrays["vertices"], pose.spin),
+        None if normals is None else turned(normals, pose.spin, about_origin=True),
+    )
+    measured = _measured(context, number, shading)
+    if not take.moments_beside(number):
+        return Moment(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
+    from pipeline.production.render_inputs.motion import framing_at
+
+    movement = _movement(context, number, arrays, shading)
+    attributes = {**_attributes(movement, take.layers.extra), **measured}
+
+    def at(offset: float) -> Moment:
+        there = framing_at(framings, number, offset)
+        return Moment(_subject(arrays, movement.at(offset), attributes), there.placement, there.camera)
+
+    own = Moment(_subject(arrays, shown, attributes), framing.placement, framing.camera)
+    opened = take.open_at(number)
+    following = at(1.0) if "motion" in take.layers.extra else None
+    return own, None if opened is None else Shutter(*opened, at), following
+
+
+def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, AnyArray], Shading | None]:
+    """The arrays of what a picture shows; and how they were cut, where that goes by the picture."""
+    take = context.take
+    pose, picture = take.poses[number], take.shot.picture
+    if picture.dicing is None:
+        path = take.motion_folders.normals(pose.mesh)
+        key = take.normals_key(pose.mesh)
+        arrays = context.read("normals", key, path, readers.arrays(key))
+        return _with_edges(take.shot, arrays, picture.tessellate), None
+    from pipeline.production.tasks.meshes import shading_of
+
+    uncut = shading_of(context, pose.mesh)
+    shading = uncut.cut_for(camera, take.quality, picture.dicing, pose.spin)
+    return _with_edges(take.shot, shading.arrays(), shading.pieces), shading
+
+
+def _movement(
+    context: Context, number: int, arrays: Mapping[str, AnyArray], shading: Shading | None
+) -> Movement:
+    from pipeline.production.render_inputs.motion import flowing, turning
+    from pipeline.production.tasks.meshes import shading_of
+
+    take = context.take
+    pose, motion = take.poses[number], take.shot.motion
+    if take.turntable is not None:
+        turn = take.turntable.step(number)
+        return turning(arrays["vertices"], arrays.get("normals"), pose.spin, turn, float(motion.rate.fps))
+    return flowing(motion, shading or shading_of(context, pose.mesh))
+
+
+def _measured(context: Context, number: int, shading: Shading | None) -> dict[str, AnyArray]:
+    """What vertices bring along for the look."""
+    take = context.take
+    if not take.measures_speed:
+        return {}
+    from pipeline.production.render_inputs.motion import speeds
+    from pipeline.production.tasks.meshes import shading_of
+
+    return {SPEED: speeds(take.shot.motion, shading or shading_of(context, take.poses[number].mesh))}
+
+
+def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray]:
+    """What vertices bring along for the layers asked for."""
+    ways: dict[str, Callable[[], AnyArray]] = {
+        "velocity": movement.velocity,
+        "before": partial(movement.way, -1.0),
+        "after": partial(movement.way, 1.0),
+    }
+    return {name: ways[name]().astype(np.float32) for name in layers if name in ways}
+
+
+def _subject(
+    arrays: Mapping[str, AnyArray], shown: Shown, attributes: Mapping[str, AnyArray]
+) -> Surface | Spheres:
+    """What is rendered of a frame's arrays, its vertices and normals being those shown."""
+    points, normals = shown
+    vertices, material = points.astype(np.float32), arrays["material"]
+    if normals is None:
+        return Spheres(vertices, arrays["radii"], attributes, material)
+    return Surface(
+        vertices, normals.astype(np.float32), arrays["faces"], attributes, material, arrays.get("edges")
+    )
+
+
+def _tell_statistics(
+    context: Context, number: int, key: Key, layers: Layers, seconds: float, taken_up: int
+) -> None:
+    """What this picture took: it differs from run to run, and pictures do not, so it stands beside them.
+
+    taken_up  how many of its passes an earlier process had rendered, whose seconds are not known
+    """
+    stages = {name: round(value, 4) for name, value in layers.seconds.items()}
+    told = {
+        "key": key,
+        "seconds": {**stages, "reading and writing": round(seconds - sum(layers.seconds.values()), 4)},
+        "vertices": layers.facts["surface_vertices"],
+        "faces": layers.facts["surface_faces"],
+        "subframes": layers.facts.get("subframes", 1),
+        "samples": layers.facts["samples"],
+        **({"noise": layers.facts["noise"]} if "noise" in layers.facts else {}),
+        **({"passes_taken_up": taken_up} if taken_up else {}),
+        "threads": context.job.threads,
+        "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
+    }
+    path = context.root / context.take.folders.statistics(context.take.quality_name, number)
+    with disk_faults(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text(json.dumps(told, indent=1) + "\n")
+
+
+def _with_edges(shot: Shot, arrays: Mapping[str, AnyArray], pieces: int) -> Mapping[str, AnyArray]:
+    """With the edges of the mesh that was resampled, where they are drawn, however finely it is cut now;
+    of a net all are drawn."""
+    from pipeline.shot.net import ControlNet
+
+    is_net = isinstance(shot.motion.subject, ControlNet)
+    if shot.picture.look.wireframe is None or is_net or "faces" not in arrays:
+        return arrays
+    return {**arrays, "edges": outlines(arrays["faces"], pieces)}

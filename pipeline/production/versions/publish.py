@@ -1,0 +1,215 @@
+"""Publishing: the frames and the movie of a shot, frozen as a version that nothing overwrites.
+
+    renders/published/<shot>/v001/frames/<shot>.0001.exr
+    renders/published/<shot>/v001/<shot>.mp4
+    renders/published/<shot>/v001/provenance.json
+
+They stay whatever becomes of the shot, its renders and the store.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import getpass
+import re
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+from pipeline.errors import FrameError, MissingInputError, UsageError
+from pipeline.frames import FrameRange
+from pipeline.production.execution.run import exclusive
+from pipeline.production.keys.digest import Key
+from pipeline.production.planning.spent import seconds_by_stage, seconds_of
+from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.render_request import Take
+from pipeline.production.store.paths import published
+from pipeline.production.store.store import Store
+from pipeline.production.versions.environment import code_keys, host, packages
+from pipeline.production.versions.freezing import freeze, sweep
+from pipeline.production.versions.provenance import (
+    VERSION,
+    FrameRecord,
+    Provenance,
+    pixels_of,
+    portable,
+    records,
+)
+from pipeline.shot.named_files import digest_of_file
+from render.errors import CorruptImageError, MissingImageError
+from render.movie import probe_movie
+
+
+@dataclass(frozen=True)
+class Published:
+    """What became of publishing: the version, where it lies, and whether it was there before."""
+
+    version: str
+    folder: Path
+    before: bool
+
+
+@dataclass(frozen=True)
+class Release:
+    """A take on its way to being published.
+
+    command  what renders it, for messages
+    version  the one asked for; by default the next
+    copy     its files are no links to those of the store: what damages one leaves the other alone
+    """
+
+    take: Take
+    store: Store
+    command: str
+    note: str = ""
+    version: str | None = None
+    copy: bool = False
+
+    def publish(self, dry: bool = False) -> Published:
+        """Freeze the take's frames and movie; of content that is published already, say as what.
+
+        dry  only say what would be done
+
+        Raises MissingInputError where frames are missing, UsageError where they are stale or the version is
+        taken, FrameError where one cannot be read to its end, MachineError where another run is at work or
+        the disk refuses.
+        """
+        if dry:
+            return self._published(dry=True)
+        with exclusive(self.store.root):
+            sweep(self._home)
+            return self._published(dry=False)
+
+    @property
+    def _home(self) -> Path:
+        return self.store.root / published(self.take.name)
+
+    def _published(self, dry: bool) -> Published:
+        keys = self._keys()
+        known = list(records(self._home))
+        content = (*(keys[n].frame for n in sorted(self.take.poses)), self._movie_key(keys))
+        for place, record in known:
+            if isinstance(record, Provenance) and record.content == content:
+                return Published(record.version, place, before=True)
+        version = self._version([place.name for place, _ in known])
+        final = self._home / version
+        if not dry:
+            freeze(self.store, self._record(version, keys), final, self.copy)
+        return Published(version, final, before=False)
+
+    def _version(self, taken: list[str]) -> str:
+        """The one asked for, or the one after the last."""
+        after = f"v{max((int(name[1:]) for name in taken), default=0) + 1:03d}"
+        if self.version is None:
+            return after
+        if not re.fullmatch(VERSION, self.version):
+            raise UsageError(f"--version {self.version} is no version; write it as {after}, or leave it out")
+        if int(self.version[1:]) in (int(name[1:]) for name in taken):
+            raise UsageError(
+                f"--version {self.version}: {self.take.name} {self.version} is published already, with other "
+                f"frames, and nothing published is overwritten; the next is {after}"
+            )
+        return self.version
+
+    def _keys(self) -> Keyring:
+        """Of the take's pictures, which are all there as its shot file asks for them, and so is its movie."""
+        take, store = self.take, self.store
+        keys = take.picture_keys(store)
+        missing: list[int] = []
+        stale: list[int] = []
+        for number in take.poses:
+            place = take.folders.frame(take.quality_name, number)
+            if not store.shows("frame", keys[number].frame if keys else None, place):
+                (stale if (store.root / place).exists() else missing).append(number)
+        self._require(missing, stale, "frames")
+        assert keys is not None, "frames that are shown have keys"
+        if not store.shows("movie", self._movie_key(keys), take.movie_path):
+            there = (store.root / take.movie_path).exists()
+            self._require(
+                [] if there else [take.movie_path.name], [take.movie_path.name] if there else [], ""
+            )
+        return keys
+
+    def _movie_key(self, keys: Keyring) -> Key:
+        return self.take.movie_key([keys[n].frame for n in sorted(self.take.poses)])
+
+    def _require(self, missing: list[Any], stale: list[Any], what: str) -> None:
+        facts = [
+            f"{what} {FrameRange.of(found) if what else found[0]}".strip() + f" {state}"
+            for found, state in ((missing, "missing"), (stale, "stale: made from another shot file"))
+            if found
+        ]
+        if facts:
+            kind = MissingInputError if missing else UsageError
+            raise kind(
+                f"{self.take.name} at {self.take.quality_name}: {'; '.join(facts)}. What is published is "
+                f"made from the shot file of today; {self.command} makes it."
+            )
+
+    def _record(self, version: str, keys: Keyring) -> Provenance:
+        take, root, movie = self.take, self.store.root, self._movie_key(keys)
+        return Provenance(
+            shot=take.name,
+            version=version,
+            title=take.shot.title,
+            note=self.note,
+            published=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
+            user=_user(),
+            quality=take.quality_name,
+            size=(take.quality.width, take.quality.height),
+            rate=str(take.shot.motion.rate),
+            variant=take.variant,
+            script=portable(replace(take.script, allow_code=False)),
+            cameras=take.cameras_key,
+            frames={number: self._frame(number, keys) for number in sorted(take.poses)},
+            movie={"file": f"{take.name}.mp4", "key": movie, "sha256": self._whole_movie(movie)},
+            packages=packages(),
+            code=code_keys(),
+            host=host(),
+            timings=seconds_by_stage(take, root, {n: keys[n].raw for n in take.poses}),
+        )
+
+    def _frame(self, number: int, keys: Keyring) -> FrameRecord:
+        take, found = self.take, keys[number]
+        file = self.store.path("frame", found.frame)
+        try:
+            pixels = pixels_of(file)
+        except (CorruptImageError, MissingImageError):
+            raise self._forgotten("frame", found.frame, f"frame {number}") from None
+        return FrameRecord(
+            file=f"frames/{take.name}.{number:04d}.exr",
+            mesh=take.mesh_key(take.poses[number].mesh),
+            normals=take.normals_key(take.poses[number].mesh),
+            raw=found.raw,
+            frame=found.frame,
+            seed=take.seed(number),
+            pixels=pixels,
+            sha256=digest_of_file(file),
+            seconds=seconds_of(take, self.store.root, number, found.raw),
+        )
+
+    def _whole_movie(self, key: Key) -> str:
+        """The digest of the movie, which can be decoded to its end."""
+        file = self.store.path("movie", key)
+        try:
+            whole = probe_movie(file).frames == len(self.take.poses)
+        except (CorruptImageError, MissingImageError):
+            whole = False
+        if not whole:
+            raise self._forgotten("movie", key, self.take.movie_path.name)
+        return digest_of_file(file)
+
+    def _forgotten(self, kind: str, key: Key, what: str) -> FrameError:
+        """The error for a corrupt file, which the store forgets, so that the next run makes it anew."""
+        self.store.discard(kind, key)
+        return FrameError(
+            f"{self.take.name} at {self.take.quality_name}: {what} cannot be read to its end and was "
+            f"forgotten; {self.command} makes it anew"
+        )
+
+
+def _user() -> str:
+    with contextlib.suppress(OSError, KeyError, ImportError):
+        return getpass.getuser()
+    return ""

@@ -1,0 +1,171 @@
+"""Making a published version again, from its provenance alone, and looking whether it comes out the same.
+
+It happens under a root of its own, with a store of its own: nothing is taken from today's shot or from what
+was rendered before, and nothing of these is touched.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import MachineError, UsageError
+from pipeline.frames import FrameRange
+from pipeline.production.planning.plan import Plan
+from pipeline.production.planning.planner import Planner
+from pipeline.production.planning.profile import Profile
+from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.render_request import Take
+from pipeline.production.request.shot_source import Script
+from pipeline.production.request.variants import variant_for
+from pipeline.production.store.paths import repeated
+from pipeline.production.store.store import Store
+from pipeline.production.versions.provenance import Provenance, pixels_of, restored
+from pipeline.shot.named_files import digest_of_file
+from render.errors import RenderError
+from render.image import read_exr
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What became of one frame, or of the movie, against what was published.
+
+    same   None where it was not made, or cannot be read
+    words  how it differs
+    """
+
+    what: str
+    same: bool | None
+    words: str = ""
+
+
+@dataclass(frozen=True)
+class Repetition:
+    """A version to be made again.
+
+    source      its provenance file
+    root        that of the run; the repetition has its own below it
+    frames      a range of its frames; by default all, and the movie
+    variant     in place of the one that rendered it
+    allow_code  whether Python files that its shot names may be run
+    """
+
+    record: Provenance
+    source: Path
+    root: Path
+    cores: int
+    frames: str | None = None
+    variant: str | None = None
+    allow_code: bool = False
+    profile: Profile = field(default_factory=Profile.local)
+
+    @property
+    def home(self) -> Path:
+        """The root that it is made under."""
+        return self.root / repeated(self.record.shot, self.record.version)
+
+    @property
+    def store(self) -> Store:
+        return Store(self.home)
+
+    @cached_property
+    def asked(self) -> tuple[int, ...]:
+        """The frames to be compared. Raises UsageError where some are not in the version."""
+        if self.frames is None:
+            return tuple(self.record.frames)
+        whole, asked = FrameRange.of(self.record.frames), FrameRange.parse(self.frames)
+        outside = asked.outside(whole)
+        if outside:
+            raise UsageError(
+                f"{self.source}: frames {outside} are not in {self.record.version}, which has {whole}; ask "
+                "for frames among those"
+            )
+        return tuple(dict.fromkeys(asked))
+
+    @cached_property
+    def notes(self) -> list[str]:
+        """What is told before: why another variant renders, and what is otherwise than it was."""
+        told: list[str] = []
+        variant = self._variant(told)
+        return [*told, *self.record.differences(variant)]
+
+    @property
+    def take(self) -> Take:
+        """With the frames around those asked for whose light their finished pictures take in.
+
+        Raises UsageError or MissingInputError where files that the version was made from are not as they
+        were.
+        """
+        take = Take(self._script, self.record.quality, self._variant([]), self.asked)
+        around = {n for number in self.asked for n in take.window(number, self.record.frames.__contains__)}
+        return replace(take, requested=tuple(sorted(around)))
+
+    @cached_property
+    def _script(self) -> Script:
+        script = restored(self.record, self.allow_code)
+        beyond = FrameRange.of(self.record.frames).outside(script.shot.frames)
+        if beyond:
+            raise UsageError(
+                f"{self.source}: frames {beyond} are not in its own shot, so one of both was changed; take "
+                "the provenance that flowsculpt publish wrote"
+            )
+        return script
+
+    def plan(self) -> Plan:
+        """Raises what `take` raises."""
+        side_by_side = self.profile.side_by_side(self.cores)
+        planner, take = Planner(self.store, side_by_side, share=self.profile.share), self.take
+        planner.pictures(take)
+        if self.frames is None:
+            planner.movie(take)
+        return planner.plan()
+
+    def comparisons(self) -> list[Comparison]:
+        """Of every frame asked for, and of the movie where all were."""
+        keys = self.take.picture_keys(self.store)
+        found = [self._frame(number, keys) for number in self.asked]
+        return found if self.frames is not None else [*found, self._movie()]
+
+    def _variant(self, told: list[str]) -> str:
+        asked = self.variant or self.record.variant
+        try:
+            return variant_for(self.home, self.record.shot, asked, told.append)
+        except MachineError as error:
+            reason = str(error).partition(";")[0]
+            raise MachineError(
+                f"{reason}; --variant renders {self.record.version} with another, whose pixels will differ"
+            ) from None
+
+    def _frame(self, number: int, keys: Keyring | None) -> Comparison:
+        what, then = f"frame {number}", self.record.frames[number]
+        try:
+            if keys is None:
+                raise FileNotFoundError
+            file = self.store.path("frame", keys[number].frame)
+            if pixels_of(file) == then.pixels:
+                return Comparison(what, True)
+            return Comparison(what, False, _difference(file, self.source.parent / then.file))
+        except (FileNotFoundError, RenderError):
+            return Comparison(what, None, "was not made")
+
+    def _movie(self) -> Comparison:
+        file = self.home / self.take.movie_path
+        if not file.exists():
+            return Comparison("movie", None, "was not made")
+        return Comparison("movie", digest_of_file(file) == self.record.movie["sha256"])
+
+
+def _difference(file: Path, before: Path) -> str:
+    """How a picture differs from the published one, where that is still there."""
+    try:
+        now, then = (read_exr(path)[0]["beauty"] for path in (file, before))
+    except RenderError:
+        return ""
+    if now.shape != then.shape:
+        return "is of another size"
+    apart = np.abs(now - then).max(axis=2)
+    share, most = float((apart > 0.0).mean()), float(apart.max())
+    return f"differs in {share:.2%} of its pixels, by up to {most:.3g}" if most else "differs in its layers"
