@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from render.appear import appearing, cannot_write
 from render.encodes import Encode, require_size
-from render.errors import BadInputError
+from render.errors import BadInputError, RenderEnvironmentError
 from render.planes import Frame, bgra, even, gbr, require_frame, ycbcr
 from render.sink import Sink
 from render.sound import Samples
@@ -26,6 +26,8 @@ from render.track import Track
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
+_REORDERED = 3
+"""The fewest frames of which one can be encoded before one that is shown earlier: I, P, B."""
 _FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska", ".webp": "webp"}
 
 
@@ -45,8 +47,8 @@ def write_encode(
     uint8 frames count 0 … 255, uint16 frames 0 … 65535; a fourth channel is coverage, kept where the encode
     can. The file appears under its name only when complete, and the same input is the same bytes.
     Raises BadInputError for no frames, frames of different sizes or too small; MissingImageError or
-    CorruptImageError for sound that cannot be read; RenderEnvironmentError where the disk is full or the
-    folder cannot be written.
+    CorruptImageError for sound that cannot be read; RenderEnvironmentError where the encoder fails, the disk
+    is full or the folder cannot be written.
     """
     frames = iter(frames)
     first = next(frames, None)
@@ -54,12 +56,22 @@ def write_encode(
         raise BadInputError(f"{path}: a movie of no frames is not possible")
     require_frame(first, (3, 4))
     require_size(encode, first.shape[1], first.shape[0])
-    with appearing(path) as temporary:
+    with appearing(path) as temporary, _quiet(), closing(Sink(temporary)) as sink:
         try:
-            with _quiet(), closing(Sink(temporary)) as sink:
-                return _write(sink, path, itertools.chain([first], frames), rate, encode, start, sound)
+            return _write(sink, path, itertools.chain([first], frames), rate, encode, start, sound)
         except av.error.FFmpegError as error:
-            raise cannot_write(path, error.strerror) from None
+            if sink.error is not None:
+                raise cannot_write(path, str(sink.error.strerror)) from None
+            raise _encoder_failed(path, encode, first, error) from None
+
+
+def _encoder_failed(
+    path: Path, encode: Encode, first: Frame, error: av.error.FFmpegError
+) -> RenderEnvironmentError:
+    return RenderEnvironmentError(
+        f"{path}: the encoder {encode.codec} failed on frames of {_size(first.shape)} ({error.strerror}); "
+        "the frames are untouched: choose another encode, such as ffv1, or another size"
+    )
 
 
 def _write(
@@ -113,6 +125,7 @@ class _Picture:
     given: str
     stored: str
     rate: Fraction
+    count: int = 0
 
     @classmethod
     def begun(cls, container: Any, encode: Encode, frame: Frame, rate: Fraction) -> _Picture:
@@ -136,6 +149,7 @@ class _Picture:
         picture.pts, picture.time_base = number, 1 / self.rate
         picture.color_primaries = picture.color_trc = _BT709
         picture.colorspace, picture.color_range = (_RGB, _FULL) if self.encode.is_rgb else (_BT709, _LIMITED)
+        self.count += 1
         self._mux(picture)
 
     def end(self) -> None:
@@ -143,6 +157,10 @@ class _Picture:
 
     def _mux(self, picture: Any) -> None:
         for packet in self.stream.encode(picture):
+            if self.count < _REORDERED and self.encode.codec == "libx265":
+                # x265 4.2 subtracts a delay from these decoding times that it sets at the third frame only;
+                # before, it is whatever the memory held.
+                packet.dts = packet.pts
             packet.duration = packet.duration or round(1 / self.rate / packet.time_base)
             self.container.mux(packet)
 

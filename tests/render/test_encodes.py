@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
+import os
 import resource
+import subprocess
+import sys
 import weakref
 from collections.abc import Iterator
 from fractions import Fraction
@@ -103,6 +107,33 @@ def test_players_of_apple_find_their_tag(tmp_path: Path) -> None:
     write_encode(tmp_path / "a.mp4", bars(3), Fraction(24), ENCODES["h265"])
     facts = probe_movie(tmp_path / "a.mp4")
     assert (facts.codec, facts.tag, facts.pixel_format) == ("hevc", "hvc1", "yuv420p10le")
+
+
+@pytest.mark.parametrize("count", [1, 2])
+def test_short_h265_movies_have_decoding_times_whatever_the_memory_held(count: int, tmp_path: Path) -> None:
+    """For one or two frames x265 subtracts a delay that it never set; MALLOC_PERTURB_ makes glibc fill it.
+
+    At 12000 frames per second the file counts time as the encoder does, so no rounding hides a wrong one.
+    """
+    path = tmp_path / "a.mp4"
+    program = (
+        "from fractions import Fraction; from pathlib import Path; import numpy as np\n"
+        "from render.encodes import ENCODES; from render.encoding import write_encode\n"
+        f"frames = iter(np.zeros(({count}, 65, 129, 3), np.uint8))\n"
+        f"write_encode(Path({str(path)!r}), frames, Fraction(12000), ENCODES['h265'])\n"
+    )
+    subprocess.run([sys.executable, "-c", program], env={**os.environ, "MALLOC_PERTURB_": "90"}, check=True)
+    with av.open(str(path)) as container:
+        times = [(packet.pts, packet.dts) for packet in container.demux(video=0) if packet.size]
+    assert times == [(n, n) for n in range(count)]
+
+
+def test_a_failing_encoder_is_named_and_the_disk_is_not_blamed(tmp_path: Path) -> None:
+    broken = dataclasses.replace(ENCODES["h265"], options={"preset": "no such preset"})
+    with pytest.raises(RenderEnvironmentError, match="the encoder libx265 failed") as raised:
+        write_encode(tmp_path / "a.mp4", bars(1), Fraction(24), broken)
+    assert "disk" not in str(raised.value)
+    assert not list(tmp_path.iterdir())
 
 
 def test_the_archive_loses_nothing(tmp_path: Path) -> None:
