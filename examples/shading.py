@@ -12,7 +12,7 @@ from examples.drawing import INK
 from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
 from pipeline.production.render_inputs.framing import Framing, frame_all
-from pipeline.shot.cameras import View
+from pipeline.shot.camera import View
 from render.colour import quantise, to_display
 from render.denoise import denoise
 from render.engine import choose

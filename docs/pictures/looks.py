@@ -21,7 +21,7 @@ from pipeline.production.render_inputs.framing_geometry import Balls
 from pipeline.production.render_inputs.motion import speeds
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import read_shot
-from pipeline.shot.cameras import View
+from pipeline.shot.camera import View
 from pipeline.shot.shot import Shot
 from render.colour import quantise, to_display
 from render.denoise import denoise

@@ -16,12 +16,12 @@ from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
 from pipeline.production.store.disk import disk_faults
 from pipeline.shot import read_shot
-from pipeline.shot.beginning import SCHEMA, shot_of_flow, shot_of_shot
-from pipeline.shot.catalogue import DOCUMENTS
-from pipeline.shot.edits import DEFAULTS
-from pipeline.shot.schema import defaults_schema, film_schema, shot_schema
-from pipeline.shot.source import Source
-from pipeline.shot.staging import STAGED, staging_of
+from pipeline.shot.documents.catalogue import DOCUMENTS
+from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
+from pipeline.shot.templates.flow_presets import STAGED, staging_of
+from pipeline.shot.templates.template import SCHEMA, shot_of_flow, shot_of_shot
+from pipeline.shot.yaml.edits import DEFAULTS
+from pipeline.shot.yaml.source import Source
 
 SCHEMAS = Path(".schema")
 """Beside shots: the folder of the schemas that editors check them by."""

@@ -9,8 +9,8 @@ from rich.table import Table
 
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, out
-from pipeline.shot.catalogue import DOCUMENTS
-from pipeline.shot.listing import facts, markdown, shown
+from pipeline.shot.documents.catalogue import DOCUMENTS
+from pipeline.shot.documents.flow_listing import facts, markdown, shown
 
 
 def flows(

@@ -8,12 +8,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pipeline.shot.cameras import CameraPath
+    from pipeline.shot.camera import CameraPath
     from pipeline.shot.clock import Clock
-    from pipeline.shot.film import read_film
+    from pipeline.shot.film_reader import read_film
     from pipeline.shot.motion import Motion, Resampling
-    from pipeline.shot.read import read_shot
     from pipeline.shot.shot import Film, Picture, Shot
+    from pipeline.shot.shot_reader import read_shot
     from pipeline.shot.subject import Model, Solid, Subject
 
 __all__ = [
@@ -31,8 +31,8 @@ __all__ = [
     "read_shot",
 ]
 
-_PLACES = {
-    "CameraPath": "cameras",
+_MODULES = {
+    "CameraPath": "camera",
     "Clock": "clock",
     "Film": "shot",
     "Model": "subject",
@@ -42,12 +42,12 @@ _PLACES = {
     "Shot": "shot",
     "Solid": "subject",
     "Subject": "subject",
-    "read_film": "film",
-    "read_shot": "read",
+    "read_film": "film_reader",
+    "read_shot": "shot_reader",
 }
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _PLACES:
+    if name not in _MODULES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_PLACES[name]}"), name)
+    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)

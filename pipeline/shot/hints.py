@@ -10,8 +10,8 @@ from collections.abc import Mapping
 from pydantic import BaseModel
 
 from pipeline.flow.parameters import Sense
-from pipeline.shot.camera_document import CameraDocument
-from pipeline.shot.compositions import (
+from pipeline.shot.documents.camera import CameraDocument
+from pipeline.shot.documents.compositions import (
     BlendDocument,
     Composition,
     MirroredDocument,
@@ -20,8 +20,26 @@ from pipeline.shot.compositions import (
     ReversedDocument,
     WithinDocument,
 )
-from pipeline.shot.curves import Key, Keyed, OverTime, OverTimeTriple
-from pipeline.shot.documents import (
+from pipeline.shot.documents.curves import Key, Keyed, OverTime, OverTimeTriple
+from pipeline.shot.documents.flows import FlowDocument, VelocityDocument
+from pipeline.shot.documents.generated import FlowParameters
+from pipeline.shot.documents.regions import (
+    BoxDocument,
+    HalfSpaceDocument,
+    MeshDocument,
+    RegionDocument,
+    RoundDocument,
+    SphereDocument,
+)
+from pipeline.shot.documents.resampling import (
+    ActiveAngleDocument,
+    ActiveLengthDocument,
+    CameraDistanceDocument,
+    CurvatureDocument,
+    ResampleDocument,
+)
+from pipeline.shot.documents.resampling import RegionDocument as CreasesDocument
+from pipeline.shot.documents.shot import (
     CardDocument,
     ClipDocument,
     FilmDocument,
@@ -30,29 +48,11 @@ from pipeline.shot.documents import (
     ShotDocument,
     SoundDocument,
 )
-from pipeline.shot.flows import FlowDocument, VelocityDocument
-from pipeline.shot.generated import FlowParameters
-from pipeline.shot.regions import (
-    BoxDocument,
-    HalfSpaceDocument,
-    MeshDocument,
-    RegionDocument,
-    RoundDocument,
-    SphereDocument,
-)
-from pipeline.shot.resampling import (
-    ActiveAngleDocument,
-    ActiveLengthDocument,
-    CameraDistanceDocument,
-    CurvatureDocument,
-    ResampleDocument,
-)
-from pipeline.shot.resampling import RegionDocument as CreasesDocument
+from pipeline.shot.documents.smoothing import SmoothDocument
+from pipeline.shot.documents.views import ViewDocument
 from pipeline.shot.set_hints import SET_HINTS
 from pipeline.shot.shutter import ShutterDocument
-from pipeline.shot.smoothing import SmoothDocument
 from pipeline.shot.subject_hints import SUBJECT_HINTS
-from pipeline.shot.views import ViewDocument
 
 _MADE_OF = {
     "within": Sense("in a region alone"),

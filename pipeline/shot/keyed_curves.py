@@ -13,13 +13,13 @@ from pydantic import BaseModel
 from pipeline.arrays import Floats
 from pipeline.flow.choreography import Curve, Keyframes
 from pipeline.shot.clock import Clock
-from pipeline.shot.curves import Keyed, OverTime, OverTimeTriple, curve_of
-from pipeline.shot.documents import ShotDocument
-from pipeline.shot.fields import vector
+from pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple, curve_of
+from pipeline.shot.documents.fields import vector
+from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.hints import hint
-from pipeline.shot.layers import layered
-from pipeline.shot.read import read_shot
-from pipeline.shot.surroundings import Surroundings
+from pipeline.shot.shot_reader import read_shot
+from pipeline.shot.yaml.inheritance import layered
+from pipeline.shot.yaml.parse_context import Surroundings
 
 FINELY = 16
 """Looks at a curve for each frame."""

@@ -7,7 +7,13 @@ from collections.abc import Mapping
 from pydantic import BaseModel
 
 from pipeline.flow.parameters import Sense
-from pipeline.shot.sets import LightsDocument, SkyDocument, SoftboxDocument, StageDocument, SunDocument
+from pipeline.shot.documents.lights_and_stage import (
+    LightsDocument,
+    SkyDocument,
+    SoftboxDocument,
+    StageDocument,
+    SunDocument,
+)
 
 SET_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     LightsDocument: {

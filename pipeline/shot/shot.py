@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.cameras import CameraPath
+from pipeline.shot.camera import CameraPath
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.motion import Motion
 from pipeline.shot.shutter import PictureLayers, Shutter

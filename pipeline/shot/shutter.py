@@ -13,8 +13,8 @@ from pydantic_core import PydanticCustomError
 from pipeline.errors import UsageError
 from pipeline.flow.choreography import Number, number_at
 from pipeline.shot.clock import Clock
-from pipeline.shot.curves import MOST_LOOKS, NumberField, number
-from pipeline.shot.fields import DEGREE, Document, one_of
+from pipeline.shot.documents.curves import MOST_LOOKS, NumberField, number
+from pipeline.shot.documents.fields import DEGREE, Document, one_of
 from render.aovs import AOVS, EXTRA
 
 TURN = 2.0 * math.pi

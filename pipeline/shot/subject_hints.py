@@ -7,17 +7,22 @@ from collections.abc import Mapping
 from pydantic import BaseModel
 
 from pipeline.flow.parameters import Sense
-from pipeline.shot.documents import ModelDocument
-from pipeline.shot.looks import AbsorptionDocument, LookDocument, WireframeDocument
-from pipeline.shot.materials import (
+from pipeline.shot.documents.look import AbsorptionDocument, LookDocument, WireframeDocument
+from pipeline.shot.documents.look_parts import (
     MeasureDocument,
     PictureDocument,
     ProjectionDocument,
     ReliefDocument,
     ScaleDocument,
 )
-from pipeline.shot.pigments import MarbleDocument, PatternDocument, PigmentDocument, SpecklesDocument
-from pipeline.shot.point_documents import CloudDocument, NetDocument, NetSolidDocument, SolidDocument
+from pipeline.shot.documents.pigments import (
+    MarbleDocument,
+    PatternDocument,
+    PigmentDocument,
+    SpecklesDocument,
+)
+from pipeline.shot.documents.shot import ModelDocument
+from pipeline.shot.documents.subject import CloudDocument, NetDocument, NetSolidDocument, SolidDocument
 
 SUBJECT_HINTS: Mapping[type[BaseModel], Mapping[str, Sense]] = {
     SolidDocument: {

@@ -22,7 +22,7 @@ from pipeline.production.render_inputs.framing import Framing, frame_all, turned
 from pipeline.production.request.render_request import Take
 from pipeline.production.request.turntable import TURNS, Pose, Turntable, framed_whole
 from pipeline.production.versions.wedge import frames_by_task
-from pipeline.shot.cameras import Lens, View
+from pipeline.shot.camera import Lens, View
 from render.camera import Camera
 from render.image import read_exr, read_png
 from render.movie import probe_movie

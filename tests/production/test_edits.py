@@ -14,7 +14,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.edit import Cut
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
-from pipeline.shot.edits import is_edit
+from pipeline.shot.yaml.edits import is_edit
 from render.movie import probe_movie
 
 REEL = """\
@@ -103,8 +103,8 @@ def never(*arguments: object, **others: object) -> None:
 def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeypatch):
     Path(".flowsculpt").mkdir()
     first = Studio(there.path, cores=2).film("preview", find_edit("reel"))
-    monkeypatch.setattr("pipeline.shot.film.read_film", never)
-    monkeypatch.setattr("pipeline.shot.read.read_shot", never)
+    monkeypatch.setattr("pipeline.shot.film_reader.read_film", never)
+    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
     again = Studio(there.path, cores=2).film("preview", find_edit("reel"))
     assert (again.jobs, again.film, again.targets) == (first.jobs, first.film, first.targets)
 

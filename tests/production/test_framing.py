@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth, turned
 from pipeline.production.render_inputs.framing_geometry import Balls, fitting_distance
-from pipeline.shot.cameras import View
+from pipeline.shot.camera import View
 from render.errors import BadInputError
 
 ASPECT = 16 / 9

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, Framing, frame_all
 from pipeline.production.render_inputs.framing_geometry import Balls
-from pipeline.shot.cameras import Lens, View
+from pipeline.shot.camera import Lens, View
 
 ASPECT = 16 / 9
 PLAIN = View(0.4, 0.25, math.radians(26), 0.08)

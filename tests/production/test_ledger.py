@@ -15,7 +15,7 @@ from pipeline.production.request.planning_cache import Ledger
 from pipeline.production.request.render_request import Take
 from pipeline.production.request.shot_summary import Outline
 from pipeline.production.request.turntable import Turntable
-from pipeline.shot.named_files import digest_of_file
+from pipeline.shot.yaml.lookup import digest_of_file
 
 SHOT = """\
 title: T
@@ -70,7 +70,7 @@ def test_what_is_remembered_is_what_reading_the_shot_finds(
     read = [forgetful(take_of(shot, quality)), replace(forgetful(take_of(shot, quality)), turntable=turn)]
     assert [keys_of(take) for take in read] == first
     assert [take.quality for take in read] == [take.quality_of_shot for take in read]
-    monkeypatch.setattr("pipeline.shot.read.read_shot", never)
+    monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
     again = [take_of(shot, quality), replace(take_of(shot, quality), turntable=turn)]
     assert [keys_of(take) for take in again] == first
 

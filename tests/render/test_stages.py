@@ -12,7 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import frame_all, with_room
-from pipeline.shot.cameras import View
+from pipeline.shot.camera import View
 from render.camera import Camera
 from render.errors import BadInputError
 from render.frame import Layers

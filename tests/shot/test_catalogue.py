@@ -18,10 +18,10 @@ from pipeline.flow.catalogue import Bend, Vortex, VortexRing
 from pipeline.flow.parameters import parameters_of, shot_name, summary
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import read_shot
-from pipeline.shot.catalogue import DOCUMENTS
 from pipeline.shot.clock import Clock
-from pipeline.shot.listing import BEGIN, END, facts, markdown, shown
-from pipeline.shot.surroundings import Surroundings
+from pipeline.shot.documents.catalogue import DOCUMENTS
+from pipeline.shot.documents.flow_listing import BEGIN, END, facts, markdown, shown
+from pipeline.shot.yaml.parse_context import Surroundings
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
 DOCS = Path(__file__).parents[2] / "docs"

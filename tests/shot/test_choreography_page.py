@@ -10,8 +10,8 @@ import pytest
 from pipeline.flow import EASINGS
 from pipeline.flow.regions import FALLS
 from pipeline.shot import read_shot
-from pipeline.shot.flows import FlowDocument
-from pipeline.shot.regions import SHAPES
+from pipeline.shot.documents.flows import FlowDocument
+from pipeline.shot.documents.regions import SHAPES
 
 PAGE = (Path(__file__).parents[2] / "docs" / "choreography.md").read_text(encoding="utf-8")
 EXAMPLES = re.findall(r"```yaml\n(.*?)```", PAGE, re.DOTALL)

@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.shot import read_film, read_shot
-from pipeline.shot.edits import is_edit
-from pipeline.shot.layers import DEFAULTS
+from pipeline.shot.yaml.edits import is_edit
+from pipeline.shot.yaml.inheritance import DEFAULTS
 
 PROJECT = Path(__file__).parents[2]
 SHOTS = sorted(

@@ -17,8 +17,8 @@ from pipeline.flow import keyed
 from pipeline.mesh import validate
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
 from pipeline.shot import Motion, read_shot
+from pipeline.shot.documents.resampling import KeyedCamera, KeyedThreshold
 from pipeline.shot.motion import Resampling
-from pipeline.shot.resampling import KeyedCamera, KeyedThreshold
 
 SHOT = """\
 title: Ball

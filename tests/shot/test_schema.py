@@ -12,9 +12,9 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot import read_shot
-from pipeline.shot.catalogue import DOCUMENTS
-from pipeline.shot.schema import defaults_schema, film_schema, shot_schema
-from pipeline.shot.source import Source
+from pipeline.shot.documents.catalogue import DOCUMENTS
+from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
+from pipeline.shot.yaml.source import Source
 
 HOME = Path(__file__).parents[2]
 SHOTS = sorted(path for path in (HOME / "shots").glob("*.yaml"))

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError, ShotError
-from pipeline.shot.source import Source
+from pipeline.shot.yaml.source import Source
 
 
 def source(folder: Path, text: str) -> Source:

@@ -209,7 +209,7 @@ def _told(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame
 
 def heard_from(file: Path) -> Heard:
     """Sound that a user names. Raises MissingImageError or CorruptImageError."""
-    from pipeline.shot.named_files import digest_of_file
+    from pipeline.shot.yaml.lookup import digest_of_file
     from render.sound import require_sound
 
     require_sound(file)

@@ -34,7 +34,10 @@ SIMULATION_CODE = (
     "pipeline/animation",
     "pipeline/formula",
     *(f"pipeline/{name}.py" for name in ("__init__", "frames", "kernels", "statistics")),
-    *(f"pipeline/shot/{name}.py" for name in ("clock", "motion", "subject", "cloud", "net", "resampling")),
+    *(
+        f"pipeline/shot/{name}.py"
+        for name in ("clock", "motion", "subject", "cloud", "net", "documents/resampling")
+    ),
 )
 """What moves vertices. What reads shot files is no part of it: the values that it reads are."""
 

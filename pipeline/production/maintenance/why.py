@@ -25,7 +25,7 @@ from pipeline.production.request.shot_source import Script
 from pipeline.production.store.event_log import EventReader, logs_of
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Store
-from pipeline.shot.layers import layered
+from pipeline.shot.yaml.inheritance import layered
 from render.errors import RenderError
 from render.image import read_header
 

@@ -30,7 +30,7 @@ from render.plain import from_plain, to_plain
 from render.stage import Placement, Stage
 
 if TYPE_CHECKING:
-    from pipeline.shot.cameras import View
+    from pipeline.shot.camera import View
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""

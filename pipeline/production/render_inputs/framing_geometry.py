@@ -11,7 +11,7 @@ from pipeline.arrays import AnyArray, Floats
 from render.camera import Camera
 
 if TYPE_CHECKING:
-    from pipeline.shot.cameras import Lens, View
+    from pipeline.shot.camera import Lens, View
 
 HALF_A_SCULPTURE = 100.0
 """Millimetres that count as the sculpture's half-size, where a shot does not say what a unit is: lenses then

@@ -13,7 +13,7 @@ from pipeline.frames import FrameRate
 from pipeline.production.keys.digest import MOVIE_CODE, Key, code_key, key_of
 from pipeline.production.request.crop_and_scale import base_of
 from pipeline.production.store import paths
-from pipeline.shot.named_files import digest_of_file
+from pipeline.shot.yaml.lookup import digest_of_file
 
 if TYPE_CHECKING:
     from pipeline.shot import Film

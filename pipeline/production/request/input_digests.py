@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.shot.named_files import digest_of_file
+from pipeline.shot.yaml.lookup import digest_of_file
 
 Pins = tuple[tuple[str, str], ...]
 """Paths and the SHA-256 of their contents, in the order of the paths."""

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from pipeline.production.request.planning_cache import Ledger
     from pipeline.resample import Thresholds
     from pipeline.shot import Clock, Shot
-    from pipeline.shot.cameras import View
+    from pipeline.shot.camera import View
     from pipeline.shot.shutter import PictureLayers
     from render.quality import Quality
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.request.shot_source import Script
-from pipeline.shot.edits import DEFAULTS
+from pipeline.shot.yaml.edits import DEFAULTS
 
 
 @dataclass(frozen=True)
@@ -46,7 +46,7 @@ def shot_around(mesh: Path) -> str:
 def _rests_on(path: Path, text: str) -> dict[str, str]:
     """The text of all other files that a shot is made of, by their names; most rest on no shot."""
     if "extends" in text:
-        from pipeline.shot.layers import rests_on
+        from pipeline.shot.yaml.inheritance import rests_on
 
         return rests_on(path, text)
     defaults = path.with_name(DEFAULTS)

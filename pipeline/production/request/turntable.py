@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from pipeline.shot.cameras import View
+    from pipeline.shot.camera import View
 
 TURNS = ("object", "lights")
 """What a turntable turns, one after the other."""

@@ -15,7 +15,7 @@ from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
 from pipeline.production.store.paths import PUBLISHED, repeated
 from pipeline.production.versions.provenance import FILE, Provenance, records
-from pipeline.shot.named_files import digest_of_file, is_there
+from pipeline.shot.yaml.lookup import digest_of_file, is_there
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from itertools import product
 
 from pipeline.errors import UsageError
 from pipeline.production.keys.digest import key_of
-from pipeline.shot.named_files import shown
+from pipeline.shot.yaml.lookup import shown
 
 OPTION = "--vary"
 MOST_CELLS = 100

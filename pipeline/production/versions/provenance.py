@@ -18,7 +18,7 @@ from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
 from pipeline.production.request.shot_source import Script
 from pipeline.production.versions.environment import code_keys, host, packages
-from pipeline.shot.named_files import digest_of_file, is_there
+from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from render.image import read_exr
 
 FILE = "provenance.json"

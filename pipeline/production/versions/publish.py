@@ -36,7 +36,7 @@ from pipeline.production.versions.provenance import (
     portable,
     records,
 )
-from pipeline.shot.named_files import digest_of_file
+from pipeline.shot.yaml.lookup import digest_of_file
 from render.errors import CorruptImageError, MissingImageError
 from render.movie import probe_movie
 

@@ -24,7 +24,7 @@ from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import repeated
 from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import Provenance, pixels_of, restored
-from pipeline.shot.named_files import digest_of_file
+from pipeline.shot.yaml.lookup import digest_of_file
 from render.errors import RenderError
 from render.image import read_exr
 

@@ -27,7 +27,7 @@ from pipeline.production.request.variants import variant_for
 from pipeline.production.store import paths
 from pipeline.production.store.store import Store
 from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
-from pipeline.shot.named_files import shown
+from pipeline.shot.yaml.lookup import shown
 from render.colour import quantise, to_display
 from render.contact_sheet import ContactSheet, columns_for, reduced, reduction
 from render.errors import RenderError

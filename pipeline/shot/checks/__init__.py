@@ -1,0 +1,1 @@
+"""Checks of raw shot data beyond the form of single values."""

@@ -1,0 +1,1 @@
+"""The layout of shot and film files as pydantic models, and the values they become."""

@@ -1,0 +1,80 @@
+"""The flows that a shot can name, told to people and programs: made from the flows themselves."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from pipeline.errors import UsageError, suggestion
+from pipeline.flow import VelocityField
+from pipeline.flow.parameters import Parameter, summary
+from pipeline.flow.python_file import PythonFlow
+from pipeline.shot.documents.catalogue import DOCUMENTS
+
+BEGIN, END = "<!-- from the code: flowsculpt flows --markdown -->", "<!-- to here -->"
+"""What stands around the table in the docs."""
+
+
+def facts(name: str) -> dict[str, Any]:
+    """A flow of the catalogue as JSON-able data, in the units of shot files.
+
+    Raises UsageError for a name that is not known.
+    """
+    if name not in DOCUMENTS:
+        raise UsageError(f"there is no flow {name!r} in the catalogue. {suggestion(name, DOCUMENTS)}")
+    document = DOCUMENTS[name]
+    return {
+        "name": name,
+        "kind": _kind(document.flow),
+        "sense": summary(document.flow),
+        "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
+    }
+
+
+def _kind(flow: type) -> str:
+    if issubclass(flow, VelocityField):
+        return "velocity"
+    return "function" if issubclass(flow, PythonFlow) else "map"
+
+
+def _fact(parameter: Parameter) -> dict[str, Any]:
+    return {
+        "name": parameter.name,
+        "form": parameter.form,
+        "keyed": parameter.form in ("number", "place"),
+        "above_nought": parameter.positive,
+        "choices": list(parameter.choices),
+        "unit": parameter.sense.unit,
+        "needed": parameter.needed,
+        "default": parameter.default_in_file,
+        "sense": parameter.sense.text,
+    }
+
+
+def shown(fact: dict[str, Any]) -> str:
+    """The default of a parameter, as one would write it; where it has none, that it is needed."""
+    value = fact["default"]
+    if fact["needed"]:
+        return "needed"
+    if value is None or value == {}:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(f'{part:g}' for part in value)}]"
+    return value if isinstance(value, str) else f"{value:.6g}"
+
+
+def markdown() -> str:
+    """The table of the docs, one line a flow."""
+    lines = [BEGIN, "| | in a shot | what it does | parameters |", "|---|---|---|---|"]
+    for name in DOCUMENTS:
+        fact = facts(name)
+        parameters = ", ".join(_in_a_word(parameter) for parameter in fact["parameters"])
+        picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""
+        lines.append(f"| {picture} | `{name}` | {fact['sense']} | {parameters} |")
+    return "\n".join([*lines, END])
+
+
+def _in_a_word(fact: dict[str, Any]) -> str:
+    unit = f" {fact['unit']}" if fact["unit"] else ""
+    return f"`{fact['name']}` {shown(fact)}{unit}"

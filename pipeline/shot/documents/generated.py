@@ -1,0 +1,98 @@
+"""Documents made from the dataclasses of flows: what a flow takes is written there and nowhere else.
+
+Angles are degrees in the file and radians from here on.
+"""
+
+from __future__ import annotations
+
+import typing
+from dataclasses import MISSING
+from typing import Annotated, Any, ClassVar
+
+from pydantic import Field, create_model
+
+from pipeline.flow import Flow, VelocityField
+from pipeline.flow.parameters import Parameter, parameter, parameters_of, summary
+from pipeline.shot.clock import Clock
+from pipeline.shot.documents import curves, fields
+from pipeline.shot.documents.fields import Document
+
+
+class FlowParameters(Document):
+    """What a flow takes in a shot file.
+
+    parameters  those of its dataclass
+    own         those that the document adds: a file to read, points to draw a curve through
+    """
+
+    flow: ClassVar[type[Flow] | type[VelocityField]]
+    parameters: ClassVar[tuple[Parameter, ...]]
+    own: ClassVar[tuple[Parameter, ...]]
+
+    def build(self, clock: Clock) -> Any:
+        """The flow; what the file does not say has the default of the code."""
+        said = [p for p in self.parameters if p.name in self.model_fields_set]
+        return self.flow(
+            **{p.name: _value(p, getattr(self, p.name), clock) for p in said}, **self.more(clock)
+        )
+
+    def more(self, clock: Clock) -> dict[str, Any]:
+        """What the flow is given of the document's own."""
+        return {}
+
+
+def document_of(flow: type, base: type[FlowParameters] = FlowParameters) -> type[FlowParameters]:
+    """The document of a flow: what `base` has, and then the parameters of the dataclass."""
+    parameters = parameters_of(flow)
+    entries: dict[str, Any] = {p.name: (_kind(p), _field(p)) for p in parameters}
+    made = create_model(f"{flow.__name__}Parameters", __base__=base, __doc__=summary(flow), **entries)
+    made.flow, made.parameters, made.own = flow, parameters, _own(base)
+    return made
+
+
+def _own(base: type[FlowParameters]) -> tuple[Parameter, ...]:
+    kinds = typing.get_type_hints(base, include_extras=True)
+    return tuple(
+        parameter(
+            field.alias or name,
+            kinds[name],
+            MISSING if field.is_required() else field.get_default(call_default_factory=True),
+        )
+        for name, field in base.model_fields.items()
+    )
+
+
+def _kind(p: Parameter) -> Any:
+    """The type of a parameter in a document."""
+    if p.bounds:
+        return Annotated[p.kind, Field(ge=p.bounds.low, le=p.bounds.high)]
+    kinds = {
+        "number": curves.PositiveField if p.positive else curves.NumberField,
+        "constant": fields.Positive if p.positive else fields.Real,
+        "place": curves.PlaceField,
+        "point": fields.Triple,
+        "direction": fields.Axis,
+    }
+    return kinds.get(p.form, p.kind)
+
+
+def _field(p: Parameter) -> Any:
+    told = f"{p.sense.text} ({p.sense.unit})" if p.sense.unit else p.sense.text
+    return Field(description=told) if p.needed else Field(p.default_in_file, description=told)
+
+
+def _value(p: Parameter, value: Any, clock: Clock) -> Any:
+    """A parsed value as the flow takes it."""
+    match p.form:
+        case "number":
+            return curves.number(value, clock, p.sense.factor)
+        case "constant":
+            return float(value) * p.sense.factor
+        case "place":
+            return curves.place(value, clock)
+        case "point":
+            return fields.vector(value)
+        case "direction":
+            return fields.axis(value)
+        case _:
+            return value

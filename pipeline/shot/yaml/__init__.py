@@ -1,0 +1,1 @@
+"""Shot files as text: source positions, inheritance, overrides, messages."""

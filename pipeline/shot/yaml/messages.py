@@ -1,0 +1,128 @@
+"""pydantic's findings in our words: place, fact, rule, remedy."""
+
+from __future__ import annotations
+
+import typing
+from typing import Any
+
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from pipeline.errors import suggestion
+from pipeline.frames import shortened
+from pipeline.shot.yaml.source import Source, Where
+
+_WANTED = {
+    "float_type": "a number. Write it plainly, without quotes or units",
+    "float_parsing": "a number. Write it plainly, without quotes or units",
+    "int_type": "a whole number. Write it without a point or quotes",
+    "string_type": "text. Put it in quotes",
+    "bool_type": "true or false. Write one of them",
+    "list_type": "a list. Write it as [a, b, c]",
+    "dict_type": "a mapping. Write it as {name: value}",
+    "model_type": "a mapping. Write it as {name: value}",
+    "model_attributes_type": "a mapping. Write it as {name: value}",
+    "finite_number": "a finite number. Write its value",
+}
+
+
+def findings(error: ValidationError, source: Source, document: type[BaseModel]) -> list[tuple[Where, str]]:
+    """Every problem of a ValidationError: where it is in the file, and what to tell."""
+    found = []
+    for details in error.errors(include_url=False):
+        where = _in_file(source, details["loc"])
+        names = _fields(document, details["loc"])
+        message = _message(details, where, names)
+        if details["type"] == "formula":
+            where, message = in_formula(source, where, details["ctx"]["column"], details["msg"])
+        found.append((where, message))
+    return list(dict.fromkeys(found))
+
+
+def in_formula(source: Source, where: Where, column: int, message: str) -> tuple[Where, str]:
+    """Where a mistake in a formula stands, and what to tell: the column of the file, where it has it so."""
+    spot = source.spot(where, column)
+    return (spot, message) if spot else (where, f"column {column} of the formula: {message}")
+
+
+def _in_file(source: Source, loc: Where) -> Where:
+    """A pydantic location without the names of unions' branches, which the file does not have."""
+    where: Where = ()
+    for step in loc:
+        if (*where, step) in source.places:
+            where = (*where, step)
+    return where
+
+
+def _fields(document: type[BaseModel], loc: Where) -> list[str]:
+    """The names that could stand at a location."""
+    models = [document]
+    for step in loc[:-1]:
+        inner = [m for model in models if step in model.model_fields for m in _models(model, step)]
+        models = inner or models
+    return sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
+
+
+def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
+    """The documents within a field's annotation, through unions, lists and aliases."""
+    waiting: list[Any] = [model.model_fields[name].annotation]
+    found = []
+    while waiting:
+        kind = waiting.pop()
+        if isinstance(kind, type) and issubclass(kind, BaseModel):
+            found.append(kind)
+        else:
+            waiting += typing.get_args(kind)
+    return found
+
+
+def _message(details: ErrorDetails, where: Where, names: list[str]) -> str:
+    kind, value, context = details["type"], details["input"], details.get("ctx", {})
+    if kind == "finding":
+        return str(context["text"])
+    name = _dotted(where)
+    if kind == "extra_forbidden":
+        return (
+            f"{details['loc'][-1]} is not known{_under(where[:-1])}. {suggestion(details['loc'][-1], names)}"
+        )
+    if kind == "missing":
+        missing = details["loc"][-1]
+        return f"{missing} is missing{_under(where)}; it has no default. Add `{missing}: …`."
+    if kind == "literal_error":
+        return f"{name} is {value!r}; it must be {context['expected']}"
+    if kind in ("greater_than", "greater_than_equal", "less_than", "less_than_equal"):
+        bound = next(iter(context.values()))
+        return f"{name} is {value}; it must be {_BOUNDS[kind]} {bound:g}"
+    if kind in ("too_short", "too_long"):
+        bound = context.get("min_length", context.get("max_length"))
+        least = "at least" if kind == "too_short" else "at most"
+        return f"{name} has {context['actual_length']} items; it must have {least} {bound}"
+    if kind in _WANTED:
+        return f"{name} is {_shown(value)}; it must be {_WANTED[kind]}."
+    if kind == "bad_curve":
+        return f"{name} {details['msg']}"
+    return f"{name}: {details['msg']}" if name else details["msg"]
+
+
+_BOUNDS = {
+    "greater_than": "above",
+    "greater_than_equal": "at least",
+    "less_than": "below",
+    "less_than_equal": "at most",
+}
+
+
+def _under(where: Where) -> str:
+    return f" under {_dotted(where)}" if where else ""
+
+
+def _dotted(where: Where) -> str:
+    return ".".join(str(step) for step in where)
+
+
+def _shown(value: Any) -> str:
+    if isinstance(value, dict):
+        return "a mapping"
+    if isinstance(value, list):
+        return "a list"
+    return "empty" if value is None else shortened(value)

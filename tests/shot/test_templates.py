@@ -1,0 +1,97 @@
+"""New shots: of every flow one that works at once."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.animation import animate
+from pipeline.errors import UsageError
+from pipeline.shot import read_shot
+from pipeline.shot.documents.catalogue import DOCUMENTS
+from pipeline.shot.documents.flow_listing import facts
+from pipeline.shot.templates.flow_presets import FRAMES, STAGED, staging_of
+from pipeline.shot.templates.template import shot_of_flow, shot_of_shot
+
+each = pytest.mark.parametrize("flow", DOCUMENTS)
+
+
+def begun(flow: str, folder: Path, coarser: float = 1.0) -> tuple[str, Path]:
+    """The text of a shot of a flow, and where it stands with the file that it reads."""
+    beside = staging_of(flow).beside
+    if beside:
+        beside[1](folder / f"N1{beside[0]}")
+    text = shot_of_flow(flow, "N1")
+    edge = staging_of(flow).max_edge_length
+    (folder / "N1.yaml").write_text(
+        text.replace(f"edge_length: {edge:g}", f"edge_length: {coarser * edge:g}")
+    )
+    return text, folder / "N1.yaml"
+
+
+@each
+def test_a_shot_of_each_flow_moves_what_it_shows(flow: str, tmp_path: Path) -> None:
+    """Some frames on from where it is strongest, with a coarse surface."""
+    _, path = begun(flow, tmp_path, coarser=4.0)
+    shot = read_shot(path, allow_code=True)
+    assert shot.title == "N1" and len(shot.frames) == FRAMES
+    frames = animate(shot)
+    first = next(frames)
+    points, clock = first.mesh.vertices, shot.motion.clock
+    assert len(next(frames).mesh.faces) > 20
+    for number in range(30, 34):
+        points = shot.motion.flow.displace(points, *clock.step(number))
+    assert np.isfinite(points).all()
+    moved = np.linalg.norm(points - first.mesh.vertices, axis=1).max()
+    assert 0.01 < moved < 1.0, "it is seen to move, and does not fly away"
+
+
+@each
+def test_a_new_shot_says_what_may_be_changed(flow: str) -> None:
+    text = shot_of_flow(flow, "N1")
+    assert facts(flow)["sense"] in text
+    assert max(map(len, text.splitlines())) <= 180
+    for parameter in facts(flow)["parameters"]:
+        if not (parameter["default"] in (None, {}) and parameter["name"] not in staging_of(flow).values):
+            assert f"{parameter['name']}: " in text and parameter["sense"] in text
+
+
+@pytest.mark.soak
+@each
+def test_a_shot_of_each_flow_comes_to_its_end(flow: str, tmp_path: Path) -> None:
+    _, path = begun(flow, tmp_path, coarser=2.5)
+    last = list(animate(read_shot(path, allow_code=True)))[-1].mesh
+    assert np.ptp(last.vertices, axis=0).max() < 8.0
+
+
+@each
+def test_flows_that_nobody_has_staged_are_staged_by_their_parameters(
+    flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    if any(p["needed"] and not p["keyed"] for p in facts(flow)["parameters"]) or flow == "attraction":
+        return  # a file, formulas or a curve are for the table to choose
+    monkeypatch.setattr("pipeline.shot.templates.flow_presets.STAGED", {})
+    read_shot(tmp_path / "a.yaml", shot_of_flow(flow, "a"))
+
+
+def test_the_table_holds_flows_and_their_parameters() -> None:
+    assert set(STAGED) <= set(DOCUMENTS)
+    for flow, staging in STAGED.items():
+        assert set(staging.values) <= {parameter["name"] for parameter in facts(flow)["parameters"]}
+    with pytest.raises(UsageError, match="Did you mean 'vortex'"):
+        shot_of_flow("vortx", "a")
+
+
+@pytest.mark.parametrize("name", ["007", "1e3", "true", "off", "A-b_c"])
+def test_a_title_is_text_whatever_it_looks_like(name: str, tmp_path: Path) -> None:
+    assert read_shot(tmp_path / "a.yaml", shot_of_flow("vortex", name)).title == name.replace(
+        "-", " "
+    ).replace("_", " ")
+
+
+def test_a_copy_keeps_everything_but_the_title() -> None:
+    text = "# yaml-language-server: $schema=x.json\n# A cube\ntitle: Cube  # old\nframes: 1-9\n"
+    assert shot_of_shot(text, "A2_new") == "# A cube\ntitle: A2 new\nframes: 1-9\n"
+    assert shot_of_shot("extends: A\n", "B") == "title: B\nextends: A\n"
