@@ -20,7 +20,7 @@ from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import Floats, Points, Vectors
 from pipeline.flow import Flow, Streamlines
 from pipeline.flow.catalogue import Enright, Lorenz
-from pipeline.flow.history import Step
+from pipeline.flow.flow_map import Step
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases
 from pipeline.mesh.normals import trusted_normals

@@ -100,7 +100,7 @@ def lorenz() -> Film:
 def enright() -> Film:
     """A ball of 2562 vertices drawn out to a thin curled sheet until half time, and put together again.
 
-    Source: `pipeline.flow.catalogue.enright`.
+    Source: `pipeline.flow.catalogue.cellular`.
     """
     ball, at = _Ball(0.15, (0.35, 0.35, 0.35)), streams.following(streams.enright, 3 / 150)
     subject = icosphere(16, ball.radius, ball.centre)

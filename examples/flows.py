@@ -31,8 +31,8 @@ from pipeline.flow.catalogue import (
     Translation,
     Wind,
 )
-from pipeline.flow.catalogue.attractor import Attractor
-from pipeline.flow.catalogue.barr import Deformation
+from pipeline.flow.catalogue.attractors import Attractor
+from pipeline.flow.catalogue.deformations import Deformation
 from pipeline.flow.parameters import shot_name
 
 if TYPE_CHECKING:

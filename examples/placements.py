@@ -10,7 +10,7 @@ from examples.drawing import COOL, OCHRE, WARM, page, save
 from examples.figure_a import stirring
 from examples.film import RATE
 from pipeline.arrays import Floats, Points
-from pipeline.flow.history import History, Step
+from pipeline.flow.flow_map import History, Step
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 

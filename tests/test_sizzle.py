@@ -10,7 +10,7 @@ import pytest
 from pipeline.animation import animate
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue import Enright
-from pipeline.flow.history import Step
+from pipeline.flow.flow_map import Step
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, icosphere, split_at_creases
 from pipeline.mesh.tangents import carried_normals, tangents

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 
 from pipeline.flow import Flow
-from pipeline.flow.history import History, Step
+from pipeline.flow.flow_map import History, Step
 from pipeline.resample import Exact
 from pipeline.shot import Motion, Resampling
 

@@ -10,7 +10,7 @@ from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import FrameReport, MeshFrame
 from pipeline.animation.material import MATERIAL, material_of
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.flow.history import Step
+from pipeline.flow.flow_map import Step
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.identity import Register
 from pipeline.mesh.lattice import Lattice

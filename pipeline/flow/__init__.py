@@ -1,6 +1,6 @@
 """Flows: mappings of points into points, and how they are composed and choreographed."""
 
-from pipeline.flow.choreography import Curve, Keyframes, keyed
+from pipeline.flow.checked_displacement import displaced
 from pipeline.flow.compose import (
     Blend,
     Frame,
@@ -14,8 +14,9 @@ from pipeline.flow.compose import (
 )
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.flow import Displacement, Flow, Function, as_flow
-from pipeline.flow.guard import displaced
-from pipeline.flow.velocity import Streamlines, VelocityField
+from pipeline.flow.keyframes import Curve, Keyframes, keyed
+from pipeline.flow.streamlines import Streamlines
+from pipeline.flow.velocity import VelocityField
 
 __all__ = [
     "EASINGS",

@@ -1,15 +1,105 @@
-"""What a closed surface holds, as a region."""
+"""A closed surface as the kernels look up how far points lie outside of it."""
 
 from __future__ import annotations
 
+import hashlib
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
+from typing import NamedTuple
 
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.flow import _kernels_closed as kernels
 from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow.catalogue.directions import ORIGIN
-from pipeline.flow.choreography import Number, Place, Vector, place_at
-from pipeline.flow.closed_surface import ClosedSurface
+from pipeline.flow.keyframes import Number, Place, Vector, place_at
 from pipeline.flow.program import Instruction
 from pipeline.flow.regions import Region
+from pipeline.flow.triangle_tree import TriangleTree
+from pipeline.flow.vectors import ORIGIN
+from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.validate import require
+
+NODES = 64
+"""Of the grid along the longest side: they make looking up fast, not more exact."""
+
+AFAR = 2.5
+"""Radii from the middle of a box from which on a dipole stands for its triangles. The winding then errs by
+less than 0.02, and 0.5 is what decides."""
+
+
+class Lookup(NamedTuple):
+    """memory: the flat array of `_kernels_closed`; low, high: the corners of a box around the surface."""
+
+    memory: Floats
+    low: Vector
+    high: Vector
+
+
+@dataclass(frozen=True)
+class ClosedSurface:
+    """Its triangles, float64 (T, 3, 3); equal bytes, equal surface."""
+
+    data: bytes
+
+    @classmethod
+    def of(cls, mesh: TriangleMesh, name: str = "mesh") -> ClosedSurface:
+        """The surface of a mesh.
+
+        Raises MeshError, in one sentence that begins with `name`, where it is open or not manifold.
+        """
+        require(mesh, closed=True, name=name)
+        return cls(mesh.vertices[mesh.faces].tobytes())
+
+    @cached_property
+    def digest(self) -> str:
+        return hashlib.sha256(self.data).hexdigest()
+
+    @property
+    def lookup(self) -> Lookup:
+        """Made when it is first asked for, and shared by equal surfaces."""
+        return _lookup(self)
+
+
+@lru_cache(maxsize=8)
+def _lookup(surface: ClosedSurface) -> Lookup:
+    corners = np.frombuffer(surface.data).reshape(-1, 3, 3)
+    tree = TriangleTree.of(corners)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    spacing = float((high - low).max()) / (NODES - 3)
+    shape = np.ceil((high - low) / spacing).astype(int) + 3  # one more on every side, to begin outside
+    count, dipoles = int(shape.prod()), _dipoles(tree, corners[tree.order])
+    begins = [tree.triangles, len(tree.memory), len(tree.memory) + dipoles.size]
+    header = np.array([*begins, *(low - spacing), spacing, *shape], np.float64)
+    memory = np.concatenate([header, tree.with_more(dipoles), np.empty(count)])
+    kernels.distances(memory.ctypes.data, memory[-count:].reshape(tuple(shape.tolist())))
+    return Lookup(memory, _vector(low), _vector(high))
+
+
+def _dipoles(tree: TriangleTree, corners: Floats) -> Floats:
+    """(B, 8) what the triangles (T, 3, 3), in the order of the tree, of each of its boxes are from afar."""
+    a, b, c = corners.transpose(1, 0, 2)
+    areas = 0.5 * np.cross(b - a, c - a)
+    sizes = np.linalg.norm(areas, axis=1, keepdims=True)
+    vector, size, moment = (_in_boxes(tree, rows) for rows in (areas, sizes, sizes * (a + b + c) / 3.0))
+    boxes = tree.memory[: tree.triangles].reshape(-1, 8)
+    low, high = boxes[:, :3], boxes[:, 3:6]
+    centre = np.where(size > 0, moment / np.where(size > 0, size, 1.0), 0.5 * (low + high))
+    radius = np.linalg.norm(np.maximum(np.abs(low - centre), np.abs(high - centre)), axis=1)
+    return np.column_stack([centre, vector, (AFAR * radius) ** 2, np.zeros(len(boxes))])
+
+
+def _in_boxes(tree: TriangleTree, rows: Floats) -> Floats:
+    """(B, k) the sums of rows (T, k) over the triangles of each box."""
+    sums = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
+    first, last = tree.ranges.T
+    found: Floats = sums[last] - sums[first]
+    return found
+
+
+def _vector(place: Floats) -> Vector:
+    x, y, z = place.tolist()
+    return x, y, z
 
 
 @dataclass(frozen=True)

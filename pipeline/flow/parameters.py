@@ -15,7 +15,7 @@ import typing
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pipeline.flow.choreography import Number, Place, Vector
+from pipeline.flow.keyframes import Number, Place, Vector
 
 Form = Literal[
     "number", "place", "point", "direction", "constant", "whole", "choice", "switch", "text", "other"

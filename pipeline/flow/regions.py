@@ -13,10 +13,10 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow import _kernels_region as kernels
-from pipeline.flow.catalogue.directions import ORIGIN, Y, unit
-from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
 from pipeline.flow.flow import for_kernels
+from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
 from pipeline.flow.program import Instruction
+from pipeline.flow.vectors import ORIGIN, Y, unit
 
 Fall = Literal["smooth", "sine", "linear"]
 

@@ -6,8 +6,8 @@ import math
 from functools import lru_cache
 from itertools import pairwise
 
-from pipeline.flow.choreography import SAME_MOMENT, Beyond, Curve, Keyframes, Number, number_at
 from pipeline.flow.easing import kinks
+from pipeline.flow.keyframes import SAME_MOMENT, Beyond, Curve, Keyframes, Number, number_at
 
 PIECE = 0.5
 """Seconds: the longest piece that is integrated at once."""

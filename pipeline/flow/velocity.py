@@ -1,34 +1,20 @@
-"""Velocity fields, and the flow that follows their streamlines."""
+"""Velocity fields: basic ones, and those computed by a function of their own, a block of points at a time."""
 
 from __future__ import annotations
 
-import math
 from abc import ABC, abstractmethod
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
-from itertools import groupby
-from typing import Any, ClassVar, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from pipeline.arrays import Points, Vectors
-from pipeline.errors import FrameError
+from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow import _kernels_velocity as kernels
-from pipeline.flow._kernels_halving import EMBEDDED
-from pipeline.flow._kernels_opcodes import COLUMNS
-from pipeline.flow.course import Course
-from pipeline.flow.flow import Flow, for_kernels
+from pipeline.flow.flow import for_kernels
 from pipeline.flow.parameters import shot_name
-from pipeline.flow.program import Instruction, Program, identity_of, kinds_of, owners_of, table_of
-
-STEP_LIMIT = 0.1
-"""The longest sub-step times the steepest velocity gradient.
-
-The classical Runge-Kutta step leaves out the terms of the exponential from (h L)^5 / 120 on, so at a
-tenth one sub-step errs by about 1e-7 of the distance over which the field varies.
-"""
-
-MOST_SUBSTEPS = 10_000
+from pipeline.flow.program import Instruction, Program, kinds_of, table_of
+from pipeline.kernels import BlockKernel
 
 
 class VelocityField(ABC):
@@ -75,154 +61,32 @@ class Term(VelocityField):
         return (Instruction(self.kind, self.row(time)),)
 
 
-ADAPTIVE_LIMIT = 0.5
-"""The same for sub-steps whose error is estimated: within it the estimate can be trusted."""
+class External(VelocityField):
+    """One leaf of a program whose function, and whose arrays, the kernels find by their addresses.
 
-DEFAULT_TOLERANCE = 1e-5
-"""Scene units that a sub-step may err: a hundredth of a pixel, where a picture is some units wide."""
-
-FIRST_HALVINGS = 2
-"""So often a sub-step may be halved before a finer course is worked out."""
-
-RESOLVED, RESOLVED_BY_WAY = 5, 2
-"""What changes in time is known at the sub-steps of so many halvings, and finer ones take the nearest: with a
-tolerance, and with a stride alone."""
-
-
-class Halving(NamedTuple):
-    """How points may halve sub-steps.
-
-    deepest   how often
-    resolved  how often for the tables; those of finer sub-steps are the nearest
-    parts     tables for each sub-step, beside the first: its middle and end, or its quarters
+    The field owns both, and its rows own the field.
     """
 
-    deepest: int = 0
-    resolved: int = 0
-    parts: int = 2
-
     @property
-    def nodes(self) -> int:
-        """Tables for each sub-step, beside the first."""
-        return self.parts << self.resolved
+    @abstractmethod
+    def block(self) -> BlockKernel:
+        """Its function."""
 
+    @abstractmethod
+    def numbers(self, time: float) -> tuple[float, ...]:
+        """What the function is given at a time, addresses among them: at most ten numbers."""
 
-@dataclass(frozen=True)
-class Streamlines(Flow):
-    """Points carried along a velocity field by the classical Runge-Kutta method of order 4.
+    @abstractmethod
+    def identity(self, time: float) -> Any:
+        """All that decides its velocities at a time, JSON-able and without any address."""
 
-    substeps   into how many steps a frame is divided; None chooses the least that keeps sub-step × steepness
-               of the field below STEP_LIMIT, with a tolerance ADAPTIVE_LIMIT
-    tolerance  scene units: how much a sub-step may err, by the estimate of an embedded method of order 3
-    stride     scene units: how far a sub-step may take a point
+    def program(self, time: float) -> Program:
+        row = (float(self.block.address), time, *self.numbers(time))
+        return (Instruction(op.EXTERNAL, row, self.identity(time), self),)
 
-    With one of the last two each point halves its sub-steps until they are small enough, up to MOST_SUBSTEPS
-    a frame: see `_kernels_halving`.
-    """
-
-    field: VelocityField
-    substeps: int | None = None
-    tolerance: float | None = None
-    stride: float | None = None
-
-    order: ClassVar[int] = 4
-
-    def displace(self, points: Points, time: float, dt: float) -> Points:
-        """Raises FrameError where a point would need more sub-steps than there may be."""
-        moved = self.course(time, dt).follow(points)
-        if self.limited:
-            finite = np.isfinite(moved)
-            if not finite.all():
-                lost = ~finite.all(axis=1)
-                moved[lost] = self._closely(points[lost], time, dt)
-        return moved
-
-    def striding(self, stride: float) -> Streamlines:
-        return replace(self, stride=stride)
-
-    @property
-    def limited(self) -> bool:
-        """Whether its points halve their sub-steps."""
-        return self.tolerance is not None or self.stride is not None
-
-    def course(self, time: float, dt: float, closely: bool = False) -> Course:
-        """The sub-steps of this step; `closely`, as fine as points may have them.
-
-        Raises FrameError where they are more than MOST_SUBSTEPS.
-        """
-        wanted = self._substeps(time, dt)
-        if not wanted <= MOST_SUBSTEPS:
-            raise FrameError(
-                f"flow {self.name} at {time:g} s is so steep or finely cut that a frame takes {wanted:.3g} "
-                f"sub-steps; {MOST_SUBSTEPS} are the most. Lower its strength or widen its radius."
-            )
-        count = int(wanted)
-        halving = self._halving(count, closely)
-        programs = self._programs(time, dt, count * halving.nodes)
-        kinds = kinds_of(programs[0])
-        tables = np.concatenate([table_of(program) for program in programs])
-        steps = np.zeros((count, 6), np.int64)
-        steps[:, 1], steps[:, 3:] = len(kinds), halving
-        steps[:, 2] = halving.nodes * len(kinds) * COLUMNS * np.arange(count)
-        limits = [math.inf if limit is None else limit for limit in (self.tolerance, self.stride)]
-        spans = np.tile([dt / count, *limits], (count, 1))
-        halved = closely or self.tolerance is not None
-        return Course(kinds, tables.ravel(), steps, spans, owners_of(programs[0]), halved)
-
-    def acting(self, time: float, dt: float) -> Any:
-        """A field too steep to follow has data too, without a step: its frame fails, and not before."""
-        wanted = self._substeps(time, dt)
-        feasible = wanted <= MOST_SUBSTEPS
-        count = int(wanted) if feasible else 1
-        halving = self._halving(count, closely=self.limited)
-        programs = [identity_of(program) for program in self._programs(time, dt, count * halving.nodes)]
-        step = dt / count if feasible else None
-        if not self.limited:
-            return {"streamlines": programs, "step": step}
-        limits = {"tolerance": self.tolerance, "stride": self.stride}
-        same = [[len(list(group)), program] for program, group in groupby(programs)]
-        return {"streamlines": same, "step": step, **limits}
-
-    @property
-    def name(self) -> str:
-        return self.field.name
-
-    def _substeps(self, time: float, dt: float) -> float:
-        """How many are given, or asked for by the limit at the start, middle and end of the step."""
-        if self.substeps:
-            return self.substeps
-        steepest = max(self.field.steepness(t) for t in (time, time + dt / 2, time + dt))
-        wanted = steepest * abs(dt) / (STEP_LIMIT if self.tolerance is None else ADAPTIVE_LIMIT)
-        return max(1, math.ceil(wanted)) if math.isfinite(wanted) else math.inf
-
-    def _halving(self, count: int, closely: bool) -> Halving:
-        """Of `count` sub-steps."""
-        estimated = self.tolerance is not None
-        if not (closely or estimated):
-            return Halving()
-        most = (MOST_SUBSTEPS // count).bit_length() - 1
-        deepest = most if closely else min(most, FIRST_HALVINGS)
-        resolved = min(deepest, RESOLVED if estimated else RESOLVED_BY_WAY)
-        return Halving(deepest, resolved, EMBEDDED if estimated else 2)
-
-    def _programs(self, time: float, dt: float, count: int) -> list[Program]:
-        """At the ends of `count` equal parts of the step."""
-        return [self.field.program(float(t)) for t in time + dt * np.arange(count + 1) / count]
-
-    def _closely(self, points: Points, time: float, dt: float) -> Points:
-        """Points (N, 3), by sub-steps as fine as they may be."""
-        moved = self.course(time, dt, closely=True).follow(points)
-        failed = np.flatnonzero(np.isinf(moved[:, 0]))
-        if not failed.size:
-            return moved
-        where = ", ".join(f"{x:.4g}" for x in points[failed[0]])
-        bounds = [
-            f"{what} {limit:.3g} units"
-            for what, limit in (("err by at most", self.tolerance), ("go at most", self.stride))
-            if limit is not None
-        ]
-        raise FrameError(
-            f"flow {self.name} at {time:g} s moves a point from ({where}) so that sub-steps which "
-            f"{' and '.join(bounds)} would be more than {MOST_SUBSTEPS} a frame. Lower its strength, raise "
-            f"{'stride' if self.tolerance is None else 'tolerance'}, or let a region end with a falloff."
-        )
+    def alone(self, points: Points, time: float) -> Vectors:
+        """Velocities (N, 3) at points (N, 3), by a plain call of its function."""
+        columns = np.ascontiguousarray(points.T, np.float64)
+        out = np.zeros_like(columns)
+        self.block(np.array(self.numbers(time) or (0.0,)), columns, time, out)
+        return out.T

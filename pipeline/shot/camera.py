@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
+from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
 from pipeline.flow.retiming import elapsed
 
 FULL_FRAME = 36.0

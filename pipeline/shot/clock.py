@@ -7,7 +7,7 @@ import re
 from dataclasses import dataclass
 
 from pipeline.errors import UsageError
-from pipeline.flow.choreography import Number
+from pipeline.flow.keyframes import Number
 from pipeline.flow.retiming import elapsed
 from pipeline.frames import FrameRange, FrameRate
 

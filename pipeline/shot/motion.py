@@ -9,8 +9,8 @@ import numpy as np
 
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
-from pipeline.flow.choreography import Number
-from pipeline.flow.guard import deciding
+from pipeline.flow.checked_displacement import deciding
+from pipeline.flow.keyframes import Number
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.polygons import PolygonMesh
 from pipeline.mesh.triangles import TriangleMesh

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.flow import Sequence, Streamlines
-from pipeline.flow.velocity import DEFAULT_TOLERANCE
+from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.mesh.bspline import PIECES
 from pipeline.shot.checks import adaptive, keys
 from pipeline.shot.checks import file_checks as checks

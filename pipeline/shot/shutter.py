@@ -11,7 +11,7 @@ from pydantic import AfterValidator, Discriminator, Tag, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
-from pipeline.flow.choreography import Number, number_at
+from pipeline.flow.keyframes import Number, number_at
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import MOST_LOOKS, NumberField, number
 from pipeline.shot.documents.fields import DEGREE, Document, one_of

@@ -37,10 +37,9 @@ from pipeline.flow.catalogue import (
     Vortex,
 )
 from pipeline.flow.compose import Frame, Limited, Mirror, Placed, Within
-from pipeline.flow.course import Course
-from pipeline.flow.history import History, Step
+from pipeline.flow.flow_map import History, Step
 from pipeline.flow.regions import Sphere
-from pipeline.flow.velocity import MOST_SUBSTEPS
+from pipeline.flow.streamlines import MOST_SUBSTEPS, Course
 
 DT = 1 / 24
 SWIRL = Sum((Vortex(radius=0.3, strength=keyed((0.0, 1.0), (0.0, 6.0))), Strain(rate=0.7)))

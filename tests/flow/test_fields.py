@@ -16,13 +16,11 @@ from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, Sum, VelocityField, displaced, keyed
 from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow.catalogue import Rotation
-from pipeline.flow.catalogue.attraction import Attraction, Target
-from pipeline.flow.catalogue.curl_noise import RMS, CurlNoise
+from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull_rom
 from pipeline.flow.catalogue.formula import Formula
-from pipeline.flow.catalogue.wind import Wind
+from pipeline.flow.catalogue.noise import RMS, CurlNoise
 from pipeline.flow.compose import Frame, InFrame, Mirror, Scaled
-from pipeline.flow.external import External
-from pipeline.flow.spline import catmull_rom
+from pipeline.flow.velocity import External
 from pipeline.mesh import icosphere, torus
 
 PATH = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0), (2.0, 0.5, 1.0))

@@ -11,9 +11,8 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, MeshError
 from pipeline.flow import Streamlines, keyed
 from pipeline.flow.catalogue import Translation
-from pipeline.flow.closed_surface import ClosedSurface
 from pipeline.flow.compose import Limited
-from pipeline.flow.mesh_region import MeshRegion
+from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
 from pipeline.flow.regions import Box
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
-from pipeline.flow.choreography import number_at
+from pipeline.flow.keyframes import number_at
 from pipeline.production.execution.project import Studio
 from pipeline.production.request.render_request import Take
 from pipeline.shot import Shot, read_film, read_shot

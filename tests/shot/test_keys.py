@@ -10,8 +10,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Keyframes
-from pipeline.flow.bezier import Handle
-from pipeline.flow.choreography import number_at, place_at
+from pipeline.flow.keyframes import Handle, number_at, place_at
 from pipeline.shot import read_shot
 
 SHOT = """\

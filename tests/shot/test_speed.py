@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from pipeline.animation import animate, at_moment
 from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.formulated import Formulated
+from pipeline.flow.formula_curve import Formulated
 from pipeline.flow.retiming import _piece, elapsed
 from pipeline.shot import Shot, read_shot
 

@@ -1,34 +1,15 @@
 """The named motions a shot can use (P3), a small file a family."""
 
-from pipeline.flow.catalogue.abc import ABC
-from pipeline.flow.catalogue.aizawa import Aizawa
-from pipeline.flow.catalogue.attraction import Attraction, Target
-from pipeline.flow.catalogue.barr import Bend, Deformation, Shear, Stretch, Taper, Twist
-from pipeline.flow.catalogue.chen import Chen
-from pipeline.flow.catalogue.chua import Chua
-from pipeline.flow.catalogue.curl_noise import CurlNoise
-from pipeline.flow.catalogue.double_gyre import DoubleGyre
-from pipeline.flow.catalogue.enright import Enright
-from pipeline.flow.catalogue.expansion import Expansion
+from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
+from pipeline.flow.catalogue.attractors import Aizawa, Chen, Chua, Halvorsen, Lorenz, Rossler, Thomas
+from pipeline.flow.catalogue.cellular import ABC, DoubleGyre, Enright, Kneading, TaylorGreen
+from pipeline.flow.catalogue.deformations import Bend, Deformation, Shear, Stretch, Taper, Twist
+from pipeline.flow.catalogue.expansion import Expansion, Sink, Source
 from pipeline.flow.catalogue.formula import Formula
-from pipeline.flow.catalogue.halvorsen import Halvorsen
-from pipeline.flow.catalogue.kneading import Kneading
-from pipeline.flow.catalogue.lorenz import Lorenz
-from pipeline.flow.catalogue.rossler import Rossler
-from pipeline.flow.catalogue.rotation import Rotation
+from pipeline.flow.catalogue.linear import Rotation, Scaling, Squeeze, Strain, Translation
+from pipeline.flow.catalogue.noise import CurlNoise
 from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
-from pipeline.flow.catalogue.scaling import Scaling
-from pipeline.flow.catalogue.source import Sink, Source
-from pipeline.flow.catalogue.spiral_vortex import SpiralVortex
-from pipeline.flow.catalogue.squeeze import Squeeze
-from pipeline.flow.catalogue.strain import Strain
-from pipeline.flow.catalogue.taylor_green import TaylorGreen
-from pipeline.flow.catalogue.thomas import Thomas
-from pipeline.flow.catalogue.translation import Translation
-from pipeline.flow.catalogue.vortex import Vortex
-from pipeline.flow.catalogue.vortex_pair import VortexPair
-from pipeline.flow.catalogue.vortex_ring import VortexRing
-from pipeline.flow.catalogue.wind import Wind
+from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 
 FLOWS: tuple[type, ...] = (
     Translation,

@@ -1,23 +1,54 @@
-"""Attraction to points, curves and surfaces, and repulsion from them."""
+"""A smooth curve through given points."""
 
 from __future__ import annotations
 
 import hashlib
+import math
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any
 
 import numpy as np
 
-from pipeline.arrays import Floats, Points
+from pipeline.arrays import Floats, Points, Vectors
 from pipeline.flow import _kernels_nearest as kernels
-from pipeline.flow.choreography import Number, number_at
-from pipeline.flow.external import External
+from pipeline.flow.keyframes import Number, Vector, number_at
 from pipeline.flow.parameters import Positive, Sense
-from pipeline.flow.spline import catmull_rom
 from pipeline.flow.triangle_tree import TriangleTree, segments
+from pipeline.flow.velocity import External
 from pipeline.kernels import BlockKernel
 from pipeline.mesh.triangles import TriangleMesh
+
+
+def catmull_rom(points: Points, closed: bool, pieces: int) -> tuple[Points, Vectors]:
+    """Points on the curve through `points` (P, 3), `pieces` for each span, and its unit tangents there.
+
+    Between neighbours the curve is a cubic whose slope at each point is half the way from the point before
+    to the one after; at the ends of an open curve it is the way to the only neighbour. Of a closed curve the
+    first point stands once more at the end.
+
+    Source: Catmull & Rom, *A Class of Local Interpolating Splines*, 1974.
+    """
+    if closed:
+        points = np.concatenate([points[-1:], points, points[:2]])
+    else:
+        points = np.concatenate([2.0 * points[:1] - points[1:2], points, 2.0 * points[-1:] - points[-2:-1]])
+    slopes = 0.5 * (points[2:] - points[:-2])
+    here, there, leaves, arrives = points[1:-2, None], points[2:-1, None], slopes[:-1, None], slopes[1:, None]
+    s = (np.arange(pieces) / pieces)[None, :, None]
+    curve = (
+        (2 * s**3 - 3 * s**2 + 1) * here
+        + (s**3 - 2 * s**2 + s) * leaves
+        + (3 * s**2 - 2 * s**3) * there
+        + (s**3 - s**2) * arrives
+    )
+    tangent = (
+        (6 * s**2 - 6 * s) * (here - there) + (3 * s**2 - 4 * s + 1) * leaves + (3 * s**2 - 2 * s) * arrives
+    )
+    curve = np.concatenate([curve.reshape(-1, 3), points[-2:-1]])
+    tangent = np.concatenate([tangent.reshape(-1, 3), slopes[-1:]])
+    return curve, tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-300)
+
 
 PIECES = 16
 """Segments that stand for each span of a curve."""
@@ -94,3 +125,51 @@ class Attraction(External):
     def steepness(self, time: float) -> float:
         """A bound for convex targets; see above for others."""
         return abs(number_at(self.rate, time))
+
+
+FALL = 8.0 / (3.0 * math.sqrt(3.0))
+"""The steepest of (1 − s²)² for s from 0 to 1: 4 s (1 − s²) at s = 1/√3."""
+
+
+@dataclass(frozen=True)
+class Wind(External):
+    """Blows along a smooth curve through points, strongest on it, and not at all beyond a distance.
+
+    With T the curve's unit tangent at its point nearest to p, and d the distance to that,
+
+        velocity = speed · (1 − d²/R²)² · T
+
+    The steepness is that of the falloff, and of T along the curve; where the curve bends within R, places
+    inside the bend see T turn faster. Source: ours.
+    """
+
+    through: tuple[Vector, ...]
+    speed: Annotated[Number, Sense("on the curve; negative blows backwards", "units/s")] = 1.0
+    radius: Annotated[Positive, Sense("R, beyond which no wind blows", "units")] = 1.0
+    closed: Annotated[bool, Sense("from the last point the curve goes on to the first")] = False
+
+    @property
+    def block(self) -> BlockKernel:
+        return kernels.wind
+
+    @cached_property
+    def _curve(self) -> tuple[Floats, int, int, float]:
+        """The kernel's array, where its triangles and its directions begin, and how fast T turns at most."""
+        points, tangents = catmull_rom(np.array(self.through, np.float64), self.closed, PIECES)
+        tree = TriangleTree.of(segments(points))
+        directions = np.concatenate([tangents[:-1], tangents[1:]], axis=1)[tree.order]
+        lengths = np.maximum(np.linalg.norm(np.diff(points, axis=0), axis=1), 1e-12)
+        turns = float((np.linalg.norm(np.diff(tangents, axis=0), axis=1) / lengths).max())
+        return tree.with_more(directions), tree.triangles, len(tree.memory), turns
+
+    def numbers(self, time: float) -> tuple[float, ...]:
+        memory, triangles, directions, _ = self._curve
+        speed, radius = number_at(self.speed, time), number_at(self.radius, time)
+        return (float(memory.ctypes.data), float(triangles), speed, radius * radius, float(directions))
+
+    def identity(self, time: float) -> Any:
+        curve = [list(point) for point in self.through]
+        return {"wind": curve, "closed": self.closed, "numbers": list(self.numbers(time)[2:4])}
+
+    def steepness(self, time: float) -> float:
+        return abs(number_at(self.speed, time)) * (FALL / number_at(self.radius, time) + self._curve[3])

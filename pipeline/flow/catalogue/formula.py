@@ -10,13 +10,13 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import UsageError
-from pipeline.flow.choreography import Number, number_at
-from pipeline.flow.external import External
-from pipeline.flow.formulated import frame_at
+from pipeline.flow.formula_curve import frame_at
+from pipeline.flow.keyframes import Number, number_at
 from pipeline.flow.parameters import PositiveConstant, Sense
+from pipeline.flow.velocity import External
 from pipeline.formula import Expression
-from pipeline.formula.blocks import FRAME, KNOWN, compiled
-from pipeline.formula.trouble import trouble
+from pipeline.formula.compiled import FRAME, KNOWN, compiled
+from pipeline.formula.expression import trouble
 from pipeline.formula.words import moment
 from pipeline.kernels import BlockKernel
 

@@ -11,11 +11,11 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.flow import _kernels_sampled as kernels
-from pipeline.flow.catalogue.directions import ORIGIN
-from pipeline.flow.choreography import Number, Place, number_at, place_at
-from pipeline.flow.external import External
+from pipeline.flow.keyframes import Number, Place, number_at, place_at
 from pipeline.flow.parameters import Positive, Sense
-from pipeline.flow.samples import Samples, read_samples
+from pipeline.flow.samples.read import Samples, read_samples
+from pipeline.flow.vectors import ORIGIN
+from pipeline.flow.velocity import External
 from pipeline.kernels import BlockKernel
 
 Outside = Literal["clamp", "zero", "repeat"]

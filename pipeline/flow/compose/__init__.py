@@ -4,8 +4,7 @@ Velocity fields compose to velocity fields, which are followed by one integratio
 weighs a field weighs its velocity, what weighs a map weighs the way a point goes in a step.
 """
 
-from pipeline.flow.compose.blend import Blend, Within
-from pipeline.flow.compose.build import blended, placed, within
+from pipeline.flow.compose.blend import Blend, Within, blended, placed, within
 from pipeline.flow.compose.fields import InFrame, Limited, Scaled, Sum
 from pipeline.flow.compose.order import Repeated, Reversed, Sequence
 from pipeline.flow.compose.space import Frame, Mirror, Placed

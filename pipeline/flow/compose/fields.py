@@ -1,4 +1,4 @@
-"""Velocity fields made of velocity fields: brackets of one program, followed by one integration."""
+"""Weights of flows."""
 
 from __future__ import annotations
 
@@ -8,12 +8,23 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Points
-from pipeline.flow.choreography import Number
+from pipeline.errors import FrameError
 from pipeline.flow.compose.space import Frame, Mirror
-from pipeline.flow.compose.weight import weight_at
+from pipeline.flow.keyframes import Number, number_at
 from pipeline.flow.program import Program, grouped, placed, scaled
 from pipeline.flow.regions import STEEPEST_FALL, Region
 from pipeline.flow.velocity import VelocityField
+
+
+def weight_at(weight: Number, time: float, name: str) -> float:
+    """A weight at a time. Raises FrameError, of the flow `name`, where it is not from 0 to 1."""
+    value = float(number_at(weight, time))
+    if not -1e-12 <= value <= 1.0 + 1e-12:
+        raise FrameError(
+            f"flow {name} has the weight {value:g} at {time:g} s; a weight is from 0 to 1. "
+            "Mend its keys, or choose an easing that does not overshoot."
+        )
+    return min(max(value, 0.0), 1.0)
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ import numpy as np
 
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError
-from pipeline.flow.catalogue.directions import ORIGIN, X, unit
-from pipeline.flow.choreography import Number, Place, Vector, number_at, place_at
 from pipeline.flow.flow import Flow, transformed
+from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
+from pipeline.flow.vectors import ORIGIN, X, unit
 
 
 @dataclass(frozen=True)

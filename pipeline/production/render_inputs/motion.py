@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.animation import MeshFrame, at_moment
 from pipeline.arrays import AnyArray, Points, Vectors
-from pipeline.flow.guard import deciding
+from pipeline.flow.checked_displacement import deciding
 from pipeline.production.render_inputs.framing import Framing, turned
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import Motion

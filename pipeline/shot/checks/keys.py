@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from pipeline.flow.bezier import BEZIER
+from pipeline.flow.keyframes import BEZIER
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.clock import Clock

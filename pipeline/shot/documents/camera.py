@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
-from pipeline.flow.choreography import Number, Place, place_at
+from pipeline.flow.keyframes import Number, Place, place_at
 from pipeline.shot.camera import FULL_FRAME, CameraPath
 from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.clock import Clock

@@ -14,8 +14,8 @@ from pydantic import AfterValidator, Field
 from pydantic_core import PydanticCustomError
 
 from pipeline.flow import Flow, Frame, Repeated, Reversed, Sequence, Sum, VelocityField
-from pipeline.flow.choreography import Number
 from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled, blended, placed, within
+from pipeline.flow.keyframes import Number
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import A_LENGTH, Clock
 from pipeline.shot.documents.curves import PlaceField, PositiveField, WeightField, number, place

@@ -10,10 +10,9 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
-from pipeline.flow.bezier import BEZIER, Handle, Values
-from pipeline.flow.choreography import Curve, Keyframes, Number, Place
 from pipeline.flow.easing import EASINGS
-from pipeline.flow.formulated import Formulated
+from pipeline.flow.formula_curve import Formulated
+from pipeline.flow.keyframes import BEZIER, Curve, Handle, Keyframes, Number, Place, Values
 from pipeline.formula import TIME
 from pipeline.shot.clock import A_TIME, Clock
 from pipeline.shot.documents.fields import Document, Positive, Real, Told, Triple, one_of, vector

@@ -11,9 +11,9 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.errors import suggestion
-from pipeline.flow.catalogue.directions import X, Y, Z
-from pipeline.flow.choreography import Vector
-from pipeline.flow.velocity import MOST_SUBSTEPS
+from pipeline.flow.keyframes import Vector
+from pipeline.flow.streamlines import MOST_SUBSTEPS
+from pipeline.flow.vectors import X, Y, Z
 
 DEGREE = math.radians(1.0)
 

@@ -7,8 +7,7 @@ from typing import Annotated, Any
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from pipeline.flow.closed_surface import ClosedSurface
-from pipeline.flow.mesh_region import MeshRegion
+from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
 from pipeline.flow.regions import FALLS, Box, Capsule, Cylinder, Fall, HalfSpace, Region, Sphere
 from pipeline.mesh.io import read_mesh
 from pipeline.shot.clock import Clock

@@ -12,7 +12,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
-from pipeline.flow.choreography import Curve, Number, Place, number_at, place_at
+from pipeline.flow.keyframes import Curve, Number, Place, number_at, place_at
 from pipeline.formula import PLACE, Expression
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
 from pipeline.resample.density import FORMULA_NAMES

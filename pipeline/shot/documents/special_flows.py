@@ -24,7 +24,7 @@ from pipeline.flow.catalogue.formula import MOST_NUMBERS
 from pipeline.flow.parameters import Sense
 from pipeline.flow.python_file import PythonFlow
 from pipeline.formula import FUNCTIONS
-from pipeline.formula.blocks import KNOWN
+from pipeline.formula.compiled import KNOWN
 from pipeline.formula.words import CONSTANTS
 from pipeline.mesh.io import read_mesh
 from pipeline.shot.clock import Clock

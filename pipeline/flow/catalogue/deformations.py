@@ -1,0 +1,150 @@
+"""Deformations with one parameter, `amount`, after Barr.
+
+Source: Barr, *Global and Local Deformations of Solid Primitives*, SIGGRAPH 84. P3.
+
+Each is a family of maps D(a) that form a group: D(b) D(a)⁻¹ is again of the family. Between two frames
+the flow applies D(amount after) D(amount before)⁻¹, which (but for a bend) needs no inverse; so a keyed
+deformation equals the closed form at every frame, whatever other flows did to the subject meanwhile is
+kept, and no integration error exists.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import abstractmethod
+from dataclasses import dataclass
+from typing import Annotated, Any
+
+import numpy as np
+
+from pipeline.arrays import Floats, Points
+from pipeline.errors import FrameError
+from pipeline.flow import _kernels_deform as kernels
+from pipeline.flow.flow import Flow, for_kernels
+from pipeline.flow.keyframes import Number, Vector, number_at
+from pipeline.flow.parameters import Direction, Positive, PositiveConstant, Sense
+from pipeline.flow.vectors import ORIGIN, X, Y, across, unit
+
+
+@dataclass(frozen=True)
+class Deformation(Flow):
+    """What all share: an axis through a centre, and the amount, constant or keyed."""
+
+    axis: Annotated[Direction, Sense("along which heights are measured")] = Y
+    centre: Annotated[Vector, Sense("a point on the axis, where the height is nought", "units")] = ORIGIN
+    amount: Annotated[Number, Sense("how much", required=True)] = 0.0
+
+    def displace(self, points: Points, time: float, dt: float) -> Points:
+        points = for_kernels(points)
+        before, after = self._amounts(time, dt)
+        if before == after:
+            return points
+        out = np.empty_like(points)
+        self._deform(points, before, after, out)
+        return out
+
+    def acting(self, time: float, dt: float) -> Any:
+        before, after = self._amounts(time, dt)
+        return {self.name: [*self.centre, *unit(self.axis)], "before": before, "after": after}
+
+    @abstractmethod
+    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+        """D(after) D(before)⁻¹ of points (N, 3) into `out`."""
+
+    def _amounts(self, time: float, dt: float) -> tuple[float, float]:
+        return float(number_at(self.amount, time)), float(number_at(self.amount, time + dt))
+
+    def _line(self) -> tuple[Floats, Floats]:
+        return np.array(self.centre, dtype=np.float64), np.array(unit(self.axis))
+
+
+@dataclass(frozen=True)
+class Twist(Deformation):
+    """Turns about the axis by amount × height along it, like a wrung towel; keeps volume."""
+
+    amount: Annotated[Number, Sense("turning by height", "degrees/unit", required=True)] = 0.0
+
+    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+        kernels.twist(points, *self._line(), after - before, out)
+
+
+@dataclass(frozen=True)
+class Taper(Deformation):
+    """Widens across the axis by exp(amount × height along it): a cube becomes a flared block."""
+
+    amount: Annotated[Number, Sense("negative narrows upwards", "1/unit", required=True)] = 0.0
+
+    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+        kernels.taper(points, *self._line(), after - before, out)
+
+
+@dataclass(frozen=True)
+class Stretch(Deformation):
+    """Scales along the axis by amount, and across it by 1/√amount so that the volume stays."""
+
+    amount: Annotated[Positive, Sense("factor of length: 1 is as it was", required=True)] = 1.0
+    keep_volume: Annotated[bool, Sense("false leaves the width alone")] = True
+
+    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+        if not (before > 0 and after > 0):
+            raise FrameError(
+                f"stretch amount {min(before, after):g} is not above 0; it is a factor of length. "
+                "Write 1 for as it was, 2 for twice as long."
+            )
+        lengthen = after / before
+        kernels.stretch(
+            points, *self._line(), lengthen, 1 / math.sqrt(lengthen) if self.keep_volume else 1.0, out
+        )
+
+    def acting(self, time: float, dt: float) -> Any:
+        return {**super().acting(time, dt), "keep_volume": self.keep_volume}
+
+
+@dataclass(frozen=True)
+class Shear(Deformation):
+    """Slides in a direction by amount × height along the axis, like a pack of cards; keeps volume."""
+
+    amount: Annotated[Number, Sense("slide by height", required=True)] = 0.0
+    direction: Annotated[Direction, Sense("of sliding; the part of it across the axis counts")] = X
+
+    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+        centre, axis = self._line()
+        kernels.shear(points, centre, axis, self._across(), after - before, out)
+
+    def acting(self, time: float, dt: float) -> Any:
+        return {**super().acting(time, dt), "direction": self._across().tolist()}
+
+    def _across(self) -> Floats:
+        return np.array(across(self.axis, self.direction))
+
+
+@dataclass(frozen=True)
+class Bend(Deformation):
+    """Bends what lies along the axis to an arc; beyond the bent length it goes straight on.
+
+    The axis becomes an arc of the curvature `amount`, which is its turning in radians by its length, between
+    the heights −length/2 and length/2; what lies across it goes along. The arc opens in `direction`. Bending
+    is undone exactly, so between two frames the flow applies D(amount after) D(amount before)⁻¹ all the same;
+    what lies beyond the centre of curvature, 1/amount away, would fold, and should not be there. The whole
+    arc must not turn by more than 360 degrees.
+    """
+
+    amount: Annotated[Number, Sense("turning by length", "degrees/unit", required=True)] = 0.0
+    direction: Annotated[Direction, Sense("towards which it bends; the part across the axis counts")] = X
+    length: Annotated[PositiveConstant, Sense("of what is bent, about the centre", "units")] = 2.0
+
+    def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
+        most = max(abs(before), abs(after))
+        if most * self.length > 2 * math.pi * (1 + 1e-12):
+            raise FrameError(
+                f"bend amount {math.degrees(most):g} degrees per unit turns a length of {self.length:g} by "
+                f"{math.degrees(most * self.length):g} degrees; 360 are the most. Lower amount or length."
+            )
+        centre, axis = self._line()
+        kernels.bend(points, centre, axis, self._across(), 0.5 * self.length, before, after, out)
+
+    def acting(self, time: float, dt: float) -> Any:
+        return {**super().acting(time, dt), "direction": self._across().tolist(), "length": self.length}
+
+    def _across(self) -> Floats:
+        return np.array(across(self.axis, self.direction))

@@ -1,0 +1,224 @@
+"""How parameters change in time: constants, keyframes, formulas."""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from pipeline.flow.easing import EASINGS
+
+Vector = tuple[float, float, float]
+
+SAME_MOMENT = 1e-9
+"""Seconds by which a sum of steps may miss the time of a key."""
+
+Beyond = Literal["hold", "loop", "ping_pong", "offset", "continue"]
+
+
+class Curve(ABC):
+    """Values that change in time. A value: the same time gives the same numbers, between frames too."""
+
+    @abstractmethod
+    def at(self, time: float) -> Values:
+        """The values at a time, seconds from the start of the shot."""
+
+
+@dataclass(frozen=True)
+class Keyframes(Curve):
+    """Values at times, and how to go from each to the next.
+
+    times   seconds from the start of the shot, ascending
+    values  one a time: numbers or vectors (all of one length)
+    eases   one a time, names of EASINGS or bezier: how the value leaves that key; the last is unused
+    left    handles beside the keys, of those ways that are Bézier's; None draws itself (see `automatic`)
+    right   the same on the other side
+    before  what happens before the first key:
+            hold, it stays; continue, it goes on along the last chord (of a Bézier way along its handle);
+            loop, all keys again, the last key being the moment of the first; ping_pong, there and back;
+            offset, again, and each round begins where the one before ended
+    after   the same after the last key
+    """
+
+    times: tuple[float, ...]
+    values: tuple[Values, ...]
+    eases: tuple[str, ...]
+    left: tuple[Handle | None, ...] = ()
+    right: tuple[Handle | None, ...] = ()
+    before: Beyond = "hold"
+    after: Beyond = "hold"
+
+    def at(self, time: float) -> Values:
+        start, length = self.times[0], self.times[-1] - self.times[0]
+        mode = self.before if time < start else self.after
+        if length <= 0 or mode == "hold":
+            return self._inside(time)
+        rounds = math.floor((time - start + SAME_MOMENT) / length)
+        if mode == "continue":
+            return self._inside(time) if rounds == 0 else self._straight_on(time)
+        passed = time - start - rounds * length
+        if mode == "ping_pong":
+            return self._inside(start + (length - passed if rounds % 2 else passed))
+        values = self._inside(start + passed)
+        if mode == "loop":
+            return values
+        gained = zip(values, self.values[0], self.values[-1], strict=True)
+        return tuple(value + rounds * (last - first) for value, first, last in gained)
+
+    def _inside(self, time: float) -> Values:
+        """The value on the way between two keys; that of the nearest key outside of all."""
+        i = bisect_right(self.times, time + SAME_MOMENT) - 1
+        if i < 0:
+            return self.values[0]
+        if i == len(self.times) - 1:
+            return self.values[i]
+        here, there = self.values[i], self.values[i + 1]
+        length = self.times[i + 1] - self.times[i]
+        passed = min(max(time - self.times[i], 0.0), length)
+        if self.eases[i] == BEZIER:
+            return Way(length, here, there, self._handle(i, 1), self._handle(i + 1, -1)).at(passed)
+        share = EASINGS[self.eases[i]](passed / length)
+        return tuple(a + (b - a) * share for a, b in zip(here, there, strict=True))
+
+    def _handle(self, i: int, side: int) -> Handle:
+        """The handle of key `i`, right of it (1) or left of it (-1)."""
+        drawn = self.right if side > 0 else self.left
+        if drawn and (handle := drawn[i]) is not None:
+            return handle
+        third = (self.times[i + side] - self.times[i]) / 3.0
+        return Handle(third, tuple(slope * third for slope in automatic(self.times, self.values, i)))
+
+    def _straight_on(self, time: float) -> Values:
+        """Beyond the keys at the pace of the last way before them, seen from there."""
+        end, side = (0, 1) if time < self.times[0] else (len(self.times) - 1, -1)
+        ease = self.eases[end if side > 0 else end + side]
+        along = Handle(
+            self.times[end + side] - self.times[end],
+            tuple(b - a for a, b in zip(self.values[end], self.values[end + side], strict=True)),
+        )
+        if ease == BEZIER and (handle := self._handle(end, side)).seconds != 0:
+            along = handle
+        factor = 0.0 if ease == "constant" else (time - self.times[end]) / along.seconds
+        return tuple(a + factor * v for a, v in zip(self.values[end], along.values, strict=True))
+
+
+Number = float | Curve
+"""A scalar parameter: constant or changing."""
+
+Place = Vector | Curve
+"""A vector parameter: constant or changing."""
+
+
+def keyed(
+    times: tuple[float, ...], values: tuple[float, ...] | tuple[Vector, ...], ease: str = "sine_in_out"
+) -> Keyframes:
+    """Keyframes with one easing throughout: `keyed((0, 1, 3), (0, 4, 4))`."""
+    rows = tuple(v if isinstance(v, tuple) else (float(v),) for v in values)
+    return Keyframes(tuple(times), rows, (ease,) * len(rows))
+
+
+def number_at(parameter: Number, time: float) -> float:
+    return parameter.at(time)[0] if isinstance(parameter, Curve) else parameter
+
+
+def place_at(parameter: Place, time: float) -> Vector:
+    if isinstance(parameter, Curve):
+        x, y, z = parameter.at(time)
+        return x, y, z
+    return parameter
+
+
+BEZIER = "bezier"
+"""The easing whose way is drawn by handles."""
+
+Values = tuple[float, ...]
+
+HALVINGS = 60
+"""After so many a share of time between 0 and 1 is known to its last bit."""
+
+
+@dataclass(frozen=True)
+class Handle:
+    """The control point beside a key, as seen from it.
+
+    seconds  0 or more right of the key, 0 or less left of it
+    values   as many as the key has
+    """
+
+    seconds: float
+    values: Values
+
+    def shortened(self, factor: float) -> Handle:
+        return Handle(self.seconds * factor, tuple(value * factor for value in self.values))
+
+
+@dataclass(frozen=True)
+class Way:
+    """The cubic curve from one key to the next.
+
+    length    seconds between them
+    right     the handle of the first key
+    left      that of the second
+
+    Handles that together are longer than the way would turn back in time: both are shortened in proportion.
+    """
+
+    length: float
+    start: Values
+    end: Values
+    right: Handle
+    left: Handle
+
+    def at(self, passed: float) -> Values:
+        """The values `passed` seconds after the first key."""
+        both = self.right.seconds - self.left.seconds
+        factor = min(1.0, self.length / both) if both > 0 else 1.0
+        right, left = self.right.shortened(factor), self.left.shortened(factor)
+        s = _parameter(passed / self.length, right.seconds / self.length, 1.0 + left.seconds / self.length)
+        rows = zip(self.start, self.end, right.values, left.values, strict=True)
+        return tuple(_cubic(s, a, a + out, b + back, b) for a, b, out, back in rows)
+
+
+def automatic(times: Sequence[float], values: Sequence[Values], i: int) -> Values:
+    """The slope at key `i` where no handle is given, per second.
+
+    It is level at the first key, the last, and at peaks and troughs; elsewhere along the line through both
+    neighbours, but never so steep that the way would pass one of them (Blender's *auto clamped*).
+
+    With handles a third of the way long, slopes up to three times those of the chords keep the way monotone.
+    Source: Fritsch, Carlson, *Monotone Piecewise Cubic Interpolation*, SIAM Journal on Numerical
+    Analysis 17 (1980).
+    """
+    if i in (0, len(times) - 1):
+        return (0.0,) * len(values[i])
+    before, after = times[i] - times[i - 1], times[i + 1] - times[i]
+    slopes = []
+    for a, b, c in zip(values[i - 1], values[i], values[i + 1], strict=True):
+        arriving, leaving = (b - a) / before, (c - b) / after
+        if arriving * leaving <= 0:
+            slopes.append(0.0)
+            continue
+        steepest = 3.0 * min(abs(arriving), abs(leaving))
+        slopes.append(max(-steepest, min(steepest, (c - a) / (before + after))))
+    return tuple(slopes)
+
+
+def _parameter(share: float, first: float, second: float) -> float:
+    """Where a cubic over time, from 0 by two control points to 1, has come to that share."""
+    low, high = 0.0, 1.0
+    for _ in range(HALVINGS):
+        middle = 0.5 * (low + high)
+        if _cubic(middle, 0.0, first, second, 1.0) < share:
+            low = middle
+        else:
+            high = middle
+    return 0.5 * (low + high)
+
+
+def _cubic(s: float, a: float, b: float, c: float, d: float) -> float:
+    """Bernstein's cubic."""
+    r = 1.0 - s
+    return r * r * r * a + 3.0 * s * r * (r * b + s * c) + s * s * s * d

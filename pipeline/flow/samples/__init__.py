@@ -1,0 +1,1 @@
+"""Velocities sampled on a grid: files that hold them, and reading them."""

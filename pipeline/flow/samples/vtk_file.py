@@ -1,0 +1,220 @@
+"""Reading velocities from VTK's XML files of regular grids: ImageData (.vti) and RectilinearGrid (.vtr).
+
+The formats are described in *VTK File Formats* (Kitware). The libraries that read them are a hundred times
+the size of what is needed here: an XML tree, base64, and the standard library's decompressors.
+"""
+
+from __future__ import annotations
+
+import base64
+import lzma
+import math
+import struct
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, NoReturn
+from xml.etree import ElementTree
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats
+from pipeline.errors import UsageError
+from pipeline.flow.samples.foreign import MOST_BYTES, require_room
+
+_TYPES = {
+    **{
+        f"{sign}Int{bits}": f"{code}{bits // 8}"
+        for sign, code in (("", "i"), ("U", "u"))
+        for bits in (8, 16, 32, 64)
+    },
+    "Float32": "f4",
+    "Float64": "f8",
+}
+
+_DECOMPRESSORS: dict[str, Callable[[], Any]] = {
+    "vtkZLibDataCompressor": zlib.decompressobj,
+    "vtkLZMADataCompressor": lzma.LZMADecompressor,
+}
+
+_LONGEST_AXIS = 1 << 20
+"""Numbers that an axis of a rectilinear grid may have."""
+
+
+def read_vtk(
+    file: Path, content: bytes, array: str | None = None, most: int = MOST_BYTES
+) -> tuple[list[Floats], Floats]:
+    """Three axes, and velocities (1, X, Y, Z, 3), of a file in one piece with point data.
+
+    most  bytes that the velocities may take; the extent tells before anything is unpacked
+
+    Raises UsageError where it is no such file, and what the parsers of its parts raise.
+    """
+    grid = _Grid.of(file, content)
+    axes = grid.axes(most)
+    shape = tuple(len(axis) for axis in reversed(axes))
+    require_room(file, shape, most)
+    count = math.prod(shape)
+    values = grid.numbers(grid.velocities(array), 3 * count)
+    if values.size != 3 * count:
+        grid.fail(f"there are {values.size} numbers for {count} points of three components each")
+    return axes, values.astype(np.float64).reshape(1, *shape, 3).transpose(0, 3, 2, 1, 4)
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """A file taken apart.
+
+    head      the elements of the file, without appended bytes
+    piece     the one piece
+    appended  what follows the underscore, base64 or raw
+    """
+
+    file: Path
+    head: ElementTree.Element
+    piece: ElementTree.Element
+    appended: bytes
+
+    @classmethod
+    def of(cls, file: Path, content: bytes) -> _Grid:
+        text, mark, rest = content.partition(b"<AppendedData")
+        body = rest[rest.find(b"_") + 1 :] if mark else b""
+        encoding = b'raw"' if b"raw" in rest[: rest.find(b"_")] else b'base64"'
+        try:
+            closing = b'<AppendedData encoding="' + encoding + b"/></VTKFile>" if mark else b""
+            head = ElementTree.fromstring(text + closing)
+        except ElementTree.ParseError as error:
+            raise UsageError(
+                f"{file}: it is no XML ({error}); a VTK file is written by VTK or ParaView"
+            ) from None
+        pieces = head.findall("*/Piece")
+        kind = head.get("type", "")
+        if head.tag != "VTKFile" or kind not in ("ImageData", "RectilinearGrid"):
+            raise UsageError(
+                f"{file}: its type is {kind or head.tag}; a field is ImageData or RectilinearGrid"
+            )
+        if len(pieces) != 1:
+            raise UsageError(
+                f"{file}: it has {len(pieces)} pieces; a field is read from one. Save it as one."
+            )
+        end = body.rfind(b"</AppendedData")
+        return cls(file, head, pieces[0], body[:end] if end >= 0 else body)
+
+    def fail(self, fact: str) -> NoReturn:
+        raise UsageError(f"{self.file}: {fact}; save it anew from VTK or ParaView, with point data")
+
+    def axes(self, most: int) -> list[Floats]:
+        if self.head.get("type") == "RectilinearGrid":
+            named = self.piece.find("Coordinates")
+            arrays = [] if named is None else named.findall("DataArray")
+            if len(arrays) != 3:
+                self.fail(f"it has {len(arrays)} axes under Coordinates instead of three")
+            return [self.numbers(element, _LONGEST_AXIS).astype(np.float64) for element in arrays]
+        image = self.head.find("ImageData")
+        assert image is not None, "its piece was found there"
+        extent = self._row(self.piece, "Extent", 6, None).tolist()
+        if not all(end.is_integer() for end in extent):
+            self.fail(f"Extent is {self.piece.get('Extent')!r} and must be 6 whole numbers")
+        ends = [(int(extent[k]), int(extent[k + 1]) + 1) for k in (0, 2, 4)]
+        require_room(self.file, (max(1, end - begin) for begin, end in ends), most)
+        origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
+        turned = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
+        if not np.array_equal(turned, np.eye(3).ravel()):
+            self.fail("its axes are turned (Direction), and only grids along x, y and z are read")
+        return [origin[k] + spacing[k] * np.arange(*ends[k], dtype=np.float64) for k in range(3)]
+
+    def velocities(self, array: str | None) -> ElementTree.Element:
+        data = self.piece.find("PointData")
+        vectors = [] if data is None else [e for e in data if e.get("NumberOfComponents") == "3"]
+        wanted = array or (data.get("Vectors") if data is not None else None)
+        found = [element for element in vectors if wanted is None or element.get("Name") == wanted]
+        if len(found) != 1:
+            names = ", ".join(element.get("Name", "?") for element in vectors) or "none"
+            what = f"no array {wanted} of" if wanted and not found else "not one array of"
+            raise UsageError(
+                f"{self.file}: there is {what} three components at its points. There are: {names}."
+            )
+        return found[0]
+
+    def numbers(self, element: ElementTree.Element, most: int) -> AnyArray:
+        """The values of a DataArray, flat; of packed ones not many more than `most` are unpacked."""
+        kind = _TYPES.get(element.get("type", ""))
+        if kind is None:
+            self.fail(f"{element.get('type')} is no type of numbers")
+        if element.get("format") == "ascii":
+            return np.array((element.text or "").split(), dtype=kind)
+        order = ">" if self.head.get("byte_order") == "BigEndian" else "<"
+        try:
+            content = self._bytes(element, order, most * np.dtype(kind).itemsize)
+            return np.frombuffer(content, dtype=order + kind)
+        except UsageError:
+            raise
+        except Exception as error:  # decompressors raise whatever they do
+            self.fail(f"array {element.get('Name')} cannot be read ({error})")
+
+    def _bytes(self, element: ElementTree.Element, order: str, most: int) -> bytes:
+        if element.get("format") == "appended":
+            text = self.appended[int(element.get("offset", "0")) :]
+            appended = self.head.find("AppendedData")
+            coded = appended is not None and appended.get("encoding") == "base64"
+        else:
+            text, coded = (element.text or "").strip().encode(), True
+        code = order + ("Q" if self.head.get("header_type") == "UInt64" else "I")
+        compressor = self.head.get("compressor")
+        return (
+            _decoded(text, coded, code)
+            if compressor is None
+            else self._inflated(text, coded, code, compressor, most)
+        )
+
+    def _inflated(self, text: bytes, coded: bool, code: str, compressor: str, most: int) -> bytes:
+        """Blocks: how many, their size, that of the last, then the packed size of each; then they."""
+        if compressor not in _DECOMPRESSORS:
+            self.fail(f"it is packed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
+        size = struct.calcsize(code)
+        (count,) = struct.unpack(code, _take(text, coded, 0, size))
+        sizes = np.frombuffer(_take(text, coded, 0, (3 + count) * size), dtype=code)[3:]
+        start = _length(coded, (3 + count) * size)
+        packed = _take(text[start:], coded, 0, int(sizes.sum()))
+        ends = np.cumsum(sizes).tolist()
+        blocks: list[bytes] = []
+        for length, end in zip(sizes.tolist(), ends, strict=True):
+            unpacker = _DECOMPRESSORS[compressor]()
+            blocks.append(unpacker.decompress(packed[end - length : end], most + 1))
+            most -= len(blocks[-1])
+            if most < 0:
+                raise ValueError("it holds more numbers than the grid has room for")
+            if not unpacker.eof:
+                raise ValueError("a packed block is cut short")
+        return b"".join(blocks)
+
+    def _row(self, element: ElementTree.Element, name: str, count: int, otherwise: str | None) -> Floats:
+        text = element.get(name, otherwise)
+        try:
+            row = np.array((text or "").split(), np.float64)
+        except ValueError:
+            row = np.empty(0)
+        if len(row) != count or not np.isfinite(row).all():
+            self.fail(f"{name} is {text!r} and must be {count} numbers")
+        return row
+
+
+def _decoded(text: bytes, coded: bool, code: str) -> bytes:
+    """What follows a header that tells its length in bytes."""
+    size = struct.calcsize(code)
+    (length,) = struct.unpack(code, _take(text, coded, 0, size))
+    return _take(text, coded, size, length)
+
+
+def _take(text: bytes, coded: bool, first: int, count: int) -> bytes:
+    """Bytes `first` to `first + count`, of base64 text or as they are."""
+    found = base64.b64decode(text[: _length(coded, first + count)]) if coded else text
+    if len(found) < first + count:
+        raise ValueError(f"{first + count} bytes are promised and {len(found)} are there")
+    return found[first : first + count]
+
+
+def _length(coded: bool, count: int) -> int:
+    """How long `count` bytes are in the file."""
+    return -(-count // 3) * 4 if coded else count

@@ -1,0 +1,205 @@
+"""Formulas as plain arithmetic on single numbers, one line an operation, for a compiler to read.
+
+What is not finite, and which side of a comparison NaN is on, comes out as numpy has it in `words`: the two
+are tested against each other.
+"""
+
+from __future__ import annotations
+
+import ast
+import hashlib
+import math
+import os
+import sys
+import tempfile
+from collections.abc import Iterable, Mapping
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from types import ModuleType
+
+import numpy as np
+
+from pipeline.formula.expression import Expression
+from pipeline.formula.words import PLACE, TIME
+from pipeline.kernels import BlockKernel, cache_folder
+
+_MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
+_NUMPY = ("floor", "ceil")
+_BINARY: dict[type[ast.AST], str] = {
+    ast.Add: "+",
+    ast.Sub: "-",
+    ast.Mult: "*",
+    ast.Div: "/",
+    ast.Mod: "%",
+    ast.Pow: "**",
+}
+_COMPARED: dict[type[ast.AST], str] = {
+    ast.Lt: "<",
+    ast.LtE: "<=",
+    ast.Gt: ">",
+    ast.GtE: ">=",
+    ast.Eq: "==",
+    ast.NotEq: "!=",
+}
+
+
+class ScalarCode:
+    """Lines of code that compute checked formulas; what several of them share is computed once.
+
+    words    what the code calls each name that formulas know
+    varying  those of the code's names whose values differ from point to point
+
+    once, each  the lines that need no varying name, and those that do
+    """
+
+    def __init__(self, words: Mapping[str, str], varying: Iterable[str]) -> None:
+        self.once: list[str] = []
+        self.each: list[str] = []
+        self._words = {"pi": "math.pi", "e": "math.e", **words}
+        self._varying = set(varying)
+        self._known: dict[str, str] = {}
+
+    def value(self, node: ast.expr) -> str:
+        """Has the value of a checked tree computed; returns the name or number that then stands for it."""
+        match node:
+            case ast.Constant(value=int() | float() as number):
+                return repr(float(number))
+            case ast.Name():
+                return self._words[node.id]
+            case ast.UnaryOp(op=ast.Not()):
+                return self._line("1.0 if {} == 0.0 else 0.0", self.value(node.operand))
+            case ast.UnaryOp():
+                sign = "-" if isinstance(node.op, ast.USub) else "+"
+                return self._line(sign + "{}", self.value(node.operand))
+            case ast.BinOp():
+                return self._binary(node)
+            case ast.BoolOp():
+                sides = [self.value(part) for part in node.values]
+                word = " and " if isinstance(node.op, ast.And) else " or "
+                return self._line(f"1.0 if {word.join(['{} != 0.0'] * len(sides))} else 0.0", *sides)
+            case ast.Compare():
+                return self._comparison(node)
+            case ast.IfExp():
+                test, body, otherwise = (self.value(part) for part in (node.test, node.body, node.orelse))
+                return self._line("{} if {} != 0.0 else {}", body, test, otherwise)
+            case ast.Call(func=ast.Name(id=name)):
+                return self._call(name, [self.value(part) for part in node.args])
+        raise AssertionError(f"{ast.dump(node)} was checked and is known")
+
+    def _line(self, form: str, *parts: str) -> str:
+        """A line for an operation on names and numbers, unless there is one already; returns its name."""
+        text = form.format(*parts)
+        if text not in self._known:
+            name = f"r{len(self._known)}"
+            varies = not self._varying.isdisjoint(parts)
+            self._known[text] = name
+            (self.each if varies else self.once).append(f"{name} = {text}")
+            if varies:
+                self._varying.add(name)
+        return self._known[text]
+
+    def _binary(self, node: ast.BinOp) -> str:
+        left, right = self.value(node.left), node.right
+        power = right.value if isinstance(node.op, ast.Pow) and isinstance(right, ast.Constant) else None
+        if isinstance(power, int | float) and power == int(power):
+            return self._line(f"{{}} ** {int(power)}", left)  # which becomes a product
+        return self._line(f"{{}} {_BINARY[type(node.op)]} {{}}", left, self.value(right))
+
+    def _comparison(self, node: ast.Compare) -> str:
+        sides = [self.value(side) for side in (node.left, *node.comparators)]
+        tests = " and ".join(f"{{}} {_COMPARED[type(op)]} {{}}" for op in node.ops)
+        pairs = [side for pair in pairwise(sides) for side in pair]
+        return self._line(f"1.0 if {tests} else 0.0", *pairs)
+
+    def _call(self, name: str, given: list[str]) -> str:
+        if name in _MATH:
+            return self._line(f"math.{name}({', '.join(['{}'] * len(given))})", *given)
+        if name in _NUMPY:
+            return self._line(f"np.{name}({{}})", *given)
+        if name == "abs":
+            return self._line("abs({})", *given)
+        if name in ("min", "max"):
+            first, *others = given
+            for other in others:
+                first = self._lesser(first, other) if name == "min" else self._greater(first, other)
+            return first
+        if name == "clamp":
+            return self._lesser(self._greater(given[0], given[1]), given[2])
+        if name == "smoothstep":
+            low, high, x = given
+            above, width = self._line("{} - {}", x, low), self._line("{} - {}", high, low)
+            share = self._lesser(self._greater(self._line("{} / {}", above, width), "0.0"), "1.0")
+            return self._line("{0} * {0} * (3.0 - 2.0 * {0})", share)
+        raise AssertionError(f"{name} was checked and is known")
+
+    def _lesser(self, a: str, b: str) -> str:
+        return self._line("{0} if {0} <= {1} or {0} != {0} else {1}", a, b)
+
+    def _greater(self, a: str, b: str) -> str:
+        return self._line("{0} if {0} >= {1} or {0} != {0} else {1}", a, b)
+
+
+KNOWN = (*PLACE, *TIME)
+"""What such formulas may always speak of."""
+
+FRAME = "frame"
+"""Its number is handed over: those that speak of it have it among their numbers."""
+
+_MODULE = """\
+def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
+    {once}
+    for i in range(count):
+        x, y, z = xs[i], ys[i], zs[i]
+        {each}
+        us[i] += {u}
+        vs[i] += {v}
+        ws[i] += {w}
+"""
+
+
+def compiled(
+    formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()
+) -> BlockKernel:
+    """The block function of three formulas over x, y, z, t, and `numbers`, in that order in its table."""
+    return _loaded(source(formulas, numbers))
+
+
+def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()) -> str:
+    """What is compiled, as Python."""
+    words = {name: f"number{k}" for k, name in enumerate(numbers)}
+    code = ScalarCode({"x": "x", "y": "y", "z": "z", "t": "t", "time": "t", **words}, PLACE)
+    u, v, w = (code.value(formula.tree) for formula in formulas)
+    once = [f"{word} = numbers[{k}]" for k, word in enumerate(words.values())] + code.once
+    return _MODULE.format(
+        once="\n    ".join(once or ["pass"]),
+        each="\n        ".join(code.each or ["pass"]),
+        u=u,
+        v=v,
+        w=w,
+    )
+
+
+@cache
+def _loaded(text: str) -> BlockKernel:
+    """The function of a text, which stands in a file named after it: numba files its result under that."""
+    folder = cache_folder() / "formulas"
+    folder.mkdir(exist_ok=True)
+    file = folder / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
+    if not file.exists():
+        _write(file, text)
+    module = ModuleType(file.stem)
+    vars(module).update(math=math, np=np)
+    sys.modules[file.stem] = module  # where numba looks up what it has filed
+    exec(
+        compile(text, str(file), "exec", dont_inherit=True), vars(module)
+    )  # our own words, written from a checked tree
+    return BlockKernel(vars(module)["formula"])
+
+
+def _write(file: Path, text: str) -> None:
+    """Whole or not at all: several processes may meet a formula at once."""
+    descriptor, draft = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
+    with os.fdopen(descriptor, "w") as stream:
+        stream.write(text)
+    Path(draft).replace(file)

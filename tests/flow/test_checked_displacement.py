@@ -1,0 +1,84 @@
+"""What is wrong with one frame leaves every other frame its key."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from pipeline.errors import FrameError
+from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, displaced, keyed
+from pipeline.flow.catalogue import Rotation, Stretch, Twist, Vortex
+from pipeline.flow.checked_displacement import deciding
+from pipeline.flow.compose import Frame, InFrame, Limited, Placed, Scaled, Within
+from pipeline.flow.flow_map import History, Step
+from pipeline.flow.formula_curve import Formulated
+from pipeline.flow.keyframes import Number
+from pipeline.flow.regions import Sphere
+
+POINTS = np.random.default_rng(3).uniform(-1, 1, size=(20, 3))
+DT = 0.1
+DIP = keyed((0.0, 0.45, 0.5, 0.6, 0.65, 1.0), (1.0, 1.0, -0.5, -0.5, 1.0, 1.0), "linear")
+"""Below 0 from 0.5 to 0.6 seconds, and 1 where a step of a tenth does not touch that."""
+
+TWIST = Twist(amount=keyed((0.0, 1.0), (0.0, 1.0)))
+
+BROKEN: dict[str, Callable[[Number], Flow]] = {
+    "a region without a size": lambda n: Streamlines(Limited(Rotation(), Sphere(radius=n))),
+    "the same about a map": lambda n: Within(TWIST, Sphere(radius=n)),
+    "a frame without room": lambda n: Streamlines(InFrame(Rotation(), Frame(scale=n))),
+    "the same about another map": lambda n: Placed(TWIST, Frame(scale=n)),
+    "a bad weight": lambda n: Streamlines(Scaled(Rotation(), n)),
+    "a bad blend": lambda n: Blend(Sequence(()), TWIST, n),
+    "within others": lambda n: Sequence((TWIST, Repeated(Blend(TWIST, Sequence(()), n), 10.0))),
+}
+
+
+@pytest.mark.parametrize("broken", BROKEN.values(), ids=BROKEN)
+def test_only_the_frame_that_fails_is_known_by_its_failure(broken: Callable[[Number], Flow]) -> None:
+    bad, good = broken(DIP), broken(1.0)
+    for number in range(10):
+        time = number / 10
+        data = deciding(bad, time, DT)
+        assert json.dumps(data, allow_nan=False)
+        if number == 5:
+            assert data != deciding(good, time, DT)
+            with pytest.raises(FrameError, match="frame 6: "):
+                displaced(bad, POINTS, time, DT, 6)
+            with pytest.raises(FrameError, match="frame 6: "):
+                history = History()
+                history.add(Step(bad, time, DT, 6))
+                history.carry(POINTS)
+        elif number not in (4, 6):
+            assert data == deciding(good, time, DT)
+            assert np.isfinite(displaced(bad, POINTS, time, DT, number + 1)).all()
+
+
+@pytest.mark.parametrize(
+    "flow",
+    [
+        Streamlines(Vortex(strength=Formulated(("1 / (t - 0.55)",), 24.0, 1))),
+        Twist(amount=Formulated(("1 / (t - 0.5)",), 24.0, 1)),
+        Streamlines(Vortex(radius=Formulated(("1 if t < 0.5 else 0",), 24.0, 1))),
+        Streamlines(Vortex(radius=1e-110, strength=Formulated(("0 if t < 0.5 else 1e99",), 24.0, 1))),
+        Stretch(amount=Formulated(("1 if t < 0.55 else 0",), 24.0, 1)),
+    ],
+    ids=lambda flow: flow.name,
+)
+def test_numbers_that_are_none_fail_their_frame(flow: Flow) -> None:
+    """It has data, and when it is made its error names the frame."""
+    assert json.dumps([deciding(flow, time, DT) for time in (0.2, 0.5)], allow_nan=False)
+    assert np.isfinite(displaced(flow, POINTS, 0.2, DT, 3)).all()
+    with np.errstate(all="ignore"), pytest.raises(FrameError, match="frame 6: "):
+        displaced(flow, POINTS, 0.5, DT, 6)
+    with np.errstate(all="ignore"), pytest.raises(FrameError, match="frame 6: "):
+        history = History()
+        history.add(Step(flow, 0.5, DT, 6))
+        history.carry(POINTS)
+
+
+def test_rounds_without_number_have_data_too() -> None:
+    flow = Repeated(TWIST, 1e-7)
+    assert deciding(flow, 0.0, DT) != deciding(flow, 0.3, DT)

@@ -1,0 +1,170 @@
+"""Rest points carried through all frames at once arrive where vertices moved frame by frame arrive."""
+
+from __future__ import annotations
+
+import gc
+import weakref
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from pipeline.arrays import Points
+from pipeline.errors import FrameError
+from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, displaced, keyed
+from pipeline.flow import flow_map as module
+from pipeline.flow.catalogue import (
+    Attraction,
+    Enright,
+    Expansion,
+    Lorenz,
+    Rotation,
+    Shear,
+    Stretch,
+    Taper,
+    Target,
+    Twist,
+    Vortex,
+)
+from pipeline.flow.compose import Limited
+from pipeline.flow.flow_map import History, Step
+from pipeline.flow.regions import SampledRegion
+from pipeline.flow.streamlines import Course
+
+DT = 1 / 24
+AMOUNT = keyed((0.0, 0.6), (1.0, 1.4))
+
+FLOWS: list[Flow] = [
+    Streamlines(Lorenz(scale=16.0, time_scale=keyed((0.0, 0.5), (0.1, 0.3)))),
+    Streamlines(Sum((Vortex(radius=0.4, strength=AMOUNT), Expansion(rate=0.4)))),
+    Streamlines(Enright(period=0.5), substeps=3),
+    Streamlines(Sum(())),
+    Twist(amount=AMOUNT),
+    Stretch(amount=AMOUNT),
+    Taper(amount=AMOUNT),
+    Shear(amount=AMOUNT),
+    Reversed(Sequence((Streamlines(Vortex(strength=AMOUNT)), Twist(amount=AMOUNT))), 0.5),
+    Function(lambda points, time, dt: points + dt * np.sin(points[:, ::-1] + time)),
+]
+
+
+@pytest.fixture
+def points() -> Points:
+    return np.random.default_rng(3).normal(size=(57, 3))
+
+
+def history_of(flow: Flow, frames: int) -> History:
+    history = History()
+    for frame in range(frames):
+        history.add(Step(flow, frame * DT, DT, frame + 2))
+    return history
+
+
+def frame_by_frame(flow: Flow, points: Points, frames: int) -> Points:
+    for frame in range(frames):
+        points = displaced(flow, points, frame * DT, DT, frame + 2)
+    return points
+
+
+@settings(max_examples=40, deadline=None)
+@given(st.lists(st.sampled_from(range(len(FLOWS))), max_size=4), st.integers(0, 9))
+def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
+    chosen: list[int], frames: int
+) -> None:
+    points = np.random.default_rng(3).normal(size=(57, 3))
+    flow = Sequence(tuple(FLOWS[i] for i in chosen))
+    carried = history_of(flow, frames).carry(points)
+    assert carried.tobytes() == frame_by_frame(flow, points, frames).tobytes()
+
+
+@pytest.mark.parametrize("flow", FLOWS, ids=lambda flow: flow.name)
+def test_it_grows_by_a_frame_at_a_time(flow: Flow, points: Points) -> None:
+    history, moved = History(), points
+    for frame in range(4):
+        assert len(history) == frame
+        assert history.carry(points).tobytes() == moved.tobytes()
+        history.add(Step(flow, frame * DT, DT, frame + 2))
+        moved = displaced(flow, moved, frame * DT, DT, frame + 2)
+
+
+def test_streamlines_of_many_frames_are_one_call(points: Points, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Also where two different fields act in turn; and the size of a call is bounded."""
+    calls = []
+    follow = Course.follow
+    monkeypatch.setattr(Course, "follow", lambda self, p: calls.append(len(self.tables)) or follow(self, p))
+    flow = Sequence((FLOWS[0], FLOWS[1]))
+    whole = history_of(flow, 12).carry(points)
+    assert len(calls) == 1
+    monkeypatch.setattr(module, "LARGEST_COURSE", calls.pop() // 5)
+    again = history_of(flow, 12).carry(points)
+    assert 5 <= len(calls) <= 9 and max(calls) <= module.LARGEST_COURSE
+    assert again.tobytes() == whole.tobytes()
+
+
+def test_what_a_course_reads_lives_as_long_as_the_course(points: Points) -> None:
+    """Fields, and regions, that are gone when it is followed, and their memory filled by others."""
+
+    def flows() -> tuple[Streamlines, Streamlines]:
+        distances = np.linalg.norm(np.indices((40, 40, 40)) - 20.0, axis=0) - 10.0
+        region = SampledRegion(0.1 * distances, (-2.0, -2.0, -2.0), 0.1, falloff=0.5)
+        pull = Attraction(Target.points(np.random.default_rng(1).normal(size=(5000, 3))), 2.0, 3.0)
+        return Streamlines(Sum((pull, Vortex())), 2), Streamlines(Limited(Rotation(), region), 2)
+
+    one, other = flows()
+    expected = other.displace(one.displace(points, 0.0, DT), 0.0, DT)
+    del one, other
+    gone: list[weakref.ref[Any]] = []
+
+    def course() -> Course:
+        made = flows()
+        gone.extend(weakref.ref(flow) for flow in made)
+        return Course.joined([flow.course(0.0, DT) for flow in made])
+
+    joined = course()
+    gc.collect()
+    assert [known() for known in gone] == [None, None]
+    overwritten = [np.full(shape, np.nan) for shape in (64_003, 45_000, 85_000, 90_000) for _ in range(5)]
+    assert joined.follow(points).tobytes() == expected.tobytes()
+    assert len(joined.owners) == 2 and overwritten
+
+
+def test_points_given_stay_as_they_are(points: Points) -> None:
+    before = points.copy()
+    history = History()
+    assert history.carry(points) is not points
+    history_of(FLOWS[-1], 2).carry(points)
+    np.testing.assert_array_equal(points, before)
+
+
+def test_no_points_are_carried_to_no_points() -> None:
+    assert history_of(Sequence(tuple(FLOWS)), 2).carry(np.empty((0, 3))).shape == (0, 3)
+
+
+def test_a_point_that_leaves_the_numbers_is_told_with_frame_flow_and_place() -> None:
+    flow = Streamlines(Lorenz(scale=16.0, time_scale=5.0), substeps=1)
+    points = np.array([[0.0, 0.0, 0.0], [1e5, 1e5, 1e5]])
+    with pytest.raises(
+        FrameError,
+        match=r"^frame 7: on the way from the rest surface: frame \d: flow lorenz moved vertex 1 from",
+    ) as told:
+        history_of(flow, 6).carry(points)
+    assert told.value.frame == 7
+
+
+def test_a_user_flow_that_fails_is_told(points: Points) -> None:
+    def fail(points: Points, time: float, dt: float) -> Points:
+        raise ValueError("no wind")
+
+    with pytest.raises(FrameError, match=r"^frame 4: .*fail raised ValueError: no wind"):
+        history_of(Function(fail), 3).carry(points)
+
+
+def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added() -> None:
+    flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 0.1), (0.0, 100.0), "linear")))
+    history = History()
+    history.add(Step(flow, -DT, DT, 1))
+    with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s is so steep"):
+        history.add(Step(flow, 0.0, DT, 2))
+    assert len(history) == 1
