@@ -27,7 +27,7 @@ from typing import NamedTuple
 
 from benchmarks.report import Target, keep, show
 from pipeline.production.execution import scheduler
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.render_inputs.framing import Framing
@@ -79,14 +79,14 @@ def planning(names: list[str], frames: int, most: float) -> Iterator[Target]:
         spent = timed(lambda: command("--dry-run", *words))
         yield Target(work, f"{when}: s of a core", spent.cpu, most=bound)
         yield Target(work, f"{when}: s by the clock", spent.clock)
-    plan = Studio(Path.cwd(), CORES).pictures(names, "preview")
+    plan = Project(Path.cwd(), CORES).pictures(names, "preview")
     spent = timed(lambda: snakemake_looks_at(plan))
     yield Target(work, f"Snakemake's graph of {len(plan.jobs)} jobs: s of a core", spent.cpu)
 
 
 def running(name: str, frames: int) -> Iterator[Target]:
     """A run of jobs that find all that they would make, and a run that has nothing to do."""
-    plan = Studio(Path.cwd(), CORES).pictures([name], "preview")
+    plan = Project(Path.cwd(), CORES).pictures([name], "preview")
     fill(plan)
     work, spent = f"{frames} frames", timed(lambda: carry_out(plan))
     yield Target(work, "ms a frame, two cores", 1000 * spent.cpu / CORES / frames, most=10.0)
@@ -110,7 +110,7 @@ def write_shots(count: int, frames: int) -> list[str]:
 def fill(plan: Plan) -> None:
     """Put dummies into the store for every file of a plan's takes, and cameras that stand still."""
     framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), Placement((0.0, -1.0, 0.0), 1.0, 0.0))
-    store = Studio(Path.cwd(), CORES).store
+    store = Project(Path.cwd(), CORES).store
     for data in plan.takes:
         take = Take.from_data(data, Ledger(Path.cwd()))
         cameras = {str(number): framing.as_data() for number in take.poses}

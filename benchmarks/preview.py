@@ -29,7 +29,7 @@ from pipeline.dailies.live.session import Session
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from render.camera import Camera
 from render.lights import LIGHTS
 from render.look import LOOKS
@@ -107,11 +107,11 @@ def edited(root: Path) -> tuple[float, int]:
     """Seconds from an edit to the first picture that it changed, and how many vertices that shows."""
     shot, screen = root / "shots" / "ball.yaml", Screen()
     heard = screen.listen()
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         takes: list[Any] = []
 
         def sketch() -> Sketch:
-            takes.append(Studio(root, 2).take(shot, "preview", None, variant="none"))
+            takes.append(Project(root, 2).take(shot, "preview", None, variant="none"))
             return Sketch(takes[-1])
 
         session = Session(sketch, screen, reel, lambda ready: None, {shot})

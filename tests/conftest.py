@@ -1,4 +1,4 @@
-"""What tests share: a studio with a tiny shot, and the real command."""
+"""What tests share: a project with a tiny shot, and the real command."""
 
 from __future__ import annotations
 
@@ -63,7 +63,7 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
 
 
 @dataclass(frozen=True)
-class StudioFolder:
+class ProjectFolder:
     """A working folder with `shots/`, and the command run in it."""
 
     path: Path
@@ -100,34 +100,34 @@ class StudioFolder:
     def frames(self, quality: str = "preview", kind: str = "frames") -> list[Path]:
         return sorted((self.path / "renders" / "T010_tiny" / quality / kind).glob("*.exr"))
 
-    def copy(self, place: Path) -> StudioFolder:
+    def copy(self, place: Path) -> ProjectFolder:
         shutil.copytree(self.path, place, copy_function=shutil.copy2)
-        return StudioFolder(place)
+        return ProjectFolder(place)
 
 
 @pytest.fixture
-def studio(tmp_path: Path) -> StudioFolder:
+def project(tmp_path: Path) -> ProjectFolder:
     """A working folder with one tiny shot and an edit; nothing made yet."""
-    return _new_studio(tmp_path)
+    return _new_project(tmp_path)
 
 
 @pytest.fixture(scope="session")
-def finished_studio(tmp_path_factory: pytest.TempPathFactory) -> StudioFolder:
+def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
     """The same, its film made at preview quality; tests work on copies of it."""
-    made = _new_studio(tmp_path_factory.mktemp("finished"))
+    made = _new_project(tmp_path_factory.mktemp("finished"))
     done = made.run("film", "-q", "preview")
     assert done.code == 0, done.err
     return made
 
 
 @pytest.fixture
-def finished(finished_studio: StudioFolder, tmp_path: Path) -> StudioFolder:
-    """A copy of a finished studio. Links have become copies, as on a file system without them."""
-    return finished_studio.copy(tmp_path / "studio")
+def finished(finished_project: ProjectFolder, tmp_path: Path) -> ProjectFolder:
+    """A copy of a finished project. Links have become copies, as on a file system without them."""
+    return finished_project.copy(tmp_path / "studio")
 
 
-def _new_studio(path: Path) -> StudioFolder:
+def _new_project(path: Path) -> ProjectFolder:
     (path / "shots").mkdir()
     (path / "shots" / "T010_tiny.yaml").write_text(TINY)
     (path / "shots" / "film.yaml").write_text(FILM)
-    return StudioFolder(path)
+    return ProjectFolder(path)

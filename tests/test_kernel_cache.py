@@ -32,9 +32,9 @@ for dispatcher, signature in kernels.DECLARED:
 """
 
 
-def test_a_whole_shot_runs_on_what_set_up_has_compiled(studio):
+def test_a_whole_shot_runs_on_what_set_up_has_compiled(project):
     assert kernels.compile_all() > 0
-    scene = SCENE.format(path=str(studio.shot))
+    scene = SCENE.format(path=str(project.shot))
     done = subprocess.run([sys.executable, "-c", scene], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
     assert done.stdout == ""

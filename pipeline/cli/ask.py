@@ -15,7 +15,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain, duration, out
 from pipeline.errors import FlowsculptError
 from pipeline.kernels import cache_folder, compile_all
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.why import Answer, Question
 from pipeline.production.planning.frame_states import FrameStates, states
 from pipeline.production.planning.history import History
@@ -34,14 +34,14 @@ def status(
     Failed frames failed when they were last tried; running ones are being made now. The time left is what the
     undone take if they come as fast as the last did.
     """
-    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
+    project = Project(common.root, common.cores, settings=tuple(settings or ()))
     history = History.of(common.root)
     rows: list[FrameStates] = []
     failed: list[FlowsculptError] = []
     for shot in shots or shot_names():
         try:
-            takes = [studio.take(find_shot(shot), quality) for quality in QUALITIES]
-            rows += states(takes, studio.store, history)
+            takes = [project.take(find_shot(shot), quality) for quality in QUALITIES]
+            rows += states(takes, project.store, history)
         except FlowsculptError as error:
             failed.append(error)
     for failure in failed:
@@ -65,9 +65,9 @@ def why(
     Keys decide: of the mesh, of the picture, of the code. What of them differs from what is there is told
     part by part, and what was edited in the shot file since the frame was made.
     """
-    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
-    take = studio.take(find_shot(shot), quality, str(frame))
-    found = Question(take, frame, studio.store).answer()
+    project = Project(common.root, common.cores, settings=tuple(settings or ()))
+    take = project.take(find_shot(shot), quality, str(frame))
+    found = Question(take, frame, project.store).answer()
     answer(_explained(found, shot, frame, quality), found.as_data(), common.json)
 
 

@@ -13,7 +13,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.runs import carried_out
 from pipeline.cli.say import answer, complain, err, warn
 from pipeline.errors import FlowsculptError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.execution.run import exclusive
 from pipeline.production.maintenance.clean import Sweep, sweep
 from pipeline.production.maintenance.verify import Checked, damages, verified
@@ -41,12 +41,12 @@ def verify(common: Common, settings: Settings = None) -> None:
         words = _found(len(faulty), len(altered), "; nothing was changed")
         answer(words, {**facts, "healed": False}, common.json)
         raise typer.Exit(1 if faulty or altered else 0)
-    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
-    damaged = list(damages(_begun(studio), store, {(each.kind, each.key) for each in faulty}))
+    project = Project(common.root, common.cores, settings=tuple(settings or ()))
+    damaged = list(damages(_begun(project), store, {(each.kind, each.key) for each in faulty}))
     with exclusive(common.root):
         for each in faulty:
             store.discard(each.kind, each.key)
-    outcome = carried_out(common, lambda: studio.mended(damaged))
+    outcome = carried_out(common, lambda: project.mended(damaged))
     words = _found(len(faulty), len(altered), "; what of it today's shots show is whole again")
     answer(words, {**facts, "healed": not outcome.unfinished}, common.json)
     if outcome.exit_code or altered:
@@ -65,13 +65,13 @@ def clean(
     What today's shots ask for stays, at every quality that was begun, and so do what renders/ shows and what
     the last runs were about, which makes going back to them free. --dry-run tells how much would go.
     """
-    studio = Studio(common.root, common.cores, settings=tuple(settings or ()))
-    takes = list(_begun(studio))
+    project = Project(common.root, common.cores, settings=tuple(settings or ()))
+    takes = list(_begun(project))
     if common.dry_run:
-        done = sweep(studio.store, takes, keep, only_tell=True)
+        done = sweep(project.store, takes, keep, only_tell=True)
     else:
         with exclusive(common.root):
-            done = sweep(studio.store, takes, keep, only_tell=False)
+            done = sweep(project.store, takes, keep, only_tell=False)
     facts = {"removed": len(done.gone), "freed_bytes": done.freed, "kept": done.kept}
     answer(_swept(done, common.dry_run), facts, common.json)
 
@@ -125,15 +125,15 @@ def _facts_of(each: PublishedFile) -> dict[str, object]:
     return {"version": str(each.version), "file": str(each.path), "frame": each.number, "fault": each.fault}
 
 
-def _begun(studio: Studio) -> Iterator[Take]:
+def _begun(project: Project) -> Iterator[Take]:
     """Today's shots, at every quality that was begun; one that cannot be read is told."""
     for name in shot_names():
         try:
-            takes = [studio.take(find_shot(name), quality) for quality in QUALITIES]
+            takes = [project.take(find_shot(name), quality) for quality in QUALITIES]
         except FlowsculptError as error:
             warn(str(error))
             continue
-        begun = [take for take in takes if is_begun(take, studio.store)]
+        begun = [take for take in takes if is_begun(take, project.store)]
         yield from begun or takes[:1]
 
 

@@ -13,13 +13,13 @@ import typer
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.progress import counting
+from pipeline.cli.projects import project_of
 from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer, duration, err, out, warn
-from pipeline.cli.studios import studio_of
 from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
 from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.errors import UsageError, suggestion
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import edit_names, find_edit
@@ -82,8 +82,8 @@ def deliver(
         heard=None if sound is None else heard_from(sound),
         folder=output,
     )
-    studio = studio_of(common, settings, allow_code, variant)
-    wanted = _Wanted(studio, tuple(names), windowed(quality, crop, scale), frames)
+    project = project_of(common, settings, allow_code, variant)
+    wanted = _Wanted(project, tuple(names), windowed(quality, crop, scale), frames)
     if common.dry_run:
         tell_plan(common, wanted.plan())
         if not common.json:
@@ -111,7 +111,7 @@ def deliver(
 class _Wanted:
     """Shots and edits by their names, and which of their frames."""
 
-    studio: Studio
+    project: Project
     names: tuple[str, ...]
     quality: str
     frames: str | None
@@ -119,13 +119,13 @@ class _Wanted:
     def plan(self) -> Plan:
         """What is left to be rendered for all of them."""
         takes = [take for name in self.names for take in self._takes(name)]
-        return self.studio.frames(takes)
+        return self.project.frames(takes)
 
     def deliveries(self, order: Order, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
-        store, made = self.studio.store, []
+        store, made = self.project.store, []
         for name in self.names:
             if _is_of_edit(name):
-                reel = of_film(*self.studio.cut(self.quality, find_edit(name)), store, failed)
+                reel = of_film(*self.project.cut(self.quality, find_edit(name)), store, failed)
             else:
                 reel = of_shot(self._takes(name)[0], store, failed)
             made.append(Delivery(reel, order, store))
@@ -133,10 +133,10 @@ class _Wanted:
 
     def _takes(self, name: str) -> list[Take]:
         if not _is_of_edit(name):
-            return [self.studio.asked(name, self.quality, self.frames)]
+            return [self.project.asked(name, self.quality, self.frames)]
         if self.frames is not None:
             raise UsageError(f"-f {self.frames} is of shots; {name} is an edit and says itself what it shows")
-        return self.studio.cut(self.quality, find_edit(name))[1]
+        return self.project.cut(self.quality, find_edit(name))[1]
 
 
 def _is_of_edit(name: str) -> bool:

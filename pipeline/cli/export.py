@@ -14,7 +14,7 @@ from pipeline.cli.say import answer
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.execution import openjd as job_description
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import FILM, find_edit
 from pipeline.production.store.disk import disk_faults
@@ -68,16 +68,16 @@ def export(
     if form not in FORMATS:
         raise UsageError(f"{form!r} is no format to export. {suggestion(form, FORMATS)}")
     quality = windowed(quality, crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+    project = Project(common.root, common.cores, variant, tuple(settings or ()), allow_code)
     if form == "otio":
-        _timeline(common, studio, quality, name or FILM.stem, output, media, frames)
+        _timeline(common, project, quality, name or FILM.stem, output, media, frames)
     else:
-        _job(common, studio, quality, name, output or Path("template.yaml"), frames)
+        _job(common, project, quality, name, output or Path("template.yaml"), frames)
 
 
 def _timeline(
     common: Common,
-    studio: Studio,
+    project: Project,
     quality: str,
     edit: str,
     output: Path | None,
@@ -92,7 +92,7 @@ def _timeline(
     place = output or Path(f"{path.stem}.otio")
     if place.suffix != ".otio":
         raise UsageError(f"{place}: a timeline's name ends in .otio; call it {place.stem}.otio")
-    cut, takes = studio.cut(quality, path)
+    cut, takes = project.cut(quality, path)
     if not common.dry_run:
         Timeline(cut, takes, common.root, media, place).write()
     done = f"{place}: {cut.length} frames, {'would be ' if common.dry_run else ''}written."
@@ -100,7 +100,7 @@ def _timeline(
 
 
 def _job(
-    common: Common, studio: Studio, quality: str, shot: str | None, output: Path, frames: str | None
+    common: Common, project: Project, quality: str, shot: str | None, output: Path, frames: str | None
 ) -> None:
     if shot is None:
         raise UsageError("export openjd needs the name of a shot; flowsculpt status lists shots")
@@ -108,7 +108,7 @@ def _job(
         raise UsageError(
             f"{output}: a template's name ends in .yaml, .yml or .json; call it {output.stem}.yaml"
         )
-    plan = studio.whole(shot, quality, frames)
+    plan = project.whole(shot, quality, frames)
     beside = output.with_name(f"{output.name}.plan.json")
     made = job_description.template(plan, beside.name, common.root)
     if not common.dry_run:

@@ -9,8 +9,8 @@ import typer
 
 from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Shots, Variant
 from pipeline.cli.options import Common
+from pipeline.cli.projects import project_of
 from pipeline.cli.runs import make
-from pipeline.cli.studios import studio_of
 from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import FILM, find_edit
@@ -31,8 +31,8 @@ def simulate(
     the edit left valid. Vertices are numbered for life in them, and new ones name their parents; those of
     method polyhedra are not.
     """
-    studio = studio_of(common, settings, allow_code)
-    make(common, lambda: studio.meshes(shots, frames))
+    project = project_of(common, settings, allow_code)
+    make(common, lambda: project.meshes(shots, frames))
 
 
 def render(
@@ -79,8 +79,8 @@ def render(
             "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
         )
     named = windowed(quality or "draft", crop, scale)
-    studio = studio_of(common, settings, allow_code, variant)
-    make(common, lambda: studio.pictures(shots, named, frames))
+    project = project_of(common, settings, allow_code, variant)
+    make(common, lambda: project.pictures(shots, named, frames))
 
 
 def stills(
@@ -105,8 +105,8 @@ def stills(
     are in renders/SHOT/QUALITY/frames and raw.
     """
     quality = windowed(quality, crop, scale)
-    studio = studio_of(common, settings, allow_code, variant)
-    make(common, lambda: studio.stills(shots, form, quality, frames))
+    project = project_of(common, settings, allow_code, variant)
+    make(common, lambda: project.stills(shots, form, quality, frames))
 
 
 def film(
@@ -124,5 +124,5 @@ def film(
     Without a name it is shots/film.yaml; `flowsculpt film showreel` is shots/showreel.yaml. What is `--set`
     is set in every shot.
     """
-    studio = studio_of(common, settings, allow_code, variant)
-    make(common, lambda: studio.film(quality, find_edit(edit)))
+    project = project_of(common, settings, allow_code, variant)
+    make(common, lambda: project.film(quality, find_edit(edit)))

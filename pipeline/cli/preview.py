@@ -9,9 +9,9 @@ import typer
 
 from pipeline.cli.arguments import AllowCode, Frames, Settings
 from pipeline.cli.options import Common
+from pipeline.cli.projects import project_of
 from pipeline.cli.say import answer
 from pipeline.cli.sketching import folder_for, sketched
-from pipeline.cli.studios import studio_of
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import UsageError
 from pipeline.production.request.lookup import find_shot
@@ -82,9 +82,9 @@ def preview(
 
     def sketch() -> tuple[Sketch, Store]:
         """As the shot is now."""
-        studio = studio_of(common, settings, allow_code)
-        take = studio.take(path, "preview", str(at) if at is not None else frames, variant="none")
-        return Sketch(take, flow, edges, over), studio.store
+        project = project_of(common, settings, allow_code)
+        take = project.take(path, "preview", str(at) if at is not None else frames, variant="none")
+        return Sketch(take, flow, edges, over), project.store
 
     if (live or watch) and not common.dry_run:
         from pipeline.cli.watching import watched

@@ -17,7 +17,7 @@ from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer, complain, out, warn
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.paths import PUBLISHED, published
@@ -55,13 +55,13 @@ def publish(
     damages the other. With --copy they are files of their own. `flowsculpt verify` looks after them.
     """
     name = windowed(quality, crop, scale)
-    studio = Studio(common.root, common.cores, variant, tuple(settings or ()), profile=common.profile)
-    take = studio.take(find_shot(shot), name)
+    project = Project(common.root, common.cores, variant, tuple(settings or ()), profile=common.profile)
+    take = project.take(find_shot(shot), name)
     said = {"--crop": crop, "--scale": scale, "--variant": variant}
     words = ["flowsculpt", "render", shot, "-q", quality]
     words += [word for option, value in said.items() if value is not None for word in (option, value)]
     words += [word for setting in settings or () for word in ("--set", setting)]
-    done = Release(take, studio.store, shlex.join(words), note, version, copy).publish(common.dry_run)
+    done = Release(take, project.store, shlex.join(words), note, version, copy).publish(common.dry_run)
     facts = {
         "shot": take.name,
         "version": done.version,

@@ -11,8 +11,8 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from pipeline.cli.arguments import AllowCode, Settings, Shots
 from pipeline.cli.options import Common
+from pipeline.cli.projects import project_of
 from pipeline.cli.say import answer, err, warn
-from pipeline.cli.studios import studio_of
 from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Search
 from pipeline.dailies.review.page import Page
@@ -63,11 +63,11 @@ def review(
         raise UsageError(
             f"--as {form}: pictures of a page are {' or '.join(FORMS)}. {suggestion(form, FORMS)}"
         )
-    studio = studio_of(common, settings, allow_code)
-    search = Search(studio, tuple(qualities or ()), History.of(common.root))
+    project = project_of(common, settings, allow_code)
+    search = Search(project, tuple(qualities or ()), History.of(common.root))
     found = [search.shot(shot) for shot in dict.fromkeys(shots)]
     page = Page(
-        _named(name, [shown.take.name for shown in found]), studio.store, found, form, models, common.cores
+        _named(name, [shown.take.name for shown in found]), project.store, found, form, models, common.cores
     )
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.found) for s in page.sequences)}

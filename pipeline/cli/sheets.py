@@ -9,9 +9,9 @@ import typer
 
 from pipeline.cli.arguments import AllowCode, Crop, Quality, Scale, Settings, Variant
 from pipeline.cli.options import Common
+from pipeline.cli.projects import project_of
 from pipeline.cli.runs import carried_out, tell_plan
 from pipeline.cli.say import answer
-from pipeline.cli.studios import studio_of
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.crop_and_scale import windowed
@@ -69,12 +69,12 @@ def sheet(
     from pipeline.dailies.sheets.sheet import Sheet, spread
 
     name = windowed(quality, crop, scale)
-    studio = studio_of(common, settings, allow_code, variant)
-    take = studio.take(find_shot(shot), name, frames)
-    made = Sheet(take if frames is not None else spread(take), studio.store, columns)
+    project = project_of(common, settings, allow_code, variant)
+    take = project.take(find_shot(shot), name, frames)
+    made = Sheet(take if frames is not None else spread(take), project.store, columns)
 
     def planned() -> Plan:
-        planner = studio.planner_of(1)
+        planner = project.planner_of(1)
         planner.pictures(made.take)
         return planner.plan()
 
@@ -117,10 +117,10 @@ def figures(
     from pipeline.dailies.sheets.timing import Clocks, rendering
     from render.plot import plot_tracks
 
-    studio = studio_of(common, settings, allow_code)
-    take = studio.take(find_shot(shot), quality, variant="none")
+    project = project_of(common, settings, allow_code)
+    take = project.take(find_shot(shot), quality, variant="none")
     numbers = sorted(take.poses)
-    found = measured(take, studio.store, numbers, common.cores)
+    found = measured(take, project.store, numbers, common.cores)
     if not found:
         raise MissingInputError(
             f"{take.name} has no meshes yet, and figures are drawn from such; flowsculpt simulate {shot} "

@@ -10,9 +10,9 @@ import typer
 from pipeline.cli.arguments import AllowCode, Quality, Scale, Settings, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.progress import counting
+from pipeline.cli.projects import project_of
 from pipeline.cli.runs import make
 from pipeline.cli.say import err
-from pipeline.cli.studios import studio_of
 from pipeline.dailies.turntable.asked import BOTH, Turning
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import UsageError
@@ -54,9 +54,9 @@ def turntable(
     renders/turntable. `flowsculpt turntable model.obj --look clay,glaze,chrome` makes them for each look, and
     one movie of all three side by side.
     """
-    studio = studio_of(common, settings, allow_code, variant)
+    project = project_of(common, settings, allow_code, variant)
     named = windowed(quality, None, scale)
-    turning = Turning(studio, subject, named, at, frames, turn, _looks(look), bare)
+    turning = Turning(project, subject, named, at, frames, turn, _looks(look), bare)
 
     def draw() -> list[Path]:
         with counting(err if common.progress else None) as bar:

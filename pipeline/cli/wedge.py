@@ -9,9 +9,9 @@ import typer
 from pipeline.cli.arguments import AllowCode, Crop, Quality, Scale, Settings, Variant
 from pipeline.cli.options import Common
 from pipeline.cli.progress import STAGES
+from pipeline.cli.projects import project_of
 from pipeline.cli.runs import carried_out, expected_words
 from pipeline.cli.say import answer, warn
-from pipeline.cli.studios import studio_of
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import find_shot
@@ -65,8 +65,8 @@ def wedge(
     common is made once: a wedge over looks simulates nothing again.
     """
     grid = Grid.parse(vary or [], yes)
-    studio = studio_of(common, settings, allow_code, variant)
-    made = Wedge(studio, find_shot(shot), grid, windowed(quality, crop, scale), frames, at, columns)
+    project = project_of(common, settings, allow_code, variant)
+    made = Wedge(project, find_shot(shot), grid, windowed(quality, crop, scale), frames, at, columns)
     if common.dry_run:
         _tell(common, made)
         return

@@ -16,8 +16,8 @@ def lines(text):
     return [line for line in text.splitlines() if line.strip()]
 
 
-def test_help_names_every_command_and_the_exit_codes(studio):
-    done = studio.run("--help")
+def test_help_names_every_command_and_the_exit_codes(project):
+    done = project.run("--help")
     assert done.code == 0
     for word in (
         "new",
@@ -76,65 +76,67 @@ CARING = ("verify", "clean")
 
 
 @pytest.mark.parametrize("command", ["new", *MAKING, *TELLING, *CARING])
-def test_every_command_explains_itself_and_takes_the_common_options(studio, command):
-    done = studio.run(command, "--help")
+def test_every_command_explains_itself_and_takes_the_common_options(project, command):
+    done = project.run(command, "--help")
     assert done.code == 0
     for option in ("--json", "--no-progress", "-j", "--dry-run", "--root", "--profile"):
         assert option in done.out
 
 
-def test_common_options_may_stand_before_or_after_the_command(studio):
-    before = studio.run("--json", "--dry-run", "simulate", NAME)
-    after = studio.run("simulate", NAME, "--json", "--dry-run")
+def test_common_options_may_stand_before_or_after_the_command(project):
+    before = project.run("--json", "--dry-run", "simulate", NAME)
+    after = project.run("simulate", NAME, "--json", "--dry-run")
     assert before.code == after.code == 0
     assert json.loads(before.out)["targets"] == json.loads(after.out)["targets"]
 
 
-def test_a_dry_run_says_what_would_be_done_and_does_nothing(studio):
-    done = studio.run("--dry-run", "render", NAME, "-f", "1-3")
+def test_a_dry_run_says_what_would_be_done_and_does_nothing(project):
+    done = project.run("--dry-run", "render", NAME, "-f", "1-3")
     assert "rendering 3 frames" in done.out
-    assert not (studio.path / "renders").exists()
-    assert not (studio.path / ".flowsculpt").exists()
+    assert not (project.path / "renders").exists()
+    assert not (project.path / ".flowsculpt").exists()
 
 
-def test_flows_lists_what_there_is_and_tells_of_one(studio):
-    listed = studio.run("flows")
+def test_flows_lists_what_there_is_and_tells_of_one(project):
+    listed = project.run("flows")
     assert listed.code == 0 and "vortex_ring" in listed.out and "lorenz" in listed.out
-    one = json.loads(studio.run("flows", "vortex", "--json").out)
+    one = json.loads(project.run("flows", "vortex", "--json").out)
     assert {"name": "strength", "unit": "units²/s", "default": 1.0}.items() <= one["parameters"][3].items()
-    unknown = studio.run("flows", "vortx")
+    unknown = project.run("flows", "vortx")
     assert unknown.code == 2 and "Did you mean 'vortex'" in unknown.err
 
 
-def test_a_new_shot_is_good_and_can_be_simulated(studio):
-    assert studio.run("new", "A020_new").code == 0
-    assert studio.run("validate", "A020_new").code == 0
-    done = studio.run("--json", "simulate", "A020_new", "-f", "1-2")
+def test_a_new_shot_is_good_and_can_be_simulated(project):
+    assert project.run("new", "A020_new").code == 0
+    assert project.run("validate", "A020_new").code == 0
+    done = project.run("--json", "simulate", "A020_new", "-f", "1-2")
     assert done.code == 0, done.err
     assert json.loads(done.out)["made"] == {"simulate": 2}
 
 
-def test_a_value_is_set_for_one_command(studio):
+def test_a_value_is_set_for_one_command(project):
     """Meshes made with it are others than the shot's own; what is wrong with it is told by its own words."""
-    done = studio.run("--json", "simulate", NAME, "-f", "1-2", "--set", "flows.0.twist.amount=0")
+    done = project.run("--json", "simulate", NAME, "-f", "1-2", "--set", "flows.0.twist.amount=0")
     assert done.code == 0, done.err
-    again = studio.run("--json", "--dry-run", "simulate", NAME, "-f", "1-2")
+    again = project.run("--json", "--dry-run", "simulate", NAME, "-f", "1-2")
     assert json.loads(again.out)["jobs"]
-    same = studio.run("--json", "--dry-run", "simulate", NAME, "-f", "1-2", "--set", "flows.0.twist.amount=0")
+    same = project.run(
+        "--json", "--dry-run", "simulate", NAME, "-f", "1-2", "--set", "flows.0.twist.amount=0"
+    )
     assert json.loads(same.out)["jobs"] == []
     for command in ("simulate", "render", "validate", "turntable"):
-        bad = studio.run("--dry-run", command, NAME, "--set", "flows.0.twst.amount=0")
+        bad = project.run("--dry-run", command, NAME, "--set", "flows.0.twst.amount=0")
         assert bad.code == 2
         (line,) = lines(bad.err)
         assert line == "--set flows.0.twst.amount=0: flows.0 has no twst. Did you mean 'twist'?"
 
 
-def test_a_shot_may_extend_another_and_defaults_are_no_shot(studio):
-    (studio.shot.parent / "T020_more.yaml").write_text(f"extends: {NAME}\ntitle: More\n")
-    (studio.shot.parent / "defaults.yaml").write_text("look: glaze\n")
-    done = studio.run("--json", "simulate", "T020_more", "-f", "1-2")
+def test_a_shot_may_extend_another_and_defaults_are_no_shot(project):
+    (project.shot.parent / "T020_more.yaml").write_text(f"extends: {NAME}\ntitle: More\n")
+    (project.shot.parent / "defaults.yaml").write_text("look: glaze\n")
+    done = project.run("--json", "simulate", "T020_more", "-f", "1-2")
     assert done.code == 0 and json.loads(done.out)["made"] == {"simulate": 2}, done.err
-    assert {fact["file"] for fact in json.loads(studio.run("--json", "validate").out)} == {
+    assert {fact["file"] for fact in json.loads(project.run("--json", "validate").out)} == {
         NAME,
         "T020_more",
         "film",
@@ -142,47 +144,47 @@ def test_a_shot_may_extend_another_and_defaults_are_no_shot(studio):
 
 
 @pytest.mark.parametrize("source", ["curl_noise", "sampled", "python", NAME, f"shots/{NAME}.yaml"])
-def test_a_new_shot_begins_from_a_flow_or_a_shot(studio, source):
-    done = studio.run("--json", "new", "A020_new", "--from", source)
+def test_a_new_shot_begins_from_a_flow_or_a_shot(project, source):
+    done = project.run("--json", "new", "A020_new", "--from", source)
     assert done.code == 0, done.err
     files = json.loads(done.out)["files"]
-    assert all((studio.path / file).is_file() for file in files)
+    assert all((project.path / file).is_file() for file in files)
     assert len(files) == (2 if source in ("sampled", "python") else 1)
-    first = (studio.path / files[0]).read_text().splitlines()[0]
+    first = (project.path / files[0]).read_text().splitlines()[0]
     named = first.partition("$schema=")[2]
-    assert first.startswith("# yaml-language-server") and (studio.path / "shots" / named).is_file()
-    assert studio.run("validate", "A020_new").code == 0
+    assert first.startswith("# yaml-language-server") and (project.path / "shots" / named).is_file()
+    assert project.run("validate", "A020_new").code == 0
 
 
-def test_what_is_neither_flow_nor_shot_begins_nothing(studio):
+def test_what_is_neither_flow_nor_shot_begins_nothing(project):
     for source, says in (("vortx", "Did you mean 'vortex'"), ("T010_tinny", "Did you mean 'T010_tiny'")):
-        done = studio.run("new", "A020_new", "--from", source)
+        done = project.run("new", "A020_new", "--from", source)
         assert done.code == 2 and says in done.err and len(lines(done.err)) == 1
-    (studio.path / "elsewhere").mkdir()
-    (studio.path / "elsewhere" / "bunny.yaml").write_text(
+    (project.path / "elsewhere").mkdir()
+    (project.path / "elsewhere" / "bunny.yaml").write_text(
         "title: B\nframes: 1-2\nsubject: {model: b.obj}\nresample: off\n"
     )
-    done = studio.run("new", "A020_new", "--from", "elsewhere/bunny.yaml")
+    done = project.run("new", "A020_new", "--from", "elsewhere/bunny.yaml")
     assert done.code == 2 and "would not be good in shots/: " in done.err and "b.obj" in done.err
-    assert not (studio.path / "shots" / "A020_new.yaml").exists()
+    assert not (project.path / "shots" / "A020_new.yaml").exists()
 
 
-def test_a_preview_is_drawn_without_rendering(studio):
-    done = studio.run("--json", "preview", NAME, "--at", "3", "--flow")
+def test_a_preview_is_drawn_without_rendering(project):
+    done = project.run("--json", "preview", NAME, "--at", "3", "--flow")
     assert done.code == 0, done.err
     made = json.loads(done.out)["path"]
     assert made.endswith("renders/T010_tiny/sketch/T010_tiny.0003.flow.png")
     assert read_png(Path(made)).shape == (540, 960, 3)
-    done = studio.run("--json", "preview", NAME, "-f", "2-3", "-o", "two.mp4")
-    assert done.code == 0 and probe_movie(studio.path / "two.mp4").frames == 2, done.err
-    assert not list(studio.path.rglob("*.exr"))
+    done = project.run("--json", "preview", NAME, "-f", "2-3", "-o", "two.mp4")
+    assert done.code == 0 and probe_movie(project.path / "two.mp4").frames == 2, done.err
+    assert not list(project.path.rglob("*.exr"))
     for words, says in ((("--at", "9"), "1-6"), (("--at", "2", "-o", "a.mp4"), ".png")):
-        bad = studio.run("preview", NAME, *words)
+        bad = project.run("preview", NAME, *words)
         assert bad.code == 2 and says in bad.err and len(lines(bad.err)) == 1
 
 
-def test_curves_are_drawn_to_a_page(studio):
-    done = studio.run("--json", "curves", NAME)
+def test_curves_are_drawn_to_a_page(project):
+    done = project.run("--json", "curves", NAME)
     assert done.code == 0, done.err
     facts = json.loads(done.out)
     assert facts["curves"] == ["flows.0.twist.amount"]
@@ -191,37 +193,37 @@ def test_curves_are_drawn_to_a_page(studio):
         (("--set", "flows.0.twist.amount=2"), "nothing that changes over time"),
         (("-o", "page.txt"), ".svg, .png, .pdf"),
     ):
-        bad = studio.run("curves", NAME, *words)
+        bad = project.run("curves", NAME, *words)
         assert bad.code == 2 and says in bad.err and len(lines(bad.err)) == 1
 
 
-def test_schemas_are_printed_or_written(studio):
-    shown = json.loads(studio.run("schema").out)
+def test_schemas_are_printed_or_written(project):
+    shown = json.loads(project.run("schema").out)
     assert {"title", "frames", "subject", "resample"} == set(shown["then"]["required"]) | set(
         shown["then"]["then"]["required"]
     )
-    assert studio.run("schema", "film", "-o", "made/film.json").code == 0
-    assert "credits" in json.loads((studio.path / "made" / "film.json").read_text())["properties"]
-    (studio.path / "shots" / "defaults.yaml").write_text("resample: off\n")
-    assert "then" not in json.loads(studio.run("schema").out)["then"]
-    bad = studio.run("schema", "shots")
+    assert project.run("schema", "film", "-o", "made/film.json").code == 0
+    assert "credits" in json.loads((project.path / "made" / "film.json").read_text())["properties"]
+    (project.path / "shots" / "defaults.yaml").write_text("resample: off\n")
+    assert "then" not in json.loads(project.run("schema").out)["then"]
+    bad = project.run("schema", "shots")
     assert bad.code == 2 and "Did you mean 'shot'" in bad.err
 
 
-def test_new_never_overwrites(studio):
-    before = studio.shot.read_text()
-    done = studio.run("new", NAME)
+def test_new_never_overwrites(project):
+    before = project.shot.read_text()
+    done = project.run("new", NAME)
     assert done.code == 2
-    assert studio.shot.read_text() == before
+    assert project.shot.read_text() == before
 
 
-def test_validate_tells_everything_at_once_with_line_and_column(studio):
-    studio.shot.write_text(
-        studio.shot.read_text()
+def test_validate_tells_everything_at_once_with_line_and_column(project):
+    project.shot.write_text(
+        project.shot.read_text()
         .replace("max_edge_length: 0.5", "max_edge_length: 0.5, min_edge_length: 0.3")
         .replace("axis: y", "axxis: y")
     )
-    done = studio.run("validate", NAME)
+    done = project.run("validate", NAME)
     assert done.code == 2
     assert re.search(r"T010_tiny\.yaml:4:\d+: .*60%.*50%", done.err)
     assert re.search(r"T010_tiny\.yaml:6:\d+: .*axis", done.err)
@@ -241,12 +243,12 @@ def test_validate_tells_everything_at_once_with_line_and_column(studio):
         (("film", "none.yaml"), 3, "none.yaml"),
     ],
 )
-def test_bad_usage_gets_one_line_and_its_exit_code(studio, words, code, says):
-    done = studio.run(*words)
+def test_bad_usage_gets_one_line_and_its_exit_code(project, words, code, says):
+    done = project.run(*words)
     assert done.code == code
     assert says in done.err
     assert len(lines(done.err)) == 1
-    assert not (studio.path / "renders").exists()
+    assert not (project.path / "renders").exists()
 
 
 @pytest.mark.parametrize(
@@ -261,9 +263,9 @@ def test_bad_usage_gets_one_line_and_its_exit_code(studio, words, code, says):
         ),
     ],
 )
-def test_a_mesh_that_is_no_surface_is_refused_in_one_line(studio, name, text, says):
-    (studio.path / name).write_text(text)
-    done = studio.run("turntable", name, "--frames", "2")
+def test_a_mesh_that_is_no_surface_is_refused_in_one_line(project, name, text, says):
+    (project.path / name).write_text(text)
+    done = project.run("turntable", name, "--frames", "2")
     assert done.code == 2
     assert says in done.err
     assert name in done.err
@@ -281,35 +283,35 @@ def test_status_tells_done_stale_and_missing(finished):
     assert rows["preview"]["stale"] == [2, 3, 4, 5, 6]
 
 
-def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(studio):
+def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(project):
     """Its speed is no number between two half frames."""
-    (studio.shot.parent / "T020_wrong.yaml").write_text(
+    (project.shot.parent / "T020_wrong.yaml").write_text(
         "frames: 1-6\ntitle: Wrong\nresample: off\nsubject: {solid: box, size: [1, 1, 1]}\n"
         "flows: [vortex: {strength: 1}]\n"
         'speed: {formula: "1 + sqrt(abs(t - 0.03) - 0.002)"}\n'
     )
-    done = studio.run("--json", "status")
+    done = project.run("--json", "status")
     assert done.code == 2 and "T020_wrong.yaml:6:1: speed has a value that is none: formula" in done.err
     assert [row["shot"] for row in json.loads(done.out)] == [NAME]
 
 
-def test_doctor_says_which_renderer_is_in_use(studio):
-    facts = json.loads(studio.run("--json", "doctor").out)
+def test_doctor_says_which_renderer_is_in_use(project):
+    facts = json.loads(project.run("--json", "doctor").out)
     assert re.search("llvm_ad_rgb|scalar_rgb", facts["renderer"])
     assert facts["faster"] == "" if "llvm" in facts["renderer"] else "libLLVM" in facts["faster"]
 
 
-def test_stills_are_pictures_that_any_program_shows(studio):
-    done = studio.run("stills", NAME, "-f", "2,4", "-q", "preview", "--as", "jpeg")
-    folder = studio.path / "renders" / NAME / "preview" / "jpeg"
+def test_stills_are_pictures_that_any_program_shows(project):
+    done = project.run("stills", NAME, "-f", "2,4", "-q", "preview", "--as", "jpeg")
+    folder = project.path / "renders" / NAME / "preview" / "jpeg"
     assert done.code == 0 and "renders/T010_tiny/preview/jpeg/" in done.out
     assert sorted(file.name for file in folder.iterdir()) == [f"{NAME}.0002.jpg", f"{NAME}.0004.jpg"]
-    again = studio.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16")
+    again = project.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16")
     assert again.code == 0 and "(0 frames rendered)" in again.out
-    deep = read_png(studio.path / "renders" / NAME / "preview" / "png16" / f"{NAME}.0002.png")
+    deep = read_png(project.path / "renders" / NAME / "preview" / "png16" / f"{NAME}.0002.png")
     shown = read_png(folder / f"{NAME}.0002.jpg")
     assert deep.dtype == "uint16" and deep.shape == shown.shape == (270, 480, 3)
     assert abs(deep / 257.0 - shown).mean() < 1.0
-    assert studio.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16").out.startswith("Nothing")
-    unknown = studio.run("stills", NAME, "--as", "jpg")
+    assert project.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16").out.startswith("Nothing")
+    unknown = project.run("stills", NAME, "--as", "jpg")
     assert unknown.code == 2 and "Did you mean 'jpeg'?" in unknown.err

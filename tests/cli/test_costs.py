@@ -10,10 +10,10 @@ NAME = "T010_tiny"
 
 
 @pytest.fixture(scope="module")
-def told(finished_studio):
+def told(finished_project):
     """Of another quality than was made: in words, and as facts."""
-    words = finished_studio.run("--dry-run", "render", NAME, "-q", "daily").out
-    facts = json.loads(finished_studio.run("--json", "--dry-run", "render", NAME, "-q", "daily").out)
+    words = finished_project.run("--dry-run", "render", NAME, "-q", "daily").out
+    facts = json.loads(finished_project.run("--json", "--dry-run", "render", NAME, "-q", "daily").out)
     return words, facts["estimate"]
 
 
@@ -25,22 +25,22 @@ def test_a_dry_run_says_how_long_and_how_large(told):
     assert 4e6 < facts["bytes"] < 4e8
 
 
-def test_where_nothing_was_measured_a_dry_run_says_so(studio):
-    words = studio.run("--dry-run", "render", NAME, "-q", "preview").out
+def test_where_nothing_was_measured_a_dry_run_says_so(project):
+    words = project.run("--dry-run", "render", NAME, "-q", "preview").out
     assert "is not known: none was done here yet" in words
 
 
-def test_the_report_accounts_for_a_whole_run(finished_studio):
-    facts = json.loads(finished_studio.run("report", "--json").out)
+def test_the_report_accounts_for_a_whole_run(finished_project):
+    facts = json.loads(finished_project.run("report", "--json").out)
     spent = facts["core_seconds"]
     assert {"simulate", "building", "rendering", "finish", "assemble", "film", "waiting"} <= set(spent)
     assert sum(spent.values()) >= 0.99 * facts["seconds"] * facts["cores"]
     assert facts["frames"]["render"] == 6
-    words = finished_studio.run("report", facts["run"]).out
+    words = finished_project.run("report", facts["run"]).out
     assert "rendering: light and guides" in words and "starting processes" in words
 
 
-def test_a_run_that_is_not_there_is_told_in_one_line(finished_studio):
-    done = finished_studio.run("report", "yesterday")
+def test_a_run_that_is_not_there_is_told_in_one_line(finished_project):
+    done = finished_project.run("report", "yesterday")
     assert done.code == 3
     assert done.err.count("\n") == 1 and "yesterday" in done.err

@@ -13,7 +13,7 @@ from pipeline.dailies.delivery.deliver import Delivery, Order
 from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.dailies.delivery.rushes import Look
 from pipeline.errors import FrameError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import Take
 from render.burn_in import BurnIn
 from render.encodes import ENCODES
@@ -26,14 +26,14 @@ QUIET = Look("rec709", covered=False)
 
 @pytest.fixture
 def there(finished, monkeypatch):
-    """A finished studio, stood in."""
+    """A finished project, stood in."""
     monkeypatch.chdir(finished.path)
     return finished
 
 
-def taken(there, frames: str | None = None) -> tuple[Studio, Take]:
-    studio = Studio(there.path, cores=1)
-    return studio, studio.asked(NAME, "preview", frames)
+def taken(there, frames: str | None = None) -> tuple[Project, Take]:
+    project = Project(there.path, cores=1)
+    return project, project.asked(NAME, "preview", frames)
 
 
 def silent(name: str, count: int):
@@ -55,16 +55,16 @@ def test_a_shot_is_delivered_once_and_found_again(there):
     assert not any(each["up_to_date"] for each in json.loads(other.out)["deliverables"])
 
 
-def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(studio):
-    done = studio.run("deliver", NAME, "-q", "preview", "-f", "2-3", "--as", "h264", "--slate", "apart")
+def test_only_what_is_asked_for_is_rendered_and_no_other_movie_made(project):
+    done = project.run("deliver", NAME, "-q", "preview", "-f", "2-3", "--as", "h264", "--slate", "apart")
     assert done.code == 0, done.err
-    assert [path.name for path in studio.frames()] == [f"{NAME}.0002.exr", f"{NAME}.0003.exr"]
-    assert sorted(path.name for path in (studio.path / HOME).iterdir()) == [
+    assert [path.name for path in project.frames()] == [f"{NAME}.0002.exr", f"{NAME}.0003.exr"]
+    assert sorted(path.name for path in (project.path / HOME).iterdir()) == [
         f"{NAME}.2-3.h264.mp4",
         f"{NAME}.2-3.h264.slate.mp4",
     ]
-    assert not list((studio.path / "renders" / NAME / "preview").glob("*.mp4"))
-    assert probe_movie(studio.path / HOME / f"{NAME}.2-3.h264.slate.mp4").frames == 48
+    assert not list((project.path / "renders" / NAME / "preview").glob("*.mp4"))
+    assert probe_movie(project.path / HOME / f"{NAME}.2-3.h264.slate.mp4").frames == 48
 
 
 def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
@@ -91,11 +91,11 @@ def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
 
 
 def test_frames_that_failed_are_cards_that_say_why(there):
-    studio, take = taken(there)
-    keys = take.picture_keys(studio.store)
-    whole = of_shot(take, studio.store, {})
-    studio.store.discard("frame", keys[3].frame)
-    reel = of_shot(take, studio.store, {(NAME, 3): "frame 3: the surface is torn"})
+    project, take = taken(there)
+    keys = take.picture_keys(project.store)
+    whole = of_shot(take, project.store, {})
+    project.store.discard("frame", keys[3].frame)
+    reel = of_shot(take, project.store, {(NAME, 3): "frame 3: the surface is torn"})
     assert reel.lost == (f"{NAME} frames 3",)
     shown = [frame for frame, _ in reel.frames(QUIET)]
     same = [bool((a == b[0]).all()) for a, b in zip(shown, whole.frames(QUIET), strict=True)]
@@ -103,56 +103,56 @@ def test_frames_that_failed_are_cards_that_say_why(there):
     assert shown[2].mean() < 0.3 * shown[1].mean()
     assert reel.content != whole.content
     order = Order((ENCODES["review"],), burn_in=BurnIn())
-    (made,) = Delivery(reel, order, studio.store).make(silent)
+    (made,) = Delivery(reel, order, project.store).make(silent)
     assert made.frames == 6
     assert probe_movie(there.path / made.path).frames == 6
 
 
 def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered(there):
-    studio, take = taken(there)
-    key = take.picture_keys(studio.store)[3].frame
-    studio.store.discard("frame", key)
-    studio.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
-    reel = of_shot(take, studio.store, {})
+    project, take = taken(there)
+    key = take.picture_keys(project.store)[3].frame
+    project.store.discard("frame", key)
+    project.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
+    reel = of_shot(take, project.store, {})
     with pytest.raises(FrameError, match=r"0003\.exr cannot be read to its end; run again"):
-        Delivery(reel, Order((ENCODES["review"],)), studio.store).make(silent)
-    assert not studio.store.holds("frame", key)
+        Delivery(reel, Order((ENCODES["review"],)), project.store).make(silent)
+    assert not project.store.holds("frame", key)
     assert not list((there.path / "renders" / NAME / "preview" / "deliver").glob("*.mp4"))
 
 
 def test_the_coverage_of_the_subject_is_the_alpha(there):
-    studio, take = taken(there, "2-3")
-    reel = of_shot(take, studio.store, {})
+    project, take = taken(there, "2-3")
+    reel = of_shot(take, project.store, {})
     assert reel.covered
     frame, _ = next(reel.frames(Look("rec709", covered=True)))
     assert frame.shape == (270, 480, 4)
     assert frame[135, 240, 3] == 65535 and frame[5, 5, 3] == 0
     for number in take.requested:
-        studio.store.discard("raw", take.picture_keys(studio.store)[number].raw)
-    assert not of_shot(take, studio.store, {}).covered
+        project.store.discard("raw", take.picture_keys(project.store)[number].raw)
+    assert not of_shot(take, project.store, {}).covered
 
 
-def test_nothing_to_deliver_is_told(studio, monkeypatch):
-    monkeypatch.chdir(studio.path)
-    fresh = Studio(studio.path, cores=1)
+def test_nothing_to_deliver_is_told(project, monkeypatch):
+    monkeypatch.chdir(project.path)
+    fresh = Project(project.path, cores=1)
     with pytest.raises(FrameError, match=r"none of its frames could be made.* the first failed: no light"):
         of_shot(fresh.asked(NAME, "preview"), fresh.store, {(NAME, 1): "no light"})
 
 
 def test_a_published_version_is_named(there):
-    studio, take = taken(there)
-    assert dict(of_shot(take, studio.store, {}).facts)["version"] == "in work"
+    project, take = taken(there)
+    assert dict(of_shot(take, project.store, {}).facts)["version"] == "in work"
     assert there.run("publish", NAME, "-q", "preview").code == 0
-    assert dict(of_shot(take, studio.store, {}).facts)["version"] == "v001"
+    assert dict(of_shot(take, project.store, {}).facts)["version"] == "v001"
 
 
 def test_a_film_says_of_every_frame_where_it_comes_from(there):
-    studio = Studio(there.path, cores=1)
+    project = Project(there.path, cores=1)
     Path("shots/reel.yaml").write_text(
         f"title: R\nshots: [{{shot: {NAME}, frames: 1-3}}, {{shot: {NAME}, frames: 4-6, dissolve: 2}}]\n"
         "title_seconds: 0.125\n"
     )
-    reel = of_film(*studio.cut("preview", Path("shots/reel.yaml")), studio.store, {})
+    reel = of_film(*project.cut("preview", Path("shots/reel.yaml")), project.store, {})
     told = [values.get("frame") for _, values in reel.frames(QUIET)]
     assert told == [None, None, None, 1, 2, 5, 6]
     assert reel.count == len(told)

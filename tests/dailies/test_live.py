@@ -19,7 +19,7 @@ from pipeline.dailies.live.session import Session
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import MachineError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from tests.conftest import TINY
 
 NAME = "T010_tiny"
@@ -33,7 +33,7 @@ class Follower:
         self.root, self.shot = root, root / "shots" / f"{NAME}.yaml"
         self.shot.parent.mkdir()
         self.shot.write_text(TINY)
-        self.screen, self.reel = Screen(), Reel(Studio(root, 2).store)
+        self.screen, self.reel = Screen(), Reel(Project(root, 2).store)
         self.movies = 0
         session = Session(self._sketch, self.screen, self.reel, self._done, {self.shot})
         self.heard = self.screen.listen()
@@ -47,7 +47,7 @@ class Follower:
         return messages
 
     def _sketch(self) -> Sketch:
-        return Sketch(Studio(self.root, 2).take(self.shot, "preview", None, variant="none"))
+        return Sketch(Project(self.root, 2).take(self.shot, "preview", None, variant="none"))
 
     def _done(self, ready: object) -> None:
         self.movies += 1

@@ -18,11 +18,11 @@ from pipeline.dailies.preview.shelf import Shelf
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import AHEAD, frame_all
 from pipeline.production.request.render_request import Take
 from render.image import read_png
-from tests.conftest import TINY, StudioFolder
+from tests.conftest import TINY, ProjectFolder
 
 NAME = "T010_tiny"
 
@@ -32,8 +32,8 @@ def quiet(stage: str, number: int) -> None:
 
 
 def take_of(root: Path, *settings: str) -> Take:
-    studio = Studio(root, 2, settings=settings)
-    return studio.take(root / "shots" / f"{NAME}.yaml", "preview", None, variant="none")
+    project = Project(root, 2, settings=settings)
+    return project.take(root / "shots" / f"{NAME}.yaml", "preview", None, variant="none")
 
 
 @pytest.fixture
@@ -48,14 +48,14 @@ def test_frames_come_in_order_and_nothing_is_left_in_the_store(
 ) -> None:
     monkeypatch.setattr(meshes, "SLOW", 60.0)
     take = take_of(root)
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         assert list(reel.play(take, [5, 2, 3])) == [2, 3, 5]
         assert reel.arrays(take, 3)["normals"].shape == reel.arrays(take, 3)["vertices"].shape
         assert not list(reel.store.entries())
 
 
 def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> None:
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         before = take_of(root)
         list(reel.play(before, range(1, 7)))
         known = dict(reel.memory.frames)
@@ -73,10 +73,10 @@ def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> No
 def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(meshes, "SLOW", -1.0)
     take = take_of(root)
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         list(reel.play(take, range(1, 7)))
         assert all(reel.store.holds("mesh", take.mesh_key(n)) for n in range(1, 7))
-    plan = Studio(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
+    plan = Project(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
     assert not plan.jobs
 
 
@@ -86,7 +86,7 @@ def test_cameras_are_those_of_the_render(root: Path) -> None:
     numbers = sorted(points)
     views = [take.view(n) for n in numbers]
     expected = frame_all(views, lambda i: points[numbers[i]], take.aspect, take.follow)
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         list(reel.play(take, numbers))
         found = aims(take, reel, numbers)
     for number, framing in zip(numbers, expected, strict=True):
@@ -97,7 +97,7 @@ def test_cameras_are_those_of_the_render(root: Path) -> None:
 def test_a_frame_that_fails_is_named_and_those_before_it_have_come(root: Path) -> None:
     take = take_of(root, "flows.0={vortex: {strength: {keys: {1: 0, 3: 0, 4: 1.0e+12}}}}")
     came = []
-    with Reel(Studio(root, 2).store) as reel, pytest.raises(FrameError, match="frame 4"):
+    with Reel(Project(root, 2).store) as reel, pytest.raises(FrameError, match="frame 4"):
         for number in reel.play(take, range(1, 7)):
             came.append(number)
     assert came == [1, 2, 3]
@@ -136,7 +136,7 @@ def test_the_inside_is_left_out_only_where_nobody_can_see_it() -> None:
 
 def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
     take = take_of(root)
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         plain, edged = root / "plain.png", root / "edged.png"
         Animatic(Sketch(take), reel).still(3, plain, quiet)
         Animatic(Sketch(take, edges=True), reel).still(3, edged, quiet)
@@ -148,7 +148,7 @@ def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
 
 def test_pictures_of_a_range_are_those_of_the_whole(root: Path) -> None:
     whole = take_of(root)
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         Animatic(Sketch(whole), reel).still(5, root / "one.png", quiet)
         part = replace(whole, requested=(4, 5))
         Animatic(Sketch(part), reel).still(5, root / "two.png", quiet)
@@ -160,7 +160,7 @@ LONG = ("frames=1-80", "flows.0.twist.amount={ease: linear, keys: {1: 0, 80: 90}
 
 def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(root: Path) -> None:
     take, told = take_of(root, *LONG), []
-    with Reel(Studio(root, 2).store, once=True) as reel:
+    with Reel(Project(root, 2).store, once=True) as reel:
         assert Animatic(Sketch(take), reel).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
         assert told.index(("drawing", 1)) < told.index(("simulating", 80))
         assert not reel.memory.frames
@@ -171,7 +171,7 @@ def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(r
 
 def test_a_still_waits_for_no_more_frames_than_its_camera_depends_on(root: Path) -> None:
     take, told = take_of(root, *LONG), []
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         Animatic(Sketch(take), reel).still(20, root / "early.png", lambda *what: told.append(what))
         assert told == [*(("simulating", n) for n in range(1, 20 + AHEAD + 1)), ("drawing", 20)]
         list(reel.play(take, range(1, 81)))
@@ -180,9 +180,9 @@ def test_a_still_waits_for_no_more_frames_than_its_camera_depends_on(root: Path)
     np.testing.assert_array_equal(read_png(root / "early.png"), expected)
 
 
-def test_an_unwritable_place_is_told_before_anything_is_simulated(studio: StudioFolder) -> None:
-    (studio.path / "file").write_text("")
-    done = studio.run("preview", NAME, "-o", "file/movie.mp4")
+def test_an_unwritable_place_is_told_before_anything_is_simulated(project: ProjectFolder) -> None:
+    (project.path / "file").write_text("")
+    done = project.run("preview", NAME, "-o", "file/movie.mp4")
     assert done.code == 4 and len(done.err.strip().splitlines()) == 1 and "file" in done.err
 
 
@@ -190,7 +190,7 @@ def test_speeds_shown_as_colours_are_found_again_after_an_edit(root: Path) -> No
     speed = "look={material: clay, measure: {speed: {range: [0, 5]}}}"
     twist = "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 72, 6: 120}}"
     fastest = []
-    with Reel(Studio(root, 2).store) as reel:
+    with Reel(Project(root, 2).store) as reel:
         for settings in ((), (speed,), (speed, twist)):
             take = take_of(root, *settings)
             list(reel.play(take, [1]))

@@ -22,10 +22,10 @@ credits_seconds: 0
 
 
 @pytest.fixture
-def there(studio, monkeypatch):
-    (studio.path / "shots" / "reel.yaml").write_text(REEL)
-    monkeypatch.chdir(studio.path)
-    return studio
+def there(project, monkeypatch):
+    (project.path / "shots" / "reel.yaml").write_text(REEL)
+    monkeypatch.chdir(project.path)
+    return project
 
 
 def exported(there, *words: str) -> otio.schema.Timeline:

@@ -17,7 +17,7 @@ from pipeline.dailies.turntable.angles import key_numbers, named
 from pipeline.dailies.turntable.asked import Turning
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import FrameError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import Framing, frame_all, turned, with_room
 from pipeline.production.request.render_request import Take
 from pipeline.production.request.turntable import TURNS, Pose, Turntable, framed_whole
@@ -53,7 +53,7 @@ class Desk:
     root: Path
 
     def turning(self, subject: str = NAME, at: int | None = 2, **asked: object) -> Turning:
-        return Turning(Studio(self.root, 2), subject, QUALITY, at, 4, **asked)  # type: ignore[arg-type]
+        return Turning(Project(self.root, 2), subject, QUALITY, at, 4, **asked)  # type: ignore[arg-type]
 
     def command(self, *words: str) -> tuple[int, str]:
         return commanded(self.root, "-j", "2", "turntable", *words)
@@ -150,9 +150,9 @@ def test_looks_share_what_they_have_in_common_and_have_a_movie_side_by_side(
 def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_looks: Path) -> None:
     turning = desk.turning(turn="lights", looks=("clay", "glaze"))
     take = turning.takes[0]
-    keys = take.picture_keys(turning.studio.store)
+    keys = take.picture_keys(turning.project.store)
     assert keys is not None
-    path = turning.studio.store.path("frame", keys[6].frame)
+    path = turning.project.store.path("frame", keys[6].frame)
     whole = path.read_bytes()
     path.chmod(0o644)
     path.write_bytes(whole[:-99])
@@ -183,8 +183,8 @@ def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> 
 
 
 def test_settings_count_over_what_turntables_take_for_granted(desk: Desk) -> None:
-    studio = Studio(desk.root, 2, settings=("stage=plinth",))
-    (take,) = Turning(studio, NAME, QUALITY, 2, 4, looks=("chrome",)).takes
+    project = Project(desk.root, 2, settings=("stage=plinth",))
+    (take,) = Turning(project, NAME, QUALITY, 2, 4, looks=("chrome",)).takes
     assert take.shot.picture.stage == STAGES["plinth"]
     assert take.movie_path.name == f"{NAME}.0002.mp4"
 

@@ -80,7 +80,7 @@ def quick_profile(folder: Path) -> None:
 
 
 @pytest.fixture
-def on_slurm(studio, slurm: Farm):
-    """A studio whose working folder holds a profile for this SLURM."""
-    quick_profile(studio.path)
-    return studio
+def on_slurm(project, slurm: Farm):
+    """A project whose working folder holds a profile for this SLURM."""
+    quick_profile(project.path)
+    return project

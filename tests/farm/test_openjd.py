@@ -12,7 +12,7 @@ from pipeline.cli.options import Common
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.openjd import _written
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.profile import Profile
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.meshes import simulate
@@ -33,28 +33,28 @@ def steps(path):
     return {step["name"]: step for step in YAML(typ="safe").load(path.read_text())["steps"]}
 
 
-def test_a_template_is_run_in_chunks_of_any_frames(studio, monkeypatch):
-    done = studio.run("--root", "out", "export", "openjd", NAME, "-f", "2-6x2", "-q", QUALITY)
+def test_a_template_is_run_in_chunks_of_any_frames(project, monkeypatch):
+    done = project.run("--root", "out", "export", "openjd", NAME, "-f", "2-6x2", "-q", QUALITY)
     assert done.code == 0, done.err
-    assert openjd("check", "template.yaml", folder=studio.path).returncode == 0
-    frame = steps(studio.path / "template.yaml")["Render"]["parameterSpace"]["taskParameterDefinitions"][0]
+    assert openjd("check", "template.yaml", folder=project.path).returncode == 0
+    frame = steps(project.path / "template.yaml")["Render"]["parameterSpace"]["taskParameterDefinitions"][0]
     assert frame["range"] == "2-6:2" and frame["chunks"]["rangeConstraint"] == "NONCONTIGUOUS"
-    ran = openjd("run", "template.yaml", "--step", "Assemble", "--run-dependencies", folder=studio.path)
+    ran = openjd("run", "template.yaml", "--step", "Assemble", "--run-dependencies", folder=project.path)
     assert ran.returncode == 0, ran.stdout
-    made = sorted((studio.path / "out/renders" / NAME / QUALITY / "frames").iterdir())
+    made = sorted((project.path / "out/renders" / NAME / QUALITY / "frames").iterdir())
     assert [path.name for path in made] == [f"{NAME}.000{number}.exr" for number in (2, 4, 6)]
-    monkeypatch.chdir(studio.path)
-    assert Studio(studio.path / "out", 2).pictures([NAME], QUALITY, "2-6x2").jobs == ()
+    monkeypatch.chdir(project.path)
+    assert Project(project.path / "out", 2).pictures([NAME], QUALITY, "2-6x2").jobs == ()
 
 
 @pytest.mark.soak
-def test_frames_of_a_template_are_those_of_a_run(studio):
-    assert studio.run("--root", "far", "export", "openjd", NAME, "-q", QUALITY, "-o", "job/t.yaml").code == 0
-    ran = openjd("run", "job/t.yaml", "--step", "Assemble", "--run-dependencies", folder=studio.path)
+def test_frames_of_a_template_are_those_of_a_run(project):
+    assert project.run("--root", "far", "export", "openjd", NAME, "-q", QUALITY, "-o", "job/t.yaml").code == 0
+    ran = openjd("run", "job/t.yaml", "--step", "Assemble", "--run-dependencies", folder=project.path)
     assert ran.returncode == 0, ran.stdout
-    assert studio.run("--root", "near", "render", NAME, "-q", QUALITY).code == 0
+    assert project.run("--root", "near", "render", NAME, "-q", QUALITY).code == 0
     for kind in ("raw", "frames"):
-        folders = [studio.path / root / "renders" / NAME / QUALITY / kind for root in ("far", "near")]
+        folders = [project.path / root / "renders" / NAME / QUALITY / kind for root in ("far", "near")]
         pairs = zip(*(sorted(folder.iterdir()) for folder in folders), strict=True)
         for far, near in pairs:
             (one, header), (other, theirs) = read_exr(far), read_exr(near)
@@ -63,13 +63,13 @@ def test_frames_of_a_template_are_those_of_a_run(studio):
             assert far.read_bytes() == near.read_bytes()
 
 
-def test_a_part_of_a_task_is_a_job_of_the_whole_plan(studio, monkeypatch):
-    monkeypatch.chdir(studio.path)
-    plan = Studio(studio.path, 2).whole(NAME, QUALITY)
+def test_a_part_of_a_task_is_a_job_of_the_whole_plan(project, monkeypatch):
+    monkeypatch.chdir(project.path)
+    plan = Project(project.path, 2).whole(NAME, QUALITY)
     assert plan.job("render:3,5-6").frames == (3, 5, 6)
     simulation = next(job for job in plan.jobs if job.task == "simulate")
-    assert simulate(Context.of(studio.path, plan, simulation.name))
-    assert Studio(studio.path, 2).whole(NAME, QUALITY).jobs == plan.jobs
+    assert simulate(Context.of(project.path, plan, simulation.name))
+    assert Project(project.path, 2).whole(NAME, QUALITY).jobs == plan.jobs
 
 
 @pytest.mark.parametrize("frames", ["1-48", "1-9x2", "3,17,41", "1-5,8-12x2", "-3-2"])

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MachineError, MissingInputError, UsageError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.execution.scheduler import _words, complaint
 from pipeline.production.planning.needs import LEAST_MIB, START_MINUTES, Experience
 from pipeline.production.planning.plan import Job, Plan, batches
@@ -22,10 +22,10 @@ NAME = "T010_tiny"
 
 
 @pytest.fixture
-def folder(studio, monkeypatch):
-    """The working folder of a studio."""
-    monkeypatch.chdir(studio.path)
-    return studio.path
+def folder(project, monkeypatch):
+    """The working folder of a project."""
+    monkeypatch.chdir(project.path)
+    return project.path
 
 
 @pytest.fixture(autouse=True)
@@ -72,7 +72,7 @@ def test_a_name_is_looked_up_in_the_working_folder_before_the_shipped_profiles(f
 )
 def test_what_is_wrong_with_a_profile_is_said_in_one_line(folder, text, error, says):
     with pytest.raises(error, match=r"profile\.yaml") as told:
-        Studio(folder, 2, profile=profile(folder, text)).meshes([NAME])
+        Project(folder, 2, profile=profile(folder, text)).meshes([NAME])
     assert says in str(told.value) and "\n" not in str(told.value)
 
 
@@ -83,7 +83,7 @@ def test_a_profile_that_is_not_there_is_told_with_those_there_are(folder):
 
 def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
     farm = profile(folder, "executor: slurm\njobs: 50\nconfig: {threads: 8, frames: 2}\n")
-    plan = Studio(folder, 2, profile=farm).film("preview")
+    plan = Project(folder, 2, profile=farm).film("preview")
     renders = [job for job in plan.jobs if job.task == "render"]
     assert [job.frames for job in renders] == [(1, 2), (3, 4), (5, 6)]
     assert {job.threads for job in plan.jobs if not job.stays} == {8}
@@ -185,7 +185,7 @@ def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
 def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
     from pipeline.production.tasks.meshes import simulate
 
-    plan = Studio(folder, 1).meshes([NAME], "1-3")
+    plan = Project(folder, 1).meshes([NAME], "1-3")
     (job,) = plan.jobs
     context = Context.of(folder, plan, job.name)
     assert simulate(context)

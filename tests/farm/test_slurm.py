@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.store.paths import STATE
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.meshes import simulate
@@ -51,10 +51,10 @@ def running(slurm, task):
     ]
 
 
-def start(studio, *words):
+def start(project, *words):
     command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "--json", *words, "--profile", "slurm"]
     return subprocess.Popen(
-        command, cwd=studio.path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+        command, cwd=project.path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
 
 
@@ -67,7 +67,7 @@ def test_a_simulation_on_a_node_makes_the_same_meshes(on_slurm, slurm, monkeypat
     assert job["JobState"] == "COMPLETED" and job["MinMemoryNode"] == "4G"
     near = on_slurm.path / "near"
     monkeypatch.chdir(on_slurm.path)
-    plan = Studio(near, 2).meshes([NAME], "1-2")
+    plan = Project(near, 2).meshes([NAME], "1-2")
     assert simulate(Context.of(near, plan, plan.jobs[0].name))
     assert files(on_slurm.path / "far") == files(near)
 

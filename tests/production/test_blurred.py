@@ -12,11 +12,11 @@ NAME = "T010_tiny"
 MORE = "shutter: {angle: 360}\naovs: {velocity: float, motion: half, before: float, after: float}\n"
 
 
-def test_a_shot_is_blurred_and_tells_its_motion(studio) -> None:
-    studio.shot.write_text(studio.shot.read_text().replace("6: 60}", "6: 120}") + MORE)
-    done = studio.run("render", NAME, "-f", "5", "-q", "preview")
+def test_a_shot_is_blurred_and_tells_its_motion(project) -> None:
+    project.shot.write_text(project.shot.read_text().replace("6: 60}", "6: 120}") + MORE)
+    done = project.run("render", NAME, "-f", "5", "-q", "preview")
     assert done.code == 0, done.err
-    (raw,) = studio.frames(kind="raw")
+    (raw,) = project.frames(kind="raw")
     layers, header = read_exr(raw)
     assert header["subframes"] > 1 and header["shutter"] == [-0.5, 0.5]
     inside = layers["matte"] == 1.0
@@ -30,11 +30,11 @@ def test_a_shot_is_blurred_and_tells_its_motion(studio) -> None:
     assert np.linalg.norm(layers["motion"][inside], axis=1).max() > 1.0
 
 
-def test_what_a_picture_took_stands_beside_it_and_not_in_it(finished_studio) -> None:
-    home = finished_studio.path / "renders" / NAME / "preview"
+def test_what_a_picture_took_stands_beside_it_and_not_in_it(finished_project) -> None:
+    home = finished_project.path / "renders" / NAME / "preview"
     told = {path.stem: json.loads(path.read_text()) for path in (home / "statistics").glob("*.json")}
     assert len(told) == 6
-    for path in finished_studio.frames(kind="raw"):
+    for path in finished_project.frames(kind="raw"):
         statistics, header = told[path.stem], read_header(path)
         assert statistics["key"] == header["key"]
         assert set(statistics["seconds"]) >= {"building", "rendering", "reading and writing"}

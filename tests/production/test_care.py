@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.clean import sweep
 from pipeline.production.maintenance.verify import verified
 from pipeline.production.request.lookup import find_shot
@@ -25,9 +25,9 @@ def damage(path: Path) -> None:
     path.write_bytes(bytes(content))
 
 
-def stored(studio: Any, kind: str, place: Path) -> Path:
+def stored(project: Any, kind: str, place: Path) -> Path:
     key = read_header(place)["key"]
-    return Path(studio.path / ".flowsculpt/store" / kind / key[:2] / f"{key}.exr")
+    return Path(project.path / ".flowsculpt/store" / kind / key[:2] / f"{key}.exr")
 
 
 def test_a_flipped_bit_is_found_wherever_it_is(finished: Any) -> None:
@@ -57,13 +57,13 @@ def test_verify_makes_again_what_is_damaged_and_nothing_else(finished: Any) -> N
 def test_cleaning_keeps_what_today_and_the_last_runs_need(
     finished: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Links of a copied studio are copies, so that what renders/ shows keeps nothing here."""
+    """Links of a copied project are copies, so that what renders/ shows keeps nothing here."""
     monkeypatch.chdir(finished.path)
     store, text = Store(finished.path), finished.shot.read_text()
     everything = {path for _, _, path in store.entries()}
 
     def takes() -> list[Any]:
-        return [Studio(finished.path, 2).take(find_shot(NAME), "preview")]
+        return [Project(finished.path, 2).take(find_shot(NAME), "preview")]
 
     def gone_but_films(keep: int) -> list[Path]:
         """Those are no shot's, and stay for being shown."""

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import plan_of
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.edit import Cut
@@ -29,11 +29,11 @@ credits_seconds: 0
 
 
 @pytest.fixture
-def there(studio, monkeypatch):
-    """The working folder of a studio with a second edit, stood in."""
-    (studio.path / "shots" / "reel.yaml").write_text(REEL)
-    monkeypatch.chdir(studio.path)
-    return studio
+def there(project, monkeypatch):
+    """The working folder of a project with a second edit, stood in."""
+    (project.path / "shots" / "reel.yaml").write_text(REEL)
+    monkeypatch.chdir(project.path)
+    return project
 
 
 def test_an_edit_is_told_from_a_shot_even_where_it_is_no_good_yaml(there):
@@ -72,9 +72,9 @@ def test_an_edit_is_no_shot_to_render(there, name):
 
 
 def test_each_edit_has_a_film_of_its_own(there):
-    studio = Studio(there.path, cores=2)
-    assert "renders/film/preview/film.mp4" in studio.film("preview", find_edit("film")).targets
-    reel = studio.film("preview", find_edit("reel"))
+    project = Project(there.path, cores=2)
+    assert "renders/film/preview/film.mp4" in project.film("preview", find_edit("film")).targets
+    reel = project.film("preview", find_edit("reel"))
     assert "renders/film/preview/reel.mp4" in reel.targets
     assert "renders/film/preview/film.mp4" not in reel.targets
     (film,) = [job for job in reel.jobs if job.task == "film"]
@@ -85,7 +85,7 @@ def test_each_edit_has_a_film_of_its_own(there):
 
 def test_only_the_part_that_an_edit_shows_is_rendered(there):
     Path("shots/reel.yaml").write_text("title: R\nshots: [{shot: T010_tiny, frames: 2-4}]\n")
-    plan = Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    plan = Project(there.path, cores=2).film("preview", find_edit("reel"))
     assert sorted(n for job in plan.jobs if job.task == "render" for n in job.frames) == [2, 3, 4]
 
 
@@ -102,10 +102,10 @@ def never(*arguments: object, **others: object) -> None:
 
 def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeypatch):
     Path(".flowsculpt").mkdir()
-    first = Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    first = Project(there.path, cores=2).film("preview", find_edit("reel"))
     monkeypatch.setattr("pipeline.shot.film_reader.read_film", never)
     monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
-    again = Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    again = Project(there.path, cores=2).film("preview", find_edit("reel"))
     assert (again.jobs, again.film, again.targets) == (first.jobs, first.film, first.targets)
 
 
@@ -119,20 +119,20 @@ def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeyp
 )
 def test_what_became_wrong_since_an_edit_was_planned_is_told(there, file, old, new, says):
     Path(".flowsculpt").mkdir()
-    Studio(there.path, cores=2).film("preview", find_edit("reel"))
+    Project(there.path, cores=2).film("preview", find_edit("reel"))
     path = Path(f"shots/{file}.yaml")
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ShotError, match=says):
-        Studio(there.path, cores=2).film("preview", find_edit("reel"))
+        Project(there.path, cores=2).film("preview", find_edit("reel"))
 
 
 def test_an_edit_of_whole_shots_shows_what_they_have_by_now(there):
     Path(".flowsculpt").mkdir()
-    shot, studio = Path("shots/T010_tiny.yaml"), Studio(there.path, cores=2)
-    before = studio.film("preview", find_edit("film"))
+    shot, project = Path("shots/T010_tiny.yaml"), Project(there.path, cores=2)
+    before = project.film("preview", find_edit("film"))
     shot.write_text(shot.read_text().replace("frames: 1-6", "frames: 1-7"))
-    after = Studio(there.path, cores=2).film("preview", find_edit("film"))
+    after = Project(there.path, cores=2).film("preview", find_edit("film"))
     assert [len(plan.jobs[-1].inputs) for plan in (before, after)] == [6, 7]
 
 

@@ -38,33 +38,33 @@ def same_pixels(one: Any, other: Any) -> bool:
     return all(np.array_equal(read_exr(a)[0]["beauty"], read_exr(b)[0]["beauty"]) for a, b in pairs)
 
 
-def left_over(studio: Any) -> list[Path]:
-    state = studio.path / ".flowsculpt"
-    return [*studio.path.rglob("*.tmp"), *(state / "tmp").glob("*"), *(state / "half").glob("*")]
+def left_over(project: Any) -> list[Path]:
+    state = project.path / ".flowsculpt"
+    return [*project.path.rglob("*.tmp"), *(state / "tmp").glob("*"), *(state / "half").glob("*")]
 
 
 @pytest.mark.soak
 def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
-    studio: Any, finished_studio: Any
+    project: Any, finished_project: Any
 ) -> None:
-    process = studio.start("render", NAME, "-q", "preview", "--timeout", "0.5")
-    studio.wait_until(lambda: renderers(process))
+    process = project.start("render", NAME, "-q", "preview", "--timeout", "0.5")
+    project.wait_until(lambda: renderers(process))
     renderers(process)[0].suspend()
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
-    assert same_pixels(studio, finished_studio) and not left_over(studio)
+    assert same_pixels(project, finished_project) and not left_over(project)
 
 
 @pytest.mark.soak
 def test_a_worker_that_is_killed_for_its_memory_is_followed_by_fewer(
-    studio: Any, finished_studio: Any
+    project: Any, finished_project: Any
 ) -> None:
-    process = studio.start("render", NAME, "-q", "preview")
-    studio.wait_until(lambda: len(renderers(process)) == 2)
+    process = project.start("render", NAME, "-q", "preview")
+    project.wait_until(lambda: len(renderers(process)) == 2)
     renderers(process)[0].kill()
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
-    assert same_pixels(studio, finished_studio) and not left_over(studio)
+    assert same_pixels(project, finished_project) and not left_over(project)
 
 
 def test_the_time_of_files_decides_nothing(finished: Any) -> None:
@@ -92,35 +92,35 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
 
 @pytest.mark.soak
 def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
-    studio: Any, finished_studio: Any, small_disk: Path
+    project: Any, finished_project: Any, small_disk: Path
 ) -> None:
     ballast = small_disk / "ballast"
     ballast.write_bytes(bytes((40 << 20) - 65536))
-    full = studio.run("--root", str(small_disk), "render", NAME, "-q", "preview")
+    full = project.run("--root", str(small_disk), "render", NAME, "-q", "preview")
     assert full.code == 4 and "full" in full.err, full.out + full.err
     valid = sorted((small_disk / ".flowsculpt" / "store").rglob("*.npz"))
     ballast.unlink()
-    done = studio.run("--root", str(small_disk), "render", NAME, "-q", "preview")
+    done = project.run("--root", str(small_disk), "render", NAME, "-q", "preview")
     assert done.code == 0, done.err
     assert all(path.exists() for path in valid)
-    (studio.path / "renders").symlink_to(small_disk / "renders")
-    assert same_pixels(studio, finished_studio)
+    (project.path / "renders").symlink_to(small_disk / "renders")
+    assert same_pixels(project, finished_project)
 
 
-def forget_pictures(studio: Any) -> None:
+def forget_pictures(project: Any) -> None:
     """All that was rendered and cut, so that a run has something to do again; meshes stay."""
     for kind in ("raw", "frame", "movie"):
-        shutil.rmtree(studio.path / ".flowsculpt" / "store" / kind, ignore_errors=True)
-    shutil.rmtree(studio.path / "renders", ignore_errors=True)
+        shutil.rmtree(project.path / ".flowsculpt" / "store" / kind, ignore_errors=True)
+    shutil.rmtree(project.path / "renders", ignore_errors=True)
 
 
 @pytest.mark.soak
 def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
-    studio: Any, finished_studio: Any
+    project: Any, finished_project: Any
 ) -> None:
     chance, kills = random.Random(KILLS), 0
     while kills < KILLS:
-        process = studio.start("film", "-q", "preview")
+        process = project.start("film", "-q", "preview")
         try:
             out, err = process.communicate(timeout=chance.uniform(0.5, 14.0))
         except subprocess.TimeoutExpired:
@@ -129,7 +129,7 @@ def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
             kills += 1
         else:
             assert process.returncode == 0, out + err
-            forget_pictures(studio)
-    done = studio.run("film", "-q", "preview")
+            forget_pictures(project)
+    done = project.run("film", "-q", "preview")
     assert done.code == 0, done.err
-    assert same_pixels(studio, finished_studio) and not left_over(studio)
+    assert same_pixels(project, finished_project) and not left_over(project)

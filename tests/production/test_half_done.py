@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import UsageError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.store import checkpoints
 from pipeline.production.store.event_log import EventLog, EventReader
@@ -37,12 +37,12 @@ SETTINGS = ("quality.preview={samples: 64, guides: 16, denoise: off}",)
 
 @dataclass
 class Bench:
-    """A studio whose jobs are done one by one, in this process."""
+    """A project whose jobs are done one by one, in this process."""
 
     root: Path
 
     def plan(self, frames: str, *settings: str) -> Plan:
-        return Studio(self.root, 1, settings=(*SETTINGS, *settings)).pictures([NAME], QUALITY, frames)
+        return Project(self.root, 1, settings=(*SETTINGS, *settings)).pictures([NAME], QUALITY, frames)
 
     def context(self, plan: Plan, task: str) -> Context:
         job = next(job for job in plan.jobs if job.task == task)
@@ -67,10 +67,10 @@ class Bench:
 
 
 @pytest.fixture
-def bench(studio: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
-    monkeypatch.chdir(studio.path)
+def bench(project: Any, monkeypatch: pytest.MonkeyPatch) -> Iterator[Bench]:
+    monkeypatch.chdir(project.path)
     monkeypatch.delenv(VARIABLE, raising=False)
-    made = Bench(studio.path)
+    made = Bench(project.path)
     made.do(made.plan("2-3"), "simulate", "smooth_normals", "frame_camera")
     return made
 

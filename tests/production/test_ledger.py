@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.request import planning_cache, shot_source
 from pipeline.production.request.input_digests import pins_of
 from pipeline.production.request.planning_cache import Ledger
@@ -44,7 +44,7 @@ def shot(root: Path) -> Path:
 
 
 def take_of(shot: Path, quality: str = "draft") -> Take:
-    return Studio(shot.parent, 2).take(shot, quality, variant="none")
+    return Project(shot.parent, 2).take(shot, quality, variant="none")
 
 
 def keys_of(take: Take) -> list[object]:

@@ -14,7 +14,7 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import Take
@@ -35,17 +35,17 @@ def shot(tmp_path: Path) -> str:
 
 def test_without_permission_nothing_is_planned(shot: str, tmp_path: Path) -> None:
     with pytest.raises(UsageError, match=r"mine\.py: the shot would run this Python file.*--allow-code"):
-        Studio(tmp_path, 1).meshes([shot])
+        Project(tmp_path, 1).meshes([shot])
 
 
 def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_path: Path) -> None:
-    plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
+    plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
     (take,) = (Take.from_data(data) for data in json.loads(json.dumps(thawed.takes)))
     frames = list(animate(take.shot))
     lifted = frames[-1].mesh.vertices - frames[0].mesh.vertices
     np.testing.assert_allclose(lifted, np.tile([0.0, 2 / 24, 0.0], (len(lifted), 1)), atol=1e-12)
-    forbidden = Studio(tmp_path, 1).take(Path(shot), "draft", variant="none")
+    forbidden = Project(tmp_path, 1).take(Path(shot), "draft", variant="none")
     assert [forbidden.mesh_key(n) for n in (1, 2, 3)] == [take.mesh_key(n) for n in (1, 2, 3)]
 
 
@@ -64,7 +64,7 @@ def job_of(plan: Plan, root: Path) -> subprocess.CompletedProcess[str]:
 
 
 def test_a_job_has_the_permission(shot: str, tmp_path: Path) -> None:
-    plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
+    plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     done = job_of(plan, tmp_path)
     assert done.returncode == 0, done.stderr
     first, last = (read_npz(tmp_path / plan.targets[k])["vertices"] for k in (0, -1))
@@ -72,7 +72,7 @@ def test_a_job_has_the_permission(shot: str, tmp_path: Path) -> None:
 
 
 def test_a_job_without_the_permission_runs_nothing(shot: str, tmp_path: Path) -> None:
-    plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
+    plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     forbidden = replace(
         plan, takes=tuple({**take, "script": {**take["script"], "allow_code": False}} for take in plan.takes)
     )
@@ -101,7 +101,7 @@ def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: st
     np.savez(tmp_path / "w_1.npz", x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))
     head = SHOT.partition("flows")[0].replace("solid: icosphere", "model: bunny.obj")
     Path(shot).write_text(head + "flows:\n" + "".join(f"  - {flow}\n" for flow in FLOWS.values() if flow))
-    plan = Studio(tmp_path, 1, allow_code=True).meshes([shot])
+    plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     before = (tmp_path / changed).read_bytes()
     (tmp_path / changed).write_bytes(before + b"\n")
     done = job_of(plan, tmp_path)
@@ -118,7 +118,7 @@ def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> 
     save = lambda name: np.savez(tmp_path / name, x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))  # noqa: E731
     save("w_1.npz")
     Path(shot).write_text(SHOT.partition("  - ")[0] + "  - sampled: {file: 'w_*.npz'}\n")
-    take = Studio(tmp_path, 1).take(Path(shot), "draft", variant="none")
+    take = Project(tmp_path, 1).take(Path(shot), "draft", variant="none")
     save("w_2.npz")
     with pytest.raises(UsageError, match=r"w_2\.npz: it was changed since the work was planned; run again"):
         Take.from_data(json.loads(json.dumps(take.as_data()))).shot  # noqa: B018

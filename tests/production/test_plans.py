@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import BATCH, FEWEST, LAST, Plan, batches
 
 SHOT = (
@@ -37,7 +37,7 @@ def test_long_shots_begin_with_long_batches_and_end_with_short_ones() -> None:
 @pytest.fixture
 def plan(tmp_path: Path) -> Plan:
     (tmp_path / "a.yaml").write_text(SHOT.format(frames=300))
-    return Studio(tmp_path, 2, variant="scalar_rgb").pictures([str(tmp_path / "a.yaml")], "preview")
+    return Project(tmp_path, 2, variant="scalar_rgb").pictures([str(tmp_path / "a.yaml")], "preview")
 
 
 def test_a_frozen_plan_names_the_jobs_that_each_waits_for(plan: Plan, tmp_path: Path) -> None:

@@ -52,12 +52,12 @@ def test_other_points_make_other_frames() -> None:
     assert len(others | {same}) == 5
 
 
-def test_a_cloud_is_simulated_rendered_resumed_and_turned(studio) -> None:
-    studio.shot.write_text(CLOUD)
-    assert studio.run("simulate", NAME, "-f", "1-3").code == 0
-    done = studio.run("render", NAME, "-f", "4", "-q", "preview")
+def test_a_cloud_is_simulated_rendered_resumed_and_turned(project) -> None:
+    project.shot.write_text(CLOUD)
+    assert project.run("simulate", NAME, "-f", "1-3").code == 0
+    done = project.run("render", NAME, "-f", "4", "-q", "preview")
     assert done.code == 0, done.err
-    home = studio.path / "renders" / NAME
+    home = project.path / "renders" / NAME
     with np.load(home / "meshes" / f"{NAME}.0004.npz") as mesh:
         assert mesh["faces"].shape == (0, 3)
         assert {"attribute:radius", "attribute:identity", "births"} <= set(mesh.files)
@@ -69,17 +69,17 @@ def test_a_cloud_is_simulated_rendered_resumed_and_turned(studio) -> None:
     assert matte.max() > 0.99
     assert max(matte[0].max(), matte[-1].max(), matte[:, 0].max(), matte[:, -1].max()) == 0
     assert read_header(home / "preview" / "frames" / f"{NAME}.0004.exr")["resample"] == "off"
-    turned = studio.run("--json", "turntable", NAME, "--at", "4", "--frames", "2", "-q", "preview")
+    turned = project.run("--json", "turntable", NAME, "--at", "4", "--frames", "2", "-q", "preview")
     assert turned.code == 0, turned.err
-    states = json.loads(studio.run("--json", "status").out)
+    states = json.loads(project.run("--json", "status").out)
     assert NAME in json.dumps(states)
 
 
-def test_a_net_is_rendered_as_its_smooth_surface(studio) -> None:
-    studio.shot.write_text(NET + "smooth: {tessellate: 4}\n")
-    done = studio.run("render", NAME, "-f", "6", "-q", "preview")
+def test_a_net_is_rendered_as_its_smooth_surface(project) -> None:
+    project.shot.write_text(NET + "smooth: {tessellate: 4}\n")
+    done = project.run("render", NAME, "-f", "6", "-q", "preview")
     assert done.code == 0, done.err
-    home = studio.path / "renders" / NAME
+    home = project.path / "renders" / NAME
     with np.load(home / "meshes" / f"{NAME}.0006.npz") as mesh:
         assert mesh["net"].tolist() == [12, 8, 0, 1]
         assert len(mesh["vertices"]) == 12 * 8

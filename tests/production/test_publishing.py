@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FrameError, MachineError, MissingInputError, UsageError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.execution.run import exclusive
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
@@ -58,11 +58,11 @@ class Desk:
         return self.root / "renders" / "published" / NAME
 
     def release(self, note: str = "", version: str | None = None) -> Release:
-        studio = Studio(self.root, 1)
-        return Release(studio.take(self.shot, QUALITY), studio.store, RENDER, note, version)
+        project = Project(self.root, 1)
+        return Release(project.take(self.shot, QUALITY), project.store, RENDER, note, version)
 
     def render(self) -> None:
-        done(self.root, Studio(self.root, 1).pictures([NAME], QUALITY))
+        done(self.root, Project(self.root, 1).pictures([NAME], QUALITY))
 
     def repetition(self, frames: str | None = None, **others: str) -> Repetition:
         source = self.home / "v001" / FILE

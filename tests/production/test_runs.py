@@ -24,15 +24,15 @@ def pixels(paths):
     return [read_exr(path)[0]["beauty"] for path in paths]
 
 
-def test_the_film_holds_its_title_and_every_frame_of_its_shots(finished_studio):
-    movie = probe_movie(finished_studio.path / "renders/film/preview/film.mp4")
+def test_the_film_holds_its_title_and_every_frame_of_its_shots(finished_project):
+    movie = probe_movie(finished_project.path / "renders/film/preview/film.mp4")
     assert movie.frames == 12 + 6
     assert (movie.width, movie.height) == (480, 270)
     assert (movie.primaries, movie.transfer, movie.matrix, movie.range) == (1, 1, 1, 1)
 
 
-def test_pictures_show_the_sculpture_clear_of_the_edges(finished_studio):
-    for path in finished_studio.frames(kind="raw"):
+def test_pictures_show_the_sculpture_clear_of_the_edges(finished_project):
+    for path in finished_project.frames(kind="raw"):
         matte = read_exr(path)[0]["matte"]
         assert matte.max() > 0.99
         border = np.concatenate(
@@ -41,8 +41,8 @@ def test_pictures_show_the_sculpture_clear_of_the_edges(finished_studio):
         assert border.max() == 0
 
 
-def test_a_frame_says_how_it_was_made(finished_studio):
-    header = read_header(finished_studio.frames()[2])
+def test_a_frame_says_how_it_was_made(finished_project):
+    header = read_header(finished_project.frames()[2])
     assert header["shot"] == NAME
     assert header["frame"] == 3
     assert header["max_edge_length"] == 0.5
@@ -58,19 +58,19 @@ def test_a_second_run_does_nothing_and_says_so(finished):
     assert (finished.path / "renders/film/preview/film.mp4").stat().st_mtime_ns == before
 
 
-def test_a_stepped_range_renders_just_its_frames(studio):
-    done = studio.run("render", NAME, "-f", "2-6x2", "-q", "preview")
+def test_a_stepped_range_renders_just_its_frames(project):
+    done = project.run("render", NAME, "-f", "2-6x2", "-q", "preview")
     assert done.code == 0, done.err
-    assert [path.name for path in studio.frames()] == [f"{NAME}.{n:04d}.exr" for n in (2, 4, 6)]
-    assert probe_movie(studio.path / f"renders/{NAME}/preview/{NAME}.2-6x2.mp4").frames == 3
-    assert not (studio.path / f"renders/{NAME}/preview/{NAME}.mp4").exists()
+    assert [path.name for path in project.frames()] == [f"{NAME}.{n:04d}.exr" for n in (2, 4, 6)]
+    assert probe_movie(project.path / f"renders/{NAME}/preview/{NAME}.2-6x2.mp4").frames == 3
+    assert not (project.path / f"renders/{NAME}/preview/{NAME}.mp4").exists()
 
 
-def test_the_rest_of_a_shot_may_be_rendered_later_and_completes_its_movie(studio):
+def test_the_rest_of_a_shot_may_be_rendered_later_and_completes_its_movie(project):
     for part in ("1-2", "3-6"):
-        done = studio.run("render", NAME, "-f", part, "-q", "preview")
+        done = project.run("render", NAME, "-f", part, "-q", "preview")
         assert done.code == 0, done.err
-    assert probe_movie(studio.path / f"renders/{NAME}/preview/{NAME}.mp4").frames == 6
+    assert probe_movie(project.path / f"renders/{NAME}/preview/{NAME}.mp4").frames == 6
 
 
 def test_a_shot_may_be_named_twice_and_shown_twice(finished):
@@ -83,10 +83,10 @@ def test_a_shot_may_be_named_twice_and_shown_twice(finished):
     assert probe_movie(finished.path / "renders/film/preview/film.mp4").frames == 6 + 12
 
 
-def test_two_shots_of_one_name_are_refused(studio):
-    (studio.path / "other").mkdir()
-    (studio.path / "other" / f"{NAME}.yaml").write_text(studio.shot.read_text())
-    done = studio.run("simulate", NAME, f"other/{NAME}.yaml")
+def test_two_shots_of_one_name_are_refused(project):
+    (project.path / "other").mkdir()
+    (project.path / "other" / f"{NAME}.yaml").write_text(project.shot.read_text())
+    done = project.run("simulate", NAME, f"other/{NAME}.yaml")
     assert done.code == 2
     assert "both called" in done.err
 
@@ -101,15 +101,15 @@ def test_a_corrupt_file_on_the_way_is_made_again(finished, kind):
     assert done.code == 0, done.err
 
 
-def test_an_edit_during_a_run_waits_for_the_next(studio):
-    text = studio.shot.read_text()
-    process = studio.start("render", NAME, "-q", "preview")
-    studio.wait_until(lambda: studio.frames(kind="raw"))
-    studio.shot.write_text(text.replace("azimuth: -30", "azimuth: [broken"))
+def test_an_edit_during_a_run_waits_for_the_next(project):
+    text = project.shot.read_text()
+    process = project.start("render", NAME, "-q", "preview")
+    project.wait_until(lambda: project.frames(kind="raw"))
+    project.shot.write_text(text.replace("azimuth: -30", "azimuth: [broken"))
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
-    studio.shot.write_text(text)
-    assert studio.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
+    project.shot.write_text(text)
+    assert project.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
 
 
 def test_deleted_links_come_back_without_rendering(finished):
@@ -188,21 +188,21 @@ def processes_of(group, word):
     return [int(folder.name) for folder in Path("/proc").glob("[0-9]*") if belongs(folder)]
 
 
-def test_a_killed_run_goes_on_without_a_manual_step_to_the_same_pixels(studio, finished_studio):
-    process = studio.start("render", NAME, "-q", "preview")
-    studio.wait_until(lambda: studio.frames(kind="raw"))
+def test_a_killed_run_goes_on_without_a_manual_step_to_the_same_pixels(project, finished_project):
+    process = project.start("render", NAME, "-q", "preview")
+    project.wait_until(lambda: project.frames(kind="raw"))
     os.killpg(process.pid, signal.SIGKILL)
     process.communicate()
-    done = studio.run("render", NAME, "-q", "preview")
+    done = project.run("render", NAME, "-q", "preview")
     assert done.code == 0, done.err
-    for a, b in zip(pixels(finished_studio.frames()), pixels(studio.frames()), strict=True):
+    for a, b in zip(pixels(finished_project.frames()), pixels(project.frames()), strict=True):
         assert np.array_equal(a, b)
-    assert [p for p in studio.path.rglob("*") if ".tmp" in p.name or ".partial" in p.name] == []
+    assert [p for p in project.path.rglob("*") if ".tmp" in p.name or ".partial" in p.name] == []
 
 
-def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(studio):
-    process = studio.start("render", NAME, "-q", "preview")
-    studio.wait_until(lambda: studio.frames(kind="raw"))
+def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(project):
+    process = project.start("render", NAME, "-q", "preview")
+    project.wait_until(lambda: project.frames(kind="raw"))
     os.killpg(process.pid, signal.SIGINT)
     _, words = process.communicate(timeout=60)
     assert process.returncode == 130, words
@@ -211,28 +211,28 @@ def test_an_interrupted_run_ends_with_130_and_keeps_what_is_done(studio):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
-def test_a_signal_to_the_command_alone_ends_all_of_its_processes(studio, number):
-    process = studio.start("render", NAME, "-q", "preview")
-    studio.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
+def test_a_signal_to_the_command_alone_ends_all_of_its_processes(project, number):
+    process = project.start("render", NAME, "-q", "preview")
+    project.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
     process.send_signal(number)
     _, words = process.communicate(timeout=60)
     assert process.returncode == 130, words
-    studio.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
+    project.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
 
 
-def test_the_jobs_of_a_killed_command_do_not_outlive_it(studio):
-    process = studio.start("render", NAME, "-q", "preview")
-    studio.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
+def test_the_jobs_of_a_killed_command_do_not_outlive_it(project):
+    process = project.start("render", NAME, "-q", "preview")
+    project.wait_until(lambda: processes_of(process.pid, "pipeline.production.tasks"))
     process.kill()
     process.communicate()
-    studio.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
+    project.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
 
 
-def test_two_runs_at_once_are_refused_in_one_line(studio):
-    process = studio.start("render", NAME, "-q", "preview")
+def test_two_runs_at_once_are_refused_in_one_line(project):
+    process = project.start("render", NAME, "-q", "preview")
     try:
-        studio.wait_until(lambda: (studio.path / ".flowsculpt/events").exists())
-        other = studio.run("render", NAME, "-q", "preview")
+        project.wait_until(lambda: (project.path / ".flowsculpt/events").exists())
+        other = project.run("render", NAME, "-q", "preview")
         assert other.code == 4
         assert "another flowsculpt run" in other.err
     finally:
@@ -241,60 +241,60 @@ def test_two_runs_at_once_are_refused_in_one_line(studio):
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="looks into /proc")
-def test_where_a_renderer_crashes_its_shot_starts_again_on_the_next(studio):
-    if "llvm_ad_rgb" not in studio.run("doctor").out:
+def test_where_a_renderer_crashes_its_shot_starts_again_on_the_next(project):
+    if "llvm_ad_rgb" not in project.run("doctor").out:
         pytest.skip("there is only one variant here to choose from")
-    process = studio.start("render", NAME, "-q", "preview")
-    studio.wait_until(lambda: studio.frames(kind="raw"))
-    studio.wait_until(lambda: processes_of(process.pid, "--child"))
+    process = project.start("render", NAME, "-q", "preview")
+    project.wait_until(lambda: project.frames(kind="raw"))
+    project.wait_until(lambda: processes_of(process.pid, "--child"))
     for child in processes_of(process.pid, "--child"):
         os.kill(child, signal.SIGABRT)
     out, err = process.communicate(timeout=300)
     assert process.returncode == 0, out + err
-    variants = {read_header(path)["variant"] for path in studio.frames()}
+    variants = {read_header(path)["variant"] for path in project.frames()}
     assert variants == {"scalar_rgb"}
 
 
-def test_a_flow_that_explodes_stops_its_shot_and_keeps_the_frames_before(studio):
-    studio.shot.write_text(
-        studio.shot.read_text()
+def test_a_flow_that_explodes_stops_its_shot_and_keeps_the_frames_before(project):
+    project.shot.write_text(
+        project.shot.read_text()
         .replace("max_edge_length: 0.5", "max_edge_length: 0.5, max_vertices: 3000")
         .replace(
             "- twist:", "- stretch: {axis: x, amount: {ease: linear, keys: {1: 1, 6: 4000}}}\n  - twist:"
         )
     )
-    done = studio.run("simulate", NAME)
+    done = project.run("simulate", NAME)
     assert done.code == 1
     assert "frame" in done.err and "3000" in done.err
-    assert (studio.path / f"renders/{NAME}/meshes/{NAME}.0001.npz").exists()
+    assert (project.path / f"renders/{NAME}/meshes/{NAME}.0001.npz").exists()
 
 
-def test_a_folder_that_cannot_be_written_is_told_in_one_line(studio):
-    done = studio.run("--root", "/sys", "simulate", NAME)
+def test_a_folder_that_cannot_be_written_is_told_in_one_line(project):
+    done = project.run("--root", "/sys", "simulate", NAME)
     assert done.code == 4
     assert done.err.count("\n") == 1
     assert "--root" in done.err
 
 
-def test_plain_snakemake_does_the_same_work(studio, finished_studio):
+def test_plain_snakemake_does_the_same_work(project, finished_project):
     project = Path(__file__).parents[2]
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(project / "Snakefile"), "--cores", "2"]
     command += ["--workflow-profile", str(project / "profiles/default"), "--config", "quality=preview"]
-    done = subprocess.run(command, cwd=studio.path, capture_output=True, text=True, timeout=300)
+    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=300)
     assert done.returncode == 0, done.stderr
-    for a, b in zip(pixels(finished_studio.frames()), pixels(studio.frames()), strict=True):
+    for a, b in zip(pixels(finished_project.frames()), pixels(project.frames()), strict=True):
         assert np.array_equal(a, b)
-    again = subprocess.run(command, cwd=studio.path, capture_output=True, text=True, timeout=300)
+    again = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=300)
     assert "Nothing to be done" in again.stderr + again.stdout
 
 
-def test_a_turntable_turns_a_mesh_file_once_around(studio):
-    (studio.path / "wedge.obj").write_text(
+def test_a_turntable_turns_a_mesh_file_once_around(project):
+    (project.path / "wedge.obj").write_text(
         "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
     )
-    done = studio.run("turntable", "wedge.obj", "--frames", "4", "--turn", "object", "--bare")
+    done = project.run("turntable", "wedge.obj", "--frames", "4", "--turn", "object", "--bare")
     assert done.code == 0, done.err
-    folder = studio.path / "renders/turntable/wedge/preview"
+    folder = project.path / "renders/turntable/wedge/preview"
     first, *others = pixels(sorted((folder / "frames").glob("*.exr")))
     assert len(others) == 3
     assert all(np.abs(first - other).max() > 0.05 for other in others)

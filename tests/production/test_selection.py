@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import FrameStates, picture_states
 from pipeline.production.planning.frame_words import is_in_words, selected
 from pipeline.production.planning.history import History
@@ -57,9 +57,9 @@ def test_batches_hold_every_frame_once_and_the_first_of_them_go_first(order: lis
         assert {batch[0] for batch in found[:side_by_side]} == set(order[:side_by_side])
 
 
-def test_coarse_frames_of_a_range_are_rendered_first(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(studio.path)
-    plan = Studio(studio.path, 1).pictures([NAME], "preview", "1-6:5")
+def test_coarse_frames_of_a_range_are_rendered_first(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project.path)
+    plan = Project(project.path, 1).pictures([NAME], "preview", "1-6:5")
     (render,) = [job for job in plan.jobs if job.task == "render"]
     assert render.frames == (1, 6, 2, 3, 4, 5) or render.frames[:2] == (1, 6)
 
@@ -80,13 +80,17 @@ def test_frames_that_failed_are_known_until_they_are_made(tmp_path: Path) -> Non
     assert not history.running(NAME, ["render"], "draft")
 
 
-def test_what_failed_is_tried_again_by_that_word(studio: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(studio.path)
-    log_of(studio.path, ("fail", 3), ("fail", 5))
-    studio_ = Studio(studio.path, 2)
-    assert str(FrameRange.of(studio_._asked(NAME, "draft", "failed", picture_states).requested)) == "3,5"
-    log_of(studio.path, ("frame", 3))
-    assert len(studio_._asked(NAME, "draft", "failed", picture_states).requested) == 2, "settled for this run"
-    assert Studio(studio.path, 2)._asked(NAME, "draft", "failed", picture_states).requested == (5,)
-    targets = Studio(studio.path, 2).pictures([NAME], "draft", "failed").targets
+def test_what_failed_is_tried_again_by_that_word(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project.path)
+    log_of(project.path, ("fail", 3), ("fail", 5))
+    whole_project = Project(project.path, 2)
+    assert (
+        str(FrameRange.of(whole_project._asked(NAME, "draft", "failed", picture_states).requested)) == "3,5"
+    )
+    log_of(project.path, ("frame", 3))
+    assert len(whole_project._asked(NAME, "draft", "failed", picture_states).requested) == 2, (
+        "settled for this run"
+    )
+    assert Project(project.path, 2)._asked(NAME, "draft", "failed", picture_states).requested == (5,)
+    targets = Project(project.path, 2).pictures([NAME], "draft", "failed").targets
     assert [Path(target).suffix for target in targets] == [".exr"]

@@ -48,11 +48,11 @@ def test_a_number_of_pieces_that_cannot_be_is_told_with_its_place() -> None:
         read_shot("T010_tiny.yaml", TINY + "smooth: {tessellate: 99}\n")
 
 
-def test_rendered_surfaces_are_cut_into_the_pieces_asked_for(studio) -> None:
-    studio.shot.write_text(TINY + "smooth: {tessellate: 2}\n")
-    done = studio.run("render", "T010_tiny", "-f", "1", "-q", "preview")
+def test_rendered_surfaces_are_cut_into_the_pieces_asked_for(project) -> None:
+    project.shot.write_text(TINY + "smooth: {tessellate: 2}\n")
+    done = project.run("render", "T010_tiny", "-f", "1", "-q", "preview")
     assert done.code == 0, done.err
-    home = studio.path / "renders" / "T010_tiny"
+    home = project.path / "renders" / "T010_tiny"
     with np.load(home / "meshes" / "T010_tiny.0001.npz") as mesh:
         faces = len(mesh["faces"])
         assert {"creases", "attribute:rest", "attribute:normal"} <= set(mesh.files)
@@ -122,15 +122,15 @@ def test_what_is_behind_the_lens_or_beside_the_picture_is_not_diced_for() -> Non
     assert pieces_for(triangle + np.array([9, 0, 0]), faces, camera, quality, 2.0, 16) == 1
 
 
-def test_diced_pictures_are_of_finer_surfaces_the_finer_they_are(studio) -> None:
-    studio.shot.write_text(TINY + "smooth: {dicing: 4px}\naovs: [velocity]\n")
+def test_diced_pictures_are_of_finer_surfaces_the_finer_they_are(project) -> None:
+    project.shot.write_text(TINY + "smooth: {dicing: 4px}\naovs: [velocity]\n")
     cut = []
     for scale in ("50%", "100%"):
-        done = studio.run("render", "T010_tiny", "-f", "2", "-q", "preview", "--scale", scale)
+        done = project.run("render", "T010_tiny", "-f", "2", "-q", "preview", "--scale", scale)
         assert done.code == 0, done.err
         quality = "preview" if scale == "100%" else "preview.scale50"
-        told = studio.path / "renders" / "T010_tiny" / quality / "statistics" / "T010_tiny.0002.json"
+        told = project.path / "renders" / "T010_tiny" / quality / "statistics" / "T010_tiny.0002.json"
         cut.append(json.loads(told.read_text())["faces"])
-    with np.load(studio.path / "renders" / "T010_tiny" / "meshes" / "T010_tiny.0002.npz") as mesh:
+    with np.load(project.path / "renders" / "T010_tiny" / "meshes" / "T010_tiny.0002.npz") as mesh:
         pieces = np.sqrt(np.array(cut) / len(mesh["faces"]))
     assert (pieces == pieces.round()).all() and 1 < pieces[0] < pieces[1]

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from pipeline.errors import MachineError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.request import variants
 from pipeline.production.request.variants import ON_GPU, avoid, variant_for
 from pipeline.production.store.event_log import EventReader
@@ -72,9 +72,9 @@ def test_another_variant_that_crashed_is_not_replaced_behind_the_users_back(tmp_
         variant_for(tmp_path, NAME, "scalar_rgb")
 
 
-def test_a_plan_tells_it_once(studio: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.chdir(studio.path)
-    asked = Studio(studio.path, 1, ON_GPU)
+def test_a_plan_tells_it_once(project: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project.path)
+    asked = Project(project.path, 1, ON_GPU)
     plans = [asked.pictures([NAME, NAME], "preview") for _ in range(2)]
     assert [len(plan.notes) for plan in plans] == [1, 1]
     assert machine["asked"] == 1
@@ -82,19 +82,19 @@ def test_a_plan_tells_it_once(studio: Any, machine: dict[str, int], monkeypatch:
 
 
 def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
-    studio: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch
+    project: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def fails(context: Any) -> bool:
         raise RuntimeError("out of memory\nat some place in some library")
 
     machine["gpu"] = 1
-    monkeypatch.chdir(studio.path)
+    monkeypatch.chdir(project.path)
     monkeypatch.setattr(render, "render", fails)
     monkeypatch.setattr(worker, "_limit_kernels", lambda threads: None)
-    plan = Studio(studio.path, 1, ON_GPU).pictures([NAME], "preview")
+    plan = Project(project.path, 1, ON_GPU).pictures([NAME], "preview")
     (job,) = [job for job in plan.jobs if job.task == "render"]
-    assert process.main(plan.freeze(studio.path).as_posix(), job.name, 0) == 1
-    events = list(EventReader(studio.path / EVENTS / f"{plan.name}.jsonl").new())
+    assert process.main(plan.freeze(project.path).as_posix(), job.name, 0) == 1
+    events = list(EventReader(project.path / EVENTS / f"{plan.name}.jsonl").new())
     assert [event["event"] for event in events] == ["begin", "healed"]
     assert "cuda_ad_rgb failed (out of memory) while rendering T010_tiny" in events[1]["message"]
-    assert variant_for(studio.path, NAME, ON_GPU, lambda line: None) in DEFAULT_ORDER
+    assert variant_for(project.path, NAME, ON_GPU, lambda line: None) in DEFAULT_ORDER

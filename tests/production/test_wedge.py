@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import UsageError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning import sharing
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
@@ -44,7 +44,7 @@ class Desk:
 
     def wedge(self, *vary: str, frames: str | None = None, at: int | None = None, cores: int = 4) -> Wedge:
         shot = self.root / "shots" / f"{NAME}.yaml"
-        return Wedge(Studio(self.root, cores), shot, Grid.parse(vary), QUALITY, frames, at)
+        return Wedge(Project(self.root, cores), shot, Grid.parse(vary), QUALITY, frames, at)
 
     def command(self, *words: str) -> tuple[int, str]:
         return commanded(self.root, *words)
@@ -213,7 +213,7 @@ def test_a_wedge_is_rendered_and_drawn_and_leaves_the_shot_alone(desk: Desk) -> 
     done(desk.root, wedge.plan())
     again = wedge.plan()
     assert again.jobs == () and spared(wedge) == {}
-    assert again.restore_links(wedge.studio.store) == 6, "the frames of cells whose light is that of others"
+    assert again.restore_links(wedge.project.store) == 6, "the frames of cells whose light is that of others"
     assert not (desk.root / "renders" / NAME).exists()
     home = desk.root / "renders" / "wedge" / NAME
     assert {path.name for path in home.iterdir()} == {
@@ -229,9 +229,9 @@ def test_a_wedge_is_rendered_and_drawn_and_leaves_the_shot_alone(desk: Desk) -> 
     assert still.name == f"flows.0.twist.amount.keys.12,lights.exposure.{QUALITY}.0012.png"
     facts, sides = probe_movie(movie), (page.shape[1], page.shape[0])
     assert facts.frames == 2 and (facts.width, facts.height) == tuple(side + side % 2 for side in sides)
-    keys = wedge.takes[2][1].picture_keys(wedge.studio.store)
+    keys = wedge.takes[2][1].picture_keys(wedge.project.store)
     assert keys is not None
-    wedge.studio.store.discard("frame", keys[12].frame)
+    wedge.project.store.discard("frame", keys[12].frame)
     wedge.draw()
     lost = read_png(still)
     assert lost.shape == page.shape and (lost != page).any(), "a sheet is drawn of what is there"
@@ -247,7 +247,11 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
             root = tmp_path / str(many)
             root.mkdir()
             wedge = Wedge(
-                Studio(root, 2), tmp_path / "shots" / f"{NAME}.yaml", Grid.parse([LATE]), QUALITY, frames="12"
+                Project(root, 2),
+                tmp_path / "shots" / f"{NAME}.yaml",
+                Grid.parse([LATE]),
+                QUALITY,
+                frames="12",
             )
             plan = wedge.plan()
             simulations = [job for job in plan.jobs if job.task == "simulate"]
@@ -257,7 +261,7 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
 
 
 def test_after_a_crash_all_cells_are_rendered_by_the_next_variant(desk: Desk, tmp_path: Path) -> None:
-    wedge = Wedge(Studio(tmp_path, 2), desk.root / "shots" / f"{NAME}.yaml", Grid.parse([LOOK]), QUALITY)
+    wedge = Wedge(Project(tmp_path, 2), desk.root / "shots" / f"{NAME}.yaml", Grid.parse([LOOK]), QUALITY)
     (before,) = {take["variant"] for take in wedge.plan().takes}
     if not avoid(tmp_path, NAME, before, f"{before} crashed"):
         pytest.skip("there is only one variant here to choose from")

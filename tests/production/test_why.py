@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.differences import differences
 from pipeline.production.maintenance.why import Answer, Question
 from pipeline.production.request.lookup import find_shot
@@ -34,8 +34,8 @@ def test_a_difference_is_told_as_a_path() -> None:
     assert told == ["look.roughness: 0.1 → 0.3", "a.1: 2 → 3", "b: nothing → 1"]
 
 
-def ask(studio: Any, frame: int) -> Answer:
-    there = Studio(studio.path, 2)
+def ask(project: Any, frame: int) -> Answer:
+    there = Project(project.path, 2)
     return Question(there.take(find_shot(NAME), "preview", str(frame)), frame, there.store).answer()
 
 

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import Take
 from pipeline.production.store.event_log import EventLog
@@ -50,11 +50,11 @@ BRIGHT = 60.0
 class Desk:
     root: Path
 
-    def studio(self) -> Studio:
-        return Studio(self.root, 2)
+    def project(self) -> Project:
+        return Project(self.root, 2)
 
     def take(self, quality: str) -> Take:
-        return self.studio().take(self.root / "shots" / f"{NAME}.yaml", quality)
+        return self.project().take(self.root / "shots" / f"{NAME}.yaml", quality)
 
     def command(self, *words: str) -> tuple[int, str]:
         return commanded(self.root, *words)
@@ -68,23 +68,23 @@ def simulated(root: Path, shot: str = SHOT) -> Desk:
     (root / "shots").mkdir(parents=True)
     (root / "shots" / f"{NAME}.yaml").write_text(shot)
     desk = Desk(root)
-    _done(root, desk.studio().surfaces(desk.take("preview")))
+    _done(root, desk.project().surfaces(desk.take("preview")))
     return desk
 
 
 def furnish(root: Path) -> Desk:
     """Simulate the shot, and lay numbered pictures where renders would lie: of two qualities and a wedge."""
     desk = simulated(root)
-    studio, take = desk.studio(), desk.take("preview")
+    project, take = desk.project(), desk.take("preview")
     there = [number for number in take.poses if number not in (MISSING, FAILED)]
     hang(desk, take, there, dark)
     hang(desk, desk.take("draft"), take.poses, bright)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
     log.write("fail", stage="render", shot=NAME, quality="preview", frame=FAILED, message="a lamp fell over")
     wedge = Wedge(
-        studio, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
+        project, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
     )
-    _done(root, studio.surfaces(wedge.takes[0][1]))
+    _done(root, project.surfaces(wedge.takes[0][1]))
     for (_, cell), paint in zip(wedge.takes, (dusky, bright), strict=True):
         hang(desk, cell, cell.requested, paint)
     wedge.draw()
@@ -99,7 +99,7 @@ def _done(root: Path, plan: Plan) -> None:
 
 def hang(desk: Desk, take: Take, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:
     """Lay the pictures of a take where renders would lie."""
-    store = desk.studio().store
+    store = desk.project().store
     keys = take.picture_keys(store)
     assert keys is not None
     for number in numbers:

@@ -17,7 +17,7 @@ from pipeline.dailies.live.server import serving
 from pipeline.dailies.live.session import Session
 from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from tests.conftest import TINY
 
 NAME = "T010_tiny"
@@ -46,10 +46,10 @@ def follower(browser: Browser, tmp_path: Path) -> Iterator[Follower]:
     shot.write_text(TINY)
 
     def sketch() -> Sketch:
-        return Sketch(Studio(tmp_path, 2).take(shot, "preview", None, variant="none"))
+        return Sketch(Project(tmp_path, 2).take(shot, "preview", None, variant="none"))
 
     screen, complaints = Screen(), []
-    with Reel(Studio(tmp_path, 2).store) as reel, serving(screen) as address:
+    with Reel(Project(tmp_path, 2).store) as reel, serving(screen) as address:
         session = Session(sketch, screen, reel, lambda ready: None, {shot})
         threading.Thread(target=session.again_and_again, daemon=True).start()
         context = browser.new_context(viewport={"width": 900, "height": 640}, reduced_motion="reduce")

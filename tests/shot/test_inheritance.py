@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
 from pipeline.flow.keyframes import number_at
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import Take
 from pipeline.shot import Shot, read_film, read_shot
 from pipeline.shot.yaml.inheritance import rests_on
@@ -212,8 +212,8 @@ def test_a_setting_that_cannot_be_is_told_in_its_own_words(folder: Path, setting
 def test_a_plan_goes_by_the_files_as_they_were(folder: Path) -> None:
     """Whatever becomes of the files that a shot rests on, and with its settings, through JSON."""
     (folder / "defaults.yaml").write_text("look: glaze\n")
-    studio = Studio(folder, 1, settings=("camera.margin=0.3",))
-    take = studio.take(folder / "C.yaml", "draft", variant="none")
+    project = Project(folder, 1, settings=("camera.margin=0.3",))
+    take = project.take(folder / "C.yaml", "draft", variant="none")
     expected = take.shot
     assert expected.picture.look == LOOKS["glaze"] and expected.picture.camera.margin == 0.3
     assert set(rests_on(folder / "C.yaml", FILES["C"])) == {"defaults.yaml", "B.yaml", "A.yaml"}
@@ -224,7 +224,7 @@ def test_a_plan_goes_by_the_files_as_they_were(folder: Path) -> None:
 
 def test_another_setting_is_another_mesh_and_the_same_is_none(folder: Path) -> None:
     def keys(*settings: str) -> list[str]:
-        take = Studio(folder, 1, settings=settings).take(folder / "A.yaml", "draft", variant="none")
+        take = Project(folder, 1, settings=settings).take(folder / "A.yaml", "draft", variant="none")
         return [take.mesh_key(number) for number in take.shot.frames]
 
     plain, strong, late = keys(), keys("flows.0.vortex.strength=2"), keys("flows.0.vortex.strength.keys.49=1")

@@ -9,7 +9,7 @@ from pathlib import Path
 from pipeline.dailies.review.pictures import PLAIN, Pictures, Screen
 from pipeline.dailies.sheets.timing import rendering
 from pipeline.errors import FlowsculptError, MissingInputError
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
 from pipeline.production.planning.history import History
 from pipeline.production.request.crop_and_scale import is_quality
@@ -49,7 +49,7 @@ class Shown:
 class Search:
     """Looks through a root; `qualities` are those wanted, or none for all."""
 
-    studio: Studio
+    project: Project
     qualities: tuple[str, ...]
     history: History
 
@@ -68,26 +68,26 @@ class Search:
                 f"{path.stem} has no rendered frames{at}, and a review page shows such; flowsculpt render "
                 f"{path.stem} -q {quality} makes them"
             )
-        return Shown(self.studio.take(path, "draft", variant="none"), sequences, wedges)
+        return Shown(self.project.take(path, "draft", variant="none"), sequences, wedges)
 
     def _wanted(self, quality: str) -> bool:
         return not self.qualities or quality in self.qualities
 
     def _renders(self, path: Path) -> Iterator[Pictures]:
-        home = self.studio.root / Folders.of_shot(path.stem).home
+        home = self.project.root / Folders.of_shot(path.stem).home
         names = sorted(place.parent.name for place in home.glob("*/frames") if is_quality(place.parent.name))
         for quality in names if home.is_dir() else ():
             if self._wanted(quality):
-                take = self.studio.take(path, quality)
+                take = self.project.take(path, quality)
                 yield self._of_take(take, "render", quality)
 
     def _of_take(self, take: Take, kind: str, label: str) -> Pictures:
         """What is there of a take, and what is wrong with the rest."""
         failed = self.history.failed(take.subject, PICTURE_STAGES, take.quality_name)
-        stale = set(picture_states(take, self.studio.store, self.history).stale)
+        stale = set(picture_states(take, self.project.store, self.history).stale)
         told = {number: ("failed", message) for number, message in failed.items()}
         told |= dict.fromkeys(stale, ("stale", STALE))
-        places = {n: self.studio.root / take.folders.frame(take.quality_name, n) for n in take.poses}
+        places = {n: self.project.root / take.folders.frame(take.quality_name, n) for n in take.poses}
         return Pictures(
             shot=take.name,
             kind=kind,
@@ -98,11 +98,11 @@ class Search:
             files={number: path for number, path in places.items() if path.is_file()},
             screen=_screen(take),
             told=told,
-            seconds=rendering(take, self.studio.root),
+            seconds=rendering(take, self.project.root),
         )
 
     def _versions(self, name: str) -> Iterator[Pictures]:
-        for place, record in records(self.studio.root / published(name)):
+        for place, record in records(self.project.root / published(name)):
             if isinstance(record, Provenance) and self._wanted(record.quality):
                 files = {number: place / frame.file for number, frame in record.frames.items()}
                 yield Pictures(
@@ -121,13 +121,15 @@ class Search:
 
     def _screen_of(self, record: Provenance) -> Screen:
         try:
-            return _screen(Take(restored(record, self.studio.allow_code), record.quality, record.variant, ()))
+            return _screen(
+                Take(restored(record, self.project.allow_code), record.quality, record.variant, ())
+            )
         except FlowsculptError:
             return PLAIN
 
     def _wedges(self, path: Path) -> Iterator[Cells]:
         """Those that left a sheet, which says what was varied."""
-        home = self.studio.root / wedge_folder(path.stem)
+        home = self.project.root / wedge_folder(path.stem)
         seen: set[tuple[str, str]] = set()
         for sheet in sorted(home.glob("*.png")):
             try:
@@ -135,7 +137,7 @@ class Search:
                 quality = sheet.stem.rpartition(".")[0].removeprefix(f"{grid.name}.")
                 if (grid.name, quality) not in seen and self._wanted(quality):
                     seen.add((grid.name, quality))
-                    yield self._cells(Wedge(self.studio, path, grid, quality))
+                    yield self._cells(Wedge(self.project, path, grid, quality))
             except FlowsculptError:
                 continue  # it is another picture, or the shot has no such value any more
 

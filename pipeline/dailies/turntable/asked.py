@@ -9,7 +9,7 @@ from pathlib import Path
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.mesh.io import FORMATS
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.sharing import shared
 from pipeline.production.request.lookup import find_shot
@@ -37,7 +37,7 @@ class Turning:
     Raises UsageError for what cannot be turned so.
     """
 
-    studio: Studio
+    project: Project
     subject: str
     quality: str
     at: int | None = None
@@ -68,12 +68,12 @@ class Turning:
         """One for each look. Raises MissingInputError or UsageError where there is no such thing to turn."""
         mesh = Path(self.subject)
         of_file = mesh.suffix.lower().lstrip(".") in FORMATS
-        path = self.studio.around(mesh) if of_file else find_shot(self.subject)
+        path = self.project.around(mesh) if of_file else find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> Take:
-        studio = replace(self.studio, settings=tuple(self._settings(look)))
-        take = studio.take(path, self.quality)
+        project = replace(self.project, settings=tuple(self._settings(look)))
+        take = project.take(path, self.quality)
         known = FrameRange(take.script.outline.frames)
         at = known.first if self.at is None else self.at
         if at not in known:
@@ -88,16 +88,16 @@ class Turning:
             yield f"stage={STAGE}"
         if look is not None:
             yield f"look={look}"
-        yield from self.studio.settings
+        yield from self.project.settings
 
     def plan(self) -> Plan:
         """Frames and a movie of each look; what looks have in common is made once."""
-        takes, studio = self.takes, self.studio
-        planner = studio.planner_of(len(takes))
+        takes, project = self.takes, self.project
+        planner = project.planner_of(len(takes))
         for take in takes:
             planner.pictures(take)
             planner.movie(take)
         apart = planner.plan()
         if len(takes) == 1:
             return apart
-        return shared(apart, takes, studio.store, studio.cores, studio.profile.share)
+        return shared(apart, takes, project.store, project.cores, project.profile.share)

@@ -78,7 +78,7 @@ class Sheets:
 
     @property
     def _store(self) -> Store:
-        return self.turning.studio.store
+        return self.turning.project.store
 
     @property
     def _table(self) -> Turntable:

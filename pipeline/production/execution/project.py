@@ -37,7 +37,7 @@ States = Callable[[Take, Store, History], FrameStates]
 
 
 @dataclass(frozen=True)
-class Studio:
+class Project:
     """A root to write to, so many cores to use; shots are looked up in `shots/` of the working folder.
 
     Every file is read once, so that all of a run goes by one text however it is edited meanwhile.

@@ -42,20 +42,20 @@ def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, st
 
 def _planned(root: Path, config: Mapping[str, Any], cores: int) -> Path:
     """The frozen file of a plan for what `config` asks for."""
-    from pipeline.production.execution.project import Studio
+    from pipeline.production.execution.project import Project
     from pipeline.production.execution.run import acquire
     from pipeline.production.request.lookup import FILM, find_edit
 
     quality = str(config.get("quality", "draft"))
-    studio = Studio(root, cores, allow_code=_allowed(config.get("allow_code", False)))
+    project = Project(root, cores, allow_code=_allowed(config.get("allow_code", False)))
     frames = str(config["frames"]) if "frames" in config else None
     plan = (
-        studio.pictures([str(config["shot"])], quality, frames)
+        project.pictures([str(config["shot"])], quality, frames)
         if "shot" in config
-        else studio.film(quality, find_edit(str(config.get("edit", FILM.stem))))
+        else project.film(quality, find_edit(str(config.get("edit", FILM.stem))))
     )
     _HELD.append(acquire(root))
-    plan.restore_links(studio.store)
+    plan.restore_links(project.store)
     path = plan.freeze(root)
     (root / _LATEST).write_text(path.as_posix())
     return path

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import FlowsculptError, ShotError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.execution.project import Studio
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.sharing import shared
 from pipeline.production.request.picture_keys import Keyring
@@ -44,7 +44,7 @@ class Wedge:
     columns  of the sheet; by default as the grid has it
     """
 
-    studio: Studio
+    project: Project
     shot: Path
     grid: Grid
     quality: str
@@ -58,7 +58,9 @@ class Wedge:
 
         Raises ShotError or UsageError, with the variation, where a cell's shot is not good.
         """
-        variant = variant_for(self.studio.root, self.shot.stem, self.studio.variant, self.studio.notes.append)
+        variant = variant_for(
+            self.project.root, self.shot.stem, self.project.variant, self.project.notes.append
+        )
         return [
             (cell, take if take.variant == variant else replace(take, variant=variant))
             for cell, take in self._read
@@ -72,7 +74,7 @@ class Wedge:
     @cached_property
     def number(self) -> int:
         """The frame of the sheet. Raises UsageError where it is none of those rendered."""
-        known = FrameRange.of(self.studio.take(self.shot, self.quality, self.frames).requested)
+        known = FrameRange.of(self.project.take(self.shot, self.quality, self.frames).requested)
         if self.at is None:
             return sorted(known)[len(known) // 2]
         if self.at not in known:
@@ -85,14 +87,14 @@ class Wedge:
 
     def plans(self) -> tuple[Plan, Plan]:
         """The same with each cell for itself, and together."""
-        takes, studio = [take for _, take in self.takes], self.studio
-        planner = studio.planner_of(len(takes))
+        takes, project = [take for _, take in self.takes], self.project
+        planner = project.planner_of(len(takes))
         for take in takes:
             planner.pictures(take)
             if len(take.requested) > 1:
                 planner.movie(take)
         apart = planner.plan()
-        return apart, shared(apart, takes, studio.store, studio.cores, studio.profile.share)
+        return apart, shared(apart, takes, project.store, project.cores, project.profile.share)
 
     # Sheets
 
@@ -118,7 +120,7 @@ class Wedge:
 
         Cells that were not rendered are shown as such. Raises RenderEnvironmentError where the disk refuses.
         """
-        root = self.studio.root
+        root = self.project.root
         header = {
             "shot": self.shot.stem,
             "frame": self.number,
@@ -159,7 +161,7 @@ class Wedge:
 
     @cached_property
     def _keys(self) -> list[tuple[Take, Keyring | None]]:
-        return [(take, take.picture_keys(self.studio.store)) for _, take in self.takes]
+        return [(take, take.picture_keys(self.project.store)) for _, take in self.takes]
 
     def _picture(
         self, take: Take, keys: Keyring | None, number: int, bits: int, display: str
@@ -168,7 +170,7 @@ class Wedge:
         return (
             None
             if keys is None
-            else shown_picture(take, keys, self.studio.store, number, self._factor, bits, display)
+            else shown_picture(take, keys, self.project.store, number, self._factor, bits, display)
         )
 
     @property
@@ -176,9 +178,9 @@ class Wedge:
         return paths.wedge(self.shot.stem)
 
     def _take(self, cell: Cell, frames: str) -> Take:
-        studio = replace(self.studio, settings=(*self.studio.settings, *cell.settings))
+        project = replace(self.project, settings=(*self.project.settings, *cell.settings))
         try:
-            take = studio.take(self.shot, self.quality, frames)
+            take = project.take(self.shot, self.quality, frames)
         except ShotError as error:
             raise ShotError(_at_the_variation(error.messages[0], self.grid.variations, cell)) from None
         except FlowsculptError as error:
