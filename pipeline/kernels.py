@@ -1,7 +1,7 @@
-"""Where compiled kernels live, and the decorator that makes one.
+"""The decorators that compile the kernels of the pipeline.
 
-The cache folder is named by a hash of every kernel source (see `render.kernels`). A new source means a new
-folder and one compilation (`flowsculpt doctor --prepare`, done at set-up); nothing else ever compiles.
+Compiled code lies in a cache whose folders are named by the sources (see `render.kernels`): only an edited
+source compiles (`flowsculpt doctor --prepare`, done at set-up), nothing else ever does.
 
 Intel's SVML has other sines and exponentials for vectors than for single numbers, so that a point's bits
 would hang on its place in a block: numba is told not to take it (see `pipeline/__init__.py`).
@@ -12,8 +12,7 @@ from __future__ import annotations
 import ctypes
 import importlib
 from collections.abc import Callable
-from functools import cache, cached_property
-from pathlib import Path
+from functools import cached_property
 from typing import Any, TypeVar
 
 import numba
@@ -21,23 +20,9 @@ import numpy as np
 from numba.core import sigutils
 from numpy.typing import NDArray
 
-from render.kernels import folder_of
+from render.kernels import kernel_modules, use_kernel_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
-
-_PACKAGE = Path(__file__).parent
-
-
-def kernel_modules() -> list[str]:
-    """The dotted names of all modules that hold kernels: those called `_kernels` or `_kernels_…`."""
-    files = sorted(_PACKAGE.rglob("_kernels*.py"))
-    return [".".join(("pipeline", *f.relative_to(_PACKAGE).with_suffix("").parts)) for f in files]
-
-
-@cache
-def cache_folder() -> Path:
-    """The folder of these sources."""
-    return folder_of(_PACKAGE, Path(__file__))
 
 
 def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
@@ -46,7 +31,7 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
     Nothing is compiled or loaded on import: the first call loads what set-up has compiled, so that a
     process pays for the kernels it uses and no others.
     """
-    numba.config.CACHE_DIR = str(cache_folder())
+    use_kernel_cache()
 
     def decorate(function: F) -> F:
         dispatcher: F = numba.njit(cache=True, nogil=True, **options)(function)
@@ -92,7 +77,7 @@ class BlockKernel:
 
     @cached_property
     def _compiled(self) -> Any:
-        numba.config.CACHE_DIR = str(cache_folder())
+        use_kernel_cache()
         return numba.cfunc(BLOCK_SIGNATURE, cache=True, error_model="numpy")(self._function)
 
     @property
@@ -120,7 +105,7 @@ def block_kernel(function: Callable[..., None]) -> BlockKernel:
 
 def compile_all() -> int:
     """Compile every kernel for its declared types; returns how many there are."""
-    for name in kernel_modules():
+    for name in kernel_modules("pipeline"):
         importlib.import_module(name)
     for dispatcher, signature in DECLARED:
         arguments, _ = sigutils.normalize_signature(signature)

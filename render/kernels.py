@@ -1,7 +1,9 @@
-"""Where compiled kernels live, and the decorator that makes those of pictures.
+"""The cache of compiled kernels, and the decorator that compiles the kernels of pictures.
 
-numba's on-disk cache does not notice edits in functions that a kernel calls from another file, and would run
-what was compiled with the old ones: so the cache folder is named by a hash of every kernel source.
+numba files a compiled function under the path of its source, and does not notice an edit in a function that
+it calls from another file. `KernelCacheLocator` files it under the name of its module and a digest of every
+source that the module imports: an edit compiles the kernels that depend on it and no others, and two
+checkouts of the same sources share one cache.
 """
 
 from __future__ import annotations
@@ -9,46 +11,102 @@ from __future__ import annotations
 import getpass
 import hashlib
 import os
+import re
 import stat
 import tempfile
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from functools import cache
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numba
 import platformdirs
+from numba.core.caching import UserProvidedCacheLocator
+
+import render
 
 F = TypeVar("F", bound=Callable[..., Any])
 
+SOURCES = Path(render.__file__).absolute().parents[1]
+"""The folder of the packages `pipeline` and `render`."""
+
+_IMPORT = re.compile(
+    r"^(?:from (?P<of>[\w.]+) import (?P<names>\([^)]*\)|.+)|import (?P<module>[\w.]+))", re.M
+)
+
 
 def compiled(**options: Any) -> Callable[[F], F]:
-    """`numba.njit` in our cache folder, without the interpreter's lock and its errors of division."""
+    """Return `numba.njit` with our cache, without the interpreter's lock and its errors of division."""
 
     def decorate(function: F) -> F:
-        numba.config.CACHE_DIR = str(_folder())
+        use_kernel_cache()
         dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
         return dispatcher
 
     return decorate
 
 
+def use_kernel_cache() -> None:
+    """Have numba file what it compiles from now on in `cache_folder`, as `KernelCacheLocator` says."""
+    numba.config.CACHE_DIR = str(cache_folder())
+    numba.config.CACHE_LOCATOR_CLASSES = f"{__name__}.{KernelCacheLocator.__name__}"
+
+
+class KernelCacheLocator(UserProvidedCacheLocator):  # type: ignore[misc]  # numba has no types
+    """Names the folder of a kernel's compiled code: its module, and a digest of all sources it depends on."""
+
+    @classmethod
+    def get_suitable_cache_subpath(cls, py_file: str) -> str:
+        file = Path(py_file).absolute()
+        if not file.is_relative_to(SOURCES):  # a formula's, which lies in the cache already
+            return str(UserProvidedCacheLocator.get_suitable_cache_subpath(py_file))
+        module = ".".join(file.relative_to(SOURCES).with_suffix("").parts)
+        return f"{module}-{source_digest(file)[:16]}"
+
+
+def is_kernel_module(file: Path) -> bool:
+    """Tell whether a file holds kernels: its folder is called `kernels`, or it is called `_kernels…`."""
+    named = file.parent.name == "kernels" and file.name != "__init__.py"
+    return named or file.name.startswith("_kernels")
+
+
+def kernel_modules(package: str) -> list[str]:
+    """Return the dotted names of all modules of a package that hold kernels."""
+    files = sorted(filter(is_kernel_module, (SOURCES / package).rglob("*.py")))
+    return [".".join(file.relative_to(SOURCES).with_suffix("").parts) for file in files]
+
+
 @cache
-def _folder() -> Path:
-    return folder_of(Path(__file__).parent, Path(__file__))
+def source_digest(file: Path) -> str:
+    """Return the SHA-256 of a module and of every module of ours that it imports, directly or not."""
+    text = file.read_text(encoding="utf-8")
+    digest = hashlib.sha256(text.encode())
+    for imported in sorted(_imported_files(text)):
+        digest.update(source_digest(imported).encode())
+    return digest.hexdigest()
 
 
-def folder_of(package: Path, *more: Path) -> Path:
-    """The folder of the kernels below a package, in the user's cache or, where unwritable, among temporary
-    files.
+def _imported_files(text: str) -> Iterator[Path]:
+    """Yield the files of the modules below `SOURCES` that a source imports at its top."""
+    for match in _IMPORT.finditer(text):
+        names = [match["module"]] if match["module"] else [match["of"]]
+        if match["names"]:
+            imported = re.sub(r"#.*|[()]", "", match["names"]).split(",")
+            names += [f"{match['of']}.{name.split()[0]}" for name in imported if name.split()]
+        for name in names:
+            file = SOURCES.joinpath(*name.split(".")).with_suffix(".py")
+            if file.is_file():
+                yield file
+
+
+@cache
+def cache_folder() -> Path:
+    """Return the folder of compiled kernels: in the user's cache or, where unwritable, among temporary files.
 
     numba runs what it finds there, so a folder among temporary files is taken only where it is the user's
     own and closed to others; else the kernels are compiled anew, into a folder of this process.
     """
-    digest = hashlib.sha256(f"{numba.__version__} SVML={numba.config.USING_SVML}".encode())
-    for file in (*more, *sorted(package.rglob("_kernels*.py"))):
-        digest.update(file.read_bytes())
-    name = digest.hexdigest()[:16]
+    name = f"numba-{numba.__version__}" + ("-svml" if numba.config.USING_SVML else "")
     for base in (_user_cache, _temporary_cache):
         try:
             folder = base() / "kernels" / name
@@ -65,7 +123,7 @@ def _user_cache() -> Path:
 
 
 def _temporary_cache() -> Path:
-    """A folder that is named after the user and theirs alone. Raises PermissionError where it is not."""
+    """Return a folder named after the user and theirs alone. Raises PermissionError where it is not."""
     user = os.getuid() if hasattr(os, "getuid") else getpass.getuser()
     folder = Path(tempfile.gettempdir()) / f"flowsculpt-cache-{user}"
     folder.mkdir(mode=0o700, exist_ok=True)

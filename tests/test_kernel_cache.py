@@ -6,13 +6,11 @@ import stat
 import subprocess
 import sys
 import tempfile
-from pathlib import Path
 
 import pytest
 
-import render
 from pipeline import kernels
-from render import kernels as render_kernels
+from render import kernels as kernel_cache
 
 SCENE = """
 from pathlib import Path
@@ -62,7 +60,7 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
     for step in (PREPARE, CALL):
         lines = [
             "from pipeline import kernels",
-            f"kernels.kernel_modules = lambda: [{module!r}]",
+            f"kernels.kernel_modules = lambda package: [{module!r}]",
             step.format(module=module),
         ]
         code = "\n".join(lines)
@@ -79,15 +77,6 @@ def test_no_vector_library_with_other_bits_is_taken():
     assert done.stdout.split() == ["1", "False"], done.stderr
 
 
-WHERE = """
-from pathlib import Path
-from render import kernels
-from render.raster._kernels_paint import paint
-file = Path(kernels.__file__)
-print(Path(paint.stats.cache_path).is_relative_to(kernels.folder_of(file.parent, file)))
-"""
-
-
 @pytest.fixture
 def folder_now(tmp_path, monkeypatch):
     """Where kernels would live, asked anew each time: the caches are empty, and the user's is in `home`."""
@@ -95,43 +84,81 @@ def folder_now(tmp_path, monkeypatch):
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 
     def ask():
-        kernels.cache_folder.cache_clear()
-        return kernels.cache_folder()
+        kernel_cache.cache_folder.cache_clear()
+        return kernel_cache.cache_folder()
 
     yield ask
-    kernels.cache_folder.cache_clear()
+    kernel_cache.cache_folder.cache_clear()
 
 
-def test_an_edit_of_any_kernel_file_means_another_folder(tmp_path, monkeypatch, folder_now):
-    package = tmp_path / "pipeline"
-    sources = shutil.copytree(
-        kernels._PACKAGE, package, ignore=lambda _, names: [n for n in names if n.startswith("__pycache__")]
-    )
-    monkeypatch.setattr(kernels, "_PACKAGE", package)
-    before = folder_now()
-    files = sorted(sources.rglob("_kernels*.py"))
-    assert len(files) == len(kernels.kernel_modules()) > 5
-    for file in files:
-        text = file.read_bytes()
-        file.write_bytes(text + b"# edited")
-        assert folder_now() != before, file
-        file.write_bytes(text)
-    assert folder_now() == before
+@pytest.fixture
+def digest(tmp_path, monkeypatch):
+    """Digests of the modules of a copied checkout, read anew each time."""
+    for package in ("pipeline", "render"):
+        ignored = shutil.ignore_patterns("__pycache__")
+        shutil.copytree(kernel_cache.SOURCES / package, tmp_path / package, ignore=ignored)
+    monkeypatch.setattr(kernel_cache, "SOURCES", tmp_path)
+
+    def digest_now(module):
+        kernel_cache.source_digest.cache_clear()
+        return kernel_cache.source_digest(tmp_path.joinpath(*module.split(".")).with_suffix(".py"))
+
+    yield digest_now
+    kernel_cache.source_digest.cache_clear()
 
 
-def test_kernels_of_pictures_live_in_a_folder_of_their_sources_too(tmp_path, folder_now):
-    """One calls others, in other files: where these have changed it must not be found as it was."""
-    whole = Path(render.__file__).parent
-    copied = shutil.copytree(whole, tmp_path / "render", ignore=shutil.ignore_patterns("__pycache__"))
-    before = render_kernels.folder_of(copied)
-    assert before == render_kernels.folder_of(whole)
-    for file in sorted((copied / "raster").glob("_kernels*.py")):
-        text = file.read_bytes()
-        file.write_bytes(text + b"# edited")
-        assert render_kernels.folder_of(copied) != before, file
-        file.write_bytes(text)
-    cached = subprocess.run([sys.executable, "-c", WHERE], capture_output=True, text=True, check=True)
-    assert cached.stdout.strip() == "True"
+KERNELS = [*kernel_cache.kernel_modules("pipeline"), *kernel_cache.kernel_modules("render")]
+
+
+def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_others(tmp_path, digest):
+    assert len(KERNELS) > 30
+    before = {module: digest(module) for module in KERNELS}
+    for edited, *dependants in CALLS:
+        file = tmp_path.joinpath(*edited.split(".")).with_suffix(".py")
+        file.write_bytes(file.read_bytes() + b"# edited")
+        changed = [module for module in KERNELS if digest(module) != before[module]]
+        assert edited in changed and set(dependants) <= set(changed)
+        assert len(changed) < len(KERNELS) / 2, "some of the others depend on it too, most do not"
+        before = {module: digest(module) for module in KERNELS}
+
+
+CALLS = [
+    ("pipeline.flow._kernels_vortex", "pipeline.flow._kernels_program", "pipeline.flow._kernels_velocity"),
+    ("pipeline.resample._kernels_ring", "pipeline.resample._kernels_collapse"),
+    ("render.raster.compiled", "render.raster._kernels_paint"),
+]
+"""A module, and kernels that call or use it."""
+
+
+def test_every_kernel_is_filed_by_its_module_and_its_sources(tmp_path, digest):
+    for module in KERNELS:
+        file = tmp_path.joinpath(*module.split(".")).with_suffix(".py")
+        folder = kernel_cache.KernelCacheLocator.get_suitable_cache_subpath(str(file))
+        assert folder == f"{module}-{digest(module)[:16]}"
+
+
+WHERE = """
+from pathlib import Path
+from render.kernels import cache_folder
+from render.raster._kernels_paint import paint
+print(Path(paint.stats.cache_path).relative_to(cache_folder()))
+"""
+
+
+def test_a_second_checkout_finds_what_the_first_has_compiled(tmp_path):
+    ignored = shutil.ignore_patterns("__pycache__")
+    shutil.copytree(kernel_cache.SOURCES / "render", tmp_path / "render", ignore=ignored)
+    said = [
+        subprocess.run(
+            [sys.executable, "-c", WHERE],
+            env={**os.environ, "PYTHONPATH": str(checkout)},
+            capture_output=True,
+            text=True,
+            check=True,
+        ).stdout
+        for checkout in (kernel_cache.SOURCES, tmp_path)
+    ]
+    assert said[0] == said[1] != ""
 
 
 @pytest.fixture

@@ -14,13 +14,14 @@ from pipeline.cli.arguments import Quality, Settings
 from pipeline.cli.options import Common
 from pipeline.cli.say import answer, complain, duration, out
 from pipeline.errors import FlowsculptError
-from pipeline.kernels import cache_folder, compile_all
+from pipeline.kernels import compile_all
 from pipeline.production.execution.project import Project
 from pipeline.production.maintenance.why import Answer, Question
 from pipeline.production.planning.frame_states import FrameStates, states
 from pipeline.production.planning.history import History
 from pipeline.production.request.lookup import find_shot, shot_names
 from render import colour, engine, planes, raster
+from render.kernels import cache_folder
 from render.quality import QUALITIES
 
 
