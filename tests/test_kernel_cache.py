@@ -117,7 +117,7 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
         file = tmp_path.joinpath(*edited.split(".")).with_suffix(".py")
         file.write_bytes(file.read_bytes() + b"# edited")
         changed = [module for module in KERNELS if digest(module) != before[module]]
-        assert edited in changed and set(dependants) <= set(changed)
+        assert set(dependants) <= set(changed)
         assert len(changed) < len(KERNELS) / 2, "some of the others depend on it too, most do not"
         before = {module: digest(module) for module in KERNELS}
 
