@@ -17,15 +17,15 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.mesh.solids import icosphere
-from render.camera import Camera
-from render.engine import choose
-from render.frame import Layers, render_frame
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import QUALITIES
-from render.shutter import Moment, Shutter
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.frame.motion_samples import Moment, Shutter
+from render.frame.render_frame import Layers, render_frame
+from render.mitsuba.engine import choose
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import QUALITIES
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 

@@ -12,14 +12,14 @@ import sys
 
 import numpy as np
 
-from render.camera import Camera
-from render.engine import choose
-from render.frame import render_frame
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import QUALITIES
-from render.spheres import Spheres
-from render.stage import STAGES, Placement
+from render.frame.render_frame import render_frame
+from render.mitsuba.engine import choose
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import QUALITIES
+from render.scene.spheres import Spheres
+from render.scene.stage import STAGES, Placement
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 

@@ -34,15 +34,15 @@ from benchmarks.errors import put, shown
 from benchmarks.flicker import CAMERA, TURN, moment_of, subject
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
-from render.engine import Engine, choose
-from render.frame import Layers, render_frame
-from render.image import read_exr
-from render.lights import LIGHTS, Softbox
-from render.look import LOOKS
-from render.quality import Quality
-from render.stage import STAGES, Placement
-from render.steady import Moment, steady
-from render.surface import Surface
+from render.frame.render_frame import Layers, render_frame
+from render.mitsuba.engine import Engine, choose
+from render.post.image import read_exr
+from render.post.temporal_denoise import Moment, steady
+from render.scene.lights import LIGHTS, Softbox
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 HOME = Path(sys.prefix) / "cycles"
 DEPTH, RIG, LOOK, STAGE = 6, LIGHTS["studio"], LOOKS["clay"], STAGES["cyclorama"]
@@ -292,7 +292,7 @@ def _ours_at_last(surface: Surface, size: tuple[int, int], samples: int, engine:
 
 def _unguarded(surface: Surface, size: tuple[int, int], samples: int, seed: int) -> AnyArray:
     from benchmarks.equal_quality import PASS, one_pass
-    from render.scene import build_scene
+    from render.mitsuba.scene import build_scene
 
     scene = build_scene(surface, LOOK, RIG, STAGE, Placement(), CAMERA, size, DEPTH).beauty
     count = max(1, samples // PASS)

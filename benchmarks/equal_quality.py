@@ -22,15 +22,15 @@ from benchmarks.errors import flip, psnr, put
 from benchmarks.flicker import CAMERA, subject
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
-from render.denoise import denoise
-from render.engine import Engine, choose
-from render.frame import render_frame
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import Quality
-from render.scene import Rendering, build_scene
-from render.sensor import sensor
-from render.stage import STAGES, Placement
+from render.frame.render_frame import render_frame
+from render.mitsuba.engine import Engine, choose
+from render.mitsuba.scene import Rendering, build_scene
+from render.mitsuba.sensor import sensor
+from render.post.denoise import denoise
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
 
 SHOWN = ("glaze", "clay")
 DEPTH, PASS, REPEATS = 6, 16, 5

@@ -12,8 +12,8 @@ import numpy as np
 from benchmarks.peers import found
 from benchmarks.report import OUT
 from pipeline.arrays import AnyArray
-from render.colour import quantise, to_display
-from render.image import write_png
+from render.post.colour import quantise, to_display
+from render.post.image import write_png
 
 
 def shown(light: AnyArray) -> AnyArray:

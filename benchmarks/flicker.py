@@ -23,18 +23,18 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.solids import torus
-from render.camera import Camera
-from render.colour import to_display
-from render.denoise import denoise
-from render.engine import Engine, choose
-from render.frame import Layers, render_frame
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import Quality
-from render.scene import build_scene
-from render.stage import STAGES, Placement
-from render.steady import Moment, noise_of, steady
-from render.surface import Surface
+from render.frame.render_frame import Layers, render_frame
+from render.mitsuba.engine import Engine, choose
+from render.mitsuba.scene import build_scene
+from render.post.colour import to_display
+from render.post.denoise import denoise
+from render.post.temporal_denoise import Moment, noise_of, steady
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 FRAMES, TURN = 8, math.radians(0.5)
 CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.75, 0.0))

@@ -23,7 +23,7 @@ from benchmarks.sitting import PLAN, Sitting
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import PLANS
-from render.engine import choose
+from render.mitsuba.engine import choose
 
 SHOT = """\
 title: A box, wrung to and fro

@@ -34,8 +34,8 @@ from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.planning_cache import Ledger
 from pipeline.production.request.render_request import Take
 from pipeline.production.store.paths import STATE
-from render.camera import Camera
-from render.stage import Placement
+from render.scene.camera import Camera
+from render.scene.stage import Placement
 
 CORES = 2
 FEW, MANY = 10, 100

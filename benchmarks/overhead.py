@@ -29,8 +29,8 @@ import pyoidn
 from benchmarks.measures import told
 from benchmarks.report import Row, Target, keep, show
 from benchmarks.sitting import Sitting
-from render.colour import prepare
-from render.engine import Engine, choose
+from render.mitsuba.engine import Engine, choose
+from render.post.colour import prepare
 
 SHOT = """\
 title: A box of 50,000 vertices, twisted
@@ -72,7 +72,7 @@ class Watch:
         import drjit as dr
         import mitsuba as mi
 
-        from render.paths import Light
+        from render.integrator.path_tracer import Light
 
         render, follow, denoise = mi.render, Light.picture, pyoidn.denoise
 

@@ -30,11 +30,11 @@ from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
 from pipeline.production.execution.project import Project
-from render.camera import Camera
-from render.lights import LIGHTS
-from render.look import LOOKS
 from render.raster import Set, Shape, preview
-from render.stage import STAGES, Placement
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.stage import STAGES, Placement
 
 SHOT = """\
 title: A ball between two vortices

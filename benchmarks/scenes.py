@@ -18,15 +18,16 @@ import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
 from pipeline.mesh.solids import icosphere
-from render import lamps, scenery
-from render.camera import Camera
-from render.engine import choose
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.mitsuba_mesh import mesh
-from render.scene import build_scene
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.mitsuba import emitters as lamps
+from render.mitsuba import stage_shapes as scenery
+from render.mitsuba.engine import choose
+from render.mitsuba.mesh import mesh
+from render.mitsuba.scene import build_scene
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 FREQUENCIES = {"50k": 71, "1M": 316}
 """Of the spheres: 10 n² + 2 vertices."""

@@ -19,7 +19,7 @@ from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import PLACES
-from render.engine import Engine
+from render.mitsuba.engine import Engine
 
 NAME, PLAN = "T010_sitting", "sitting"
 

@@ -29,17 +29,19 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.resample import Formula, Report, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
-from render import lamps, material, scenery
-from render.camera import Camera
-from render.engine import choose
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.marks import Marks
-from render.quality import PASS_SAMPLES
-from render.scene import Rendering, build_scene
-from render.sensor import sensor
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.mitsuba import emitters as lamps
+from render.mitsuba import materials as material
+from render.mitsuba import stage_shapes as scenery
+from render.mitsuba.engine import choose
+from render.mitsuba.scene import Rendering, build_scene
+from render.mitsuba.sensor import sensor
+from render.mitsuba.texture_coordinates import Marks
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import PASS_SAMPLES
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 Way = Literal["chord", "curved", "exact"]
 Normals = Literal["carried", "geometric"]

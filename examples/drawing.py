@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from render import panels, plot
+from render.graphics import panels, plot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -13,15 +13,15 @@ from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh, split_at_creases
 from pipeline.production.render_inputs.framing import Framing, frame_all
 from pipeline.shot.camera import View
-from render.colour import quantise, to_display
-from render.denoise import denoise
-from render.engine import choose
-from render.frame import render_frame
-from render.lights import LIGHTS, LightRig
-from render.look import LOOKS, Look
-from render.quality import Quality
-from render.stage import Stage
-from render.surface import Surface
+from render.frame.render_frame import render_frame
+from render.mitsuba.engine import choose
+from render.post.colour import quantise, to_display
+from render.post.denoise import denoise
+from render.scene.lights import LIGHTS, LightRig
+from render.scene.look import LOOKS, Look
+from render.scene.quality import Quality
+from render.scene.stage import Stage
+from render.scene.surface import Surface
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -6,7 +6,7 @@ A message says place, fact, rule and remedy, in that order and in one line:
 
 from __future__ import annotations
 
-from render.errors import suggestion as suggestion
+from render.base.errors import suggestion as suggestion
 
 
 class FlowsculptError(Exception):

@@ -1,7 +1,7 @@
 """The decorators that compile the kernels of the pipeline.
 
-Compiled code lies in a cache whose folders are named by the sources (see `render.kernels`): only an edited
-source compiles (`flowsculpt doctor --prepare`, done at set-up), nothing else ever does.
+Compiled code lies in a cache whose folders are named by the sources (see `render.base.kernel_cache`): only an
+edited source compiles (`flowsculpt doctor --prepare`, done at set-up), nothing else ever does.
 
 Intel's SVML has other sines and exponentials for vectors than for single numbers, so that a point's bits
 would hang on its place in a block: numba is told not to take it (see `pipeline/__init__.py`).
@@ -20,7 +20,7 @@ import numpy as np
 from numba.core import sigutils
 from numpy.typing import NDArray
 
-from render.kernels import kernel_modules, use_kernel_cache
+from render.base.kernel_cache import kernel_modules, use_kernel_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 

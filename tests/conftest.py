@@ -51,7 +51,7 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
 
     from pipeline.cli.main import command_line
     from pipeline.errors import FlowsculptError
-    from render.errors import RenderError
+    from render.base.errors import RenderError
 
     asked = ["--no-progress", "--root", str(root), *words]
     said = CliRunner().invoke(command_line(asked), asked)

@@ -10,7 +10,7 @@ import tempfile
 import pytest
 
 from pipeline import kernels
-from render import kernels as kernel_cache
+from render.base import kernel_cache
 
 SCENE = """
 from pathlib import Path
@@ -139,7 +139,7 @@ def test_every_kernel_is_filed_by_its_module_and_its_sources(tmp_path, digest):
 
 WHERE = """
 from pathlib import Path
-from render.kernels import cache_folder
+from render.base.kernel_cache import cache_folder
 from render.raster._kernels_paint import paint
 print(Path(paint.stats.cache_path).relative_to(cache_folder()))
 """

@@ -23,17 +23,17 @@ from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import read_shot
 from pipeline.shot.camera import View
 from pipeline.shot.shot import Shot
-from render.colour import quantise, to_display
-from render.denoise import denoise
-from render.engine import choose
-from render.frame import render_frame
-from render.image import lettering
-from render.lights import LIGHTS
-from render.measure import SPEED
-from render.quality import QUALITIES
-from render.stage import STAGES
-from render.surface import Surface
-from render.wireframe import outlines
+from render.frame.render_frame import render_frame
+from render.mitsuba.engine import choose
+from render.post.colour import quantise, to_display
+from render.post.denoise import denoise
+from render.post.image import lettering
+from render.scene.lights import LIGHTS
+from render.scene.measure import SPEED
+from render.scene.quality import QUALITIES
+from render.scene.stage import STAGES
+from render.scene.surface import Surface
+from render.scene.wireframe import outlines
 
 HERE = Path(__file__).parent
 QUALITY = dataclasses.replace(QUALITIES["final"], width=480, height=405)

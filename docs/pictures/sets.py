@@ -15,16 +15,16 @@ import numpy as np
 from PIL import Image
 
 from pipeline.production.render_inputs.framing import Framing, with_room
-from render.colour import quantise, to_display
-from render.daylight import Daylight
-from render.denoise import denoise
-from render.engine import choose
-from render.frame import render_frame, seed_of
-from render.lights import LIGHTS, LightRig
-from render.look import LOOKS
-from render.quality import QUALITIES
-from render.stage import STAGES, Stage
-from render.surface import Surface
+from render.frame.render_frame import render_frame, seed_of
+from render.mitsuba.engine import choose
+from render.post.colour import quantise, to_display
+from render.post.denoise import denoise
+from render.scene.daylight import Daylight
+from render.scene.lights import LIGHTS, LightRig
+from render.scene.look import LOOKS
+from render.scene.quality import QUALITIES
+from render.scene.stage import STAGES, Stage
+from render.scene.surface import Surface
 
 OUT = Path(__file__).parent / "sets.webp"
 SHOT, FRAME = "A010_cube", 44

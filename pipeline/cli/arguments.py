@@ -6,8 +6,8 @@ from typing import Annotated
 
 import typer
 
-from render.engine import VARIANTS
-from render.quality import QUALITIES
+from render.mitsuba.engine import VARIANTS
+from render.scene.quality import QUALITIES
 
 Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")]
 Frames = Annotated[

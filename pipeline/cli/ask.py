@@ -20,9 +20,12 @@ from pipeline.production.maintenance.why import Answer, Question
 from pipeline.production.planning.frame_states import FrameStates, states
 from pipeline.production.planning.history import History
 from pipeline.production.request.lookup import find_shot, shot_names
-from render import colour, engine, planes, raster
-from render.kernels import cache_folder
-from render.quality import QUALITIES
+from render import raster
+from render.base.kernel_cache import cache_folder
+from render.mitsuba import engine
+from render.movie import planes
+from render.post import colour
+from render.scene.quality import QUALITIES
 
 
 def status(

@@ -22,7 +22,7 @@ from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.request.render_request import Take
 from pipeline.production.store.store import Store
 from pipeline.production.versions.checking import PublishedFile, checked, published_files, remedies
-from render.quality import QUALITIES
+from render.scene.quality import QUALITIES
 
 
 def verify(common: Common, settings: Settings = None) -> None:

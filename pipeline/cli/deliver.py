@@ -25,8 +25,8 @@ from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import edit_names, find_edit
 from pipeline.production.request.render_request import Take
 from pipeline.shot.yaml.edits import is_edit
-from render.burn_in import FIELDS, BurnIn
-from render.encodes import ENCODES, encode_named
+from render.graphics.burn_in import FIELDS, BurnIn
+from render.movie.codecs import ENCODES, encode_named
 
 
 def deliver(

@@ -27,7 +27,7 @@ from pipeline.cli.options import (
 )
 from pipeline.cli.say import complain
 from pipeline.errors import FlowsculptError
-from render.errors import RenderError
+from render.base.errors import RenderError
 
 EPILOG = (
     "Exit codes: 0 done · 1 some frames failed, the rest done · 2 bad usage or shot · 3 a missing input · "

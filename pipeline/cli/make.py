@@ -15,7 +15,7 @@ from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import FILM, find_edit
 from pipeline.production.request.render_request import FORMS
-from render.quality import QUALITIES
+from render.scene.quality import QUALITIES
 
 
 def simulate(

@@ -15,7 +15,7 @@ import typer
 from pipeline.cli.say import complain
 from pipeline.production.execution.watchdog import PATIENCE
 from pipeline.production.planning.profile import Profile
-from render.engine import available_cores
+from render.mitsuba.engine import available_cores
 
 INTERRUPTED = 130
 

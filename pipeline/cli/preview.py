@@ -19,9 +19,9 @@ from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
-from render.burn_in import BurnIn
-from render.panels import Track
-from render.plot import plot_tracks
+from render.graphics.burn_in import BurnIn
+from render.graphics.panels import Track
+from render.graphics.plot import plot_tracks
 
 
 def preview(

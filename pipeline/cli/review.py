@@ -20,7 +20,7 @@ from pipeline.errors import UsageError, suggestion
 from pipeline.production.planning.history import History
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
-from render.quality import QUALITIES
+from render.scene.quality import QUALITIES
 
 FORMS = ("jpeg", "png")
 

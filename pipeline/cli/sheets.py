@@ -115,7 +115,7 @@ def figures(
     from pipeline.dailies.sheets.figures import panels
     from pipeline.dailies.sheets.measures import limits_of, measured
     from pipeline.dailies.sheets.timing import Clocks, rendering
-    from render.plot import plot_tracks
+    from render.graphics.plot import plot_tracks
 
     project = project_of(common, settings, allow_code)
     take = project.take(find_shot(shot), quality, variant="none")

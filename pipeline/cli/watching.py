@@ -19,7 +19,7 @@ from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.errors import FlowsculptError
 from pipeline.production.store.store import Store
-from render.errors import RenderError
+from render.base.errors import RenderError
 
 Read = Callable[[], tuple[Sketch, Store]]
 

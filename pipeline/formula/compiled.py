@@ -23,7 +23,7 @@ import numpy as np
 from pipeline.formula.expression import Expression
 from pipeline.formula.words import PLACE, TIME
 from pipeline.kernels import BlockKernel
-from render.kernels import cache_folder
+from render.base.kernel_cache import cache_folder
 
 _MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
 _NUMPY = ("floor", "ceil")

@@ -15,11 +15,11 @@ from pipeline.shot.camera import CameraPath
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.motion import Motion
 from pipeline.shot.shutter import PictureLayers, Shutter
-from render.lights import LightRig
-from render.look import Look
-from render.quality import QUALITIES, Quality
-from render.stage import Stage
-from render.view import ACES, ColourView
+from render.post.view import ACES, ColourView
+from render.scene.lights import LightRig
+from render.scene.look import Look
+from render.scene.quality import QUALITIES, Quality
+from render.scene.stage import Stage
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Picture:
     view        how its light is shown
     tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
     dicing      how many pixels a piece of an edge spans at most, instead; None: as many pieces as said
-    qualities   those of `render.quality.QUALITIES`, as this shot needs them
+    qualities   those of `render.scene.quality.QUALITIES`, as this shot needs them
     layers      what comes with the beauty beyond what the denoiser needs
     """
 

@@ -37,8 +37,8 @@ from pipeline.shot.yaml.lookup import digest_of_file
 from pipeline.shot.yaml.parse import parsed
 from pipeline.shot.yaml.parse_context import Surroundings
 from pipeline.shot.yaml.source import Source
-from render.look import LOOKS
-from render.quality import QUALITIES
+from render.scene.look import LOOKS
+from render.scene.quality import QUALITIES
 
 
 def read_shot(

@@ -6,7 +6,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from render.kernels import compiled
+from render.base.kernel_cache import compiled
 
 Array = NDArray[Any]
 

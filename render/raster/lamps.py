@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from render.camera import Camera
-from render.lights import LightRig, Softbox, Sun
 from render.raster.parts import Set
+from render.scene.camera import Camera
+from render.scene.lights import LightRig, Softbox, Sun
 
 Floats = NDArray[np.float64]
 

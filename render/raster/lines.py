@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from render.camera import Camera
 from render.raster._kernels_lines import draw_lines
 from render.raster.picture import Preview
+from render.scene.camera import Camera
 
 Floats = NDArray[np.float64]
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.camera import Camera
-from render.lights import Sky
-from render.look import Look
 from render.raster._kernels_light import light
 from render.raster.lamps import lamps_of
 from render.raster.parts import Floats, Set, Shape
+from render.scene.camera import Camera
+from render.scene.lights import Sky
+from render.scene.look import Look
 
 BODILESS = ("metal", "brushed")
 UNCOATED = ("diffuse", "smoke")

@@ -10,12 +10,12 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.camera import Camera
-from render.lights import LightRig
-from render.look import Look
+from render.post.view import ACES, ColourView
 from render.raster._kernels_place import project
-from render.stage import Mesh, Placement, Stage
-from render.view import ACES, ColourView
+from render.scene.camera import Camera
+from render.scene.lights import LightRig
+from render.scene.look import Look
+from render.scene.stage import Mesh, Placement, Stage
 
 Floats = NDArray[np.float64]
 
@@ -23,8 +23,9 @@ Floats = NDArray[np.float64]
 class Shape(NamedTuple):
     """A surface: vertices (V, 3), normals (V, 3), faces (F, 3), and what it is made of.
 
-    colours (V, 3) take the place of the look's, where it has more than one (see `render.dyes`). Of a closed
-    surface only faces that look outwards are seen, which is quicker.
+    colours (V, 3) take the place of the look's, where it has more than one (see
+    `render.mitsuba.vertex_colours`). Of a closed surface only faces that look outwards are seen, which is
+    quicker.
     """
 
     vertices: NDArray[np.floating]

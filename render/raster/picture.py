@@ -8,11 +8,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from render.camera import Camera
-from render.colour import to_display
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.plain import Triple
+from render.base.serialise import Triple
+from render.post.colour import to_display
 from render.raster._kernels_large import FINER, Large
 from render.raster._kernels_light import keyed
 from render.raster._kernels_lines import draw_edges
@@ -22,7 +19,10 @@ from render.raster.lit import Lighting
 from render.raster.parts import Floats, Lens, Set, Shape, stage_shape
 from render.raster.shadow import Shadow
 from render.raster.sides import Sides
-from render.stage import STAGES, Placement
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.stage import STAGES, Placement
 
 
 class Edges(NamedTuple):

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from render.image import read_png
-from render.movie import probe_movie
+from render.movie.movie import probe_movie
+from render.post.image import read_png
 
 NAME = "T010_tiny"
 

@@ -15,9 +15,9 @@ from pipeline.dailies.delivery.rushes import Look
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import Take
-from render.burn_in import BurnIn
-from render.encodes import ENCODES
-from render.probe import probe_movie
+from render.graphics.burn_in import BurnIn
+from render.movie.codecs import ENCODES
+from render.movie.probe import probe_movie
 
 NAME = "T010_tiny"
 HOME = Path("renders") / NAME / "preview" / "deliver"

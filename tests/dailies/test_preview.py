@@ -21,7 +21,7 @@ from pipeline.mesh import box, icosphere, sheet
 from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import AHEAD, frame_all
 from pipeline.production.request.render_request import Take
-from render.image import read_png
+from render.post.image import read_png
 from tests.conftest import TINY, ProjectFolder
 
 NAME = "T010_tiny"

@@ -23,12 +23,12 @@ from pipeline.production.request.render_request import Take
 from pipeline.production.request.turntable import TURNS, Pose, Turntable, framed_whole
 from pipeline.production.versions.wedge import frames_by_task
 from pipeline.shot.camera import Lens, View
-from render.camera import Camera
-from render.image import read_exr, read_png
-from render.movie import probe_movie
-from render.set_pieces import ball, chart, spots
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.movie.movie import probe_movie
+from render.post.image import read_exr, read_png
+from render.scene.camera import Camera
+from render.scene.reference_objects import ball, chart, spots
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

@@ -29,9 +29,9 @@ from pathlib import Path
 
 import psutil
 
-from render.apt import PrivateApt
-from render.apt import available as apt_available
-from render.errors import RenderEnvironmentError
+from render.base.errors import RenderEnvironmentError
+from render.mitsuba.apt import PrivateApt
+from render.mitsuba.apt import available as apt_available
 
 PACKAGES = ("slurmctld", "slurmd", "slurm-client", "munge")
 

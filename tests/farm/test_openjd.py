@@ -16,7 +16,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.profile import Profile
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.meshes import simulate
-from render.image import read_exr
+from render.post.image import read_exr
 
 NAME = "T010_tiny"
 QUALITY = "preview.scale10"

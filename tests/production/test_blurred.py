@@ -6,7 +6,7 @@ import json
 
 import numpy as np
 
-from render.image import read_exr, read_header
+from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"
 MORE = "shutter: {angle: 360}\naovs: {velocity: float, motion: half, before: float, after: float}\n"

@@ -2,8 +2,8 @@
 
 import re
 
-from render.image import read_exr, read_header
-from render.movie import probe_movie
+from render.movie.movie import probe_movie
+from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"
 

@@ -13,7 +13,7 @@ from pipeline.production.maintenance.clean import sweep
 from pipeline.production.maintenance.verify import verified
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.store import Store
-from render.image import read_header
+from render.post.image import read_header
 
 NAME = "T010_tiny"
 

@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 import pytest
 
-from render.image import read_exr
+from render.post.image import read_exr
 
 NAME = "T010_tiny"
 KILLS = 50

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth, turned
 from pipeline.production.render_inputs.framing_geometry import Balls, fitting_distance
 from pipeline.shot.camera import View
-from render.errors import BadInputError
+from render.base.errors import BadInputError
 
 ASPECT = 16 / 9
 VIEW = View(azimuth=0.4, elevation=0.25, field_of_view=np.radians(26), margin=0.08)

@@ -27,8 +27,8 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import RENEWED, VARIABLE, Wear, WornOutError
 from pipeline.production.tasks.supervisor import Supervisor, _verdict
 from pipeline.production.tasks.worker import PLACES
-from render import passes
-from render.image import read_exr
+from render.frame import sample_batches as passes
+from render.post.image import read_exr
 
 NAME = "T010_tiny"
 QUALITY = "preview.scale10"

@@ -18,10 +18,10 @@ from pipeline.production.request.shot_source import Script
 from pipeline.production.request.turntable import Turntable
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
-from render.camera import Camera
-from render.colour_maps import colour_map
-from render.look import LOOKS
-from render.stage import Placement
+from render.scene.camera import Camera
+from render.scene.colour_maps import colour_map
+from render.scene.look import LOOKS
+from render.scene.stage import Placement
 
 BALL = "title: T\nframes: 1-6\nsubject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"
 SPINNING = "flows:\n  - rotation: {axis: y, speed: 120}\n"

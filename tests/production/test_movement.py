@@ -18,8 +18,8 @@ from pipeline.production.request.render_request import Take
 from pipeline.production.request.shot_source import Script
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
-from render.camera import Camera
-from render.stage import Placement
+from render.scene.camera import Camera
+from render.scene.stage import Placement
 
 HEAD = "title: T\nframes: 1-6\n"
 BALL = HEAD + "subject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.mesh.bspline import PIECES
 from pipeline.production.request.render_request import Take
 from pipeline.production.request.shot_source import Script
-from render.image import read_exr, read_header
+from render.post.image import read_exr, read_header
 
 CLOUD = """\
 title: Motes

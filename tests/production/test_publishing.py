@@ -25,7 +25,7 @@ from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publish import Release
 from pipeline.production.versions.reproduce import Repetition
 from pipeline.shot.yaml.lookup import digest_of_file
-from render.image import read_exr, write_exr
+from render.post.image import read_exr, write_exr
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

@@ -14,9 +14,9 @@ from pipeline.production.store import readers
 from pipeline.production.store.npz import write_npz
 from pipeline.production.store.store import CorruptFileError
 from pipeline.shot import read_shot
-from render.errors import CorruptImageError
-from render.frame import Layers
-from render.image import write_exr
+from render.base.errors import CorruptImageError
+from render.frame.render_frame import Layers
+from render.post.image import write_exr
 
 KEY, OTHER = "0123456789abcdef" * 2, "f" * 32
 SIZE = (16, 9)

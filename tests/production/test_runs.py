@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.image import read_exr, read_header
-from render.movie import probe_movie
+from render.movie.movie import probe_movie
+from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"
 

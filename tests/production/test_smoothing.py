@@ -19,9 +19,9 @@ from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import Take
 from pipeline.production.request.shot_source import Script
 from pipeline.shot import read_shot
-from render.camera import Camera
-from render.quality import Quality
-from render.stage import Placement
+from render.scene.camera import Camera
+from render.scene.quality import Quality
+from render.scene.stage import Placement
 
 TINY = """\
 title: A box, twisted

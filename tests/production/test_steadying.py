@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from render.image import read_exr, read_header
+from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"
 STEADY = ("-q", "preview", "--set", "quality.preview={steady: 2}")

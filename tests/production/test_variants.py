@@ -16,7 +16,7 @@ from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.tasks import __main__ as process
 from pipeline.production.tasks import render, worker
-from render.engine import DEFAULT_ORDER, Engine
+from render.mitsuba.engine import DEFAULT_ORDER, Engine
 
 NAME = "T010_tiny"
 

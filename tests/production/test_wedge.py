@@ -20,8 +20,8 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import PLACES
 from pipeline.production.versions.grid import Grid, Variation
 from pipeline.production.versions.wedge import Wedge, frames_by_task
-from render.image import read_exr, read_png
-from render.movie import probe_movie
+from render.movie.movie import probe_movie
+from render.post.image import read_exr, read_png
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import base_of, quality_named, windowed
-from render.quality import QUALITIES
+from render.scene.quality import QUALITIES
 
 
 def quality(crop=None, scale=None, of="final"):

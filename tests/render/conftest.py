@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.camera import Camera
-from render.engine import Engine, choose
-from render.frame import Layers, render_frame
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import Quality
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.frame.render_frame import Layers, render_frame
+from render.mitsuba.engine import Engine, choose
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 TINY = Quality(48, 27, samples=4, depth=3, guides=4)

@@ -11,15 +11,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.adaptive import noise_of
-from render.camera import Camera
-from render.engine import Engine
-from render.errors import BadInputError
-from render.frame import Layers
-from render.quality import Quality
-from render.shutter import Moment, Shutter
-from render.stage import Placement
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.frame.adaptive_sampling import noise_of
+from render.frame.motion_samples import Moment, Shutter
+from render.frame.render_frame import Layers
+from render.mitsuba.engine import Engine
+from render.scene.camera import Camera
+from render.scene.quality import Quality
+from render.scene.stage import Placement
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 

@@ -8,9 +8,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 
-from render.burn_in import FIELDS, BurnIn
-from render.errors import BadInputError
-from render.timecode import timecode
+from render.base.errors import BadInputError
+from render.graphics.burn_in import FIELDS, BurnIn
+from render.movie.timecode import timecode
 
 VALUES = {
     "shot": "A010_cube",

@@ -12,16 +12,16 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.mesh import icosphere
-from render.camera import Camera
-from render.denoise import denoise
-from render.errors import BadInputError
-from render.frame import Layers
-from render.inside import refuse_inside, turns
-from render.lamps import any_in_view
-from render.lights import LIGHTS, LightRig
-from render.quality import Quality
-from render.sensor import sensor
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.frame.render_frame import Layers
+from render.mitsuba.emitters import any_in_view
+from render.mitsuba.sensor import sensor
+from render.post.denoise import denoise
+from render.scene.camera import Camera
+from render.scene.inside import refuse_inside, turns
+from render.scene.lights import LIGHTS, LightRig
+from render.scene.quality import Quality
+from render.scene.surface import Surface
 
 CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))
 SMALL = Quality(64, 36, samples=16, depth=3, guides=16)

@@ -14,14 +14,14 @@ import numpy as np
 import pytest
 
 import render
-from render.camera import Camera
-from render.checkpoint import Checkpoint
-from render.engine import Engine
-from render.frame import Layers
-from render.quality import Quality
-from render.shutter import Moment, Shutter
-from render.stage import Placement
-from render.surface import Surface
+from render.frame.checkpoint import Checkpoint
+from render.frame.motion_samples import Moment, Shutter
+from render.frame.render_frame import Layers
+from render.mitsuba.engine import Engine
+from render.scene.camera import Camera
+from render.scene.quality import Quality
+from render.scene.stage import Placement
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 
@@ -155,15 +155,15 @@ import sys
 from pathlib import Path
 import numpy as np
 import render
-from render.camera import Camera
-from render.checkpoint import Checkpoint
-from render.engine import choose
-from render.frame import render_frame
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import Quality
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.scene.camera import Camera
+from render.frame.checkpoint import Checkpoint
+from render.mitsuba.engine import choose
+from render.frame.render_frame import render_frame
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render import colour
-from render.colour import DISPLAYS, quantise, to_display, view_exactly
-from render.errors import BadInputError
-from render.view import ACES
+from render.base.errors import BadInputError
+from render.post import colour
+from render.post.colour import DISPLAYS, quantise, to_display, view_exactly
+from render.post.view import ACES
 
 
 def scene_colours(purest: float) -> np.ndarray:

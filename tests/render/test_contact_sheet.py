@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from render.contact_sheet import GROUND, MOST_PIXELS, ContactSheet, columns_for, reduced, reduction
-from render.errors import BadInputError
+from render.base.errors import BadInputError
+from render.graphics.contact_sheet import GROUND, MOST_PIXELS, ContactSheet, columns_for, reduced, reduction
 
 SIZE = (64, 36)
 CAPTIONS = tuple((("strength", f"{s}"), ("max_edge_length", f"{m}")) for s in (1, 2) for m in (0.1, 0.2, 0.3))

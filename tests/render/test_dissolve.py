@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.dissolve import dissolved, mixed
+from render.movie.dissolve import dissolved, mixed
 
 Shown = dict[str, float]
 

@@ -18,11 +18,11 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from render.encodes import ENCODES, Encode, encode_named
-from render.encoding import write_encode
-from render.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
-from render.probe import probe_movie
-from render.sound import RATE, Sound, blocks
+from render.base.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.movie.codecs import ENCODES, Encode, encode_named
+from render.movie.encode import write_encode
+from render.movie.probe import probe_movie
+from render.movie.sound import RATE, Sound, blocks
 
 BARS = np.array(
     [
@@ -118,7 +118,7 @@ def test_short_h265_movies_have_decoding_times_whatever_the_memory_held(count: i
     path = tmp_path / "a.mp4"
     program = (
         "from fractions import Fraction; from pathlib import Path; import numpy as np\n"
-        "from render.encodes import ENCODES; from render.encoding import write_encode\n"
+        "from render.movie.codecs import ENCODES; from render.movie.encode import write_encode\n"
         f"frames = iter(np.zeros(({count}, 65, 129, 3), np.uint8))\n"
         f"write_encode(Path({str(path)!r}), frames, Fraction(12000), ENCODES['h265'])\n"
     )

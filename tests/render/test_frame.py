@@ -15,17 +15,17 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import render
-from render.camera import Camera
-from render.denoise import denoise
-from render.engine import DEFAULT_ORDER, Engine
-from render.errors import BadInputError
-from render.frame import Layers, render_frame, seed_of, without_sparkles
-from render.lights import LIGHTS, LightRig, Sky, Sun
-from render.look import LOOKS, Look
-from render.measure import SPEED
-from render.quality import QUALITIES, Quality
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.frame.render_frame import Layers, render_frame, seed_of, without_sparkles
+from render.mitsuba.engine import DEFAULT_ORDER, Engine
+from render.post.denoise import denoise
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS, LightRig, Sky, Sun
+from render.scene.look import LOOKS, Look
+from render.scene.measure import SPEED
+from render.scene.quality import QUALITIES, Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 
@@ -279,14 +279,14 @@ import sys
 from pathlib import Path
 import numpy as np
 import render
-from render.camera import Camera
-from render.engine import choose
-from render.frame import render_frame
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import Quality
-from render.surface import Surface
-from render.stage import STAGES, Placement
+from render.scene.camera import Camera
+from render.mitsuba.engine import choose
+from render.frame.render_frame import render_frame
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.surface import Surface
+from render.scene.stage import STAGES, Placement
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])

@@ -11,17 +11,17 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.camera import Camera
-from render.engine import Engine
-from render.errors import BadInputError
-from render.frame import Layers
-from render.image import read_exr, write_exr
-from render.passes import Passes
-from render.quality import Quality
-from render.shutter import Moment
-from render.spheres import Spheres
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.frame.motion_samples import Moment
+from render.frame.render_frame import Layers
+from render.frame.sample_batches import Passes
+from render.mitsuba.engine import Engine
+from render.post.image import read_exr, write_exr
+from render.scene.camera import Camera
+from render.scene.quality import Quality
+from render.scene.spheres import Spheres
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 

@@ -10,11 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.camera import Camera
-from render.engine import Engine
-from render.frame import Layers
-from render.quality import PASS_SAMPLES, Quality
-from render.shutter import (
+from render.frame.motion_samples import (
     FEWEST_SAMPLES,
     MOST_STEP,
     MOST_SUBFRAMES,
@@ -24,8 +20,12 @@ from render.shutter import (
     passes_of,
     subframes,
 )
-from render.stage import Placement
-from render.surface import Surface
+from render.frame.render_frame import Layers
+from render.mitsuba.engine import Engine
+from render.scene.camera import Camera
+from render.scene.quality import PASS_SAMPLES, Quality
+from render.scene.stage import Placement
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 

@@ -14,9 +14,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
-from render.frame import Layers
-from render.image import lettering, read_exr, read_header, read_png, write_exr, write_png
+from render.base.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.frame.render_frame import Layers
+from render.post.image import lettering, read_exr, read_header, read_png, write_exr, write_png
 
 
 @pytest.fixture

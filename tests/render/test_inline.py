@@ -9,14 +9,14 @@ from typing import Any
 
 import pytest
 
-from render.bsdf import BSDFS, FORMS, TEXTURES, Bsdf
-from render.engine import Engine
-from render.errors import BadInputError
-from render.frame import Layers
-from render.inline import reason, refusal, said_of
-from render.look import LOOKS, Look
-from render.plain import from_plain, to_plain
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.base.serialise import from_plain, to_plain
+from render.frame.render_frame import Layers
+from render.mitsuba.bsdf_check import reason, refusal, said_of
+from render.mitsuba.engine import Engine
+from render.scene.bsdf import BSDFS, FORMS, TEXTURES, Bsdf
+from render.scene.look import LOOKS, Look
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 

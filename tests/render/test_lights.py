@@ -13,19 +13,19 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.camera import Camera
-from render.daylight import Daylight, exposure, irradiances, sun_position
-from render.engine import Engine
-from render.environment import Environment, read_map
-from render.errors import BadInputError
-from render.frame import Layers
-from render.lights import LIGHTS, LightRig, Sky, Softbox, Sun
-from render.look import LOOKS
-from render.plain import to_plain
-from render.quality import Quality
+from render.base.errors import BadInputError
+from render.base.serialise import to_plain
+from render.frame.render_frame import Layers
+from render.mitsuba.engine import Engine
 from render.raster import Set, Shape, preview
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.scene.camera import Camera
+from render.scene.daylight import Daylight, exposure, irradiances, sun_position
+from render.scene.environment import Environment, read_map
+from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 angles = st.floats(-7.0, 7.0)

@@ -14,17 +14,17 @@ from hypothesis import strategies as st
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.patches import tessellate
 from pipeline.mesh.solids import box
-from render import gouraud
-from render.camera import Camera
-from render.errors import BadInputError
-from render.frame import Layers
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.pigment import Pigment
-from render.quality import Quality
-from render.stage import STAGES, Placement
-from render.surface import Surface
-from render.wireframe import Wireframe, outlines, ribbons
+from render.base.errors import BadInputError
+from render.frame.render_frame import Layers
+from render.mitsuba import gouraud
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.patterns import Pigment
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
+from render.scene.wireframe import Wireframe, outlines, ribbons
 
 Rendered = Callable[..., Layers]
 

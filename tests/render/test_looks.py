@@ -8,18 +8,18 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.camera import Camera
-from render.engine import Engine
-from render.errors import BadInputError
-from render.frame import Layers
-from render.lights import LightRig, Sky
-from render.look import LOOKS, Absorption, Look
-from render.marks import laid_on
-from render.pigment import Pigment
-from render.plain import from_plain, to_plain
-from render.quality import Quality
-from render.stage import STAGES
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.base.serialise import from_plain, to_plain
+from render.frame.render_frame import Layers
+from render.mitsuba.engine import Engine
+from render.mitsuba.texture_coordinates import laid_on
+from render.scene.camera import Camera
+from render.scene.lights import LightRig, Sky
+from render.scene.look import LOOKS, Absorption, Look
+from render.scene.patterns import Pigment
+from render.scene.quality import Quality
+from render.scene.stage import STAGES
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 
@@ -74,7 +74,7 @@ def test_light_through_a_slab_is_what_beer_lambert_and_fresnel_say(
     if not medium and engine.variant == "scalar_rgb":
         pytest.skip("the plain variant draws free paths")
     if medium:
-        monkeypatch.setattr("render.absorption._is_compiled", lambda: False)
+        monkeypatch.setattr("render.mitsuba.absorption._is_compiled", lambda: False)
     look = Look("glass", WHITE, refraction=1.5, absorption=SLAB)
     camera = Camera((0.0, 0.0, 30.0), (0.0, 0.0, 0.0), field_of_view=np.radians(2.0))
     quality = Quality(16, 16, 64 if medium else 16, depth=10)
@@ -87,7 +87,7 @@ def test_light_through_a_slab_is_what_beer_lambert_and_fresnel_say(
 
 
 def test_absorption_is_of_the_subject_not_of_its_size(rendered: Rendered, sphere: Surface) -> None:
-    from render.stage import Placement
+    from render.scene.stage import Placement
 
     small = rendered(look=LOOKS["honey"], **FURNACE)
     vertices = (sphere.vertices * 5.0).astype(np.float32)
@@ -104,7 +104,7 @@ def test_absorption_is_of_the_subject_not_of_its_size(rendered: Rendered, sphere
 
 def test_scratches_draw_a_highlight_out_across_them(rendered: Rendered, at_rest: Surface) -> None:
     """Lit by a small lamp, a ball scratched along its parallels shows a streak from pole to pole."""
-    from render.lights import Softbox
+    from render.scene.lights import Softbox
 
     lamp = LightRig((Softbox((0.0, 1.0, 20.0), 1.0, 1.0, (900.0, 900.0, 900.0)),))
     view = {"camera": Camera((0.0, 1.0, 9.0), (0.0, 1.0, 0.0)), "lights": lamp, "stage": STAGES["none"]}

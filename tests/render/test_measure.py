@@ -10,14 +10,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.colour_maps import COLOUR_MAPS, colour_map
-from render.dyes import colours
-from render.errors import BadInputError
-from render.frame import Layers
-from render.look import LOOKS, Look
-from render.measure import KINDS, Measure, at_vertices, stretches
-from render.plain import from_plain, to_plain
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.base.serialise import from_plain, to_plain
+from render.frame.render_frame import Layers
+from render.mitsuba.vertex_colours import colours
+from render.scene.colour_maps import COLOUR_MAPS, colour_map
+from render.scene.look import LOOKS, Look
+from render.scene.measure import KINDS, Measure, at_vertices, stretches
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 

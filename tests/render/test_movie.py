@@ -11,8 +11,8 @@ import av
 import numpy as np
 import pytest
 
-from render.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
-from render.movie import probe_movie, write_movie
+from render.base.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.movie.movie import probe_movie, write_movie
 
 PATCHES = np.array(
     [

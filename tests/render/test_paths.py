@@ -9,18 +9,18 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.aim import aims
-from render.camera import Camera
-from render.daylight import Daylight
-from render.engine import Engine
-from render.environment import Environment
-from render.frame import Layers
-from render.lights import LIGHTS, LightRig, Sky, Softbox, Sun
-from render.look import LOOKS
-from render.quality import Quality
-from render.scene import Rendering, build_scene
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.frame.render_frame import Layers
+from render.integrator.light_sampler import aims
+from render.mitsuba.engine import Engine
+from render.mitsuba.scene import Rendering, build_scene
+from render.scene.camera import Camera
+from render.scene.daylight import Daylight
+from render.scene.environment import Environment
+from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
+from render.scene.look import LOOKS
+from render.scene.quality import Quality
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 SIZE = (48, 27)
 QUALITY = Quality(*SIZE, samples=16, depth=4, guides=4)

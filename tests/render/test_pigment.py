@@ -10,13 +10,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.errors import BadInputError
-from render.frame import Layers
-from render.look import LOOKS, Look
-from render.noise import fractal_noise
-from render.pigment import PATTERNS, TEXELS, Pigment
-from render.plain import from_plain, to_plain
-from render.surface import Surface
+from render.base.errors import BadInputError
+from render.base.serialise import from_plain, to_plain
+from render.frame.render_frame import Layers
+from render.scene.look import LOOKS, Look
+from render.scene.noise import fractal_noise
+from render.scene.patterns import PATTERNS, TEXELS, Pigment
+from render.scene.surface import Surface
 
 Rendered = Callable[..., Layers]
 

@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from render.errors import BadInputError
-from render.panels import Bars, Heat, Track
-from render.plot import plot_tracks
+from render.base.errors import BadInputError
+from render.graphics.panels import Bars, Heat, Track
+from render.graphics.plot import plot_tracks
 
 FRAMES = np.linspace(1, 49, 97)
 NUMBER = Track(

@@ -8,19 +8,19 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from render.camera import Camera
-from render.dyes import colours
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.pigment import Pigment
+from render.mitsuba.vertex_colours import colours
 from render.raster import Preview, Set, Shape, preview, with_lines
 from render.raster._kernels_large import Large
 from render.raster._kernels_paint import paint
 from render.raster._kernels_place import LARGE, SMALL
 from render.raster.parts import Lens
 from render.raster.sides import Sides
-from render.stage import STAGES, Placement
-from render.surface import Surface
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.patterns import Pigment
+from render.scene.stage import STAGES, Placement
+from render.scene.surface import Surface
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
 SIZE = (64, 36)

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.camera import Camera
-from render.errors import BadInputError
-from render.lights import LIGHTS, LightRig, Softbox
-from render.look import LOOKS, Look
-from render.plain import from_plain, to_plain
-from render.quality import QUALITIES, Quality
-from render.stage import STAGES, Placement, Stage
-from render.titles import TitleCard, title_frames
+from render.base.errors import BadInputError
+from render.base.serialise import from_plain, to_plain
+from render.graphics.titles import TitleCard, title_frames
+from render.scene.camera import Camera
+from render.scene.lights import LIGHTS, LightRig, Softbox
+from render.scene.look import LOOKS, Look
+from render.scene.quality import QUALITIES, Quality
+from render.scene.stage import STAGES, Placement, Stage
 
 SETTINGS = [
     *LOOKS.values(),

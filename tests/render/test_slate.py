@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from render.slate import BARS, GREYS, Slate, failure
-from render.typesetting import cut_short, line, wrapped
+from render.graphics.slate import BARS, GREYS, Slate, failure
+from render.graphics.typesetting import cut_short, line, wrapped
 
 FACTS = (("version", "v003"), ("frames", "1-48"), ("quality", "final"))
 PICTURE = np.tile(np.linspace(0.3, 0.7, 96, dtype=np.float32)[:, None], (54, 1, 3))

@@ -10,10 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.camera import Camera
-from render.errors import BadInputError
-from render.frame import Layers
-from render.spheres import MOST_FACES, TOLERANCE, Spheres
+from render.base.errors import BadInputError
+from render.frame.render_frame import Layers
+from render.scene.camera import Camera
+from render.scene.spheres import MOST_FACES, TOLERANCE, Spheres
 
 CAMERA = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0))
 PIXELS_A_UNIT = 1920 / 2 / math.tan(CAMERA.field_of_view / 2) / 10

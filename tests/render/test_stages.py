@@ -13,13 +13,13 @@ from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import frame_all, with_room
 from pipeline.shot.camera import View
-from render.camera import Camera
-from render.errors import BadInputError
-from render.frame import Layers
-from render.lights import LightRig, Softbox
-from render.quality import Quality
-from render.set_pieces import CHROME, GREY, ball, chart, chart_colours, spots
-from render.stage import STAGES, Placement, Stage
+from render.base.errors import BadInputError
+from render.frame.render_frame import Layers
+from render.scene.camera import Camera
+from render.scene.lights import LightRig, Softbox
+from render.scene.quality import Quality
+from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, spots
+from render.scene.stage import STAGES, Placement, Stage
 
 Rendered = Callable[..., Layers]
 ASPECT = 16 / 9

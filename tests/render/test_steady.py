@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.camera import Camera
-from render.stage import Placement
-from render.steady import Moment, noise_of, steady
+from render.post.temporal_denoise import Moment, noise_of, steady
+from render.scene.camera import Camera
+from render.scene.stage import Placement
 
 WIDTH, HEIGHT = 96, 64
 CAMERA = Camera(origin=(0.0, 0.0, 10.0), target=(0.0, 0.0, 0.0), field_of_view=2 * math.atan(0.3))

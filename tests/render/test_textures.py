@@ -12,16 +12,16 @@ import numpy as np
 import OpenImageIO as oiio
 import pytest
 
-from render.camera import Camera
-from render.colour_maps import linear_of_srgb
-from render.dyes import colours
-from render.errors import BadInputError
-from render.frame import Layers
-from render.look import LOOKS, Look, Relief
-from render.plain import from_plain, to_plain
-from render.projection import PROJECTIONS, Projection, unwrapped
-from render.surface import Surface
-from render.texture import Texture
+from render.base.errors import BadInputError
+from render.base.serialise import from_plain, to_plain
+from render.frame.render_frame import Layers
+from render.mitsuba.vertex_colours import colours
+from render.scene.camera import Camera
+from render.scene.colour_maps import linear_of_srgb
+from render.scene.look import LOOKS, Look, Relief
+from render.scene.surface import Surface
+from render.scene.texture_projection import PROJECTIONS, Projection, unwrapped
+from render.scene.textures import Texture
 
 Rendered = Callable[..., Layers]
 

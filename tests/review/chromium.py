@@ -20,9 +20,9 @@ from pathlib import Path
 from filelock import FileLock
 from playwright.sync_api import Browser, Error, sync_playwright
 
-from render.apt import PrivateApt
-from render.apt import available as apt_available
-from render.errors import RenderEnvironmentError
+from render.base.errors import RenderEnvironmentError
+from render.mitsuba.apt import PrivateApt
+from render.mitsuba.apt import available as apt_available
 
 PACKAGES = ("chromium-headless-shell", "fonts-dejavu-core")
 

@@ -23,8 +23,8 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import PLACES
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.wedge import Wedge
-from render.frame import Layers
-from render.image import write_exr
+from render.frame.render_frame import Layers
+from render.post.image import write_exr
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

@@ -17,7 +17,7 @@ from playwright.sync_api import Browser
 from playwright.sync_api import Page as Tab
 
 from pipeline.dailies.review import three
-from render.image import read_png
+from render.post.image import read_png
 from tests.review.studio import FAILED, LAST, MISSING, Desk, number_in
 
 

@@ -19,7 +19,7 @@ from pipeline.dailies.review.facts import tabled
 from pipeline.dailies.review.geometry import as_script
 from pipeline.dailies.sheets.measures import BINS, edge_lengths, roundness_of, volume_of
 from pipeline.mesh import TriangleMesh, box, icosphere
-from render.image import read_png
+from render.post.image import read_png
 from tests.review.studio import FAILED, LAST, MISSING, NAME, Desk, number_in
 
 

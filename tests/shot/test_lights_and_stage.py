@@ -11,10 +11,10 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
-from render.daylight import Daylight, sun_position
-from render.lights import LIGHTS
-from render.plain import to_plain
-from render.stage import STAGES, Stage
+from render.base.serialise import to_plain
+from render.scene.daylight import Daylight, sun_position
+from render.scene.lights import LIGHTS
+from render.scene.stage import STAGES, Stage
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: box}\nresample: off\n"
 

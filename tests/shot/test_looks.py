@@ -8,9 +8,9 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
-from render.look import LOOKS, Absorption
-from render.pigment import PATTERNS, Pigment
-from render.wireframe import Wireframe
+from render.scene.look import LOOKS, Absorption
+from render.scene.patterns import PATTERNS, Pigment
+from render.scene.wireframe import Wireframe
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: %s}\nresample: off\nlook: %s\n"
 TWO = "colours: [[0.8, 0.7, 0.6], [0.1, 0.1, 0.1]]"

@@ -10,10 +10,10 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
-from render.look import LOOKS
-from render.measure import Measure
-from render.plain import to_plain
-from render.projection import Projection
+from render.base.serialise import to_plain
+from render.scene.look import LOOKS
+from render.scene.measure import Measure
+from render.scene.texture_projection import Projection
 
 HEAD = "title: T\nframes: 1-24\nsubject: %s\nresample: off\nlook: %s\n"
 BOX = "{solid: box}"

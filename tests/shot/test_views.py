@@ -7,8 +7,8 @@ import pytest
 
 from pipeline.errors import MissingInputError, ShotError
 from pipeline.shot import read_shot
-from render.colour import to_display, view_exactly
-from render.view import ACES
+from render.post.colour import to_display, view_exactly
+from render.post.view import ACES
 
 SHOT = "title: A\nframes: 1-3\nsubject: {solid: box}\nresample: {max_edge_length: 0.5}\n"
 

@@ -19,15 +19,15 @@ from pipeline.production.keys.digest import Key, code_key, key_of
 from pipeline.production.request.edit import Heard
 from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.store import Store
-from render.ahead import ahead
-from render.burn_in import BurnIn
-from render.colour import quantise
-from render.encodes import Encode
-from render.encoding import write_encode
-from render.planes import Frame
-from render.slate import Slate
-from render.sound import Samples, blocks
-from render.timecode import timecode
+from render.graphics.burn_in import BurnIn
+from render.graphics.slate import Slate
+from render.movie.codecs import Encode
+from render.movie.encode import write_encode
+from render.movie.planes import Frame
+from render.movie.prefetch import ahead
+from render.movie.sound import Samples, blocks
+from render.movie.timecode import timecode
+from render.post.colour import quantise
 
 SLATES = ("head", "apart")
 """Where a slate can be: before the first frame, or in a file of its own."""
@@ -36,11 +36,13 @@ SLATE_SECONDS = 2
 
 _CODE = (
     *(
-        f"render/{name}.py"
-        for name in ("encodes", "encoding", "planes", "sink", "sound", "track", "ahead", "dissolve")
+        f"render/movie/{name}.py"
+        for name in ("codecs", "encode", "planes", "sink", "sound", "track", "prefetch", "dissolve")
     ),
-    *(f"render/{name}.py" for name in ("slate", "burn_in", "typesetting", "timecode", "titles", "image")),
-    *(f"render/{name}.py" for name in ("colour", "view", "_kernels_view", "dither")),
+    *(f"render/graphics/{name}.py" for name in ("slate", "burn_in", "typesetting", "titles")),
+    "render/movie/timecode.py",
+    "render/post/image.py",
+    *(f"render/post/{name}.py" for name in ("colour", "view", "_kernels_view", "dither")),
     *(f"pipeline/dailies/delivery/{name}.py" for name in ("rushes", "reel", "deliver")),
     "pipeline/production/tasks/movies.py",
 )
@@ -210,7 +212,7 @@ def _told(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame
 def heard_from(file: Path) -> Heard:
     """Sound that a user names. Raises MissingImageError or CorruptImageError."""
     from pipeline.shot.yaml.lookup import digest_of_file
-    from render.sound import require_sound
+    from render.movie.sound import require_sound
 
     require_sound(file)
     return Heard(str(file.absolute()), digest_of_file(file))

@@ -17,9 +17,9 @@ from pipeline.production.request.render_request import Take
 from pipeline.production.store import paths
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.movies import cut_together
-from render.dissolve import dissolved, mixed
-from render.planes import Frame
-from render.timecode import FILM_BEGINS
+from render.movie.dissolve import dissolved, mixed
+from render.movie.planes import Frame
+from render.movie.timecode import FILM_BEGINS
 
 T = TypeVar("T")
 

@@ -16,10 +16,10 @@ from pipeline.production.request.render_request import Take
 from pipeline.production.store import paths, readers
 from pipeline.production.store.store import CorruptFileError, Store
 from pipeline.production.versions.provenance import Provenance, records
-from render.colour import quantise, to_display
-from render.errors import CorruptImageError, MissingImageError
-from render.planes import Frame
-from render.slate import failure
+from render.base.errors import CorruptImageError, MissingImageError
+from render.graphics.slate import failure
+from render.movie.planes import Frame
+from render.post.colour import quantise, to_display
 
 Shown = tuple[Frame, Mapping[str, str | int]]
 """A display frame, and what can be burnt in over it."""

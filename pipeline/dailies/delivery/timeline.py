@@ -18,9 +18,9 @@ from pipeline.frames import FrameRange
 from pipeline.production.request.edit import Cut, Piece
 from pipeline.production.request.render_request import Take
 from pipeline.production.store.disk import disk_faults
-from render.appear import appearing
-from render.encodes import ENCODES, Encode
-from render.timecode import FILM_BEGINS
+from render.base.atomic_write import appearing
+from render.movie.codecs import ENCODES, Encode
+from render.movie.timecode import FILM_BEGINS
 
 MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
 """What clips can refer to: finished frames, or deliverables of whole shots."""
@@ -126,7 +126,7 @@ class Timeline:
         """A track of the film's sound, as long as the film at most."""
         import opentimelineio as otio
 
-        from render.sound import RATE, require_sound
+        from render.movie.sound import RATE, require_sound
 
         heard = self.cut.heard
         assert heard is not None, "asked before"
@@ -170,7 +170,7 @@ class Timeline:
 def _samples(first: int, count: int) -> Any:
     import opentimelineio as otio
 
-    from render.sound import RATE
+    from render.movie.sound import RATE
 
     time = otio.opentime.RationalTime
     return otio.opentime.TimeRange(time(first, RATE), time(count, RATE))

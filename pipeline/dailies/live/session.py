@@ -17,8 +17,8 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import STEP, acting
 from pipeline.production.request.shot_source import Script
-from render.errors import RenderError
-from render.image import jpeg_bytes
+from render.base.errors import RenderError
+from render.post.image import jpeg_bytes
 
 
 class EditedError(Exception):

@@ -17,10 +17,10 @@ from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.production.render_inputs.framing import AHEAD, Framing
 from pipeline.production.request.render_request import Take
-from render.encodes import SKETCH
-from render.encoding import write_encode
-from render.image import write_png
-from render.timecode import timecode
+from render.movie.codecs import SKETCH
+from render.movie.encode import write_encode
+from render.movie.timecode import timecode
+from render.post.image import write_png
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}
 """Of a picture that is as wide as 16 : 9; others have as many pixels."""

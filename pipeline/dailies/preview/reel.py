@@ -22,7 +22,7 @@ from pipeline.production.render_inputs.shading import Shading
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.store.store import Store
-from render.measure import SPEED
+from render.scene.measure import SPEED
 
 UNSHADED = 4
 """Frames whose normals may be found while others are simulated."""

@@ -14,14 +14,14 @@ from pipeline.dailies.preview.ways import Ways, ways_at
 from pipeline.mesh import icosphere
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import Take
-from render.burn_in import BurnIn
-from render.colour import quantise
-from render.dyes import colours
-from render.look import Look
-from render.measure import SPEED
+from render.graphics.burn_in import BurnIn
+from render.mitsuba.vertex_colours import colours
+from render.movie.timecode import timecode
+from render.post.colour import quantise
 from render.raster import Edges, Set, Shape, preview, with_lines
-from render.surface import Surface
-from render.timecode import timecode
+from render.scene.look import Look
+from render.scene.measure import SPEED
+from render.scene.surface import Surface
 
 MOST_BALLS = 20_000
 """Points of a cloud that are drawn; where there are more, some of them, and larger."""

@@ -20,8 +20,8 @@ from pipeline.production.store.paths import wedge as wedge_folder
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.provenance import Provenance, records, restored
 from pipeline.production.versions.wedge import Wedge
-from render.errors import RenderError
-from render.image import read_header
+from render.base.errors import RenderError
+from render.post.image import read_header
 
 STALE = "it is not what the shot file asks for today; flowsculpt why tells more"
 

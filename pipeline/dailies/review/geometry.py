@@ -17,7 +17,7 @@ from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
-from render.appear import appearing
+from render.base.atomic_write import appearing
 
 FORMAT = 1
 

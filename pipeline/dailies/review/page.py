@@ -26,7 +26,7 @@ from pipeline.dailies.sheets.measures import limits_of, measured
 from pipeline.dailies.sheets.timing import Clocks
 from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.store import Store
-from render.appear import appearing
+from render.base.atomic_write import appearing
 
 SOURCES = files("pipeline.dailies.review") / "page"
 

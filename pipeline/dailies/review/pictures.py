@@ -9,9 +9,9 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.production.keys.digest import STILL_CODE, Key, code_key, key_of
-from render.errors import RenderError
-from render.image import read_header
-from render.view import ACES, ColourView
+from render.base.errors import RenderError
+from render.post.image import read_header
+from render.post.view import ACES, ColourView
 
 
 @dataclass(frozen=True)

@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from pipeline.dailies.review.pictures import Pictures
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.store.store import SUFFIXES, Store
-from render.colour import quantise, to_display
-from render.contact_sheet import reduced
-from render.errors import RenderError
-from render.image import read_exr, read_png, write_jpeg, write_png
+from render.base.errors import RenderError
+from render.graphics.contact_sheet import reduced
+from render.post.colour import quantise, to_display
+from render.post.image import read_exr, read_png, write_jpeg, write_png
 
 THUMB = 160
 """How wide the small pictures are at most, about, in pixels."""

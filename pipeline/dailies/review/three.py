@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 from pipeline.errors import MachineError
-from render.appear import appearing
+from render.base.atomic_write import appearing
 
 REQUIREMENTS = Path(__file__).with_name("requirements.txt")
 

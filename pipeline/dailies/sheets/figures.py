@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.panels import Bars, Heat, Panel, Track
+from render.graphics.panels import Bars, Heat, Panel, Track
 
 Measured = Mapping[int, Mapping[str, Any]]
 

@@ -9,8 +9,8 @@ from pipeline.frames import FrameRange
 from pipeline.production.request.render_request import Take
 from pipeline.production.store.store import Store
 from pipeline.production.versions.wedge import shown_picture
-from render.contact_sheet import ContactSheet, columns_for, reduction
-from render.image import write_png
+from render.graphics.contact_sheet import ContactSheet, columns_for, reduction
+from render.post.image import write_png
 
 USUAL = 12
 """Frames of a sheet where none are asked for, at most."""

@@ -15,12 +15,12 @@ from pipeline.production.planning.sharing import shared
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import Take
 from pipeline.production.request.turntable import TURNS, Turntable
-from render.look import LOOKS
+from render.scene.look import LOOKS
 
 BOTH = "both"
 
 STAGE = "turntable"
-"""Of render.stage.STAGES: with balls and a chart."""
+"""Of render.scene.stage.STAGES: with balls and a chart."""
 
 
 @dataclass(frozen=True)

@@ -25,15 +25,15 @@ from pipeline.production.request.turntable import Turntable
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.production.versions.wedge import shown_picture
-from render.ahead import ahead
-from render.contact_sheet import Caption, ContactSheet, columns_for, reduction
-from render.image import write_png
-from render.movie import write_movie
+from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, reduction
+from render.movie.movie import write_movie
+from render.movie.prefetch import ahead
+from render.post.image import write_png
 
 SHEET_CODE = (
     "pipeline/dailies/turntable",
     "pipeline/production/versions/wedge.py",
-    "render/contact_sheet.py",
+    "render/graphics/contact_sheet.py",
 )
 
 ROW = 4

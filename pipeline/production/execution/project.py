@@ -28,7 +28,7 @@ from pipeline.production.request.source_cache import Texts, shot_around
 from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-from render.quality import QUALITIES
+from render.scene.quality import QUALITIES
 
 if TYPE_CHECKING:
     from pipeline.production.maintenance.verify import Damage

@@ -56,39 +56,85 @@ FRAMING_CODE = (
 )
 PICTURE_CODE = (
     *(
-        f"render/{name}.py"
+        f"render/frame/{name}.py"
         for name in (
-            *("frame", "passes", "adaptive", "checkpoint", "shutter", "aovs"),
-            *("paths", "aim", "draws", "sequence"),
-            *("scene", "mitsuba_mesh", "surface", "spheres"),
-            *("material", "absorption", "marks", "wireframe", "gouraud"),
-            *("pigment", "noise", "kernels", "_kernels_noise"),
-            *("dyes", "measure", "colour_maps", "texture", "projection", "laid", "bsdf", "inline"),
-            *("lamps", "lights", "daylight", "environment", "stage", "scenery", "set_pieces"),
-            *("camera", "sensor", "inside", "image"),
+            "render_frame",
+            "sample_batches",
+            "adaptive_sampling",
+            "checkpoint",
+            "motion_samples",
+            "aovs",
         )
     ),
+    *(
+        f"render/integrator/{name}.py"
+        for name in ("path_tracer", "light_sampler", "sampler", "low_discrepancy")
+    ),
+    *(
+        f"render/mitsuba/{name}.py"
+        for name in (
+            "scene",
+            "mesh",
+            "materials",
+            "absorption",
+            "texture_coordinates",
+            "gouraud",
+            "vertex_colours",
+            "bitmaps",
+            "bsdf_check",
+            "emitters",
+            "stage_shapes",
+            "sensor",
+        )
+    ),
+    *(
+        f"render/scene/{name}.py"
+        for name in (
+            "surface",
+            "spheres",
+            "wireframe",
+            "patterns",
+            "noise",
+            "_kernels_noise",
+            "measure",
+            "colour_maps",
+            "textures",
+            "texture_projection",
+            "bsdf",
+            "lights",
+            "daylight",
+            "environment",
+            "stage",
+            "reference_objects",
+            "camera",
+            "inside",
+        )
+    ),
+    "render/base/kernel_cache.py",
+    "render/post/image.py",
     *(f"pipeline/production/render_inputs/{name}.py" for name in ("framing", "motion", "dicing")),
     "pipeline/production/tasks/render.py",
 )
 FINISH_CODE = (
-    *(f"render/{name}.py" for name in ("denoise", "steady", "_kernels_steady", "camera", "stage", "image")),
-    "render/kernels.py",
+    *(f"render/post/{name}.py" for name in ("denoise", "temporal_denoise", "_kernels_steady", "image")),
+    *(f"render/scene/{name}.py" for name in ("camera", "stage")),
+    "render/base/kernel_cache.py",
     "pipeline/production/tasks/finish.py",
 )
 MOVIE_CODE = (
+    "render/base/kernel_cache.py",
+    *(f"render/post/{name}.py" for name in ("_kernels_view", "colour", "dither", "view")),
+    "render/graphics/titles.py",
+    *(f"render/movie/{name}.py" for name in ("prefetch", "dissolve")),
     *(
-        f"render/{name}.py"
-        for name in ("kernels", "_kernels_view", "colour", "dither", "titles", "view", "ahead", "dissolve")
-    ),
-    *(
-        f"render/{name}.py"
-        for name in ("movie", "encodes", "encoding", "planes", "_kernels_planes", "sink", "sound", "track")
+        f"render/movie/{name}.py"
+        for name in ("movie", "codecs", "encode", "planes", "_kernels_planes", "sink", "sound", "track")
     ),
     "pipeline/production/tasks/movies.py",
 )
 STILL_CODE = (
-    *(f"render/{name}.py" for name in ("kernels", "_kernels_view", "colour", "dither", "image", "view")),
+    "render/base/kernel_cache.py",
+    *(f"render/post/{name}.py" for name in ("_kernels_view", "colour", "dither", "image", "view")),
     "pipeline/production/tasks/stills.py",
 )
 

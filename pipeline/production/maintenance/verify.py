@@ -17,9 +17,9 @@ from pipeline.production.keys.digest import Key
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
-from render.errors import RenderError
-from render.image import read_png
-from render.movie import probe_movie
+from render.base.errors import RenderError
+from render.movie.movie import probe_movie
+from render.post.image import read_png
 
 
 def _json(path: Path) -> object:

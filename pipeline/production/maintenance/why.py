@@ -26,8 +26,8 @@ from pipeline.production.store.event_log import EventReader, logs_of
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Store
 from pipeline.shot.yaml.inheritance import layered
-from render.errors import RenderError
-from render.image import read_header
+from render.base.errors import RenderError
+from render.post.image import read_header
 
 _SAID_OTHERWISE = ("key", "mesh_key", "normals_key", "simulation_code", "picture_code", "steadied_with")
 

@@ -194,7 +194,7 @@ class Plan:
         task, _, frames = name.partition(":")
         if not frames:
             return next(job for job in self.jobs if job.name == name)
-        from render.engine import available_cores  # what else is in it takes time to import
+        from render.mitsuba.engine import available_cores  # what else is in it takes time to import
 
         whole = next(job for job in self.jobs if job.task == task)
         numbers = tuple(FrameRange.parse(frames))

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from pipeline.production.request.crop_and_scale import base_of, quality_named
 from pipeline.production.store.event_log import EventReader, logs_of
-from render.quality import QUALITIES
+from render.scene.quality import QUALITIES
 
 RUNS = 30
 """How many of the latest runs are looked at."""

@@ -13,8 +13,8 @@ import math
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from render.camera import Camera
-from render.quality import Quality
+from render.scene.camera import Camera
+from render.scene.quality import Quality
 
 MOST_FACES = 4_000_000
 """A frame is not cut into more."""

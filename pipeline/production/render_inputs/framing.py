@@ -25,9 +25,9 @@ from pipeline.production.render_inputs.framing_geometry import (
     plain,
     side_of,
 )
-from render.camera import Camera
-from render.plain import from_plain, to_plain
-from render.stage import Placement, Stage
+from render.base.serialise import from_plain, to_plain
+from render.scene.camera import Camera
+from render.scene.stage import Placement, Stage
 
 if TYPE_CHECKING:
     from pipeline.shot.camera import View

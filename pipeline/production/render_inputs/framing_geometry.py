@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from render.camera import Camera
+from render.scene.camera import Camera
 
 if TYPE_CHECKING:
     from pipeline.shot.camera import Lens, View

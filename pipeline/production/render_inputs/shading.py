@@ -16,8 +16,8 @@ from pipeline.production.render_inputs.dicing import MOST_SPANS, pieces_for
 from pipeline.production.render_inputs.framing import turned
 from pipeline.resample import Thresholds
 from pipeline.shot.cloud import RADIUS
-from render.camera import Camera
-from render.quality import Quality
+from render.scene.camera import Camera
+from render.scene.quality import Quality
 
 
 @dataclass(frozen=True, eq=False)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import Key
 from pipeline.production.store.store import Store
-from render.errors import BadInputError
+from render.base.errors import BadInputError
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pipeline.errors import UsageError
-from render.quality import QUALITIES, Crop, Quality
+from render.scene.quality import QUALITIES, Crop, Quality
 
 LEAST, MOST = 1.0, 400.0
 """Per cent that a picture may be scaled by."""

@@ -18,7 +18,7 @@ from pipeline.shot.yaml.lookup import digest_of_file
 if TYPE_CHECKING:
     from pipeline.shot import Film
     from pipeline.shot.shot import Card, Clip
-    from render.sound import Sound
+    from render.movie.sound import Sound
 
 
 def movie_bits(quality_name: str) -> int:
@@ -66,7 +66,7 @@ class Heard:
 
     def sound(self) -> Sound:
         """Raises FrameError where the file is not what it was."""
-        from render.sound import Sound
+        from render.movie.sound import Sound
 
         path = Path(self.file)
         if not self.is_unchanged:

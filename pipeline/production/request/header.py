@@ -9,7 +9,7 @@ from pipeline.production.keys.digest import PICTURE_CODE, SIMULATION_CODE, code_
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.picture_keys import PictureKeys
 from pipeline.production.request.render_request import Take
-from render.plain import to_plain
+from render.base.serialise import to_plain
 
 
 def raw_header(take: Take, number: int, framing: Framing, keys: PictureKeys) -> dict[str, Any]:

@@ -25,8 +25,8 @@ from pipeline.production.request.edit import movie_bits
 from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.request.showing import Showing
 from pipeline.production.store.store import Store
-from render.plain import from_plain, to_plain
-from render.quality import Quality
+from render.base.serialise import from_plain, to_plain
+from render.scene.quality import Quality
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -152,7 +152,7 @@ class Take(Showing):
         if not self.measures_speed:
             return []
         from pipeline.production.render_inputs.motion import STEP, acting
-        from render.measure import SPEED
+        from render.scene.measure import SPEED
 
         return [[SPEED, acting(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
 
@@ -194,7 +194,7 @@ class Take(Showing):
         return None if cameras is None else Keyring(self, store, cameras)
 
     def seed(self, number: int) -> int:
-        from render.frame import seed_of
+        from render.frame.render_frame import seed_of
 
         return seed_of(self.folders.name, number)
 

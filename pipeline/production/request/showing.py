@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from pipeline.shot import Clock, Shot
     from pipeline.shot.camera import View
     from pipeline.shot.shutter import PictureLayers
-    from render.quality import Quality
+    from render.scene.quality import Quality
 
 
 @dataclass(frozen=True)
@@ -205,7 +205,7 @@ class Showing:
     @cached_property
     def measures_speed(self) -> bool:
         """Whether the colours of its pictures are the speed of the flow."""
-        from render.measure import SPEED
+        from render.scene.measure import SPEED
 
         measure = self.shot.picture.look.measure
         return measure is not None and measure.of == SPEED

@@ -15,7 +15,7 @@ from pathlib import Path
 from pipeline.errors import MachineError
 from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.paths import STATE
-from render.engine import DEFAULT_ORDER, choose, works
+from render.mitsuba.engine import DEFAULT_ORDER, choose, works
 
 ON_GPU = "cuda_ad_rgb"
 

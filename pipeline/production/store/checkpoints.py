@@ -18,7 +18,7 @@ from pipeline.production.store.paths import HALVES
 from pipeline.production.store.store import Store
 
 if TYPE_CHECKING:
-    from render.checkpoint import Checkpoint
+    from render.frame.checkpoint import Checkpoint
 
 KEPT_SECONDS = 7 * 24 * 3600.0
 
@@ -33,7 +33,7 @@ def begun(
 
     warn, urgent  see `Checkpoint`
     """
-    from render.checkpoint import Checkpoint
+    from render.frame.checkpoint import Checkpoint
 
     path = store.root / HALVES / f"{_name(target)}.{key}{_SUFFIX}"
     _remove(other for other in _all(store.root) if _is_of(other, target) and other != path)

@@ -14,8 +14,8 @@ from pipeline.errors import MeshError, UsageError
 from pipeline.production.keys.digest import Key
 from pipeline.production.store.npz import read_npz
 from pipeline.production.store.store import CorruptFileError
-from render.frame import Layers
-from render.image import read_exr
+from render.frame.render_frame import Layers
+from render.post.image import read_exr
 
 if TYPE_CHECKING:
     from pipeline.animation import MeshFrame

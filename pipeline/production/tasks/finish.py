@@ -11,13 +11,13 @@ from pipeline.errors import FrameError
 from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
-from render.denoise import denoise
-from render.frame import Layers
-from render.image import write_exr
+from render.frame.render_frame import Layers
+from render.post.denoise import denoise
+from render.post.image import write_exr
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
-    from render.steady import Moment
+    from render.post.temporal_denoise import Moment
 
 
 def finish(context: Context) -> bool:
@@ -63,7 +63,7 @@ class _Desk:
             effort = self.context.take.quality.denoise
             light = layers["beauty"] if effort == "off" else denoise(layers, effort)
         else:
-            from render.steady import steady
+            from render.post.temporal_denoise import steady
 
             kept = {n: moment for n, moment in self._moments.items() if n in window}
             self._moments = {n: kept[n] if n in kept else self._moment(n) for n in window}
@@ -80,7 +80,7 @@ class _Desk:
         return self.context.read("raw", key, place, readers.picture(key, take.quality.rendered_size))
 
     def _moment(self, number: int) -> Moment:
-        from render.steady import Moment, noise_of
+        from render.post.temporal_denoise import Moment, noise_of
 
         layers, _ = self._read(number)
         light = denoise(layers, self.context.take.quality.denoise)

@@ -20,7 +20,7 @@ from pipeline.production.request.planning_cache import Ledger
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import CorruptFileError, Store
-from render.errors import CorruptImageError, MissingImageError, RenderError
+from render.base.errors import CorruptImageError, MissingImageError, RenderError
 
 if TYPE_CHECKING:
     from pipeline.production.request.picture_keys import Keyring

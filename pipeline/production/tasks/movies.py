@@ -16,14 +16,14 @@ from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import REPORTED, Context
-from render.ahead import ahead
-from render.colour import quantise, to_display
-from render.dissolve import Piece, dissolved, mixed
-from render.frame import Layers
-from render.movie import write_movie
-from render.planes import Frame
-from render.sound import Samples, blocks
-from render.titles import TitleCard, title_frames
+from render.frame.render_frame import Layers
+from render.graphics.titles import TitleCard, title_frames
+from render.movie.dissolve import Piece, dissolved, mixed
+from render.movie.movie import write_movie
+from render.movie.planes import Frame
+from render.movie.prefetch import ahead
+from render.movie.sound import Samples, blocks
+from render.post.colour import quantise, to_display
 
 T = TypeVar("T")
 
@@ -94,7 +94,7 @@ def _sound(cut: Cut) -> Iterator[Samples] | None:
 def cut_together(
     cut: Cut, size: tuple[int, int], shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
 ) -> Iterator[Piece[T]]:
-    """The pieces of a film, as `render.dissolve.dissolved` takes them.
+    """The pieces of a film, as `render.movie.dissolve.dissolved` takes them.
 
     size   width and height of cards
     shown  the frames of the film's take in a place

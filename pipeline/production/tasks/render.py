@@ -23,16 +23,16 @@ from pipeline.production.store.disk import disk_faults
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import Wear
 from pipeline.production.tasks.signals import Stop, stopping
-from render.camera import Camera
-from render.checkpoint import Checkpoint
-from render.engine import Engine, choose
-from render.frame import Layers, render_frame
-from render.image import write_exr
-from render.measure import SPEED
-from render.shutter import Moment, Shutter
-from render.spheres import Spheres
-from render.surface import Surface
-from render.wireframe import outlines
+from render.frame.checkpoint import Checkpoint
+from render.frame.motion_samples import Moment, Shutter
+from render.frame.render_frame import Layers, render_frame
+from render.mitsuba.engine import Engine, choose
+from render.post.image import write_exr
+from render.scene.camera import Camera
+from render.scene.measure import SPEED
+from render.scene.spheres import Spheres
+from render.scene.surface import Surface
+from render.scene.wireframe import outlines
 
 if TYPE_CHECKING:  # what only some pictures need takes half a second
     from pipeline.production.render_inputs.motion import Movement, Shown

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
-from render.colour import quantise, to_display
-from render.image import write_jpeg, write_png
+from render.post.colour import quantise, to_display
+from render.post.image import write_jpeg, write_png
 
 
 def png(context: Context) -> bool:

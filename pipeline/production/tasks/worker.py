@@ -12,7 +12,7 @@ from pipeline.production.request.variants import ON_GPU
 from pipeline.production.tasks.job import REPORTED, Context
 from pipeline.production.tasks.memory_guard import RENEWED, WornOutError
 from pipeline.production.tasks.supervisor import fall_over
-from render.engine import available_cores
+from render.mitsuba.engine import available_cores
 
 PLACES = {
     "simulate": "meshes",

@@ -18,7 +18,7 @@ from pipeline.production.keys.digest import (
     SIMULATION_CODE,
     code_key,
 )
-from render.engine import available_cores
+from render.mitsuba.engine import available_cores
 
 PACKAGES = (
     "av",

@@ -19,7 +19,7 @@ from pipeline.production.request.lookup import NAME
 from pipeline.production.request.shot_source import Script
 from pipeline.production.versions.environment import code_keys, host, packages
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
-from render.image import read_exr
+from render.post.image import read_exr
 
 FILE = "provenance.json"
 FORMAT = 1
@@ -156,7 +156,7 @@ def _require_whole(data: Mapping[str, Any], script: Script) -> None:
 
 
 def pixels_of(path: Path) -> str:
-    """SHA-256 of all values of a picture. Raises as `render.image.read_exr` does."""
+    """SHA-256 of all values of a picture. Raises as `render.post.image.read_exr` does."""
     layers, _ = read_exr(path)
     digest = hashlib.sha256()
     for name in sorted(layers.arrays):

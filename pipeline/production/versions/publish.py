@@ -37,8 +37,8 @@ from pipeline.production.versions.provenance import (
     records,
 )
 from pipeline.shot.yaml.lookup import digest_of_file
-from render.errors import CorruptImageError, MissingImageError
-from render.movie import probe_movie
+from render.base.errors import CorruptImageError, MissingImageError
+from render.movie.movie import probe_movie
 
 
 @dataclass(frozen=True)

@@ -25,8 +25,8 @@ from pipeline.production.store.paths import repeated
 from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import Provenance, pixels_of, restored
 from pipeline.shot.yaml.lookup import digest_of_file
-from render.errors import RenderError
-from render.image import read_exr
+from render.base.errors import RenderError
+from render.post.image import read_exr
 
 
 @dataclass(frozen=True)

@@ -28,11 +28,11 @@ from pipeline.production.store import paths
 from pipeline.production.store.store import Store
 from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
 from pipeline.shot.yaml.lookup import shown
-from render.colour import quantise, to_display
-from render.contact_sheet import ContactSheet, columns_for, reduced, reduction
-from render.errors import RenderError
-from render.image import read_exr, write_png
-from render.movie import write_movie
+from render.base.errors import RenderError
+from render.graphics.contact_sheet import ContactSheet, columns_for, reduced, reduction
+from render.movie.movie import write_movie
+from render.post.colour import quantise, to_display
+from render.post.image import read_exr, write_png
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.yaml.source import Source
-from render.quality import FEWEST_ADAPTIVE, QUALITIES
+from render.scene.quality import FEWEST_ADAPTIVE, QUALITIES
 
 
 def saves_passes(source: Source) -> Iterator[Problem]:

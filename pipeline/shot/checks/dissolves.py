@@ -71,8 +71,8 @@ def sound(source: Source, folder: Path) -> Iterator[tuple[bool, Problem]]:
         hint = suggestion(name, known) if known else "There are none."
         yield True, (where, f"there is no sound {shown(path)}; it is looked for beside the edit. {hint}")
         return
-    from render.errors import RenderError
-    from render.sound import require_sound
+    from render.base.errors import RenderError
+    from render.movie.sound import require_sound
 
     try:
         require_sound(path)

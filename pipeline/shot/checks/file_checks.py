@@ -18,7 +18,7 @@ from pipeline.shot.net import NETS, NetOfSolid
 from pipeline.shot.subject import SOLIDS, Measure, Solid
 from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
 from pipeline.shot.yaml.source import Source, Where
-from render.look import LOOKS
+from render.scene.look import LOOKS
 
 Problem = tuple[Where, str]
 

@@ -13,10 +13,10 @@ from pipeline.shot.documents.fields import is_number
 from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
 from pipeline.shot.yaml.parse_context import Surroundings
 from pipeline.shot.yaml.source import Source, Where
-from render.bsdf import BSDFS, FORMS, TEXTURES, Bsdf, Form
-from render.errors import RenderError
-from render.inline import refusal
-from render.texture import Texture, read_picture
+from render.base.errors import RenderError
+from render.mitsuba.bsdf_check import refusal
+from render.scene.bsdf import BSDFS, FORMS, TEXTURES, Bsdf, Form
+from render.scene.textures import Texture, read_picture
 
 _WHAT = {
     "number": "a number",

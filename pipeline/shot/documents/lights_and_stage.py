@@ -14,11 +14,11 @@ from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.documents.fields import DEGREE, Colour, Document, Positive, Triple, one_of, vector
 from pipeline.shot.yaml.parse_context import Surroundings, finding
 from pipeline.shot.yaml.source import Source
-from render.daylight import Daylight, sun_position
-from render.environment import Environment, read_map
-from render.errors import RenderError
-from render.lights import LIGHTS, LightRig, Sky, Softbox
-from render.stage import STAGES, Stage
+from render.base.errors import RenderError
+from render.scene.daylight import Daylight, sun_position
+from render.scene.environment import Environment, read_map
+from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
+from render.scene.stage import STAGES, Stage
 
 MIDDLE = [0.0, 1.0, 0.0]
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]

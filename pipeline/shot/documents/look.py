@@ -29,11 +29,11 @@ from pipeline.shot.documents.look_parts import (
 )
 from pipeline.shot.documents.pigments import PigmentDocument, Share
 from pipeline.shot.yaml.parse_context import Surroundings, finding
-from render.bsdf import BSDFS, Bsdf
-from render.errors import RenderError
-from render.look import CLEAR, LOOKS, PLAIN, Absorption, Look
-from render.texture import Texture
-from render.wireframe import Wireframe
+from render.base.errors import RenderError
+from render.scene.bsdf import BSDFS, Bsdf
+from render.scene.look import CLEAR, LOOKS, PLAIN, Absorption, Look
+from render.scene.textures import Texture
+from render.scene.wireframe import Wireframe
 
 Written = Annotated[dict[str, Any], Told(required=["type"], properties={"type": {"enum": list(BSDFS)}})]
 

@@ -23,12 +23,12 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.yaml.parse_context import Surroundings, finding
 from pipeline.shot.yaml.source import Source
-from render.colour_maps import COLOUR_MAPS
-from render.errors import RenderError
-from render.look import LOOKS, Relief
-from render.measure import KINDS, Measure
-from render.projection import PROJECTIONS, Projection
-from render.texture import Texture, read_picture
+from render.base.errors import RenderError
+from render.scene.colour_maps import COLOUR_MAPS
+from render.scene.look import LOOKS, Relief
+from render.scene.measure import KINDS, Measure
+from render.scene.texture_projection import PROJECTIONS, Projection
+from render.scene.textures import Texture, read_picture
 
 Share = Annotated[float, Field(ge=0, le=1)]
 

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.shot.documents.fields import Axis, Colour, Document, Positive, Triple, axis, exactly_one, vector
-from render.pigment import PATTERNS, Pigment
+from render.scene.patterns import PATTERNS, Pigment
 
 HERE = [0.0, 0.0, 0.0]
 Share = Annotated[float, Field(ge=0, le=1)]

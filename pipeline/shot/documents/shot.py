@@ -19,10 +19,10 @@ from pipeline.shot.documents.smoothing import SmoothDocument
 from pipeline.shot.documents.subject import CloudDocument, NetDocument, SolidDocument
 from pipeline.shot.documents.views import ViewDocument
 from pipeline.shot.shutter import LayersField, ShutterDocument
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.quality import MOST_STEADY, PASS_SAMPLES
-from render.stage import STAGES
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import MOST_STEADY, PASS_SAMPLES
+from render.scene.stage import STAGES
 
 
 class ModelDocument(Document):

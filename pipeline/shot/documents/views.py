@@ -10,8 +10,8 @@ from pydantic import ValidationInfo, model_validator
 
 from pipeline.shot.documents.fields import Document
 from pipeline.shot.yaml.parse_context import Surroundings, finding
-from render.errors import BadInputError
-from render.view import ACES, BUILT_IN, ColourView, view_of
+from render.base.errors import BadInputError
+from render.post.view import ACES, BUILT_IN, ColourView, view_of
 
 _TABLE = re.compile(r"\bsrc\s*:\s*([^,}\n]+)")
 """How a config names the tables that it rests on."""

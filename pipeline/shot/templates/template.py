@@ -8,9 +8,9 @@ from typing import Any
 from pipeline.shot.documents.flow_listing import facts
 from pipeline.shot.subject import SOLIDS
 from pipeline.shot.templates.flow_presets import FRAMES, Staging, staging_of
-from render.lights import LIGHTS
-from render.look import LOOKS
-from render.stage import STAGES
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"
 """What tells editors where the schema of a file is, relative to it."""

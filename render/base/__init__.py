@@ -1,0 +1,1 @@
+"""What all of `render` and `pipeline` build on: errors, files, caches, serialisation."""

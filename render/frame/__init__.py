@@ -1,0 +1,1 @@
+"""One frame rendered: sample batches, motion samples, AOVs, checkpoints."""

@@ -1,0 +1,1 @@
+"""Type, cards, sheets and plots."""

@@ -1,0 +1,186 @@
+"""Slates: what stands before a clip, so that whoever opens it knows what it is; and cards for what failed.
+
+Nothing on them tells when they were made: the same shot has the same slate.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.base.serialise import Triple
+from render.graphics.typesetting import cut_short, fitting, line, wrapped, write
+
+Floats = NDArray[np.float32]
+
+GROUND, CENTRE = (0.075, 0.068, 0.064), (0.150, 0.137, 0.127)
+INK, QUIET, FAINT = (0.93, 0.90, 0.85), (0.62, 0.575, 0.52), (0.30, 0.278, 0.258)
+WARNING: Triple = (0.86, 0.47, 0.30)
+
+_SANS, _SERIF = "DroidSans", "DroidSerif-Italic"
+
+BARS: tuple[Triple, ...] = (
+    (0.75, 0.75, 0.75),
+    (0.75, 0.75, 0.0),
+    (0.0, 0.75, 0.75),
+    (0.0, 0.75, 0.0),
+    (0.75, 0.0, 0.75),
+    (0.75, 0.0, 0.0),
+    (0.0, 0.0, 0.75),
+)
+"""Colour bars of 75 %, as SMPTE EG 1 orders them."""
+GREYS = 11
+"""Steps of the ramp from black to white."""
+
+
+@dataclass(frozen=True, eq=False)
+class Slate:
+    """What stands on a slate.
+
+    name      the shot's, large
+    title     what it is called, beside
+    facts     names and values, read in two columns
+    picture   display values 0 … 1 (h, w, 3), shown small; None where there is none
+    imprint   in the upper right corner
+    """
+
+    name: str
+    title: str
+    facts: Sequence[tuple[str, str]]
+    picture: Floats | None = None
+    imprint: str = "flowsculpt"
+
+    def drawn(self, size: tuple[int, int]) -> Floats:
+        """The slate as display values (H, W, 3), for pictures of that width and height."""
+        return _Sheet(size).slate(self)
+
+
+def failure(size: tuple[int, int], heading: str, reason: str) -> Floats:
+    """A card (H, W, 3) in the place of a picture that there is none of: which one, and why."""
+    return _Sheet(size).failure(heading, reason)
+
+
+class _Sheet:
+    """A page, its distances measured by `unit`: a hundredth of its height, or less where it is narrow."""
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        self.width, self.height = size
+        self.unit = min(self.height / 100.0, self.width / 160.0)
+        self.margin = 9.0 * self.unit
+        self.top = (self.height - 100.0 * self.unit) / 2.0
+        self.page = _ground(size)
+
+    def slate(self, slate: Slate) -> Floats:
+        room, right, small = self.width - 2 * self.margin, self.width - self.margin, self._size(2.2)
+        write(self.page, "SLATE", _SANS, small, (self.margin, self._down(12.0)), QUIET, 0.3)
+        imprint = slate.imprint.upper()
+        write(self.page, imprint, _SANS, small, (right, self._down(12.0)), QUIET, 0.3, from_right=True)
+        name = fitting(slate.name, _SANS, self._size(9.5), room, 0.01)
+        write(self.page, slate.name, _SANS, name, (self.margin, self._down(27.5)), INK, 0.01)
+        if slate.title:
+            size = self._size(4.0)
+            title = cut_short(slate.title, _SERIF, size, room)
+            write(self.page, title, _SERIF, size, (self.margin, self._down(34.5)), QUIET)
+        self._rule(self._down(39.5))
+        self._shown(slate.picture)
+        self._facts(slate.facts, with_picture=slate.picture is not None)
+        self._references()
+        return self.page
+
+    def failure(self, heading: str, reason: str) -> Floats:
+        middle = self.height / 2.0
+        room = self.width - 2 * self.margin
+        size = fitting(heading, _SANS, self._size(5.5), room)
+        y = round(middle - 2.0 * self.unit)
+        mark = self.page[max(0, round(y - 4.1 * self.unit)) : y, round(self.margin) :]
+        mark[:, : max(1, round(0.5 * self.unit))] = WARNING
+        write(self.page, heading, _SANS, size, (self.margin + 2.4 * self.unit, y), INK)
+        small = self._size(2.9)
+        for number, words in enumerate(wrapped(reason, _SANS, small, room - 2.4 * self.unit, most=5)):
+            at = (self.margin + 2.4 * self.unit, y + (6.2 + 4.4 * number) * self.unit)
+            write(self.page, words, _SANS, small, at, QUIET)
+        return self.page
+
+    def _facts(self, facts: Sequence[tuple[str, str]], with_picture: bool) -> None:
+        """Rows of a name and a value."""
+        size = self._size(2.75)
+        tab = max((line(name, _SANS, size).shape[1] for name, _ in facts), default=0) + 2.6 * self.unit
+        edge = self._picture_left() - 4.0 * self.unit if with_picture else self.width - self.margin
+        room = edge - self.margin - tab
+        for number, (name, value) in enumerate(facts):
+            y = self._down(46.0 + 4.55 * number)
+            write(self.page, name, _SANS, size, (self.margin, y), QUIET)
+            write(self.page, cut_short(value, _SANS, size, room), _SANS, size, (self.margin + tab, y), INK)
+
+    def _picture_left(self) -> float:
+        return self.width - self.margin - 58.0 * self.unit
+
+    def _shown(self, picture: Floats | None) -> None:
+        """The picture small, under the rule on the right."""
+        if picture is None:
+            return
+        widest, highest = 58.0 * self.unit, 36.0 * self.unit
+        height, width = picture.shape[:2]
+        share = min(widest / width, highest / height)
+        small = _resized(picture, (max(1, round(share * width)), max(1, round(share * height))))
+        top, right = round(self._down(43.5)), round(self.width - self.margin)
+        self._fill(top, right - small.shape[1], small)
+
+    def _references(self) -> None:
+        """Colour bars and a ramp of greys along the lower edge, by which a display can be judged."""
+        top, height = self._down(85.0), 2.6 * self.unit
+        left, right = round(self.margin), round(self.width - self.margin)
+        middle = (left + right) // 2
+        gap = round(self.unit)
+        greys = [(n / (GREYS - 1),) * 3 for n in range(GREYS)]
+        for colours, first, last in ((BARS, left, middle - gap), (greys, middle + gap, right)):
+            edges = np.rint(np.linspace(first, last, len(colours) + 1)).astype(int)
+            strip = np.zeros((max(1, round(height)), max(0, last - first), 3), np.float32)
+            for colour, start, end in zip(colours, edges, edges[1:], strict=False):
+                strip[:, start - first : end - first] = colour
+            self._fill(round(top), first, strip)
+            size = self._size(1.75)
+            words = "75% bars, BT.709" if colours is BARS else "greys, 0 to 100%"
+            write(self.page, words, _SANS, size, (first, top + height + 2.9 * self.unit), QUIET)
+
+    def _rule(self, y: float) -> None:
+        thick = max(1, round(0.16 * self.unit))
+        self.page[round(y) : round(y) + thick, round(self.margin) : round(self.width - self.margin)] = FAINT
+
+    def _fill(self, top: int, left: int, values: Floats) -> None:
+        place = self.page[max(0, top) :, max(0, left) :][: values.shape[0], : values.shape[1]]
+        place[:] = values[: place.shape[0], : place.shape[1]]
+
+    def _down(self, units: float) -> float:
+        """So far below the upper edge of what is drawn on, which stands in the middle of an upright page."""
+        return self.top + units * self.unit
+
+    def _size(self, units: float) -> int:
+        return max(4, round(units * self.unit))
+
+
+def _ground(size: tuple[int, int]) -> Floats:
+    """Warm and dark, a little lighter towards the upper left, where the name stands."""
+    width, height = size
+    y, x = np.mgrid[0:height, 0:width].astype(np.float32)
+    across, down = x / max(1, width) - 0.30, y / max(1, height) - 0.28
+    glow = np.exp(-(across**2 / 0.32 + down**2 / 0.22))[..., None]
+    ground, centre = np.array(GROUND, np.float32), np.array(CENTRE, np.float32)
+    return np.asarray(ground + (centre - ground) * glow, dtype=np.float32)
+
+
+def _resized(picture: Floats, size: tuple[int, int]) -> Floats:
+    """The mean over each smaller pixel's place, by sums along both sides."""
+    made = picture.astype(np.float64)
+    for axis, target in ((0, size[1]), (1, size[0])):
+        length = made.shape[axis]
+        sums = np.concatenate([np.zeros_like(made.take([0], axis)), np.cumsum(made, axis=axis)], axis)
+        edges = np.linspace(0.0, length, target + 1)
+        whole = np.minimum(edges.astype(int), length - 1)
+        share = np.expand_dims(edges - whole, tuple(a for a in range(3) if a != axis))
+        at = sums.take(whole, axis) * (1.0 - share) + sums.take(whole + 1, axis) * share
+        made = np.diff(at, axis=axis) * (target / length)
+    return np.asarray(made, dtype=np.float32)

@@ -1,0 +1,1 @@
+"""The path tracer, its light sampler and its sampler."""

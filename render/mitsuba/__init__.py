@@ -1,0 +1,1 @@
+"""Descriptions become Mitsuba scenes; choosing and starting its engine."""

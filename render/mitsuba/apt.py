@@ -1,0 +1,94 @@
+"""Unpack a Debian or Ubuntu package and what it lacks into a folder, without root.
+
+apt is given private lists and a private cache, so nothing outside the folder is read-write and the
+system's package database is only looked at. It decides itself what is missing here, by simulating the
+installation.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import time
+from dataclasses import dataclass
+from pathlib import Path
+
+from render.base.errors import RenderEnvironmentError
+
+_NEW_PACKAGE = re.compile(r"^Inst (\S+) \(", re.MULTILINE)
+
+
+def available() -> bool:
+    """Whether this machine has apt and dpkg at all."""
+    return all(shutil.which(tool) for tool in ("apt-get", "dpkg"))
+
+
+@dataclass(frozen=True)
+class PrivateApt:
+    """apt-get working under `folder` (lists/, cache/, debs/), bound by a deadline of `time.monotonic`."""
+
+    folder: Path
+    deadline: float
+
+    def update(self) -> None:
+        """Fetch the lists of packages. Raises RenderEnvironmentError."""
+        for name in ("lists/partial", "cache/archives/partial", "debs"):
+            (self.folder / name).mkdir(parents=True, exist_ok=True)
+        self._run("update")
+
+    def missing_for(self, package: str) -> list[str]:
+        """The packages that installing `package` would add here; empty where apt does not offer it."""
+        try:
+            plan = self._run("install", "--simulate", "--no-install-recommends", package)
+        except RenderEnvironmentError:
+            self._check_time("apt-get install --simulate")
+            return []
+        return _NEW_PACKAGE.findall(plan)
+
+    def unpack(self, packages: list[str], target: Path) -> None:
+        """Download the packages and lay their files under `target`. Raises RenderEnvironmentError."""
+        self._run("download", *packages)
+        for archive in sorted((self.folder / "debs").glob("*.deb")):
+            self._call(["dpkg", "-x", str(archive), str(target)])
+
+    def _run(self, *arguments: str) -> str:
+        options = {
+            "Dir::State::Lists": str(self.folder / "lists"),
+            "Dir::Cache": str(self.folder / "cache"),
+            "APT::Sandbox::User": "",
+            "Acquire::Languages": "none",
+            "Acquire::Retries": "1",
+            "Acquire::http::Timeout": "20",
+            "Acquire::https::Timeout": "20",
+            "Debug::NoLocking": "true",
+        }
+        settings = [word for key, value in options.items() for word in ("-o", f"{key}={value}")]
+        return self._call(["apt-get", "-q", "-y", *settings, *arguments])
+
+    def _call(self, command: list[str]) -> str:
+        self._check_time(command[0])
+        try:
+            done = subprocess.run(
+                command,
+                cwd=self.folder / "debs",
+                capture_output=True,
+                text=True,
+                stdin=subprocess.DEVNULL,
+                env={**os.environ, "LC_ALL": "C", "DEBIAN_FRONTEND": "noninteractive"},
+                timeout=self.deadline - time.monotonic(),
+            )
+        except subprocess.TimeoutExpired:
+            raise RenderEnvironmentError(f"{command[0]} took too long") from None
+        except OSError as error:
+            raise RenderEnvironmentError(f"{command[0]} cannot run: {error.strerror}") from None
+        if done.returncode != 0:
+            complaints = [line for line in done.stderr.splitlines() if line.startswith(("E:", "dpkg"))]
+            reason = complaints[0].removeprefix("E: ") if complaints else f"exit code {done.returncode}"
+            raise RenderEnvironmentError(f"{command[0]} failed: {reason}")
+        return done.stdout
+
+    def _check_time(self, what: str) -> None:
+        if time.monotonic() >= self.deadline:
+            raise RenderEnvironmentError(f"no time left for {what}")

@@ -1,0 +1,240 @@
+"""Choose how Mitsuba runs here: compiled by LLVM, plain, or on a GPU when asked for.
+
+A variant that cannot run may end the whole process at its first render, not at its choice. So each is
+probed by rendering one sample in a process of its own, and the answer is remembered for this machine.
+"""
+
+from __future__ import annotations
+
+import os
+import platform
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from render.base.disk_cache import place_of, recall, remember
+from render.base.errors import BadInputError, RenderEnvironmentError
+from render.mitsuba import llvm
+from render.mitsuba.llvm import LibLlvm
+
+DEFAULT_ORDER = ("llvm_ad_rgb", "scalar_rgb")
+VARIANTS = ("cuda_ad_rgb", *DEFAULT_ORDER)
+PROBE_SECONDS = 120.0
+
+CRASHES = {-number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGILL", "SIGSEGV")}
+"""How a probe ends that did itself in; any other signal came from outside and says nothing of the variant."""
+
+_PACKAGE_ROOT = Path(__file__).resolve().parents[2]
+
+
+@dataclass(frozen=True)
+class Engine:
+    """A variant of Mitsuba that was seen to work here.
+
+    variant   Mitsuba's name for it
+    threads   how many it uses; 0 is one a core
+    why       why it was chosen, for `doctor`
+    faster    what would make rendering faster here, or nothing
+    llvm      the library it needs, or none
+    """
+
+    variant: str
+    threads: int = 0
+    why: str = ""
+    faster: str = ""
+    llvm: LibLlvm | None = None
+
+    def start(self) -> None:
+        """Set Mitsuba's variant and thread count in this process and thread; once is enough.
+
+        Raises RenderEnvironmentError where another variant runs already: pictures of two variants
+        differ, and never stand in one shot.
+        """
+        if self.llvm is not None and os.environ.get(llvm.ENVIRONMENT_NAME) != str(self.llvm.path):
+            if "drjit" in sys.modules:
+                raise RenderEnvironmentError(
+                    "Mitsuba was imported before its engine was started and may have taken a libLLVM that "
+                    "crashes; start the engine first"
+                )
+            self.llvm.load()
+        import drjit as dr
+        import mitsuba as mi
+
+        current = mi.variant()
+        if current not in (None, self.variant):
+            raise RenderEnvironmentError(
+                f"this process renders with {current} and cannot change to {self.variant}; start another"
+            )
+        if current is None:
+            mi.set_variant(self.variant)
+            mi.set_log_level(mi.LogLevel.Error)
+        threads = self.threads or available_cores()
+        if dr.thread_count() != threads:
+            dr.set_thread_count(threads)
+
+    def facts(self) -> dict[str, Any]:
+        """What a picture's header records of it."""
+        return {"variant": self.variant, "mitsuba": version("mitsuba")}
+
+
+def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
+    """The first variant of `prefer` (default: LLVM, then scalar) that renders a sample here.
+
+    A GPU is used only where `prefer` names cuda_ad_rgb. Raises BadInputError for a name that is no
+    variant, RenderEnvironmentError where none works.
+    """
+    order = tuple(prefer) if prefer else DEFAULT_ORDER
+    for variant in order:
+        if variant not in VARIANTS:
+            raise BadInputError(f"{variant!r} is no renderer; it can be {', '.join(VARIANTS)}")
+    refused: list[str] = []
+    for variant in order:
+        for library in _libraries_for(variant):
+            if works(variant, library):
+                return Engine(variant, threads, _why(variant, library, refused), _faster(variant), library)
+        refused.append(variant)
+    raise RenderEnvironmentError(
+        f"none of {', '.join(order)} can render a sample here; run `flowsculpt doctor` or allow scalar_rgb"
+    )
+
+
+def working_llvm() -> LibLlvm | None:
+    """The libLLVM that `choose` would use, probed."""
+    return next((library for library in llvm.candidates() if works("llvm_ad_rgb", library)), None)
+
+
+def works(variant: str, library: LibLlvm | None = None) -> bool:
+    """Whether one sample renders, in a process of its own; remembered by machine, version and library."""
+    memory = _memory(variant, library)
+    known = recall(memory)
+    if known is not None and "works" in known:
+        return bool(known["works"])
+    answer = _probe(variant, library)
+    if answer is not None and (answer or variant != "cuda_ad_rgb"):  # a driver may be installed later
+        remember(memory, {"works": answer, "variant": variant, "library": str(library and library.path)})
+    return bool(answer)
+
+
+def available_cores() -> int:
+    """Cores this process may use, which a container or a farm may limit."""
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:  # macOS and Windows have no affinity
+        return os.cpu_count() or 1
+
+
+def facts() -> dict[str, str]:
+    """What `doctor` tells of rendering here: what is in use, why, and what would be faster."""
+    try:
+        engine = choose()
+    except RenderEnvironmentError as error:
+        return {"renderer": "none", "why": str(error), "faster": ""}
+    return {
+        "renderer": f"Mitsuba {version('mitsuba')}, {engine.variant}, {available_cores()} threads",
+        "why": engine.why,
+        "faster": engine.faster,
+    }
+
+
+def _libraries_for(variant: str) -> Iterator[LibLlvm | None]:
+    if variant == "llvm_ad_rgb":
+        yield from llvm.candidates()
+    else:
+        yield None
+
+
+def _why(variant: str, library: LibLlvm | None, refused: list[str]) -> str:
+    chosen = f"renders a sample with {library.path}" if library else "renders a sample"
+    return chosen + (f"; {', '.join(refused)} did not" if refused else "")
+
+
+def _faster(variant: str) -> str:
+    if variant != "scalar_rgb":
+        return ""
+    return (
+        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: `python -m render.mitsuba.llvm` "
+        f"on Debian and Ubuntu, else install it and set {llvm.ENVIRONMENT_NAME}"
+    )
+
+
+def _probe(variant: str, library: LibLlvm | None) -> bool | None:
+    """True or False as one sample rendered or not; None where that cannot be told.
+
+    It cannot where the machine was too busy, or the probe was killed: for memory, or by a shutdown.
+    """
+    command = [sys.executable, "-m", "render.mitsuba.engine", variant]
+    if library is not None:
+        command += [str(library.path), *map(str, library.dependencies)]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())}
+    try:
+        done = subprocess.run(
+            command,
+            env=environment,
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            timeout=PROBE_SECONDS,
+        )
+    except (subprocess.TimeoutExpired, OSError):
+        return None
+    if done.returncode < 0 and done.returncode not in CRASHES:
+        return None
+    return done.returncode == 0
+
+
+def _search_path() -> list[str]:
+    inherited = os.environ.get("PYTHONPATH", "")
+    return [str(_PACKAGE_ROOT), *([inherited] if inherited else [])]
+
+
+def _memory(variant: str, library: LibLlvm | None) -> Path:
+    """The file that holds the answer."""
+    parts = [variant, version("mitsuba"), version("drjit"), sys.version, sys.prefix]
+    parts += [platform.node(), platform.machine()]
+    if library is not None:
+        try:
+            facts = library.path.stat()
+            parts += [str(library.path), str(facts.st_size), str(facts.st_mtime_ns)]
+        except OSError:
+            parts.append(f"{library.path} missing")
+    return place_of("engine", parts)
+
+
+def _render_one_sample(variant: str, library: LibLlvm | None) -> bool:
+    Engine(variant, threads=1, llvm=library).start()
+    import mitsuba as mi
+    import numpy as np
+
+    scene = mi.load_dict(
+        {
+            "type": "scene",
+            "integrator": {"type": "path", "max_depth": 3},
+            "sensor": {
+                "type": "perspective",
+                "film": {"type": "hdrfilm", "width": 4, "height": 4, "rfilter": {"type": "box"}},
+                "to_world": mi.ScalarTransform4f().look_at(origin=[0, 0, 4], target=[0, 0, 0], up=[0, 1, 0]),
+            },
+            "ball": {"type": "sphere"},
+            "sky": {"type": "constant"},
+        },
+        parallel=False,
+    )
+    return float(np.array(mi.render(scene, spp=1, seed=1)).mean()) > 0.0
+
+
+def main(arguments: Sequence[str]) -> int:
+    """The probe's process: VARIANT [LIBRARY DEPENDENCY…]; 0 where a sample came out bright."""
+    variant, *files = arguments
+    paths = [Path(file) for file in files]
+    library = LibLlvm(paths[0], tuple(paths[1:])) if paths else None
+    return 0 if _render_one_sample(variant, library) else 1
+
+
+if __name__ == "__main__":
+    # Leaving by os._exit keeps a crash in some library's clean-up from being taken for a failed render.
+    os._exit(main(sys.argv[1:]))

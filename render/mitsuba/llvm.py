@@ -1,0 +1,179 @@
+"""Find a libLLVM that Dr.Jit can use, and fetch one where there is none: ``python -m render.mitsuba.llvm``.
+
+Left alone, Dr.Jit takes whatever libLLVM it meets first; 15 and 16 end the process with SIGABRT on the
+first render and 14 is refused, so a library is always named to it, and only one of version 17 or later.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import os
+import re
+import shutil
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from render.base.errors import RenderEnvironmentError
+from render.mitsuba.apt import PrivateApt
+from render.mitsuba.apt import available as apt_available
+
+OLDEST_VERSION = 17
+ENVIRONMENT_NAME = "DRJIT_LIBLLVM_PATH"
+PACKAGES = ("libllvm19", "libllvm18", "libllvm20", "libllvm17")
+"""In order of trust: 19 is what this project is tested with."""
+
+TIME_LIMIT = 300.0
+"""Seconds that fetching may take before set-up goes on without it."""
+
+_VERSION = re.compile(r"libLLVM(?:-|\.so\.)(\d+)")
+_SYSTEM_FOLDERS = (
+    "/usr/lib/*-linux-gnu",
+    "/usr/lib64",
+    "/usr/lib",
+    "/usr/local/lib",
+    "/usr/lib/llvm-*/lib",
+    "/opt/homebrew/opt/llvm*/lib",
+    "/usr/local/opt/llvm*/lib",
+)
+
+
+@dataclass(frozen=True)
+class LibLlvm:
+    """One libLLVM on this machine.
+
+    path          the library
+    dependencies  libraries unpacked with it that the loader would not find by itself
+    """
+
+    path: Path
+    dependencies: tuple[Path, ...] = ()
+
+    @property
+    def version(self) -> int | None:
+        """The major version, where the file's name says it."""
+        return _version_of(self.path)
+
+    def load(self) -> None:
+        """Name this library to Dr.Jit and load what it needs; must come before `import mitsuba`.
+
+        Dependencies may need each other, so those that fail are tried again while others succeed.
+        """
+        waiting = list(self.dependencies)
+        while waiting:
+            failed = [path for path in waiting if not _loads(path)]
+            if len(failed) == len(waiting):
+                break
+            waiting = failed
+        os.environ[ENVIRONMENT_NAME] = str(self.path)
+
+
+def provisioned_folder() -> Path:
+    """Where set-up unpacks a libLLVM of our own."""
+    return Path(sys.prefix) / "lib" / "libllvm"
+
+
+def candidates() -> list[LibLlvm]:
+    """Libraries worth probing, best first: the environment's, set-up's, the system's newest.
+
+    The environment's is taken as it is, whatever its version; the probe will tell.
+    """
+    found = [LibLlvm(Path(os.environ[ENVIRONMENT_NAME]))] if os.environ.get(ENVIRONMENT_NAME) else []
+    found += _in_folder(provisioned_folder())
+    system = {path.resolve() for folder in _SYSTEM_FOLDERS for path in _libraries(folder)}
+    found += [LibLlvm(path) for path in sorted(system, key=lambda p: (_version_of(p) or 0, p), reverse=True)]
+    return found
+
+
+def provision(folder: Path, time_limit: float = TIME_LIMIT) -> str:
+    """Unpack a libLLVM into `folder`, which appears complete or not at all; return the package's name.
+
+    Raises RenderEnvironmentError where apt is missing, offers none, fails or takes too long.
+    """
+    if not apt_available():
+        raise RenderEnvironmentError("this system has no apt-get and dpkg")
+    with _workplace(folder) as work:
+        apt = PrivateApt(work, time.monotonic() + time_limit)
+        apt.update()
+        for package in PACKAGES:
+            missing = apt.missing_for(package)
+            if missing:
+                apt.unpack(missing, work / "unpacked")
+                break
+        else:
+            raise RenderEnvironmentError(f"apt offers none of {', '.join(PACKAGES)}")
+        if not _in_folder(work / "unpacked"):
+            raise RenderEnvironmentError(f"{package} holds no libLLVM")
+        shutil.rmtree(folder, ignore_errors=True)
+        (work / "unpacked").replace(folder)
+    return package
+
+
+@contextmanager
+def _workplace(folder: Path) -> Iterator[Path]:
+    """A temporary sibling of `folder`; whatever an earlier, killed run left there goes first."""
+    try:
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        for leftover in folder.parent.glob(f"{folder.name}.tmp*"):
+            shutil.rmtree(leftover, ignore_errors=True)
+        work = Path(tempfile.mkdtemp(prefix=f"{folder.name}.tmp", dir=folder.parent))
+    except OSError as error:
+        raise RenderEnvironmentError(f"{folder.parent} cannot be written: {error.strerror}") from None
+    try:
+        yield work
+    except OSError as error:
+        raise RenderEnvironmentError(f"{folder} cannot be written: {error.strerror}") from None
+    finally:
+        shutil.rmtree(work, ignore_errors=True)
+
+
+def _in_folder(folder: Path) -> list[LibLlvm]:
+    files = [path for path in sorted(folder.rglob("*.so*")) if path.is_file() and not path.is_symlink()]
+    dependencies = tuple(path for path in files if not path.name.startswith("libLLVM"))
+    return [LibLlvm(path, dependencies) for path in files if (_version_of(path) or 0) >= OLDEST_VERSION]
+
+
+def _libraries(pattern: str) -> Iterator[Path]:
+    for folder in Path("/").glob(pattern.lstrip("/")):
+        yield from (
+            path
+            for path in (*folder.glob("libLLVM*.so*"), *folder.glob("libLLVM.dylib"))
+            if (_version_of(path.resolve()) or OLDEST_VERSION) >= OLDEST_VERSION
+        )
+
+
+def _version_of(path: Path) -> int | None:
+    match = _VERSION.match(path.name)
+    return int(match.group(1)) if match else None
+
+
+def _loads(path: Path) -> bool:
+    try:
+        ctypes.CDLL(str(path), mode=ctypes.RTLD_GLOBAL)
+    except OSError:
+        return False
+    return True
+
+
+def main() -> None:
+    """Set-up's step: make sure that a working libLLVM is there if that can be had; never fail set-up."""
+    from render.mitsuba.engine import working_llvm  # looks for candidates itself, so it imports this module
+
+    try:
+        if working_llvm() is None:
+            package = provision(provisioned_folder())
+            found = working_llvm()
+            if found is None:
+                shutil.rmtree(provisioned_folder(), ignore_errors=True)
+                raise RenderEnvironmentError(f"{package} does not work here")
+            print(f"libLLVM {found.version or ''} unpacked from {package}: fast rendering on this machine")
+    except RenderEnvironmentError as error:
+        print(f"No libLLVM fetched ({error}): rendering works without, at about half the speed")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,1 @@
+"""From rendered samples to pictures: denoising, colour, files."""

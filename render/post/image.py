@@ -1,0 +1,242 @@
+"""Pictures on disk: EXR with layers and a header, PNG, and lettering. One of two rooms that know OpenImageIO.
+
+A file is written under a temporary name in its own folder, flushed to the disk and renamed, so that a
+name either holds a whole picture or nothing.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from io import BytesIO
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import OpenImageIO as oiio
+from numpy.typing import NDArray
+
+from render.base.atomic_write import appearing, cannot_write
+from render.base.errors import BadInputError, CorruptImageError, MissingImageError
+from render.frame.aovs import AOVS
+from render.frame.render_frame import Layers
+
+Header = Mapping[str, Any]
+Displayed = NDArray[np.uint8] | NDArray[np.uint16]
+
+PREFIX = "flowsculpt:"
+_LETTERS = {"denoised": "RGB", **{name: aov.letters for name, aov in AOVS.items()}}
+_PRECISION = {"half": oiio.HALF, "float": oiio.FLOAT}
+
+
+def write_exr(path: Path, layers: Layers, header: Header, precision: Mapping[str, str] | None = None) -> None:
+    """Write all layers into one EXR; `header` becomes `flowsculpt:` entries beside the layers' own facts.
+
+    precision  by layer half or float, where it is to be another than `AOVS` says
+
+    Header values are whatever JSON can say: strings, numbers, lists (matrices), dicts. The beauty's
+    channels are R, G, B; others are named like albedo.R or position.X.
+    Raises RenderEnvironmentError where the disk is full or the folder cannot be written.
+    """
+    names, formats, planes = [], [], []
+    for layer, array in layers.arrays.items():
+        flat = array.reshape(*array.shape[:2], -1)
+        names += _channel_names(layer, flat.shape[2])
+        formats += [_PRECISION[_precision(layer, precision or {})]] * flat.shape[2]
+        planes.append(flat)
+    width, height = layers.size
+    spec = oiio.ImageSpec(width, height, len(names), oiio.FLOAT)
+    spec.channelnames = tuple(names)
+    spec.channelformats = tuple(oiio.TypeDesc(each) for each in formats)
+    spec.attribute("compression", "zip")
+    spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
+    spec.attribute("DateTime", "")  # of the writing by default, but equal pictures are to be equal files
+    for name, value in {**layers.facts, **header}.items():
+        spec.attribute(PREFIX + name, _encoded(name, value))
+    _write(path, "openexr", spec, np.concatenate(planes, axis=2).astype(np.float32))
+
+
+def read_exr(path: Path) -> tuple[Layers, dict[str, Any]]:
+    """All layers and all `flowsculpt:` entries, which are also the layers' facts; every pixel is read.
+
+    Raises MissingImageError where there is no such file, CorruptImageError where it ends too early or
+    is no EXR.
+    """
+    with _opened(path) as file:
+        spec = file.spec()
+        pixels: Any = file.read_image(0, 0, 0, spec.nchannels, oiio.FLOAT)
+        if pixels is None:
+            raise CorruptImageError(f"{path}: cannot be read to its end ({_reason(file)}); render it again")
+        header = _header(spec)
+    columns: dict[str, list[int]] = {}
+    for index, channel in enumerate(spec.channelnames):
+        layer = channel.rpartition(".")[0] or "beauty"
+        columns.setdefault(layer, []).append(index)
+    arrays = {
+        layer: np.ascontiguousarray(pixels[..., indices[0]] if len(indices) == 1 else pixels[..., indices])
+        for layer, indices in columns.items()
+    }
+    return Layers(arrays, header), header
+
+
+def read_header(path: Path) -> dict[str, Any]:
+    """The `flowsculpt:` entries alone, without reading a pixel. Raises as `read_exr` does."""
+    with _opened(path) as file:
+        return _header(file.spec())
+
+
+def write_png(path: Path, picture: Displayed, header: Header | None = None) -> None:
+    """Write display values (H, W, 3) or (H, W, 4), 8 or 16 bits. Raises RenderEnvironmentError."""
+    kinds = {np.dtype(np.uint8): oiio.UINT8, np.dtype(np.uint16): oiio.UINT16}
+    if picture.ndim != 3 or picture.dtype not in kinds:
+        raise BadInputError(f"a PNG cannot hold {picture.dtype} of shape {picture.shape}; quantise it first")
+    height, width, channels = picture.shape
+    spec = oiio.ImageSpec(width, height, channels, kinds[picture.dtype])
+    spec.attribute("oiio:ColorSpace", "srgb_rec709_display")
+    for name, value in (header or {}).items():
+        spec.attribute(PREFIX + name, _encoded(name, value))
+    _write(path, "png", spec, np.ascontiguousarray(picture))
+
+
+def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = None) -> None:
+    """Write display values (H, W, 3) of 8 bits, hardly compressed, colours at full resolution.
+
+    Raises RenderEnvironmentError.
+    """
+    if picture.ndim != 3 or picture.dtype != np.uint8:
+        raise BadInputError(
+            f"a JPEG cannot hold {picture.dtype} of shape {picture.shape}; quantise it to 8 bits"
+        )
+    height, width, channels = picture.shape
+    spec = oiio.ImageSpec(width, height, channels, oiio.UINT8)
+    spec.attribute("compression", "jpeg:95")
+    spec.attribute("jpeg:subsampling", "4:4:4")
+    spec.attribute("oiio:ColorSpace", "srgb_rec709_display")
+    spec.attribute("ImageDescription", json.dumps(dict(header or {}), sort_keys=True))
+    _write(path, "jpeg", spec, np.ascontiguousarray(picture))
+
+
+def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
+    """A JPEG of display values (H, W, 3), for a page that is shown now: OpenImageIO writes to files alone."""
+    from PIL import Image as PillowImage  # takes a moment to import, and only live pages show such
+
+    buffer = BytesIO()
+    PillowImage.fromarray(picture).save(buffer, "JPEG", quality=90, subsampling=0)
+    return buffer.getvalue()
+
+
+def read_png(path: Path) -> NDArray[Any]:
+    """Display values (H, W, C), uint8 or uint16 as the file has them. Raises as `read_exr` does."""
+    with _opened(path) as file:
+        spec = file.spec()
+        pixels: Any = file.read_image(0, 0, 0, spec.nchannels, spec.format)
+        if pixels is None:
+            raise CorruptImageError(f"{path}: cannot be read to its end ({_reason(file)}); make it again")
+        return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
+
+
+def lettering(text: str, font: str, height: int, spacing: float = 0.0) -> NDArray[np.float32]:
+    """One line of text as coverage (H, W), 0 … 1; `height` is the font's size in pixels.
+
+    `spacing` is added after each letter, in font heights. `font` is the name of a font that OpenImageIO
+    ships or the system has. Letters are set four times too large and scaled down, which places them to
+    a quarter of a pixel. Raises BadInputError for a font that is not there.
+    """
+    fine = 4
+    size = height * fine
+    around = _ink_width("HH", size, font)
+    offsets, x = [], 0.0
+    for letter in text:
+        offsets.append(round(x))
+        x += _ink_width(f"H{letter}H", size, font) - around + spacing * size  # bearings included
+    width = max(1, round(x - spacing * size))
+    page = oiio.ImageBuf(oiio.ImageSpec(-(-width // fine) * fine, 2 * size, 3, oiio.FLOAT))
+    for letter, offset in zip(text, offsets, strict=True):
+        oiio.ImageBufAlgo.render_text(page, offset, int(1.4 * size), letter, size, font, [1.0, 1.0, 1.0])
+    ink = np.asarray(page.get_pixels(oiio.FLOAT))[..., 0]
+    rows, columns = ink.shape[0] // fine, ink.shape[1] // fine
+    return np.asarray(ink.reshape(rows, fine, columns, fine).mean(axis=(1, 3)), dtype=np.float32)
+
+
+def _ink_width(text: str, size: int, font: str) -> int:
+    box = oiio.ImageBufAlgo.text_size(text, size, font)
+    if not box.defined:
+        raise BadInputError(f"there is no font {font!r}; try DroidSans or DroidSerif")
+    return int(box.xend - box.xbegin)
+
+
+def _precision(layer: str, wanted: Mapping[str, str]) -> str:
+    return wanted[layer] if layer in wanted else AOVS[layer].precision if layer in AOVS else "half"
+
+
+def _channel_names(layer: str, count: int) -> list[str]:
+    letters = _LETTERS.get(layer, "XYZW")[:count]
+    if len(letters) != count:
+        raise BadInputError(f"layer {layer!r} has {count} channels; it can have up to {len(letters)}")
+    return list(letters) if layer == "beauty" else [f"{layer}.{letter}" for letter in letters]
+
+
+def _encoded(name: str, value: Any) -> str:
+    """Strings as they are and the rest as JSON; a string that would read as JSON is quoted as JSON."""
+    try:
+        if isinstance(value, str):
+            plain = value != "" and _decoded(value) == value  # OpenImageIO drops empty entries
+            return value if plain else json.dumps(value)
+        return json.dumps(value, allow_nan=False)
+    except (TypeError, ValueError):
+        raise BadInputError(f"header entry {name!r} is {value!r}; it must be what JSON can say") from None
+
+
+def _decoded(text: str) -> Any:
+    try:
+        return json.loads(text)
+    except ValueError:
+        return text
+
+
+def _header(spec: Any) -> dict[str, Any]:
+    return {
+        entry.name.removeprefix(PREFIX): _decoded(str(entry.value))
+        for entry in spec.extra_attribs
+        if entry.name.startswith(PREFIX)
+    }
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    if not path.is_file():
+        raise MissingImageError(f"{path}: there is no such picture")
+    file = oiio.ImageInput.open(str(path))
+    if file is None:
+        raise CorruptImageError(f"{path}: cannot be opened ({_reason(oiio)}); make it again")
+    try:
+        yield file
+    finally:
+        file.close()
+
+
+def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
+    with appearing(path) as temporary:
+        output: Any = oiio.ImageOutput.create(kind)
+        written = output.open(str(temporary), spec) and output.write_image(pixels)
+        reason = "" if written else _reason(output)
+        if not (output.close() and written):
+            raise cannot_write(path, reason or _reason(output))
+        _check_whole(temporary, path)
+
+
+def _check_whole(temporary: Path, path: Path) -> None:
+    """Read what was written: the PNG writer does not notice a disk that fills up."""
+    file = oiio.ImageInput.open(str(temporary))
+    whole = file is not None and file.read_image(0, 0, 0, file.spec().nchannels, oiio.UNKNOWN) is not None
+    if file is not None:
+        file.close()
+    if not whole:
+        raise cannot_write(path, f"what was written cannot be read: {_reason(file or oiio)}")
+
+
+def _reason(source: Any) -> str:
+    """The last thing OpenImageIO had to say, in one line."""
+    complaints = str(source.geterror()).strip().splitlines()
+    return complaints[-1].strip() if complaints else "no reason given"

@@ -1,0 +1,80 @@
+"""A camera as plain numbers, in scene units."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from render.base.errors import BadInputError
+from render.base.serialise import Triple
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A perspective camera.
+
+    origin, target   where it stands and what it looks at, scene units
+    up               the direction that points up in the picture
+    field_of_view    horizontal, radians
+    near, far        clipping distances, scene units
+    lens_radius      of its opening, scene units; 0 is sharp everywhere
+    focus_distance   along the lens, to the plane that is sharp, scene units
+    """
+
+    origin: Triple
+    target: Triple
+    up: Triple = (0.0, 1.0, 0.0)
+    field_of_view: float = math.radians(26.0)
+    near: float = 1e-2
+    far: float = 1e4
+    lens_radius: float = 0.0
+    focus_distance: float = 1.0
+
+    def __post_init__(self) -> None:
+        lens = (self.field_of_view, self.near, self.far, self.lens_radius, self.focus_distance)
+        numbers = (*self.origin, *self.target, *self.up, *lens)
+        if not all(math.isfinite(number) for number in numbers):
+            raise BadInputError("a camera's numbers must all be finite")
+        if not 0.0 < self.field_of_view < math.pi:
+            raise BadInputError(
+                f"field_of_view is {math.degrees(self.field_of_view):.4g}°; it must lie within 0° … 180°"
+            )
+        if not 0.0 < self.near < self.far:
+            raise BadInputError(f"near is {self.near} and far is {self.far}; 0 < near < far must hold")
+        if self.lens_radius < 0.0:
+            raise BadInputError(f"lens_radius is {self.lens_radius}; it must be at least 0")
+        direction = np.subtract(self.target, self.origin)
+        if np.linalg.norm(np.cross(direction, self.up)) <= 1e-9 * np.linalg.norm(direction):
+            raise BadInputError(
+                f"the camera at {self.origin} has no direction; its target must be off its up axis"
+            )
+
+    def axes(self) -> NDArray[np.float64]:
+        """(3, 3): the unit vectors that point right and up in the picture, and forward."""
+        forward = _unit(np.subtract(self.target, self.origin))
+        right = _unit(np.cross(forward, self.up))
+        return np.stack([right, np.cross(right, forward), forward])
+
+    @property
+    def blurs(self) -> bool:
+        """Whether anything is out of focus: then no layer is free of noise."""
+        return self.lens_radius > 0.0
+
+    def project(self, points: ArrayLike, aspect: float) -> NDArray[np.float64]:
+        """Where points (N, 3) fall: (N, 3) of x and y, −1 … 1 from edge to edge, and depth along the lens.
+
+        x grows to the right and y upwards; what lies behind the camera has a depth below 0 and no
+        meaningful x and y. `aspect` is the picture's width over its height.
+        """
+        local = (np.asarray(points, dtype=np.float64) - self.origin) @ self.axes().T
+        depth = local[:, 2]
+        half_width = math.tan(self.field_of_view / 2.0)
+        scale = np.where(depth == 0.0, np.inf, depth) * half_width
+        return np.stack([local[:, 0] / scale, local[:, 1] / scale * aspect, depth], axis=1)
+
+
+def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)

@@ -1,0 +1,188 @@
+"""Light rigs, in stage units: the subject has a half-size of 1 and stands on the floor y = 0.
+
+A rig is built around the subject and moved with the stage (`render.scene.stage.Placement`); softboxes have a
+radiance, not a power, so a stage of any size is equally bright.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from render.base.serialise import Triple
+from render.scene.daylight import Daylight
+from render.scene.environment import Environment
+
+
+@dataclass(frozen=True)
+class Softbox:
+    """A glowing rectangle that faces its target; the camera does not see it, reflections do.
+
+    position, target   stage units
+    width, height      stage units; height is along the vertical
+    radiance           linear Rec.709
+    name               what it is called in its rig
+    """
+
+    position: Triple
+    width: float
+    height: float
+    radiance: Triple
+    target: Triple = (0.0, 1.0, 0.0)
+    name: str = ""
+
+
+@dataclass(frozen=True)
+class Sun:
+    """Parallel light with hard shadows. `direction` is where it shines to; irradiance in linear Rec.709."""
+
+    direction: Triple
+    irradiance: Triple
+
+
+@dataclass(frozen=True)
+class Sky:
+    """Light from everywhere: a gradient from zenith through horizon to nadir, linear Rec.709 radiance."""
+
+    zenith: Triple = (0.0, 0.0, 0.0)
+    horizon: Triple = (0.0, 0.0, 0.0)
+    nadir: Triple = (0.0, 0.0, 0.0)
+    visible: bool = False
+
+    @property
+    def is_uniform(self) -> bool:
+        return self.zenith == self.horizon == self.nadir
+
+
+@dataclass(frozen=True)
+class LightRig:
+    """All lights of a shot. `exposure` is in stops and acts when linear light becomes a display picture.
+
+    daylight, environment  what shines from all around in place of the sky; one of them
+    """
+
+    softboxes: tuple[Softbox, ...] = ()
+    suns: tuple[Sun, ...] = ()
+    sky: Sky = Sky()
+    exposure: float = 0.0
+    daylight: Daylight | None = None
+    environment: Environment | None = None
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the lights whose strength `dimmed` can change."""
+        around = ("sun", "sky") if self.daylight or self.suns else ("sky",)
+        return (*dict.fromkeys(box.name for box in self.softboxes if box.name), *around)
+
+    @property
+    def shows_sky(self) -> bool:
+        """Whether the lens sees what shines from all around."""
+        around = self.daylight or self.environment or self.sky
+        return around.visible
+
+    def turned(self, angle: float) -> LightRig:
+        """The same, turned by radians about the vertical, from +z towards +x."""
+        if angle == 0.0:
+            return self
+        return replace(
+            self,
+            softboxes=tuple(
+                replace(box, position=_turned(box.position, angle), target=_turned(box.target, angle))
+                for box in self.softboxes
+            ),
+            suns=tuple(replace(sun, direction=_turned(sun.direction, angle)) for sun in self.suns),
+            daylight=self.daylight and replace(self.daylight, azimuth=self.daylight.azimuth + angle),
+            environment=self.environment and replace(self.environment, turn=self.environment.turn + angle),
+        )
+
+    def dimmed(self, strengths: Mapping[str, float]) -> LightRig:
+        """The same with lights that are that many times as strong, by their names."""
+        sun, sky = strengths.get("sun", 1.0), strengths.get("sky", 1.0)
+        return replace(
+            self,
+            softboxes=tuple(
+                replace(box, radiance=_times(box.radiance, strengths.get(box.name, 1.0)))
+                for box in self.softboxes
+            ),
+            suns=tuple(replace(each, irradiance=_times(each.irradiance, sun)) for each in self.suns),
+            sky=replace(
+                self.sky,
+                zenith=_times(self.sky.zenith, sky),
+                horizon=_times(self.sky.horizon, sky),
+                nadir=_times(self.sky.nadir, sky),
+            ),
+            daylight=self.daylight
+            and replace(self.daylight, sun=self.daylight.sun * sun, sky=self.daylight.sky * sky),
+            environment=self.environment
+            and replace(self.environment, intensity=self.environment.intensity * sky),
+        )
+
+    def plainly(self) -> LightRig:
+        """The same with suns and a sky of one gradient alone, as quick previews know them."""
+        if self.daylight:
+            x, y, z = self.daylight.direction
+            high = math.sqrt(y)
+            sun = Sun((-x, -y, -z), _times((7.0, 5.6 * high + 0.6, 4.4 * high), self.daylight.sun))
+            sky = Sky(
+                _times((0.16, 0.28, 0.56), self.daylight.sky),
+                _times((0.5, 0.56, 0.62), self.daylight.sky),
+                _times((0.1, 0.1, 0.1), self.daylight.sky),
+            )
+            return replace(self, suns=(*self.suns, sun), sky=sky, daylight=None)
+        if self.environment:
+            grey = _times((0.8, 0.8, 0.8), self.environment.intensity)
+            return replace(self, sky=Sky(grey, grey, grey), environment=None)
+        return self
+
+
+def _turned(place: Triple, angle: float) -> Triple:
+    x, y, z = place
+    c, s = math.cos(angle), math.sin(angle)
+    return c * x + s * z, y, c * z - s * x
+
+
+def _times(colour: Triple, factor: float) -> Triple:
+    red, green, blue = colour
+    return factor * red, factor * green, factor * blue
+
+
+_FILL = (0.42, 0.47, 0.56)
+
+_KEY = Softbox((-4.4, 5.4, 4.0), 1.9, 1.9, (136.0, 119.0, 97.0), name="key")
+"""Warm, from the upper left front: it models the form."""
+
+_RIM = Softbox((4.9, 3.4, -4.4), 0.55, 2.8, (110.0, 132.0, 172.0), name="rim")
+"""A cool strip behind on the right: it draws the lips of the creases."""
+
+_BACK = Softbox((0.0, 8.6, -5.0), 4.0, 2.4, (15.0, 15.3, 16.0), target=(0.0, 0.0, -4.2), name="back")
+"""High over the ground behind the subject, which it lifts from the wall's darkness."""
+
+LIGHTS = {
+    "studio": LightRig((_KEY, _RIM, _BACK), sky=Sky(_FILL, _FILL, _FILL)),
+    # Long strips all around: a mirror shows its form only by what it has to bend.
+    "gallery": LightRig(
+        (
+            Softbox((-5.4, 3.4, 2.6), 0.7, 5.0, (74.0, 66.0, 56.0), name="left"),
+            Softbox((3.2, 3.0, 6.0), 0.35, 4.6, (40.0, 41.0, 44.0), name="front"),
+            Softbox((5.2, 3.6, -3.6), 0.55, 4.4, (76.0, 90.0, 118.0), name="right"),
+            Softbox((0.0, 7.6, -1.0), 5.0, 0.8, (42.0, 42.0, 42.0), name="top"),
+        ),
+        sky=Sky((0.30, 0.34, 0.42), (0.12, 0.13, 0.16), (0.1, 0.1, 0.1)),
+    ),
+    # The book's three: a warm key off the axis of the lens, a faint fill opposite, a rim behind.
+    "three_point": LightRig(
+        (
+            Softbox((5.6, 5.0, 2.6), 1.5, 1.5, (190.0, 164.0, 132.0), name="key"),
+            Softbox((-5.6, 2.6, 4.4), 3.2, 2.4, (7.0, 8.0, 9.6), name="fill"),
+            Softbox((-3.6, 5.4, -4.6), 0.8, 2.2, (150.0, 167.0, 196.0), name="rim"),
+        ),
+        sky=Sky((0.1, 0.115, 0.14), (0.1, 0.115, 0.14), (0.1, 0.115, 0.14)),
+    ),
+    # One window: form by a single long gradient.
+    "softbox": LightRig(
+        (Softbox((-4.0, 6.0, 2.8), 5.0, 5.0, (22.0, 20.9, 19.3), name="key"),),
+        sky=Sky((0.2, 0.22, 0.26), (0.2, 0.22, 0.26), (0.2, 0.22, 0.26)),
+    ),
+    "daylight": LightRig(daylight=Daylight()),
+}

@@ -1,0 +1,230 @@
+"""What the sculpture stands on, in stage units, and where that is in the scene."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.base.errors import BadInputError
+from render.base.serialise import Triple
+from render.scene.camera import Camera
+
+RINGS, SIDES = 33, 64
+"""How finely a cyclorama is cut. Its normals are exact, so more would change no picture and cost rays."""
+
+KINDS = ("cyclorama", "ground", "plinth", "turntable", "none")
+
+BEVEL = 0.025
+"""Radius of a plinth's edges, stage units: they catch the light."""
+
+NEARBY, HORIZON, EYE = 40.0, 400.0, 4.0
+"""Of the ground: how far it is flat, how far it goes, and how high it is there, stage units."""
+
+_ROOM = {"plinth": (1.36, 0.22), "turntable": (1.16, 0.05)}
+"""How many times as far away the camera stands as for the subject alone, and how many stage units lower."""
+
+Mesh = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the stage stands: the scene point under the subject's middle, and the subject's half-size.
+
+    Stage and lights are scaled by `size`, turned by `turn` radians about the vertical (from +z towards
+    +x) and then moved by `origin`, so a sculpture and its enlarged copy with an equally enlarged placement
+    give the same picture.
+    """
+
+    origin: Triple = (0.0, 0.0, 0.0)
+    size: float = 1.0
+    turn: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.size > 0.0 and all(math.isfinite(x) for x in (*self.origin, self.size, self.turn))):
+            raise BadInputError(
+                f"placement has origin {self.origin} and size {self.size}; finite and size above 0 needed"
+            )
+
+    def matrix(self) -> NDArray[np.float64]:
+        """(4, 4): stage units to scene units."""
+        c, s = math.cos(self.turn), math.sin(self.turn)
+        transform = np.eye(4)
+        transform[:3, :3] = self.size * np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+        transform[:3, 3] = self.origin
+        return transform
+
+    def carried(self, points: NDArray[np.floating], to: Placement) -> NDArray[np.float64]:
+        """(…, 3): where points that go with the stage are once it stands as `to` says."""
+        change = to.matrix() @ np.linalg.inv(self.matrix())
+        return np.asarray(points @ change[:3, :3].T + change[:3, 3])
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A cyclorama seen from anywhere: a round floor that sweeps up into a wall without an edge.
+
+    It is a shallow dish rather than a box: what a lens 10–20° above the floor sees is all there, and
+    light that is scattered upwards leaves at once, which makes pictures several times cheaper.
+
+    kind          one of KINDS: "cyclorama", "ground" (level to the horizon), "plinth" (the subject stands on
+                  one, in a cyclorama), "turntable" (a cyclorama with balls and a colour chart in the lower
+                  corners of the picture), or "none" for a subject before the sky
+    colour        linear Rec.709 reflectance of floor and wall
+    roughness     of a coat on them: 0.05 mirrors, 0.4 shimmers; none is matt
+    floor         radius of the flat floor, stage units
+    sweep         width of the ring in which it rises
+    steepness     slope at the outer rim, radians
+    width, height of the plinth, stage units; `round` has it turned instead of square
+    """
+
+    kind: str = "cyclorama"
+    colour: Triple = (0.36, 0.355, 0.35)
+    floor: float = 7.0
+    sweep: float = 14.0
+    steepness: float = math.radians(55.0)
+    roughness: float | None = None
+    width: float = 1.7
+    height: float = 1.6
+    round: bool = False
+
+    def __post_init__(self) -> None:
+        if self.kind not in KINDS:
+            raise BadInputError(f"stage is {self.kind!r}; it can be {', '.join(KINDS)}")
+        if min(self.floor, self.sweep) <= 0.0 or not 0.0 < self.steepness <= math.pi / 2.0:
+            raise BadInputError("a cyclorama's floor and sweep must be above 0, its steepness in 0° … 90°")
+        if not (self.width >= 8.0 * BEVEL and self.height >= 8.0 * BEVEL):
+            raise BadInputError(
+                f"a plinth is {self.width} wide and {self.height} high; both need {8 * BEVEL}"
+            )
+        if self.roughness is not None and not 0.0 <= self.roughness <= 1.0:
+            raise BadInputError(f"stage has roughness {self.roughness}; it must lie between 0 and 1")
+
+    @property
+    def room(self) -> tuple[float, float] | None:
+        """How many times as far the camera stands, and by how many stage units lower, or as it is."""
+        return _ROOM.get(self.kind)
+
+    def seen_by(self, camera: Camera, placement: Placement) -> Camera:
+        """The camera that frames the subject, a few steps back and lower where the stage needs room below."""
+        if self.room is None:
+            return camera
+        back, down = self.room
+        x, y, z = camera.target
+        away = [back * (a - b) for a, b in zip(camera.origin, camera.target, strict=True)]
+        target = (x, y - down * placement.size, z)
+        return replace(
+            camera, target=target, origin=(target[0] + away[0], target[1] + away[1], target[2] + away[2])
+        )
+
+    def mesh(self) -> Mesh:
+        """All that stands there but for balls and charts, as `backdrop`."""
+        vertices, normals, faces = self.backdrop()
+        if self.kind != "plinth":
+            return vertices, normals, faces
+        more = self.plinth()
+        return (
+            np.concatenate([vertices, more[0]]),
+            np.concatenate([normals, more[1]]),
+            np.concatenate([faces, more[2] + np.int32(len(vertices))]),
+        )
+
+    def backdrop(self) -> Mesh:
+        """Vertices (V, 3), normals (V, 3) and faces (F, 3) of floor and wall, seen from within."""
+        vertices, normals, faces = _revolve(*(self._level() if self.kind == "ground" else self._profile()))
+        if self.kind == "plinth":
+            vertices = vertices - np.array([0.0, self.height, 0.0], dtype=np.float32)
+        return vertices, normals, faces
+
+    def plinth(self) -> Mesh:
+        """As `backdrop`, of a pillar whose top lies at y = 0, its upper edges rounded."""
+        return _pillar(self.width / 2.0, self.height, self.width / 2.0 if self.round else 1.6 * BEVEL)
+
+    def _level(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Points of radius and height, and normals: flat, and far away up to the height of the eye, since a
+        horizon lies there."""
+        t = np.linspace(0.0, 1.0, RINGS)
+        rise = EYE * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        slope = np.arctan2(np.gradient(rise), np.gradient(t * (HORIZON - NEARBY)))
+        curve = np.stack([NEARBY + t * (HORIZON - NEARBY), rise], axis=1)
+        inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
+        return np.concatenate([[[0.0, 0.0]], curve]), np.concatenate([[[0.0, 1.0]], inwards])
+
+    def _profile(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Points (N, 2) of radius and height from the middle outwards, and their inward normals.
+
+        The slope follows a smoothstep, so that the curvature begins and ends at 0: a plain arc meets
+        the floor with a jump of curvature that reflections and gradients show as a line.
+        """
+        t = np.linspace(0.0, 1.0, RINGS)
+        slope = self.steepness * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        steps = np.stack([np.cos(slope), np.sin(slope)], axis=1)
+        curve = np.concatenate([[[0.0, 0.0]], np.cumsum((steps[1:] + steps[:-1]) / 2.0, axis=0)])
+        curve = curve / curve[-1, 0] * self.sweep + [self.floor, 0.0]
+        inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
+        middle = [[0.0, 0.0], [self.floor / 2.0, 0.0]]
+        return np.concatenate([middle, curve]), np.concatenate([[[0.0, 1.0]] * 2, inwards])
+
+
+def _revolve(profile: NDArray[np.float64], normals: NDArray[np.float64], sides: int = SIDES) -> Mesh:
+    """Turn a profile of (radius, height) about the y axis; faces look towards the axis."""
+    angle = np.linspace(0.0, 2.0 * math.pi, sides, endpoint=False)
+    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+    def turned(pairs: NDArray[np.float64]) -> NDArray[np.float32]:
+        ring = np.empty((len(pairs), sides, 3), dtype=np.float32)
+        ring[..., 0] = pairs[:, :1] * around[:, 0]
+        ring[..., 1] = pairs[:, 1:]
+        ring[..., 2] = pairs[:, :1] * around[:, 1]
+        return ring.reshape(-1, 3)
+
+    i = np.arange(len(profile) - 1)[:, None] * sides
+    j = np.arange(sides)[None, :]
+    k = (j + 1) % sides
+    inner_j, inner_k, outer_j, outer_k = i + j, i + k, i + sides + j, i + sides + k
+    first = np.stack([inner_j, outer_k, outer_j], axis=-1)
+    second = np.stack([inner_j, inner_k, outer_k], axis=-1)[1:]  # at the middle it would have no area
+    faces = np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]).astype(np.int32)
+    return turned(profile), turned(normals), faces
+
+
+def _pillar(half: float, height: float, corner: float) -> Mesh:
+    """A square pillar of half a width, its vertical edges as round as `corner`: a turned one if that is all.
+
+    An outline that is drawn in by some length keeps its straight parts; only its corners become smaller.
+    """
+    turned = corner == half
+    part = np.linspace(0.0, 1.0, 24 if turned else 6, endpoint=not turned)
+    angle = (np.arange(4)[:, None] + part[None, :]) * math.pi / 2.0
+    out = np.stack([np.cos(angle), np.sin(angle)], axis=-1).reshape(-1, 2)
+    middle = (np.arange(4) + 0.5) * math.pi / 2.0
+    sides_of = np.sign(np.stack([np.cos(middle), np.sin(middle)], axis=1))
+    centre = (half - corner) * np.repeat(sides_of, len(part), axis=0)
+    lean = np.linspace(math.pi / 2.0, 0.0, 7)
+    inset = np.append(BEVEL * (1.0 - np.cos(lean)), 0.0)
+    level = np.append(BEVEL * (np.sin(lean) - 1.0), -height)
+    tilt = np.append(lean, 0.0)
+    rings, sides = len(inset), len(out)
+    vertices, normals = np.empty((rings, sides, 3)), np.empty((rings, sides, 3))
+    vertices[..., [0, 2]] = centre + (corner - inset)[:, None, None] * out
+    vertices[..., 1] = level[:, None]
+    normals[..., [0, 2]] = np.cos(tilt)[:, None, None] * out
+    normals[..., 1] = np.sin(tilt)[:, None]
+    i, j = np.arange(rings - 1)[:, None] * sides, np.arange(sides)[None, :]
+    k = (j + 1) % sides
+    above, after, below, across = i + j, i + k, i + sides + j, i + sides + k
+    wall = [np.stack([above, after, across], -1), np.stack([above, across, below], -1)]
+    lid = np.stack([np.full(sides, rings * sides), k[0], j[0]], axis=-1)
+    faces = np.concatenate([*(part.reshape(-1, 3) for part in wall), lid]).astype(np.int32)
+    top = np.array([[0.0, 0.0, 0.0]]), np.array([[0.0, 1.0, 0.0]])
+    return (
+        np.concatenate([vertices.reshape(-1, 3), top[0]]).astype(np.float32),
+        np.concatenate([normals.reshape(-1, 3), top[1]]).astype(np.float32),
+        faces,
+    )
+
+
+STAGES = {kind: Stage(kind) for kind in KINDS}
+STAGES["turntable"] = Stage("turntable", colour=(0.32, 0.32, 0.32))
