@@ -122,7 +122,7 @@ def by_error(points: Points) -> list[Row]:
     """
     cores = [(x, y, 0.0) for x in (-0.6, 0.6) for y in (-0.6, 0.6)]
     field = Sum(tuple(catalogue.Vortex(centre=core, radius=0.05, strength=0.5) for core in cores))
-    exact = Streamlines(field, 32 * len(Streamlines(field).course(0.0, FRAME).spans)).displace(
+    exact = Streamlines(field, 32 * len(Streamlines(field).step_plan(0.0, FRAME).spans)).displace(
         points, 0.0, FRAME
     )
     rows: list[Row] = []

@@ -92,7 +92,7 @@ def ways(field: VelocityField) -> AnyArray:
 
 
 def _settled(flow: Streamlines, points: Points) -> Points:
-    return flow.displace(points, 0.0, 60.0 / flow.field.steepness(0.0))
+    return flow.displace(points, 0.0, 60.0 / flow.field.gradient_bound(0.0))
 
 
 def _strands(panel: Axes, places: AnyArray, seen: AnyArray) -> None:

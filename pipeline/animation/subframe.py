@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pipeline.animation.frame import MeshFrame
 from pipeline.errors import UsageError
-from pipeline.flow import displaced
+from pipeline.flow import checked_displacement
 from pipeline.mesh import TriangleMesh
 from pipeline.shot import Motion
 
@@ -27,5 +27,5 @@ def at_moment(motion: Motion, frame: MeshFrame, moment: float) -> TriangleMesh:
         )
     time, dt = motion.clock.between(frame.number, moment)
     flow = motion.bounded(motion.flow, frame.number + (moment > frame.number))
-    moved = displaced(flow, frame.mesh.vertices, time, dt, frame.number)
+    moved = checked_displacement(flow, frame.mesh.vertices, time, dt, frame.number)
     return TriangleMesh(moved, frame.mesh.faces, creases=frame.mesh.creases)

@@ -1,6 +1,6 @@
 """Flows: mappings of points into points, and how they are composed and choreographed."""
 
-from pipeline.flow.checked_displacement import displaced
+from pipeline.flow.checked_displacement import checked_displacement
 from pipeline.flow.compose import (
     Blend,
     Frame,
@@ -37,6 +37,6 @@ __all__ = [
     "VelocityField",
     "Within",
     "as_flow",
-    "displaced",
+    "checked_displacement",
     "keyed",
 ]

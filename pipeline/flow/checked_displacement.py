@@ -15,7 +15,7 @@ from pipeline.flow.flow import Flow, Part
 from pipeline.flow.streamlines import Streamlines
 
 
-def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) -> Points:
+def checked_displacement(flow: Flow, points: Points, time: float, dt: float, frame: int) -> Points:
     """`flow.displace`: a new float64 array (N, 3) of finite numbers, or a FrameError.
 
     The error names the flow (of several in order the guilty one), the first bad vertex and where that vertex
@@ -29,7 +29,7 @@ def displaced(flow: Flow, points: Points, time: float, dt: float, frame: int) ->
     return points
 
 
-def failure(error: Exception, flow: Flow, frame: int) -> FrameError:
+def flow_error(error: Exception, flow: Flow, frame: int) -> FrameError:
     """What went wrong as the error of that frame, which names the flow."""
     if isinstance(error, FrameError):
         return error.of(frame)
@@ -37,13 +37,10 @@ def failure(error: Exception, flow: Flow, frame: int) -> FrameError:
     return FrameError(f"flow {flow.name}: {told}", frame)
 
 
-def deciding(flow: Flow, time: float, dt: float) -> Any:
-    """`flow.acting`, of a step that fails too: its frame is then known by why it fails, and fails when made.
-
-    So whatever is wrong with one frame, every other has a key.
-    """
+def checked_cache_data(flow: Flow, time: float, dt: float) -> Any:
+    """Return `flow.cache_data`, or why it fails: every frame then has a key, and fails when it is made."""
     try:
-        data = flow.acting(time, dt)
+        data = flow.cache_data(time, dt)
     except (FlowsculptError, ArithmeticError) as error:
         return {"fails": f"{type(error).__name__}: {error}"}
     try:
@@ -59,7 +56,7 @@ def _moved(part: Part, points: Points, frame: int) -> Points:
     try:
         moved = np.array(flow.displace(points.copy(), time, dt), dtype=np.float64)
     except FlowsculptError as error:
-        raise failure(error, flow, frame) from error
+        raise flow_error(error, flow, frame) from error
     except Exception as error:
         raise FrameError(
             f"{place} raised {type(error).__name__}: {error}; a flow takes points (N, 3), time and dt "
@@ -96,7 +93,7 @@ def trouble(flow: Flow, place: Points, time: float, dt: float) -> str | None:
     here = np.array(place)
     formulas = any(isinstance(leaf, Formula) for leaf, _ in flow.field.leaves(here, time))
     plain = replace(flow, tolerance=None, stride=None)
-    for h in plain.course(time, dt).spans[:, 0] if formulas else ():
+    for h in plain.step_plan(time, dt).spans[:, 0] if formulas else ():
         slopes: list[Points] = [np.zeros(3)]
         for share in (0.0, 0.5, 0.5, 1.0):
             at, moment = here + share * h * slopes[-1], time + share * h

@@ -30,14 +30,14 @@ class Flow(ABC):
         """
 
     @abstractmethod
-    def acting(self, time: float, dt: float) -> Any:
+    def cache_data(self, time: float, dt: float) -> Any:
         """All that decides `displace` over this step, as JSON-able data: equal data, equal motion."""
 
     def parts(self, time: float, dt: float) -> Iterator[Part]:
         """What acts one after another within this step: `displace` is all of it in order."""
         yield Part(self, time, dt)
 
-    def striding(self, stride: float) -> Flow:
+    def with_max_step(self, stride: float) -> Flow:
         """The same flow, of which no sub-step along velocities takes a point further than `stride` units."""
         return self
 
@@ -64,7 +64,7 @@ class Function(Flow):
     def displace(self, points: Points, time: float, dt: float) -> Points:
         return self.displacement(points.copy(), time, dt)
 
-    def acting(self, time: float, dt: float) -> Any:
+    def cache_data(self, time: float, dt: float) -> Any:
         return {"function": self.name, "time": time, "dt": dt}
 
     @property

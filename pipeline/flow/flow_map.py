@@ -8,11 +8,11 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.flow.checked_displacement import displaced, failure
+from pipeline.flow.checked_displacement import checked_displacement, flow_error
 from pipeline.flow.flow import Flow
-from pipeline.flow.streamlines import Course, Streamlines
+from pipeline.flow.streamlines import StepPlan, Streamlines
 
-LARGEST_COURSE = 1 << 20
+LARGEST_STEP_PLAN = 1 << 20
 """Numbers in the tables of one kernel call: 8 MB."""
 
 
@@ -27,19 +27,19 @@ class Step:
 
     def apply(self, points: Points) -> Points:
         """Points (N, 3) moved, and looked at. Raises FrameError."""
-        return displaced(self.flow, points, self.time, self.dt, self.frame)
+        return checked_displacement(self.flow, points, self.time, self.dt, self.frame)
 
 
 @dataclass(frozen=True)
 class Leg:
     """Steps along streamlines, followed by one compiled call; points that need finer ones go step by step."""
 
-    course: Course
+    plan: StepPlan
     steps: tuple[Step, ...]
 
     def apply(self, points: Points) -> Points:
         """Points (N, 3) through all of it. Raises FrameError."""
-        moved = self.course.follow(points)
+        moved = self.plan.follow(points)
         finite = np.isfinite(moved)
         if not finite.all():
             lost = ~finite.all(axis=1)
@@ -54,11 +54,11 @@ class Leg:
 
     def fits(self, more: Leg) -> bool:
         """Whether one call can follow both."""
-        size = len(self.course.tables) + len(more.course.tables)
-        return size <= LARGEST_COURSE and self.course.halved == more.course.halved
+        size = len(self.plan.tables) + len(more.plan.tables)
+        return size <= LARGEST_STEP_PLAN and self.plan.halved == more.plan.halved
 
     def joined(self, more: Leg) -> Leg:
-        return Leg(Course.joined([self.course, more.course]), self.steps + more.steps)
+        return Leg(StepPlan.joined([self.plan, more.plan]), self.steps + more.steps)
 
 
 class History:
@@ -66,7 +66,7 @@ class History:
 
     A point carried arrives at the very bits where a vertex that started there was moved to, frame by frame:
     the same sub-steps are taken in the same order. Streamlines are followed by one compiled call for as
-    many frames as LARGEST_COURSE allows, and their tables are worked out once; other flows act frame by
+    many frames as LARGEST_STEP_PLAN allows, and their tables are worked out once; other flows act frame by
     frame. The flow must move each point regardless of the others, as a mapping of points into points
     does (P1).
     """
@@ -120,6 +120,6 @@ def _leg(step: Step) -> Leg | Step:
     if not isinstance(step.flow, Streamlines):
         return step
     try:
-        return Leg(step.flow.course(step.time, step.dt), (step,))
+        return Leg(step.flow.step_plan(step.time, step.dt), (step,))
     except (FlowsculptError, ArithmeticError) as error:
-        raise failure(error, step.flow, step.frame) from error
+        raise flow_error(error, step.flow, step.frame) from error

@@ -48,7 +48,7 @@ class PythonFlow(Flow):
                 "(N, 3), time and dt and returns points (N, 3). Call it alone with these."
             ) from error
 
-    def acting(self, time: float, dt: float) -> Any:
+    def cache_data(self, time: float, dt: float) -> Any:
         return {"python": self.digest, "function": self.function, "time": time, "dt": dt}
 
     @property

@@ -55,7 +55,7 @@ class Region(ABC):
         numbers = (*shape, self.falloff_at(time), *factors, float(FALLS[self.fall]), *last)
         return Instruction(self._opcode, (*numbers, *(0.0,) * (op.COLUMNS - len(numbers))))
 
-    def acting(self, time: float) -> Any:
+    def cache_data(self, time: float) -> Any:
         """All that decides its weights at a time, JSON-able."""
         closing = self.closing(time)
         return [closing.kind, list(closing.numbers) if closing.identity is None else closing.identity]

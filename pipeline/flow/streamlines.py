@@ -33,7 +33,7 @@ MOST_SUBSTEPS = 10_000
 WORTH_SHARING = 8000  # steps of points: fewer are done before a second thread has begun
 
 
-class Course(NamedTuple):
+class StepPlan(NamedTuple):
     """Sub-steps along velocity fields, one after another, as a kernel takes them.
 
     kinds    int32 (K,), the kinds of all the fields
@@ -53,19 +53,19 @@ class Course(NamedTuple):
     halved: bool = False
 
     @classmethod
-    def joined(cls, courses: Sequence[Course]) -> Course:
+    def joined(cls, plans: Sequence[StepPlan]) -> StepPlan:
         """All of them in order, as one. They are of one kind, `halved` or not."""
         shift, steps = np.zeros(6, np.int64), []
-        for course in courses:
-            steps.append(course.steps + shift)
-            shift[:3] += (len(course.kinds), len(course.kinds), len(course.tables))
+        for plan in plans:
+            steps.append(plan.steps + shift)
+            shift[:3] += (len(plan.kinds), len(plan.kinds), len(plan.tables))
         return cls(
-            np.concatenate([course.kinds for course in courses]),
-            np.concatenate([course.tables for course in courses]),
+            np.concatenate([plan.kinds for plan in plans]),
+            np.concatenate([plan.tables for plan in plans]),
             np.concatenate(steps),
-            np.concatenate([course.spans for course in courses]),
-            tuple({id(owner): owner for course in courses for owner in course.owners}.values()),
-            courses[0].halved,
+            np.concatenate([plan.spans for plan in plans]),
+            tuple({id(owner): owner for plan in plans for owner in plan.owners}.values()),
+            plans[0].halved,
         )
 
     def follow(self, points: Points) -> Points:
@@ -88,7 +88,7 @@ DEFAULT_TOLERANCE = 1e-5
 """Scene units that a sub-step may err: a hundredth of a pixel, where a picture is some units wide."""
 
 FIRST_HALVINGS = 2
-"""So often a sub-step may be halved before a finer course is worked out."""
+"""So often a sub-step may be halved before a finer plan is worked out."""
 
 RESOLVED, RESOLVED_BY_WAY = 5, 2
 """What changes in time is known at the sub-steps of so many halvings, and finer ones take the nearest: with a
@@ -135,7 +135,7 @@ class Streamlines(Flow):
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         """Raises FrameError where a point would need more sub-steps than there may be."""
-        moved = self.course(time, dt).follow(points)
+        moved = self.step_plan(time, dt).follow(points)
         if self.limited:
             finite = np.isfinite(moved)
             if not finite.all():
@@ -143,7 +143,7 @@ class Streamlines(Flow):
                 moved[lost] = self._closely(points[lost], time, dt)
         return moved
 
-    def striding(self, stride: float) -> Streamlines:
+    def with_max_step(self, stride: float) -> Streamlines:
         return replace(self, stride=stride)
 
     @property
@@ -151,7 +151,7 @@ class Streamlines(Flow):
         """Whether its points halve their sub-steps."""
         return self.tolerance is not None or self.stride is not None
 
-    def course(self, time: float, dt: float, closely: bool = False) -> Course:
+    def step_plan(self, time: float, dt: float, closely: bool = False) -> StepPlan:
         """The sub-steps of this step; `closely`, as fine as points may have them.
 
         Raises FrameError where they are more than MOST_SUBSTEPS.
@@ -173,9 +173,9 @@ class Streamlines(Flow):
         limits = [math.inf if limit is None else limit for limit in (self.tolerance, self.stride)]
         spans = np.tile([dt / count, *limits], (count, 1))
         halved = closely or self.tolerance is not None
-        return Course(kinds, tables.ravel(), steps, spans, owners_of(programs[0]), halved)
+        return StepPlan(kinds, tables.ravel(), steps, spans, owners_of(programs[0]), halved)
 
-    def acting(self, time: float, dt: float) -> Any:
+    def cache_data(self, time: float, dt: float) -> Any:
         """A field too steep to follow has data too, without a step: its frame fails, and not before."""
         wanted = self._substeps(time, dt)
         feasible = wanted <= MOST_SUBSTEPS
@@ -197,7 +197,7 @@ class Streamlines(Flow):
         """How many are given, or asked for by the limit at the start, middle and end of the step."""
         if self.substeps:
             return self.substeps
-        steepest = max(self.field.steepness(t) for t in (time, time + dt / 2, time + dt))
+        steepest = max(self.field.gradient_bound(t) for t in (time, time + dt / 2, time + dt))
         wanted = steepest * abs(dt) / (STEP_LIMIT if self.tolerance is None else ADAPTIVE_LIMIT)
         return max(1, math.ceil(wanted)) if math.isfinite(wanted) else math.inf
 
@@ -217,7 +217,7 @@ class Streamlines(Flow):
 
     def _closely(self, points: Points, time: float, dt: float) -> Points:
         """Points (N, 3), by sub-steps as fine as they may be."""
-        moved = self.course(time, dt, closely=True).follow(points)
+        moved = self.step_plan(time, dt, closely=True).follow(points)
         failed = np.flatnonzero(np.isinf(moved[:, 0]))
         if not failed.size:
             return moved

@@ -25,7 +25,7 @@ class VelocityField(ABC):
         """What the kernels do for it at a time: the same opcodes, and owners, at all times."""
 
     @abstractmethod
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """A bound of the velocity gradient, in 1/s: it decides the number of sub-steps."""
 
     def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
-from pipeline.flow.checked_displacement import deciding
+from pipeline.flow.checked_displacement import checked_cache_data
 from pipeline.flow.keyframes import Number
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.polygons import PolygonMesh
@@ -148,7 +148,7 @@ class Motion:
         longest = None if resampling is None else resampling.thresholds.max_edge_length
         if isinstance(longest, Curvature | DistanceToCamera):
             longest = longest.coarsest
-        return flow.striding(self.stride * longest) if isinstance(longest, float) else flow
+        return flow.with_max_step(self.stride * longest) if isinstance(longest, float) else flow
 
     def mesh_at_rest(self) -> TriangleMesh:
         """The subject's mesh, as fine as the first frame is to be.
@@ -194,13 +194,13 @@ class Motion:
     def step_data(self, frame: int) -> Any:
         """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
         try:
-            acting = deciding(self.bounded(self.flow, frame), *self.step(frame))
+            data = checked_cache_data(self.bounded(self.flow, frame), *self.step(frame))
         except FrameError as error:  # of the speed
-            acting = {"fails": str(error)}
+            data = {"fails": str(error)}
         now = self.resampling_at(frame)
         changes: dict[str, Any] = {}
         if now is not None and now is not self.resampling:
             changes["thresholds"] = thresholds_data(now.thresholds)
         if self.renews(frame):
             changes["renewed"] = True
-        return {"flow": acting, **changes} if changes else acting
+        return {"flow": data, **changes} if changes else data

@@ -22,7 +22,7 @@ from pipeline.flow import (
     Streamlines,
     Sum,
     VelocityField,
-    displaced,
+    checked_displacement,
     keyed,
 )
 from pipeline.flow.catalogue import (
@@ -39,7 +39,7 @@ from pipeline.flow.catalogue import (
 from pipeline.flow.compose import Frame, Limited, Mirror, Placed, Within
 from pipeline.flow.flow_map import History, Step
 from pipeline.flow.regions import Sphere
-from pipeline.flow.streamlines import MOST_SUBSTEPS, Course
+from pipeline.flow.streamlines import MOST_SUBSTEPS, StepPlan
 
 DT = 1 / 24
 SWIRL = Sum((Vortex(radius=0.3, strength=keyed((0.0, 1.0), (0.0, 6.0))), Strain(rate=0.7)))
@@ -185,7 +185,7 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
     moved = points
     for frame in range(frames):
         history.add(Step(flow, frame * DT, DT, frame + 2))
-        moved = displaced(flow, moved, frame * DT, DT, frame + 2)
+        moved = checked_displacement(flow, moved, frame * DT, DT, frame + 2)
     assert history.carry(points).tobytes() == moved.tobytes()
 
 
@@ -195,14 +195,14 @@ def test_no_substep_takes_a_point_further_than_the_stride(stride: float, seed: i
     """The way of a frame, cut at the moments of the finest sub-steps that were needed, is no longer."""
     points = 0.6 * np.random.default_rng(seed).normal(size=(6, 3))
     flow = Streamlines(Rotation(axis=(0.0, 0.0, 1.0), speed=30.0), stride=stride)
-    course = flow.course(0.0, DT, closely=True)
+    plan = flow.step_plan(0.0, DT, closely=True)
     moved = flow.displace(points, 0.0, DT)
     turned = 30.0 * DT
     exact = points @ np.array(
         [[math.cos(turned), math.sin(turned), 0], [-math.sin(turned), math.cos(turned), 0], [0, 0, 1]]
     )
     np.testing.assert_allclose(moved, exact, atol=1e-5)
-    assert course.halved and len(course.spans) == 13
+    assert plan.halved and len(plan.spans) == 13
     for point, end in zip(points, moved, strict=True):
         each = _shortest_course(point, stride)
         np.testing.assert_allclose(each, end, atol=1e-12)
@@ -230,8 +230,8 @@ def _shortest_course(point: Points, stride: float) -> Points:
 def test_a_stride_that_nothing_exceeds_changes_no_bit(points: Points) -> None:
     for flow in (Streamlines(SWIRL), Streamlines(Translation((0.1, 0.2, 0.3)))):
         free = flow.displace(points, 0.3, DT)
-        assert flow.striding(10.0).displace(points, 0.3, DT).tobytes() == free.tobytes()
-        assert flow.striding(0.001).displace(points, 0.3, DT).tobytes() != free.tobytes()
+        assert flow.with_max_step(10.0).displace(points, 0.3, DT).tobytes() == free.tobytes()
+        assert flow.with_max_step(0.001).displace(points, 0.3, DT).tobytes() != free.tobytes()
 
 
 def test_compositions_hand_the_stride_on() -> None:
@@ -244,15 +244,15 @@ def test_compositions_hand_the_stride_on() -> None:
         Within(inner, ball),
         Placed(inner, Frame(scale=2.0)),
     ):
-        assert flow.striding(0.01).acting(0.3, DT) != flow.acting(0.3, DT)
-    scaled = Placed(inner, Frame(scale=2.0)).striding(0.02).acting(0.3, DT)
-    assert scaled["flow"] == inner.striding(0.01).acting(0.3, DT)
+        assert flow.with_max_step(0.01).cache_data(0.3, DT) != flow.cache_data(0.3, DT)
+    scaled = Placed(inner, Frame(scale=2.0)).with_max_step(0.02).cache_data(0.3, DT)
+    assert scaled["flow"] == inner.with_max_step(0.01).cache_data(0.3, DT)
     function = Function(lambda points, time, dt: points)
-    assert function.striding(0.1) is function
+    assert function.with_max_step(0.1) is function
 
 
 def test_a_key_within_a_frame_is_in_the_data_of_an_adaptive_step() -> None:
-    """What acts between the moments that a fixed course would look at moves points, and so decides keys."""
+    """What acts between the moments that a fixed plan would look at moves points, and so decides keys."""
 
     def flow(height: float) -> Streamlines:
         peak = keyed((0.0, 0.3 * DT, 0.4 * DT, DT), (1.0, 1.0, height, 1.0), "linear")
@@ -260,14 +260,14 @@ def test_a_key_within_a_frame_is_in_the_data_of_an_adaptive_step() -> None:
 
     points = np.array([[0.3, 0.0, 0.0]])
     assert flow(1.0).displace(points, 0.0, DT).tobytes() != flow(9.0).displace(points, 0.0, DT).tobytes()
-    assert flow(1.0).acting(0.0, DT) != flow(9.0).acting(0.0, DT)
-    data = flow(9.0).acting(0.0, DT)
+    assert flow(1.0).cache_data(0.0, DT) != flow(9.0).cache_data(0.0, DT)
+    data = flow(9.0).cache_data(0.0, DT)
     assert json.loads(json.dumps(data, allow_nan=False)) == data
     still = Streamlines(Vortex(), tolerance=1e-6)
     assert (
-        still.acting(0.0, DT)
-        == still.acting(0.5, DT)
-        != Streamlines(Vortex(), tolerance=1e-5).acting(0.0, DT)
+        still.cache_data(0.0, DT)
+        == still.cache_data(0.5, DT)
+        != Streamlines(Vortex(), tolerance=1e-5).cache_data(0.0, DT)
     )
 
 
@@ -282,7 +282,7 @@ def test_a_tolerance_out_of_reach_is_told_with_the_place() -> None:
         match=r"^frame 9: flow .* at 0 s moves a point from \(0\.4, 0, 0\.1\) so that "
         r"sub-steps which err by at most 1e-12 units would be more than 10000 a frame.*raise tol",
     ):
-        displaced(crossing, np.array([[0.4, 0.0, 0.1]]), 0.0, DT, 9)
+        checked_displacement(crossing, np.array([[0.4, 0.0, 0.1]]), 0.0, DT, 9)
     with pytest.raises(
         FrameError, match=r"which go at most 1e-06 units would be more than 10000 a frame.*stride"
     ):
@@ -293,13 +293,13 @@ def test_a_tolerance_out_of_reach_is_told_with_the_place() -> None:
 def test_a_formula_that_divides_by_zero_is_told_as_such() -> None:
     flow = Streamlines(Formula(("1/x", "0", "0")), tolerance=1e-6)
     with pytest.raises(FrameError, match="formula"):
-        displaced(flow, np.zeros((3, 3)), 0.0, DT, 2)
+        checked_displacement(flow, np.zeros((3, 3)), 0.0, DT, 2)
 
 
 def test_courses_of_both_kinds_are_not_joined(points: Points, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
-    follow = Course.follow
-    monkeypatch.setattr(Course, "follow", lambda self, p: calls.append(self.halved) or follow(self, p))
+    follow = StepPlan.follow
+    monkeypatch.setattr(StepPlan, "follow", lambda self, p: calls.append(self.halved) or follow(self, p))
     history = History()
     for frame in range(4):
         history.add(Step(Sequence((TOLERANT, Streamlines(Strain()))), frame * DT, DT, frame + 2))

@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import FrameError
-from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, displaced, keyed
+from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, checked_displacement, keyed
 from pipeline.flow.catalogue import Rotation, Stretch, Twist, Vortex
-from pipeline.flow.checked_displacement import deciding
+from pipeline.flow.checked_displacement import checked_cache_data
 from pipeline.flow.compose import Frame, InFrame, Limited, Placed, Scaled, Within
 from pipeline.flow.flow_map import History, Step
 from pipeline.flow.formula_curve import Formulated
@@ -41,19 +41,19 @@ def test_only_the_frame_that_fails_is_known_by_its_failure(broken: Callable[[Num
     bad, good = broken(DIP), broken(1.0)
     for number in range(10):
         time = number / 10
-        data = deciding(bad, time, DT)
+        data = checked_cache_data(bad, time, DT)
         assert json.dumps(data, allow_nan=False)
         if number == 5:
-            assert data != deciding(good, time, DT)
+            assert data != checked_cache_data(good, time, DT)
             with pytest.raises(FrameError, match="frame 6: "):
-                displaced(bad, POINTS, time, DT, 6)
+                checked_displacement(bad, POINTS, time, DT, 6)
             with pytest.raises(FrameError, match="frame 6: "):
                 history = History()
                 history.add(Step(bad, time, DT, 6))
                 history.carry(POINTS)
         elif number not in (4, 6):
-            assert data == deciding(good, time, DT)
-            assert np.isfinite(displaced(bad, POINTS, time, DT, number + 1)).all()
+            assert data == checked_cache_data(good, time, DT)
+            assert np.isfinite(checked_displacement(bad, POINTS, time, DT, number + 1)).all()
 
 
 @pytest.mark.parametrize(
@@ -69,10 +69,10 @@ def test_only_the_frame_that_fails_is_known_by_its_failure(broken: Callable[[Num
 )
 def test_numbers_that_are_none_fail_their_frame(flow: Flow) -> None:
     """It has data, and when it is made its error names the frame."""
-    assert json.dumps([deciding(flow, time, DT) for time in (0.2, 0.5)], allow_nan=False)
-    assert np.isfinite(displaced(flow, POINTS, 0.2, DT, 3)).all()
+    assert json.dumps([checked_cache_data(flow, time, DT) for time in (0.2, 0.5)], allow_nan=False)
+    assert np.isfinite(checked_displacement(flow, POINTS, 0.2, DT, 3)).all()
     with np.errstate(all="ignore"), pytest.raises(FrameError, match="frame 6: "):
-        displaced(flow, POINTS, 0.5, DT, 6)
+        checked_displacement(flow, POINTS, 0.5, DT, 6)
     with np.errstate(all="ignore"), pytest.raises(FrameError, match="frame 6: "):
         history = History()
         history.add(Step(flow, 0.5, DT, 6))
@@ -81,4 +81,4 @@ def test_numbers_that_are_none_fail_their_frame(flow: Flow) -> None:
 
 def test_rounds_without_number_have_data_too() -> None:
     flow = Repeated(TWIST, 1e-7)
-    assert deciding(flow, 0.0, DT) != deciding(flow, 0.3, DT)
+    assert checked_cache_data(flow, 0.0, DT) != checked_cache_data(flow, 0.3, DT)

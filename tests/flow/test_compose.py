@@ -109,7 +109,7 @@ def test_no_velocity_gradient_is_steeper_than_is_said(field: VelocityField) -> N
             for e in np.eye(3)
         ]
         steepest = np.linalg.norm(np.stack(columns, axis=-1), ord=2, axis=(1, 2)).max()
-        assert steepest <= field.steepness(time) * (1 + 1e-6) + 1e-9
+        assert steepest <= field.gradient_bound(time) * (1 + 1e-6) + 1e-9
 
 
 @pytest.mark.parametrize("flow", [TWIST, SWIRL, Sequence((TWIST, SWIRL))], ids=lambda flow: flow.name)
@@ -233,7 +233,7 @@ REGION: list[Region] = [Sphere(radius=0.5), Sphere(radius=0.6), Sphere(radius=0.
 
 
 def test_what_decides_the_motion_is_in_its_data_and_nothing_else() -> None:
-    data = [within(flow, region).acting(0.1, DT) for flow in (TWIST, SWIRL) for region in REGION]
+    data = [within(flow, region).cache_data(0.1, DT) for flow in (TWIST, SWIRL) for region in REGION]
     assert all(a != b for i, a in enumerate(data) for b in data[:i])
     early, late = keyed((0.0, 0.5, 1.0), (0.0, 1.0, 0.2)), keyed((0.0, 0.5, 1.0), (0.0, 1.0, 0.7))
     for compose in (
@@ -245,6 +245,6 @@ def test_what_decides_the_motion_is_in_its_data_and_nothing_else() -> None:
         ),
     ):
         one, other = compose(early), compose(late)
-        assert one.acting(0.9, DT) != other.acting(0.9, DT)
+        assert one.cache_data(0.9, DT) != other.cache_data(0.9, DT)
     one, other = (blended(TWIST, SHEAR, w) for w in (early, late))
-    assert one.acting(0.5 - DT, DT) == other.acting(0.5 - DT, DT)
+    assert one.cache_data(0.5 - DT, DT) == other.cache_data(0.5 - DT, DT)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Streamlines, Sum, VelocityField, displaced, keyed
+from pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
 from pipeline.flow import _kernels_velocity as kernels
 from pipeline.flow.catalogue import Rotation
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull_rom
@@ -74,7 +74,7 @@ def test_points_and_threads_change_no_bit(field: External) -> None:
 
 @each_field
 def test_what_acts_is_plain_data_without_addresses(field: External) -> None:
-    data = Streamlines(field).acting(0.25, 1 / 24)
+    data = Streamlines(field).cache_data(0.25, 1 / 24)
     assert json.loads(json.dumps(data)) == data
     assert str(field.block.address) not in json.dumps(data)
 
@@ -92,7 +92,7 @@ def test_halving_the_step_divides_the_error_by_sixteen(name: str, points: Points
 def test_the_steepness_bounds_the_gradient_off_the_jumps(name: str, points: Points) -> None:
     field = FIELDS[name]
     norms = np.linalg.norm(gradients(field, points), ord=2, axis=(1, 2))
-    assert np.quantile(norms, 0.99) <= field.steepness(0.3) * (1 + 1e-6)
+    assert np.quantile(norms, 0.99) <= field.gradient_bound(0.3) * (1 + 1e-6)
 
 
 def test_parameters_of_formulas_and_new_formulas_compile_no_kernel(points: Points) -> None:
@@ -113,15 +113,15 @@ def test_a_formula_turns_as_the_rotation_does(points: Points) -> None:
 
 def test_only_a_formula_that_speaks_of_time_acts_otherwise_later() -> None:
     still, moving = (Streamlines(Formula((text, "0", "0")), 1) for text in ("x", "x * t"))
-    assert still.acting(0.0, 0.1) == still.acting(5.0, 0.1)
-    assert moving.acting(0.0, 0.1) != moving.acting(5.0, 0.1)
+    assert still.cache_data(0.0, 0.1) == still.cache_data(5.0, 0.1)
+    assert moving.cache_data(0.0, 0.1) != moving.cache_data(5.0, 0.1)
 
 
 def test_numbers_that_no_formula_speaks_of_do_not_act() -> None:
     one, other, used = (
         Streamlines(Formula(("k", "0", "0"), (("k", k), ("j", j)))) for k, j in ((1, 2), (1, 3), (2, 2))
     )
-    assert one.acting(0.0, 0.1) == other.acting(0.0, 0.1) != used.acting(0.0, 0.1)
+    assert one.cache_data(0.0, 0.1) == other.cache_data(0.0, 0.1) != used.cache_data(0.0, 0.1)
 
 
 def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Points) -> None:
@@ -130,7 +130,7 @@ def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Po
     with pytest.raises(
         FrameError, match=r"^frame 9: flow .*column 1: 0.1 / y is inf at x 1, y 0, z 0.5, t 2"
     ):
-        displaced(flow, points, 2.0, 0.04, 9)
+        checked_displacement(flow, points, 2.0, 0.04, 9)
 
 
 DIVIDES = Formula(("0", "0", "0.1 / y"))
@@ -150,7 +150,7 @@ def test_a_formula_within_a_composition_is_told_with_the_place_that_it_sees(
 ) -> None:
     points[7] = (1.0, height, 0.5)
     with pytest.raises(FrameError, match=r"column 1: 0\.1 / y is -?inf at x \S+, y -?0, z \S+, t 2"):
-        displaced(Streamlines(field, 1), points, 2.0, 0.04, 9)
+        checked_displacement(Streamlines(field, 1), points, 2.0, 0.04, 9)
 
 
 def test_a_formula_has_ten_numbers_at_most() -> None:
@@ -187,8 +187,8 @@ def test_few_places_of_turbulence_are_steeper_than_its_steepness() -> None:
     for octaves in (1, 3):
         field = CurlNoise(1.0, 1.0, octaves, 0.6)
         norms = np.linalg.norm(gradients(field, points), ord=2, axis=(1, 2))
-        assert (norms > field.steepness(0.0)).mean() < 3e-4
-        assert norms.max() > 0.5 * field.steepness(0.0)
+        assert (norms > field.gradient_bound(0.0)).mean() < 3e-4
+        assert norms.max() > 0.5 * field.gradient_bound(0.0)
 
 
 def test_turbulence_is_smooth_in_time_and_another_with_every_seed(points: Points) -> None:

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, displaced
+from pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, checked_displacement
 from pipeline.flow.catalogue import Rotation, Translation, Vortex
 from pipeline.flow.compose import Blend, Within
 from pipeline.flow.regions import Sphere
@@ -116,7 +116,7 @@ def test_an_empty_sequence_moves_nothing() -> None:
 
 def test_equal_motion_has_equal_data_and_a_change_shows() -> None:
     flow, same, other = (Streamlines(Vortex(strength=s)) for s in (1.0, 1.0, 1.5))
-    assert flow.acting(0.0, 0.1) == same.acting(0.0, 0.1) != other.acting(0.0, 0.1)
+    assert flow.cache_data(0.0, 0.1) == same.cache_data(0.0, 0.1) != other.cache_data(0.0, 0.1)
 
 
 def explode(points: Points, time: float, dt: float) -> Points:
@@ -136,7 +136,7 @@ def stumble(points: Points, time: float, dt: float) -> Points:
 def test_an_exploding_flow_is_told_with_the_first_vertex_and_where_it_was() -> None:
     points = np.tile([0.5, -0.25, 2.0], (20, 1))
     with pytest.raises(FrameError) as told:
-        displaced(as_flow(explode), points, 0.0, 0.1, 7)
+        checked_displacement(as_flow(explode), points, 0.0, 0.1, 7)
     assert str(told.value) == (
         "frame 7: flow explode moved vertex 11 from (0.5, -0.25, 2) to [inf, inf, inf]; points must "
         "stay finite. Lower the flow's strength, or raise substeps if it grows from frame to frame."
@@ -145,15 +145,15 @@ def test_an_exploding_flow_is_told_with_the_first_vertex_and_where_it_was() -> N
 
 def test_a_flow_that_loses_points_is_told() -> None:
     with pytest.raises(FrameError, match=r"frame 3: flow lose_one returned an array of shape \(39, 3\)"):
-        displaced(as_flow(lose_one), POINTS, 0.0, 0.1, 3)
+        checked_displacement(as_flow(lose_one), POINTS, 0.0, 0.1, 3)
 
 
 def test_a_flow_that_raises_is_told() -> None:
     with pytest.raises(FrameError, match="frame 3: flow stumble raised ZeroDivisionError: division by zero"):
-        displaced(as_flow(stumble), POINTS, 0.0, 0.1, 3)
+        checked_displacement(as_flow(stumble), POINTS, 0.0, 0.1, 3)
 
 
 def test_in_a_sequence_the_guilty_flow_is_named() -> None:
     flow = Sequence((Streamlines(Vortex()), as_flow(explode)))
     with pytest.raises(FrameError, match="flow explode moved vertex 11"):
-        displaced(flow, POINTS, 0.0, 0.1, 3)
+        checked_displacement(flow, POINTS, 0.0, 0.1, 3)

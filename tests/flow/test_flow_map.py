@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, displaced, keyed
+from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, checked_displacement, keyed
 from pipeline.flow import flow_map as module
 from pipeline.flow.catalogue import (
     Attraction,
@@ -31,7 +31,7 @@ from pipeline.flow.catalogue import (
 from pipeline.flow.compose import Limited
 from pipeline.flow.flow_map import History, Step
 from pipeline.flow.regions import SampledRegion
-from pipeline.flow.streamlines import Course
+from pipeline.flow.streamlines import StepPlan
 
 DT = 1 / 24
 AMOUNT = keyed((0.0, 0.6), (1.0, 1.4))
@@ -64,7 +64,7 @@ def history_of(flow: Flow, frames: int) -> History:
 
 def frame_by_frame(flow: Flow, points: Points, frames: int) -> Points:
     for frame in range(frames):
-        points = displaced(flow, points, frame * DT, DT, frame + 2)
+        points = checked_displacement(flow, points, frame * DT, DT, frame + 2)
     return points
 
 
@@ -86,20 +86,20 @@ def test_it_grows_by_a_frame_at_a_time(flow: Flow, points: Points) -> None:
         assert len(history) == frame
         assert history.carry(points).tobytes() == moved.tobytes()
         history.add(Step(flow, frame * DT, DT, frame + 2))
-        moved = displaced(flow, moved, frame * DT, DT, frame + 2)
+        moved = checked_displacement(flow, moved, frame * DT, DT, frame + 2)
 
 
 def test_streamlines_of_many_frames_are_one_call(points: Points, monkeypatch: pytest.MonkeyPatch) -> None:
     """Also where two different fields act in turn; and the size of a call is bounded."""
     calls = []
-    follow = Course.follow
-    monkeypatch.setattr(Course, "follow", lambda self, p: calls.append(len(self.tables)) or follow(self, p))
+    follow = StepPlan.follow
+    monkeypatch.setattr(StepPlan, "follow", lambda self, p: calls.append(len(self.tables)) or follow(self, p))
     flow = Sequence((FLOWS[0], FLOWS[1]))
     whole = history_of(flow, 12).carry(points)
     assert len(calls) == 1
-    monkeypatch.setattr(module, "LARGEST_COURSE", calls.pop() // 5)
+    monkeypatch.setattr(module, "LARGEST_STEP_PLAN", calls.pop() // 5)
     again = history_of(flow, 12).carry(points)
-    assert 5 <= len(calls) <= 9 and max(calls) <= module.LARGEST_COURSE
+    assert 5 <= len(calls) <= 9 and max(calls) <= module.LARGEST_STEP_PLAN
     assert again.tobytes() == whole.tobytes()
 
 
@@ -117,12 +117,12 @@ def test_what_a_course_reads_lives_as_long_as_the_course(points: Points) -> None
     del one, other
     gone: list[weakref.ref[Any]] = []
 
-    def course() -> Course:
+    def step_plan() -> StepPlan:
         made = flows()
         gone.extend(weakref.ref(flow) for flow in made)
-        return Course.joined([flow.course(0.0, DT) for flow in made])
+        return StepPlan.joined([flow.step_plan(0.0, DT) for flow in made])
 
-    joined = course()
+    joined = step_plan()
     gc.collect()
     assert [known() for known in gone] == [None, None]
     overwritten = [np.full(shape, np.nan) for shape in (64_003, 45_000, 85_000, 90_000) for _ in range(5)]

@@ -143,9 +143,9 @@ def test_a_velocity_field_and_a_map_are_weighed_alike(invert: bool) -> None:
 
 def test_it_is_known_by_its_triangles_and_not_by_where_they_lie() -> None:
     one, same, other = region(bumpy()), region(bumpy()), region(icosphere(6, 1.0))
-    assert one.acting(0.0) == same.acting(0.0) != other.acting(0.0)
+    assert one.cache_data(0.0) == same.cache_data(0.0) != other.cache_data(0.0)
     flows = [Streamlines(Limited(Translation(), shape)) for shape in (one, same, other)]
-    assert flows[0].acting(0.0, 0.1) == flows[1].acting(0.0, 0.1) != flows[2].acting(0.0, 0.1)
+    assert flows[0].cache_data(0.0, 0.1) == flows[1].cache_data(0.0, 0.1) != flows[2].cache_data(0.0, 0.1)
 
 
 def test_what_is_at_no_place_is_outside_and_harms_nobody() -> None:

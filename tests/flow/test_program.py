@@ -40,7 +40,7 @@ class Programmed(VelocityField):
     def program(self, time: float) -> Program:
         return self.rows
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return 5.0
 
 
@@ -160,7 +160,7 @@ def test_a_function_from_elsewhere_is_a_leaf_like_any_other(saddle: Any) -> None
 
 def test_keys_never_hold_an_address(saddle: Any) -> None:
     row = Instruction(op.EXTERNAL, (float(saddle.address), 0.5, 3.0), {"saddle": 3.0})
-    data = Streamlines(Sum((VORTEX, Programmed((row,))))).acting(0.0, 0.1)
+    data = Streamlines(Sum((VORTEX, Programmed((row,))))).cache_data(0.0, 0.1)
     assert json.loads(json.dumps(data)) == data
     assert str(saddle.address) not in json.dumps(data) and '"saddle"' in json.dumps(data)
 

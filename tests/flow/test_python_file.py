@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import FrameError, UsageError
-from pipeline.flow import Sequence, displaced
+from pipeline.flow import Sequence, checked_displacement
 from pipeline.flow.python_file import PythonFlow, digest_of, python_flows, require_permission
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
@@ -22,7 +22,7 @@ def flow_of(file: Path, code: str, function: str = "f", allowed: bool = True) ->
 
 def test_a_function_of_a_file_moves_points(tmp_path: Path) -> None:
     code = "import numpy as np\n\ndef f(points, time, dt):\n    return points + dt * np.array([0, time, 1])\n"
-    moved = displaced(flow_of(tmp_path / "a.py", code), POINTS, 2.0, 0.5, 3)
+    moved = checked_displacement(flow_of(tmp_path / "a.py", code), POINTS, 2.0, 0.5, 3)
     np.testing.assert_array_equal(moved, POINTS + np.array([0.0, 1.0, 0.5]))
 
 
@@ -76,7 +76,7 @@ def test_nothing_of_the_file_runs_without_permission(tmp_path: Path) -> None:
         require_permission(Sequence((flow,)))
     with pytest.raises(UsageError, match="needs permission"):
         flow.displace(POINTS, 0.0, 0.1)
-    flow.acting(0.0, 0.1)
+    flow.cache_data(0.0, 0.1)
     assert not trap.exists()
     assert list(python_flows(Sequence((flow, Sequence((flow,)))))) == [flow, flow]
 
@@ -109,7 +109,7 @@ WRONG = {
 @pytest.mark.parametrize(("code", "says"), WRONG.values(), ids=WRONG)
 def test_what_goes_wrong_is_told_in_one_line(code: str, says: str, tmp_path: Path) -> None:
     with pytest.raises(FrameError, match=says) as told:
-        displaced(flow_of(tmp_path / "a.py", code), POINTS, 0.0, 0.1, 7)
+        checked_displacement(flow_of(tmp_path / "a.py", code), POINTS, 0.0, 0.1, 7)
     assert str(told.value).startswith("frame 7: ") and "\n" not in str(told.value)
 
 
@@ -117,11 +117,11 @@ def test_a_file_that_was_changed_since_is_not_run(tmp_path: Path) -> None:
     flow = flow_of(tmp_path / "a.py", "def f(p, t, dt):\n    return p\n")
     (tmp_path / "a.py").write_text("def f(p, t, dt):\n    return 2 * p\n")
     with pytest.raises(FrameError, match="was changed since the work was planned"):
-        displaced(flow, POINTS, 0.0, 0.1, 1)
+        checked_displacement(flow, POINTS, 0.0, 0.1, 1)
 
 
 def test_its_source_decides_what_acts(tmp_path: Path) -> None:
     one = flow_of(tmp_path / "a.py", "def f(p, t, dt):\n    return p\n")
     same = flow_of(tmp_path / "b.py", "def f(p, t, dt):\n    return p\n")
     other = flow_of(tmp_path / "c.py", "def f(p, t, dt):\n    return 2 * p\n")
-    assert one.acting(0.0, 0.1) == same.acting(0.0, 0.1) != other.acting(0.0, 0.1)
+    assert one.cache_data(0.0, 0.1) == same.cache_data(0.0, 0.1) != other.cache_data(0.0, 0.1)

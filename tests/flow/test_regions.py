@@ -138,9 +138,9 @@ def test_a_sampled_region_is_as_good_as_its_grid() -> None:
 
 def test_a_sampled_region_is_known_by_its_distances_and_not_by_where_they_lie() -> None:
     one, same, other = sampled(spacing=0.5), sampled(spacing=0.5), sampled(radius=0.8, spacing=0.5)
-    assert one.acting(0.0) == same.acting(0.0) != other.acting(0.0)
+    assert one.cache_data(0.0) == same.cache_data(0.0) != other.cache_data(0.0)
     flows = [Streamlines(Limited(Translation(), region)) for region in (one, same, other)]
-    assert flows[0].acting(0.0, 0.1) == flows[1].acting(0.0, 0.1) != flows[2].acting(0.0, 0.1)
+    assert flows[0].cache_data(0.0, 0.1) == flows[1].cache_data(0.0, 0.1) != flows[2].cache_data(0.0, 0.1)
 
 
 def test_what_is_at_no_place_is_in_no_sampled_region_and_harms_nobody() -> None:

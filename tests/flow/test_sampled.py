@@ -98,7 +98,7 @@ def test_the_steepness_bounds_the_gradient(between: str, tmp_path: Path, inside:
     h, points = 1e-6, 2.0 * inside
     pairs = [field.velocity(points + h * e, 0.0) - field.velocity(points - h * e, 0.0) for e in np.eye(3)]
     norms = np.linalg.norm(np.stack(pairs, axis=2) / (2 * h), ord=2, axis=(1, 2))
-    assert 0.1 * field.steepness(0.0) < norms.max() <= field.steepness(0.0) * (1 + 1e-6)
+    assert 0.1 * field.gradient_bound(0.0) < norms.max() <= field.gradient_bound(0.0) * (1 + 1e-6)
 
 
 def test_a_field_is_placed_and_scaled_like_a_thing(tmp_path: Path, inside: Points) -> None:
@@ -127,9 +127,9 @@ def test_between_moments_velocities_are_blended_and_loop_or_stay(tmp_path: Path,
 def test_what_acts_tells_contents_and_moments_and_no_addresses(tmp_path: Path) -> None:
     one, same, other = (save(tmp_path / f"{n}.npz") for n in "abc")
     save(other, velocity=2 * velocity_on((X, Y, Z)))
-    acting = [Streamlines(field_of(file), 1).acting(0.0, 0.1) for file in (one, same, other)]
-    assert acting[0] == acting[1] != acting[2]
-    assert str(field_of(one).block.address) not in str(acting[0])
+    data = [Streamlines(field_of(file), 1).cache_data(0.0, 0.1) for file in (one, same, other)]
+    assert data[0] == data[1] != data[2]
+    assert str(field_of(one).block.address) not in str(data[0])
 
 
 BAD = {

@@ -15,7 +15,7 @@ from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.motion import STEP, acting
+from pipeline.production.render_inputs.motion import STEP, flow_cache_data
 from pipeline.production.request.shot_source import Script
 from render.base.errors import RenderError
 from render.post.image import jpeg_bytes
@@ -130,7 +130,7 @@ def _recipe(ready: Ready, number: int) -> tuple[Any, ...]:
     """What a picture is drawn from."""
     take, sketch = ready.sketch.take, ready.sketch
     shown = take.shot.picture
-    flows = repr(acting(take.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
+    flows = repr(flow_cache_data(take.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
     return (
         take.normals_key(number),
         repr(take.measured(number)),

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import Floats, Points, Vectors
-from pipeline.flow import displaced
+from pipeline.flow import checked_displacement
 from pipeline.shot import Motion
 
 STEP = 1 / 16
@@ -57,7 +57,7 @@ def ways_at(motion: Motion, frame: int, around: Points, seeds: int = SEEDS) -> W
 def _velocity(motion: Motion, frame: int, points: Points) -> Vectors:
     """(N, 3) units per second of the film's time."""
     time, dt = motion.clock.between(frame, frame + STEP)
-    moved = displaced(motion.flow, points, time, dt, frame)
+    moved = checked_displacement(motion.flow, points, time, dt, frame)
     found: Vectors = (moved - points) / motion.rate.seconds(STEP)
     return found
 

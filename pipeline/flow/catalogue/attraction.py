@@ -122,7 +122,7 @@ class Attraction(External):
     def identity(self, time: float) -> Any:
         return {"attraction": self.target.digest, "numbers": list(self.numbers(time)[1:])}
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """A bound for convex targets; see above for others."""
         return abs(number_at(self.rate, time))
 
@@ -171,5 +171,5 @@ class Wind(External):
         curve = [list(point) for point in self.through]
         return {"wind": curve, "closed": self.closed, "numbers": list(self.numbers(time)[2:4])}
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.speed, time)) * (FALL / number_at(self.radius, time) + self._curve[3])

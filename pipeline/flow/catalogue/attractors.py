@@ -47,7 +47,7 @@ class Attractor(Term):
         origin = cx - x / scale, cy - z / scale, cz + y / scale
         return (*origin, scale, number_at(self.time_scale, time) / scale, *self._numbers(time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.time_scale, time)) * self._gradient(time)
 
 

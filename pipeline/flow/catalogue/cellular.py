@@ -38,7 +38,7 @@ class ABC(Term):
     def row(self, time: float) -> tuple[float, ...]:
         return (*place_at(self.centre, time), self._wave(time), *self._speeds(time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return self._wave(time) * math.hypot(*self._speeds(time))
 
     def _wave(self, time: float) -> float:
@@ -71,7 +71,7 @@ class TaylorGreen(Term):
     def row(self, time: float) -> tuple[float, ...]:
         return (*place_at(self.centre, time), self._wave(time), number_at(self.speed, time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return math.sqrt(2.0) * self._wave(time) * abs(number_at(self.speed, time))
 
     def _wave(self, time: float) -> float:
@@ -108,7 +108,7 @@ class DoubleGyre(Term):
         scale, speed = number_at(self.scale, time), math.pi * number_at(self.speed, time)
         return (*place_at(self.centre, time), 1.0 / scale, speed, self._swing(time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """Everywhere: with F = 1 + 2 ε the steepest of f, π² F² of the waves, and 2 π ε where f bends."""
         rate = math.pi * abs(number_at(self.speed, time)) / number_at(self.scale, time)
         swing = abs(self._swing(time))
@@ -147,7 +147,7 @@ class Enright(Term):
     def row(self, time: float) -> tuple[float, ...]:
         return (*place_at(self.centre, time), number_at(self.scale, time), self._factor(time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """4π, which is reached on an axis of the cube, half way from its centre to a face."""
         return 4 * math.pi * abs(self._factor(time))
 
@@ -185,7 +185,7 @@ class Kneading(Term):
         speeds = [speed if stroke == axis else 0.0 for axis in range(3)]
         return (*place_at(self.centre, time), self._wave(time), *speeds)
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """At the height of a stroke, so that no stroke passes unseen between two looks."""
         return self._wave(time) * abs(number_at(self.amount, time)) * 8.0 / self.period
 

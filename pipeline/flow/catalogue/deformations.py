@@ -43,7 +43,7 @@ class Deformation(Flow):
         self._deform(points, before, after, out)
         return out
 
-    def acting(self, time: float, dt: float) -> Any:
+    def cache_data(self, time: float, dt: float) -> Any:
         before, after = self._amounts(time, dt)
         return {self.name: [*self.centre, *unit(self.axis)], "before": before, "after": after}
 
@@ -96,8 +96,8 @@ class Stretch(Deformation):
             points, *self._line(), lengthen, 1 / math.sqrt(lengthen) if self.keep_volume else 1.0, out
         )
 
-    def acting(self, time: float, dt: float) -> Any:
-        return {**super().acting(time, dt), "keep_volume": self.keep_volume}
+    def cache_data(self, time: float, dt: float) -> Any:
+        return {**super().cache_data(time, dt), "keep_volume": self.keep_volume}
 
 
 @dataclass(frozen=True)
@@ -111,8 +111,8 @@ class Shear(Deformation):
         centre, axis = self._line()
         kernels.shear(points, centre, axis, self._across(), after - before, out)
 
-    def acting(self, time: float, dt: float) -> Any:
-        return {**super().acting(time, dt), "direction": self._across().tolist()}
+    def cache_data(self, time: float, dt: float) -> Any:
+        return {**super().cache_data(time, dt), "direction": self._across().tolist()}
 
     def _across(self) -> Floats:
         return np.array(across(self.axis, self.direction))
@@ -143,8 +143,8 @@ class Bend(Deformation):
         centre, axis = self._line()
         kernels.bend(points, centre, axis, self._across(), 0.5 * self.length, before, after, out)
 
-    def acting(self, time: float, dt: float) -> Any:
-        return {**super().acting(time, dt), "direction": self._across().tolist(), "length": self.length}
+    def cache_data(self, time: float, dt: float) -> Any:
+        return {**super().cache_data(time, dt), "direction": self._across().tolist(), "length": self.length}
 
     def _across(self) -> Floats:
         return np.array(across(self.axis, self.direction))

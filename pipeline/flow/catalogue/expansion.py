@@ -35,7 +35,7 @@ class Source(Term):
         radius, flux = number_at(self.radius, time), self._outwards * number_at(self.flux, time)
         return (*place_at(self.centre, time), radius * radius, flux / (4 * math.pi))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """That at the centre, where it is steepest."""
         return abs(number_at(self.flux, time)) / (4 * math.pi * number_at(self.radius, time) ** 3)
 
@@ -80,5 +80,5 @@ class Expansion(Term):
         narrowness = number_at(self.radius, time) ** -2.0
         return (*place_at(self.centre, time), *unit(self.axis), narrowness, number_at(self.rate, time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.rate, time))

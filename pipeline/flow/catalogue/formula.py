@@ -96,7 +96,7 @@ class Formula(External):
         numbers = {name: number for name, number in named if self._speaks_of(name)}
         return {"formula": list(self.texts), "numbers": numbers, **({"t": time} if self.timed else {})}
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return _steepest(self, self.numbers(time), time if self.timed else 0.0)
 
     def trouble(self, place: Points, time: float) -> str | None:

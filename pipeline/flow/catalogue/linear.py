@@ -25,7 +25,7 @@ class Translation(Term):
     def row(self, time: float) -> tuple[float, ...]:
         return place_at(self.rate, time)
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return 0.0
 
 
@@ -46,7 +46,7 @@ class Rotation(Term):
     def row(self, time: float) -> tuple[float, ...]:
         return (*place_at(self.centre, time), *unit(self.axis), number_at(self.speed, time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.speed, time))
 
 
@@ -67,7 +67,7 @@ class Scaling(Term):
     def row(self, time: float) -> tuple[float, ...]:
         return (*place_at(self.centre, time), *place_at(self.rate, time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return max(abs(rate) for rate in place_at(self.rate, time))
 
 
@@ -93,7 +93,7 @@ class Strain(Term):
         rate = number_at(self.rate, time)
         return (*place_at(self.centre, time), *unit(self.axis), rate, -0.5 * rate)
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.rate, time))
 
 
@@ -128,7 +128,7 @@ class Squeeze(Term):
         wide, long = number_at(self.radius, time) ** -2.0, number_at(self.length, time) ** -2.0
         return (*place_at(self.centre, time), *unit(self.axis), long, wide, number_at(self.rate, time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """At the centre it is the rate; the slanting parts grow with how far the grip is from round."""
         slender = number_at(self.radius, time) / number_at(self.length, time)
         return abs(number_at(self.rate, time)) * (1.0 + 0.75 * slender + 0.75 / slender)

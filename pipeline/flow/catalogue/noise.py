@@ -66,7 +66,7 @@ class CurlNoise(External):
     def identity(self, time: float) -> Any:
         return {"curl_noise": list(self.numbers(time))}
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         factors = (self.roughness * self.lacunarity) ** 2
         octaves = float(sum(factors**k for k in range(self.octaves)) ** 0.5)
         first = abs(number_at(self.strength, time)) * self._share / number_at(self.size, time)

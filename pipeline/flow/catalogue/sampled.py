@@ -105,7 +105,7 @@ class Sampled(External):
         numbers = [*self.moment(time), *self.numbers(time)[4:]]
         return {"sampled": self.files.digest, "how": how, "numbers": numbers}
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """The steepest difference of neighbours along each axis; within a cell none is exceeded."""
         before, after, share = self.moment(time)
         slopes = (1.0 - share) * self._slopes[before] + share * self._slopes[after]

@@ -52,7 +52,7 @@ class Vortex(Term):
         spin = number_at(self.strength, time) / (2 * math.pi) * narrowness
         return (*place_at(self.centre, time), *unit(self.axis), narrowness, spin)
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """The turning on the axis; nowhere is the gradient steeper than that times 1.3."""
         return 1.3 * abs(number_at(self.strength, time)) / (2 * math.pi * number_at(self.radius, time) ** 2)
 
@@ -78,8 +78,8 @@ class VortexPair(VelocityField):
     def program(self, time: float) -> Program:
         return tuple(row for vortex in self._vortices(time) for row in vortex.program(time))
 
-    def steepness(self, time: float) -> float:
-        return sum(vortex.steepness(time) for vortex in self._vortices(time))
+    def gradient_bound(self, time: float) -> float:
+        return sum(vortex.gradient_bound(time) for vortex in self._vortices(time))
 
     def _vortices(self, time: float) -> tuple[Vortex, Vortex]:
         strength, radius = number_at(self.strength, time), number_at(self.radius, time)
@@ -121,7 +121,7 @@ class VortexRing(Term):
         turning = number_at(self.strength, time) / (2 * math.pi)
         return (*place_at(self.centre, time), *unit(self.axis), radius, core * core, turning)
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """That of a straight vortex on its axis, and what the bend adds where the core is not thin."""
         radius, core = number_at(self.radius, time), number_at(self.core, time)
         straight = abs(number_at(self.strength, time)) / (2 * math.pi * core * core)
@@ -150,8 +150,8 @@ class SpiralVortex(VelocityField):
     def program(self, time: float) -> Program:
         return tuple(row for part in self._parts for row in part.program(time))
 
-    def steepness(self, time: float) -> float:
-        return sum(part.steepness(time) for part in self._parts)
+    def gradient_bound(self, time: float) -> float:
+        return sum(part.gradient_bound(time) for part in self._parts)
 
     @property
     def _parts(self) -> tuple[Vortex, Strain]:

@@ -82,13 +82,17 @@ class Blend(Weighed):
                 moved = moved + share * (flow.displace(points, time, dt) - points)
         return moved
 
-    def acting(self, time: float, dt: float) -> Any:
+    def cache_data(self, time: float, dt: float) -> Any:
         weight = weight_at(self.weight, time + dt / 2, self.name)
-        first = self.first.acting(time, dt) if weight != 1 else None
-        return {"blend": weight, "from": first, "to": self.second.acting(time, dt) if weight != 0 else None}
+        first = self.first.cache_data(time, dt) if weight != 1 else None
+        return {
+            "blend": weight,
+            "from": first,
+            "to": self.second.cache_data(time, dt) if weight != 0 else None,
+        }
 
-    def striding(self, stride: float) -> Blend:
-        return replace(self, first=self.first.striding(stride), second=self.second.striding(stride))
+    def with_max_step(self, stride: float) -> Blend:
+        return replace(self, first=self.first.with_max_step(stride), second=self.second.with_max_step(stride))
 
     @property
     def name(self) -> str:
@@ -109,11 +113,11 @@ class Within(Weighed):
         weight = self.region.weight(points, time + dt / 2)[:, None]
         return points + weight * (self.flow.displace(points, time, dt) - points)
 
-    def acting(self, time: float, dt: float) -> Any:
-        return {"within": self.region.acting(time + dt / 2), "flow": self.flow.acting(time, dt)}
+    def cache_data(self, time: float, dt: float) -> Any:
+        return {"within": self.region.cache_data(time + dt / 2), "flow": self.flow.cache_data(time, dt)}
 
-    def striding(self, stride: float) -> Within:
-        return replace(self, flow=self.flow.striding(stride))
+    def with_max_step(self, stride: float) -> Within:
+        return replace(self, flow=self.flow.with_max_step(stride))
 
     @property
     def name(self) -> str:

@@ -36,8 +36,8 @@ class Sum(VelocityField):
     def program(self, time: float) -> Program:
         return tuple(row for field in self.fields for row in field.program(time))
 
-    def steepness(self, time: float) -> float:
-        return sum(field.steepness(time) for field in self.fields)
+    def gradient_bound(self, time: float) -> float:
+        return sum(field.gradient_bound(time) for field in self.fields)
 
     def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         for field in self.fields:
@@ -62,8 +62,8 @@ class Scaled(VelocityField):
     def program(self, time: float) -> Program:
         return scaled(self.field.program(time), self._factor(time))
 
-    def steepness(self, time: float) -> float:
-        return self._factor(time) * self.field.steepness(time)
+    def gradient_bound(self, time: float) -> float:
+        return self._factor(time) * self.field.gradient_bound(time)
 
     def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         return self.field.leaves(place, time)
@@ -87,13 +87,13 @@ class Limited(VelocityField):
     def program(self, time: float) -> Program:
         return grouped(self.field.program(time), self.region.closing(time))
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """The field's own, and what the fall adds: its slope times the speed in it.
 
         The speed is looked at on a grid over the region and its rim, and is at most that much more between.
         Where there is no rim, or none that a step could resolve, the field's own counts alone.
         """
-        inside, falloff = self.field.steepness(time), self.region.falloff_at(time)
+        inside, falloff = self.field.gradient_bound(time), self.region.falloff_at(time)
         if falloff <= 0:
             return inside
         middle, half = self.region.bounds(time)
@@ -126,9 +126,9 @@ class InFrame(VelocityField):
         origin, axes = self.frame.at(time)
         return placed(self.field.program(time), tuple(origin.tolist()), axes)
 
-    def steepness(self, time: float) -> float:
+    def gradient_bound(self, time: float) -> float:
         """The same: speeds and distances are scaled alike."""
-        return self.field.steepness(time)
+        return self.field.gradient_bound(time)
 
     def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         origin, axes = self.frame.at(time)

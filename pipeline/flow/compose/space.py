@@ -84,17 +84,17 @@ class Placed(Flow):
         inside = transformed(back, points - origin)
         return transformed(axes, self._inside(axes).displace(inside, time, dt)) + origin
 
-    def acting(self, time: float, dt: float) -> Any:
+    def cache_data(self, time: float, dt: float) -> Any:
         origin, axes = self.frame.at(time + dt / 2)
-        return {"placed": [origin.tolist(), axes.tolist()], "flow": self._inside(axes).acting(time, dt)}
+        return {"placed": [origin.tolist(), axes.tolist()], "flow": self._inside(axes).cache_data(time, dt)}
 
-    def striding(self, stride: float) -> Placed:
+    def with_max_step(self, stride: float) -> Placed:
         return replace(self, stride=stride)
 
     def _inside(self, axes: Floats) -> Flow:
         """The flow, with the stride as long as it is in the frame."""
         scale = float(np.linalg.norm(axes[:, 0]))
-        return self.flow if self.stride is None else self.flow.striding(self.stride / scale)
+        return self.flow if self.stride is None else self.flow.with_max_step(self.stride / scale)
 
     @property
     def name(self) -> str:

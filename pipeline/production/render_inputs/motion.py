@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.animation import MeshFrame, at_moment
 from pipeline.arrays import AnyArray, Points, Vectors
-from pipeline.flow.checked_displacement import deciding
+from pipeline.flow.checked_displacement import checked_cache_data
 from pipeline.production.render_inputs.framing import Framing, turned
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import Motion
@@ -90,7 +90,7 @@ def _pace(motion: Motion, frame: MeshFrame) -> Vectors:
     return np.asarray((4.0 * near - far - 3.0 * frame.mesh.vertices) / (2.0 * step))
 
 
-def acting(motion: Motion, number: int, offsets: tuple[float, ...]) -> list[Any]:
+def flow_cache_data(motion: Motion, number: int, offsets: tuple[float, ...]) -> list[Any]:
     """What acts on the points of a frame on the way to moments near it, as JSON-able data: equal data, equal
     ways. Of a moment beyond the shot's ends, what acts at that end."""
     first, last = motion.frames.first, motion.frames.last
@@ -101,7 +101,7 @@ def acting(motion: Motion, number: int, offsets: tuple[float, ...]) -> list[Any]
                 continue
             offset = 2.0 * STEP if number == first else -2.0 * STEP
         flow = motion.bounded(motion.flow, number + (offset > 0.0))
-        found.append(deciding(flow, *motion.clock.between(*sorted((number, number + offset)))))
+        found.append(checked_cache_data(flow, *motion.clock.between(*sorted((number, number + offset)))))
     return found
 
 

@@ -141,9 +141,9 @@ class Take(Showing):
         turn = self.turntable.step(number) if self.turntable else None
         flow: list[Any] = []
         if self.turntable is None and offsets:
-            from pipeline.production.render_inputs.motion import acting
+            from pipeline.production.render_inputs.motion import flow_cache_data
 
-            flow = acting(self.shot.motion, number, offsets)
+            flow = flow_cache_data(self.shot.motion, number, offsets)
         opened = self.open_at(number)
         return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
 
@@ -151,10 +151,10 @@ class Take(Showing):
         """What decides the colours of a picture that shows speeds; nothing of others."""
         if not self.measures_speed:
             return []
-        from pipeline.production.render_inputs.motion import STEP, acting
+        from pipeline.production.render_inputs.motion import STEP, flow_cache_data
         from render.scene.measure import SPEED
 
-        return [[SPEED, acting(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
+        return [[SPEED, flow_cache_data(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
 
     @cached_property
     def _appearance(self) -> Key:
