@@ -24,8 +24,8 @@ from pipeline.flow.flow_map import Step
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases
 from pipeline.mesh.normals import trusted_normals
+from pipeline.mesh.solids.analytic_surfaces import Sphere, TrueSurface
 from pipeline.mesh.tangents import carried_normals, tangents, unit
-from pipeline.mesh.true_surfaces import Sphere, TrueSurface
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling
 from pipeline.shot.subject import Subject

@@ -14,7 +14,7 @@ from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.normals import NORMAL
 from pipeline.mesh.tangents import carried_normals
 from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
-from pipeline.resample.shape import DEFAULT_ROUNDNESS
+from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS
 
 PLACEMENTS = ("chord", "curved", "exact")
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from pipeline.animation import animate, material_of
 from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.patches import spread, tessellate
+from pipeline.mesh.pn_triangles import spread, tessellate
 from pipeline.production.render_inputs.framing import Framing, frame_all
 from pipeline.production.render_inputs.framing_geometry import Balls
 from pipeline.production.render_inputs.motion import speeds

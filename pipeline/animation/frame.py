@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.errors import UsageError
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from pipeline.mesh.lattice import Lattice
+from pipeline.mesh.control_net import Lattice
 from pipeline.resample import PolyhedralReport, Report
 from pipeline.statistics import MeshStatistics
 

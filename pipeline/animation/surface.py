@@ -6,18 +6,18 @@ from dataclasses import replace
 from functools import partial
 from typing import Generic, TypeVar
 
-from pipeline.animation.epoch import Epoch
 from pipeline.animation.frame import FrameReport, MeshFrame
-from pipeline.animation.material import MATERIAL, material_of
+from pipeline.animation.queries import MATERIAL, material_of
+from pipeline.animation.rest_interval import Epoch
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow.flow_map import Step
 from pipeline.mesh import TriangleMesh
+from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.identity import Register
-from pipeline.mesh.lattice import Lattice
 from pipeline.mesh.normals import NORMAL, vertex_normals
 from pipeline.mesh.tangents import carried_normals
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
-from pipeline.resample.at_rest import REST, REST_NORMAL
+from pipeline.resample.placement.rest_surface import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling
 from pipeline.statistics import MeshStatistics, mesh_statistics
 

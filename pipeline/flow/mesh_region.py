@@ -17,8 +17,8 @@ from pipeline.flow.program import Instruction
 from pipeline.flow.regions import Region
 from pipeline.flow.triangle_tree import TriangleTree
 from pipeline.flow.vectors import ORIGIN
-from pipeline.mesh.triangles import TriangleMesh
-from pipeline.mesh.validate import require
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.validation import require
 
 NODES = 64
 """Of the grid along the longest side: they make looking up fast, not more exact."""

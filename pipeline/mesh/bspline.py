@@ -13,9 +13,9 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.mesh.lattice import Lattice, grid_faces
+from pipeline.mesh.control_net import Lattice, grid_faces
 from pipeline.mesh.normals import ShadedMesh, vertex_normals
-from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh
 
 PIECES = 8
 """Into how many pieces each span between two control points is cut, where nothing is said."""

@@ -20,8 +20,8 @@ from pipeline.mesh._kernels_normals import (
     scale_known,
     sum_normals,
 )
-from pipeline.mesh.triangles import TriangleMesh
-from pipeline.mesh.validate import require
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.validation import require
 
 NORMAL = "normal"
 """The vertex attribute (V, 3) of normals known from elsewhere, carried through a flow for one: of unit

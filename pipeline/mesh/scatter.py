@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh
 
 _GOLDEN = 1.2207440846057596
 """The root of g⁴ = g + 1."""

@@ -14,16 +14,15 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.mesh.halfedge import HalfedgeMesh
+from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.identity import Register
-from pipeline.mesh.triangles import TriangleMesh
-from pipeline.resample.frame import Frame, changes_of, wipe
-from pipeline.resample.locality import in_memory_order
-from pipeline.resample.placement import Chord, Placement
-from pipeline.resample.quarter import quarter
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.resample.placement.base import Chord, Placement
+from pipeline.resample.quadrisection import quarter
 from pipeline.resample.report import Report
-from pipeline.resample.shape import DEFAULT_ROUNDNESS, Shape
+from pipeline.resample.resample_pass import Frame, changes_of, wipe
 from pipeline.resample.thresholds import Thresholds
+from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS, Shape
 
 Splits = Literal["edges", "faces"]
 
@@ -172,3 +171,18 @@ def resample(
     resampler = Resampler(mesh, thresholds, placement, shape, splits)
     report = resampler.resample()
     return resampler.mesh, report
+
+
+_CACHED = 50_000  # faces whose vertices and table fit into a core's own cache, where order does not matter
+
+
+def in_memory_order(mesh: TriangleMesh) -> TriangleMesh:
+    """The same surface, its faces sorted by their lowest vertex if it is a large one.
+
+    Vertices keep their numbers, since whoever moves them counts on it. A pass over a million faces that
+    jump about among their vertices takes several times as long as one that walks along them.
+    """
+    if len(mesh.faces) <= _CACHED:
+        return mesh
+    order = np.argsort(mesh.faces.min(axis=1), kind="stable")
+    return TriangleMesh(mesh.vertices, mesh.faces[order], mesh.attributes, mesh.creases)

@@ -12,8 +12,8 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import Floats
 from pipeline.errors import UsageError
-from pipeline.mesh.triangles import TriangleMesh
-from pipeline.resample.density import graded
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.resample.sizing_field import graded
 
 DEFAULT_RATIO = 0.4
 """Minimum over maximum edge length: the paper's compromise between thrashing and spread (P12)."""
@@ -55,7 +55,7 @@ class Thresholds:
                       as a share of its length
 
     The first three are numbers, or callables `mesh -> (V,)` in the same units: those of
-    `pipeline.resample.density`, or any other. Raises UsageError for numbers that cannot be.
+    `pipeline.resample.sizing_field`, or any other. Raises UsageError for numbers that cannot be.
     """
 
     max_edge_length: Threshold

@@ -12,7 +12,7 @@ import numpy as np
 from pipeline.arrays import Floats, Points
 from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import TriangleMesh
-from pipeline.mesh.points_file import PointSet, read_points
+from pipeline.mesh.io.points import PointSet, read_points
 from pipeline.mesh.scatter import on_surface, within
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.subject import Solid, Subject

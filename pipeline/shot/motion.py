@@ -12,11 +12,11 @@ from pipeline.flow import Flow
 from pipeline.flow.checked_displacement import checked_cache_data
 from pipeline.flow.keyframes import Number
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh.polygons import PolygonMesh
-from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.polygon_mesh import PolygonMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
-from pipeline.resample.hardness import Region
-from pipeline.resample.shape import DEFAULT_ROUNDNESS
+from pipeline.resample.creases import Region
+from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
 from pipeline.shot.data import as_data
 from pipeline.shot.subject import Solid, Subject

@@ -12,9 +12,8 @@ import numpy as np
 
 from pipeline.arrays import Floats, Points
 from pipeline.mesh import TriangleMesh
-from pipeline.mesh.lattice import Lattice
-from pipeline.mesh.nets import Net, sheet_net, torus_net, tube_net
-from pipeline.mesh.points_file import read_net
+from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
+from pipeline.mesh.io.points import read_net
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.subject import Measure, Subject, measure
 

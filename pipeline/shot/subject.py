@@ -22,10 +22,10 @@ from pipeline.mesh import (
     sheet,
     torus,
 )
-from pipeline.mesh.bars import Bars, lattice
-from pipeline.mesh.lattice import Lattice
-from pipeline.mesh.polygon_solids import one_sided_sheet, six_sided_box
-from pipeline.mesh.true_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
+from pipeline.mesh.control_net import Lattice
+from pipeline.mesh.solids.analytic_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
+from pipeline.mesh.solids.bars import Bars, lattice
+from pipeline.mesh.solids.primitives import one_sided_sheet, six_sided_box
 from pipeline.shot.data import NOT_DATA
 
 Measure = float | str | tuple[float, ...]

@@ -16,7 +16,7 @@ from pipeline.flow import Flow, Sequence, Streamlines, keyed
 from pipeline.flow.catalogue import Lorenz, Twist
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.bspline import bspline_surface
-from pipeline.mesh.lattice import Lattice
+from pipeline.mesh.control_net import Lattice
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from pipeline.shot.cloud import RADIUS, CloudInSolid

@@ -62,8 +62,8 @@ STANDS_BESIDE = {
     "pipeline.errors",
     "pipeline.mesh._kernels_patches",
     "pipeline.mesh.bspline",
-    "pipeline.mesh.patches",
-    "pipeline.mesh.write",
+    "pipeline.mesh.pn_triangles",
+    "pipeline.mesh.io.write",
     "pipeline.shot",
     *(
         f"pipeline.shot.{name}"

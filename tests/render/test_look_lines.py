@@ -12,8 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.patches import tessellate
-from pipeline.mesh.solids import box
+from pipeline.mesh.pn_triangles import tessellate
+from pipeline.mesh.solids.primitives import box
 from render.base.errors import BadInputError
 from render.frame.render_frame import Layers
 from render.mitsuba import gouraud

@@ -12,9 +12,8 @@ from hypothesis import strategies as st
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
-from pipeline.mesh.identity import IDENTITY, with_identities
-from pipeline.mesh.lineage import ancestry
-from pipeline.mesh.true_surfaces import Sphere
+from pipeline.mesh.identity import IDENTITY, ancestry, with_identities
+from pipeline.mesh.solids.analytic_surfaces import Sphere
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 
 MENAGERIE = [box(edge_length=0.5), icosphere(6), sheet((2.0, 2.0), 0.3), torus(1.0, 0.4, 0.3)]

@@ -14,7 +14,7 @@ from pipeline.resample._kernels_patch import arriving, curved_middles, side_norm
 from pipeline.resample._kernels_place import long_around, settle
 from pipeline.resample._kernels_ring import new_ring
 from pipeline.resample._kernels_split import BIRTH, LEAVING, split_pass
-from pipeline.resample.frame import changes_of
+from pipeline.resample.resample_pass import changes_of
 
 HARD = math.cos(math.radians(40))
 CUBE, BALL, RING = box(edge_length=0.5), icosphere(4), torus(1.0, 0.4, 0.3)

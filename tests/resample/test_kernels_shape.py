@@ -13,10 +13,10 @@ from pipeline.mesh.normals import vertex_normals
 from pipeline.resample._kernels_lists import AS_IT_WAS, Changes, bracket, touch
 from pipeline.resample._kernels_ring import new_ring
 from pipeline.resample._kernels_shape import adopt, list_poor, relaxed, roundness
-from pipeline.resample.frame import Frame, changes_of
-from pipeline.resample.placement import Chord
-from pipeline.resample.shape import Shape
+from pipeline.resample.placement.base import Chord
+from pipeline.resample.resample_pass import Frame, changes_of
 from pipeline.resample.thresholds import Thresholds
+from pipeline.resample.triangle_shape import Shape
 
 HARD = math.cos(math.radians(40))
 BALL, CUBE, RING, CLOTH = icosphere(5), box(edge_length=0.5), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25)

@@ -4,7 +4,7 @@ import numpy as np
 
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.resample import Resampler, Thresholds
-from pipeline.resample.locality import in_memory_order
+from pipeline.resample.resampler import in_memory_order
 
 LARGE = icosphere(56)
 

@@ -14,7 +14,7 @@ from pipeline.errors import UsageError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Resampler, Thresholds, resample
 from pipeline.resample._kernels_density import bend, grade
-from pipeline.resample.density import curvature, graded
+from pipeline.resample.sizing_field import curvature, graded
 
 BALL = icosphere(12)
 

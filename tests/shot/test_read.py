@@ -13,7 +13,7 @@ import pytest
 from pipeline.flow import Sequence, Streamlines, keyed
 from pipeline.flow.catalogue import Rotation, Twist, Vortex
 from pipeline.mesh import validate, write_mesh
-from pipeline.mesh.solids import box
+from pipeline.mesh.solids.primitives import box
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, read_shot
 from render.scene.quality import QUALITIES

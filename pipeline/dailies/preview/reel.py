@@ -15,7 +15,7 @@ from pipeline.dailies.preview.meshes import Memory, Meshes
 from pipeline.dailies.preview.shelf import Shelf
 from pipeline.dailies.preview.stored import stored
 from pipeline.errors import FrameError
-from pipeline.mesh.patches import MOST_PIECES
+from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.render_inputs.motion import speeds
 from pipeline.production.render_inputs.shading import Shading

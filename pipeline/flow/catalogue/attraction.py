@@ -17,7 +17,7 @@ from pipeline.flow.parameters import Positive, Sense
 from pipeline.flow.triangle_tree import TriangleTree, segments
 from pipeline.flow.velocity import External
 from pipeline.kernels import BlockKernel
-from pipeline.mesh.triangles import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh
 
 
 def catmull_rom(points: Points, closed: bool, pieces: int) -> tuple[Points, Vectors]:

@@ -46,7 +46,7 @@ NORMALS_CODE = (
         f"pipeline/mesh/{name}.py"
         for name in ("normals", "_kernels_normals", "patches", "_kernels_patches", "bspline", "lattice")
     ),
-    "pipeline/resample/hardness.py",
+    "pipeline/resample/creases.py",
     "pipeline/production/render_inputs/shading.py",
     "pipeline/production/tasks/meshes.py",
 )

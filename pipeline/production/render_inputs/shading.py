@@ -11,7 +11,7 @@ from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.bspline import bspline_surface, bspline_values
 from pipeline.mesh.normals import ShadedMesh, split_at_creases, vertex_normals
-from pipeline.mesh.patches import MOST_PIECES, spread, tessellate
+from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
 from pipeline.production.render_inputs.dicing import MOST_SPANS, pieces_for
 from pipeline.production.render_inputs.framing import turned
 from pipeline.resample import Thresholds

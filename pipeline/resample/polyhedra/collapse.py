@@ -6,9 +6,9 @@ import math
 from collections import Counter
 from collections.abc import Iterable
 
+from pipeline.resample.polyhedra.can_collapse import judge
 from pipeline.resample.polyhedra.geometry import norm
-from pipeline.resample.polyhedra.judge import judge
-from pipeline.resample.polyhedra.structure import OUTSIDE
+from pipeline.resample.polyhedra.polyhedron import OUTSIDE
 from pipeline.resample.polyhedra.workpiece import Workpiece
 
 _EQUILATERAL = math.sqrt(3) / 4  # area of a triangle over its side squared

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from pipeline.resample.polyhedra.structure import Point
+from pipeline.resample.polyhedra.polyhedron import Point
 
 
 def newell(polygon: Sequence[Point]) -> Point:

@@ -9,7 +9,7 @@ from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
 from pipeline.flow.regions import FALLS, Box, Capsule, Cylinder, Fall, HalfSpace, Region, Sphere
-from pipeline.mesh.io import read_mesh
+from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NotNegativeField, PlaceField, PositiveField, number, place
 from pipeline.shot.documents.fields import Axis, Document, Positive, axis, exactly_one, one_of

@@ -15,7 +15,7 @@ from pipeline.arrays import AnyArray, Points
 from pipeline.flow.keyframes import Curve, Number, Place, number_at, place_at
 from pipeline.formula import PLACE, Expression
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
-from pipeline.resample.density import FORMULA_NAMES
+from pipeline.resample.sizing_field import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from pipeline.mesh.patches import MOST_PIECES
+from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.shot.documents.fields import Document, Told
 
 _PIXELS = r"^\s*(\d+\.?\d*|\.\d+)\s*px\s*$"

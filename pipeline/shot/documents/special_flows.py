@@ -26,7 +26,7 @@ from pipeline.flow.python_file import PythonFlow
 from pipeline.formula import FUNCTIONS
 from pipeline.formula.compiled import KNOWN
 from pipeline.formula.words import CONSTANTS
-from pipeline.mesh.io import read_mesh
+from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.fields import Positive, Triple, exactly_one, vector

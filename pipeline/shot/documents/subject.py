@@ -9,8 +9,8 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from pipeline.errors import MeshError, MissingInputError
-from pipeline.mesh.lattice import LEAST, Lattice
-from pipeline.mesh.points_file import read_net, read_points
+from pipeline.mesh.control_net import LEAST, Lattice
+from pipeline.mesh.io.points import read_net, read_points
 from pipeline.shot.cloud import MOST_POINTS, Cloud, CloudInSolid, CloudOfFile, radii_of
 from pipeline.shot.documents.fields import Document, Positive, Triple, one_of
 from pipeline.shot.net import NETS, ControlNet, NetOfFile, NetOfRows, NetOfSolid

@@ -9,10 +9,10 @@ from pipeline.arrays import Points
 from pipeline.errors import UsageError
 from pipeline.mesh import PolygonMesh, require, require_polygons
 from pipeline.resample import PolyhedralResampler, Thresholds, edges_by_angle, edges_in_region
-from pipeline.resample.hardness import WithinBall, WithinBox
-from pipeline.resample.polyhedra.bracket import Bracket
-from pipeline.resample.polyhedra.slicer import Cutting, Slicer
-from pipeline.resample.polyhedra.structure import Polyhedron
+from pipeline.resample.creases import WithinBall, WithinBox
+from pipeline.resample.polyhedra.length_limits import Bracket
+from pipeline.resample.polyhedra.polyhedron import Polyhedron
+from pipeline.resample.polyhedra.slicing import Cutting, Slicer
 from pipeline.resample.polyhedra.workpiece import Workpiece
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]

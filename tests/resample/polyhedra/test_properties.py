@@ -10,7 +10,7 @@ from pipeline.errors import FrameError
 from pipeline.mesh import PolygonMesh, require_polygons, validate
 from pipeline.resample import PolyhedralResampler, Thresholds
 from pipeline.resample.polyhedra.resampler import Collapse
-from pipeline.resample.polyhedra.slicer import Cutting
+from pipeline.resample.polyhedra.slicing import Cutting
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, require_polygons
 from pipeline.resample import Thresholds
-from pipeline.resample.polyhedra.bracket import Bracket
+from pipeline.resample.polyhedra.can_collapse import judge
 from pipeline.resample.polyhedra.collapse import Collapser
 from pipeline.resample.polyhedra.geometry import between
-from pipeline.resample.polyhedra.judge import judge
-from pipeline.resample.polyhedra.structure import OUTSIDE, Polyhedron
+from pipeline.resample.polyhedra.length_limits import Bracket
+from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
 from pipeline.resample.polyhedra.workpiece import Workpiece
 
 Step = Callable[[Polyhedron, np.random.Generator], None]

@@ -1,0 +1,220 @@
+"""HalfedgeMesh: connectivity that stays alive while a surface is cut and mended."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from pipeline.errors import MeshError
+from pipeline.mesh._kernels_halfedge import (
+    SOUND,
+    Surface,
+    fill_holes,
+    match_twins,
+    rename,
+    rename_together,
+)
+from pipeline.mesh.identity import IDENTITY, Register
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.validation import require
+
+_HEADROOM_AT_FIRST, _HEADROOM = 1.25, 1.5
+WORTH_SHARING = 1 << 19
+"""Half-edges from which on a pass over all of them is worth the start of threads."""
+
+
+class HalfedgeMesh:
+    """A corner table over arrays with room to grow; the one mutable thing of the house.
+
+    Half-edge ``3f + i`` leaves corner i of face f. `docs/halfedge.md` tells the invariants. Numbers of
+    vertices and faces are `sizes`; the arrays of `surface` are longer, so that a pass of splits can be
+    given its room beforehand with `reserve`.
+
+    register  where births are entered, if the mesh's identities are to be kept; without it they are an
+              attribute like others
+
+    Raises MeshError where the mesh is not a finite, oriented manifold, with or without boundary.
+    """
+
+    def __init__(self, mesh: TriangleMesh, register: Register | None = None) -> None:
+        self.euler = require(mesh).euler
+        self.register = register
+        self._scratch: dict[str, AnyArray] = {}
+        self._columns = _Columns.of(mesh.attributes)
+        self.sizes: AnyArray = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
+        points, corners = (int(_HEADROOM_AT_FIRST * size) for size in (len(mesh.vertices), mesh.faces.size))
+        self.surface = Surface(
+            _grown(mesh.vertices, points),
+            _grown(self._columns.pack(mesh.attributes, len(mesh.vertices)), points),
+            self._columns.blends,
+            _grown(mesh.faces.reshape(-1), corners),
+            _grown(np.empty(0, np.int32), corners),
+            _grown(_tags_of(mesh), corners),
+        )
+        problem, _ = match_twins(mesh.faces.reshape(-1), len(mesh.vertices), self.twins)
+        assert problem == SOUND, "require() has already shown the mesh to be manifold"
+
+    @property
+    def vertices(self) -> Points:
+        """(V, 3) live view of the positions; write into it to move the surface."""
+        return self.surface.points[: self.sizes[0]]
+
+    @property
+    def faces(self) -> Faces:
+        """(F, 3) live view of the faces; for reading."""
+        return self.surface.vert[: 3 * self.sizes[1]].reshape(-1, 3)
+
+    @property
+    def twins(self) -> Indices:
+        """(3F,) live view: the half-edge that runs back along the same edge, -1 on a boundary."""
+        return self.surface.twin[: 3 * self.sizes[1]]
+
+    @property
+    def edges(self) -> int:
+        """How many edges there are: V + F - the Euler number, which no operation changes."""
+        return int(self.sizes.sum()) - self.euler
+
+    def reserve(self, vertices: int, faces: int) -> None:
+        """Make room for that many more; the arrays grow geometrically and keep what they hold."""
+        points, carried, blends, vert, twin, tagged = self.surface
+        if self.sizes[0] + vertices > len(points):
+            room = max(int(self.sizes[0]) + vertices, int(len(points) * _HEADROOM))
+            points, carried = _grown(points, room), _grown(carried, room)
+        if 3 * (self.sizes[1] + faces) > len(vert):
+            room = 3 * max(int(self.sizes[1]) + faces, int(len(vert) * _HEADROOM) // 3)
+            vert, twin, tagged = _grown(vert, room), _grown(twin, room), _grown(tagged, room)
+        self.surface = Surface(points, carried, blends, vert, twin, tagged)
+
+    def enter_births(self, parents: Indices) -> None:
+        """Have the last vertices registered, where there is a register; `parents` are (N, 2) vertices."""
+        column = self.column(IDENTITY)
+        if self.register is not None and column is not None:
+            self.register.enter(self.surface.carried[: self.sizes[0], column], parents)
+
+    def fill_holes(self, dead_vertices: Indices, dead_faces: Indices) -> None:
+        """Make the arrays gapless again after elements were removed."""
+        if not len(dead_vertices) and not len(dead_faces):
+            return
+        renamed = np.empty(len(dead_vertices), np.int32)
+        if fill_holes(self.surface, self.sizes, np.sort(dead_faces), np.sort(dead_vertices), renamed):
+            halfedges, vertices = int(3 * self.sizes[1]), int(self.sizes[0])
+            everywhere = rename_together if halfedges > WORTH_SHARING else rename
+            everywhere(self.surface.vert, halfedges, vertices, renamed)
+
+    def scratch(self, name: str, room: int, kind: type = np.int32) -> AnyArray:
+        """An array of at least that many entries, kept for the next who asks by this name.
+
+        What it holds is what was left there, zero at first: who works with the mesh again and again need not
+        wait for memory every time. Nothing that matters may depend on it.
+        """
+        kept = self._scratch.get(name)
+        if kept is None or len(kept) < room:
+            larger: AnyArray = np.zeros(room if kept is None else max(room, int(len(kept) * _HEADROOM)), kind)
+            if kept is not None:
+                larger[: len(kept)] = kept
+            self._scratch[name] = kept = larger
+        return kept
+
+    def attributes(self) -> dict[str, AnyArray]:
+        """Copies of the vertex attributes, in their own shapes and types; read-only, as those of meshes."""
+        return self._columns.unpack(self.surface.carried[: self.sizes[0]])
+
+    def column(self, name: str) -> int | None:
+        """Where an attribute begins among the columns of `surface.carried`; None where there is none."""
+        return self._columns.start(name)
+
+    def steer(self, fields: Floats) -> int:
+        """Lay (V, 3) numbers beside the attributes, mixed like them but no part of the snapshot.
+
+        Answers the column where they begin.
+        """
+        start = self._columns.width
+        if self.surface.carried.shape[1] == start:
+            points, carried, blends, *table = self.surface
+            wider = np.zeros((len(carried), start + fields.shape[1]))
+            wider[:, :start] = carried
+            self.surface = Surface(points, wider, np.append(blends, np.ones(fields.shape[1])), *table)
+        self.surface.carried[: self.sizes[0], start:] = fields
+        return start
+
+    @property
+    def creases(self) -> Indices:
+        """(K, 2) the tagged edges, by their vertices; each may appear twice."""
+        tagged = np.flatnonzero(self.surface.tagged[: 3 * self.sizes[1]])
+        after = np.where(tagged % 3 == 2, tagged - 2, tagged + 1)
+        return np.column_stack([self.surface.vert[tagged], self.surface.vert[after]])
+
+    def snapshot(self) -> TriangleMesh:
+        """The surface as a value, vertices and faces in the order they have here."""
+        return TriangleMesh(self.vertices, self.faces, self.attributes(), self.creases)
+
+
+class _Columns:
+    """How named attributes of any shape and type lie side by side in one float64 matrix."""
+
+    def __init__(self, layout: Mapping[str, tuple[tuple[int, ...], np.dtype[Any]]]) -> None:
+        self._layout = dict(layout)
+        mixes = [np.full(_width(shape), float(kind.kind == "f")) for shape, kind in self._layout.values()]
+        self.blends: Floats = np.concatenate([*mixes, np.empty(0)])
+
+    @property
+    def width(self) -> int:
+        return sum(_width(shape) for shape, _ in self._layout.values())
+
+    def start(self, name: str) -> int | None:
+        if name not in self._layout:
+            return None
+        names = list(self._layout)
+        return sum(_width(self._layout[n][0]) for n in names[: names.index(name)])
+
+    @classmethod
+    def of(cls, attributes: Mapping[str, AnyArray]) -> _Columns:
+        for name, values in attributes.items():
+            if values.dtype.kind not in "fiub" or values.dtype.itemsize > 8:
+                raise MeshError(
+                    f"attribute {name!r} holds {values.dtype}; resampling carries real numbers only"
+                )
+            if not np.isfinite(values).all():
+                raise MeshError(f"attribute {name!r} holds values that are not finite; replace them")
+        return cls({name: (values.shape[1:], values.dtype) for name, values in attributes.items()})
+
+    def pack(self, attributes: Mapping[str, AnyArray], rows: int) -> Floats:
+        parts = [attributes[name].reshape(rows, -1).astype(np.float64) for name in self._layout]
+        return np.ascontiguousarray(np.concatenate([*parts, np.empty((rows, 0))], axis=1))
+
+    def unpack(self, matrix: Floats) -> dict[str, AnyArray]:
+        named, column = {}, 0
+        for name, (shape, kind) in self._layout.items():
+            part = matrix[:, column : column + _width(shape)]
+            named[name] = part.reshape(len(matrix), *shape).astype(kind)
+            named[name].flags.writeable = False
+            column += _width(shape)
+        return named
+
+
+def _tags_of(mesh: TriangleMesh) -> AnyArray:
+    """(3F,) uint8: 1 at the half-edges of the mesh's creases. Raises MeshError where one is no edge."""
+    tags = np.zeros(mesh.faces.size, np.uint8)
+    if len(mesh.creases):
+        ends = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
+        keys, wanted = (pairs.astype(np.int64) @ (1 << 32, 1) for pairs in (ends, mesh.creases))
+        strangers = ~np.isin(wanted, keys)
+        if strangers.any():
+            a, b = mesh.creases[strangers][0]
+            raise MeshError(f"crease {a}-{b} is no edge of the mesh; creases name two vertices of one edge")
+        tags[np.isin(keys, wanted)] = 1
+    return tags
+
+
+def _width(shape: tuple[int, ...]) -> int:
+    return int(np.prod(shape, dtype=int))
+
+
+def _grown(array: AnyArray, rows: int) -> AnyArray:
+    larger = np.empty((rows, *array.shape[1:]), array.dtype)
+    larger[: len(array)] = array
+    larger[len(array) :] = 0  # touched now, so that no frame waits for the pages
+    return larger

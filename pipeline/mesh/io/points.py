@@ -1,0 +1,154 @@
+"""Points from files: clouds with what is known of each point, and the rows of control nets."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable, Mapping
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.errors import FlowsculptError, MeshError, MissingInputError
+from pipeline.mesh.io.obj import read_wavefront
+from pipeline.mesh.io.ply import read_elements
+
+_POINTS = ("points", "vertices")
+_ATTRIBUTE = "attribute:"
+
+
+class PointSet(NamedTuple):
+    """points: float64 (N, 3); attributes: by name, one number a point, (N,)."""
+
+    points: Points
+    attributes: Mapping[str, AnyArray]
+
+
+def read_points(path: str | Path) -> PointSet:
+    """The points of a PLY (the vertices, with their other properties), XYZ, NPZ or OBJ file, in their order.
+
+    xyz  a point a line: three numbers, parted by blanks or commas; further ones are `column_4` and so on
+    npz  `points` or `vertices` (N, 3); arrays (N,) beside are attributes, as `attribute:<name>` are
+    obj  the vertices
+
+    Raises MissingInputError where there is no such file, MeshError where it cannot be read, has no points, or
+    points that are not finite.
+    """
+    path = Path(path)
+    found = _read(path, _READERS, "a file of points")
+    if not len(found.points):
+        raise MeshError(f"{path}: it holds no points; a cloud needs at least one")
+    if found.points.ndim != 2 or found.points.shape[1] != 3:
+        raise MeshError(f"{path}: its points have shape {found.points.shape}; they must be (N, 3)")
+    _require_finite(path, found.points)
+    return found
+
+
+def read_net(path: str | Path, columns: int | None = None) -> Floats:
+    """(rows, columns, 3) the control points of a net.
+
+    npz  `points` or `vertices` (rows, columns, 3), or (N, 3) with `columns`
+    obj  the vertices, row by row, `columns` in each
+
+    Raises MissingInputError where there is no such file, MeshError where it cannot be read, is no grid of
+    points, or has points that are not finite.
+    """
+    path = Path(path)
+    points = _read(path, {name: _READERS[name] for name in ("npz", "obj")}, "a file of a net").points
+    if points.ndim == 3:
+        if columns not in (None, points.shape[1]):
+            raise MeshError(
+                f"{path}: its rows have {points.shape[1]} points, not {columns}; leave columns out"
+            )
+        grid = points
+    else:
+        if columns is None:
+            raise MeshError(f"{path}: its points stand in one list; say how many make a row, as columns")
+        if not len(points) or len(points) % columns:
+            raise MeshError(f"{path}: {len(points)} points make no rows of {columns}; correct columns")
+        grid = points.reshape(len(points) // columns, columns, -1)
+    if grid.shape[2] != 3:
+        raise MeshError(f"{path}: its points have shape {points.shape}; they must be (rows, columns, 3)")
+    _require_finite(path, grid)
+    return grid
+
+
+def _read(path: Path, readers: Mapping[str, Callable[[Path], PointSet]], what: str) -> PointSet:
+    if not path.is_file():
+        raise MissingInputError(f"{path}: there is no such file; check the path")
+    reader = readers.get(path.suffix.lstrip(".").lower())
+    if reader is None:
+        raise MeshError(
+            f"{path}: {path.suffix or 'no suffix'} is not {what}; use one of {', '.join(readers)}"
+        )
+    try:
+        return reader(path)
+    except FlowsculptError:
+        raise
+    except (ValueError, KeyError, IndexError, TypeError, OSError, zipfile.BadZipFile) as error:
+        kind = path.suffix.lstrip(".").upper()
+        raise MeshError(f"{path}: it cannot be read as {kind} ({_brief(error)})") from error
+
+
+def _require_finite(path: Path, points: Floats) -> None:
+    wild = ~np.isfinite(points).all(axis=-1)
+    if wild.any():
+        first = tuple(np.argwhere(wild)[0].tolist())
+        where = f"point {first[0]}" if len(first) == 1 else f"the point in row {first[0]}, column {first[1]}"
+        more = int(wild.sum()) - 1
+        raise MeshError(f"{path}: {where} is not finite (and {more} more); coordinates must be numbers")
+
+
+def _polygon_file(path: Path) -> PointSet:
+    vertex = read_elements(path).get("vertex", {})
+    if not {"x", "y", "z"} <= set(vertex):
+        raise ValueError("its vertices have no x, y and z")
+    points = np.column_stack([np.asarray(vertex[axis], np.float64) for axis in "xyz"])
+    others = {name: column for name, column in vertex.items() if name not in ("x", "y", "z")}
+    return PointSet(
+        points, {name: c for name, c in others.items() if isinstance(c, np.ndarray) and c.ndim == 1}
+    )
+
+
+def _xyz(path: Path) -> PointSet:
+    text = path.read_text(encoding="utf-8").replace(",", " ")
+    rows = [line.split() for line in text.splitlines() if line.split("#", 1)[0].strip()]
+    rows = [" ".join(row).split("#", 1)[0].split() for row in rows]
+    uneven = next((k for k, row in enumerate(rows) if len(row) < 3 or len(row) != len(rows[0])), None)
+    if uneven is not None:
+        raise ValueError(f"point {uneven} has {len(rows[uneven])} numbers; all need the same, three at least")
+    table = np.array(rows, np.float64).reshape(len(rows), len(rows[0]) if rows else 3)
+    columns = range(3, table.shape[1])
+    return PointSet(table[:, :3].copy(), {f"column_{k + 1}": table[:, k].copy() for k in columns})
+
+
+def _archive(path: Path) -> PointSet:
+    with np.load(path, allow_pickle=False) as archive:
+        arrays = {name: archive[name] for name in archive.files}
+    name = next((name for name in _POINTS if name in arrays), None)
+    if name is None:
+        known = ", ".join(sorted(arrays)) or "nothing"
+        raise MeshError(f"{path}: it holds no array {' or '.join(_POINTS)}. There are: {known}.")
+    points = arrays.pop(name).astype(np.float64)
+    if points.ndim not in (2, 3):
+        raise MeshError(f"{path}: its {name} have shape {points.shape}; they must be (N, 3)")
+    numbers = {n: a for n, a in arrays.items() if a.shape == points.shape[:1] and a.dtype.kind in "fiu"}
+    return PointSet(points, {n.removeprefix(_ATTRIBUTE): a for n, a in numbers.items()})
+
+
+def _wavefront(path: Path) -> PointSet:
+    return PointSet(read_wavefront(path).points, {})
+
+
+_READERS: Mapping[str, Callable[[Path], PointSet]] = {
+    "ply": _polygon_file,
+    "xyz": _xyz,
+    "npz": _archive,
+    "obj": _wavefront,
+}
+
+
+def _brief(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else text[:117] + "…"

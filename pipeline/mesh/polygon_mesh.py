@@ -1,0 +1,223 @@
+"""PolygonMesh: a surface of faces with any number of sides, as a frozen value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
+from pipeline.errors import MeshError
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.triangulation import triangulate
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class PolygonMesh:
+    """Polygons over shared vertices, convex or not, flat or nearly so; arrays are read-only.
+
+    vertices    float64 (V, 3), scene units
+    offsets     int32 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
+    corners     int32 (C,): vertex numbers, counter-clockwise seen from outside
+    attributes  by name, one row a vertex: (V,) or (V, k)
+    creases     int32 (K, 2): edges that are hard whatever their angle (P31), sorted, each once
+
+    Raises MeshError where a face has fewer than three corners or names a vertex that is not there, or
+    where other arrays have other shapes. `require_polygons` says whether it is a surface.
+    """
+
+    vertices: Points
+    offsets: Indices
+    corners: Indices
+    attributes: Mapping[str, AnyArray] = field(default_factory=dict)
+    creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: Sequence[ArrayLike],
+        attributes: Mapping[str, ArrayLike] | None = None,
+        creases: ArrayLike | None = None,
+    ) -> None:
+        """`faces`: one sequence of vertex numbers a face."""
+        parts = [np.asarray(face, np.int64).reshape(-1) for face in faces]
+        offsets = np.cumsum([0, *(len(part) for part in parts)])
+        self._fill(vertices, offsets, np.concatenate([*parts, np.empty(0, np.int64)]), attributes, creases)
+
+    @classmethod
+    def from_arrays(
+        cls,
+        vertices: ArrayLike,
+        offsets: ArrayLike,
+        corners: ArrayLike,
+        attributes: Mapping[str, ArrayLike] | None = None,
+        creases: ArrayLike | None = None,
+    ) -> PolygonMesh:
+        """From the arrays as they are kept."""
+        mesh = cls.__new__(cls)
+        mesh._fill(vertices, np.asarray(offsets), np.asarray(corners), attributes, creases)
+        return mesh
+
+    @classmethod
+    def from_triangles(cls, mesh: TriangleMesh) -> PolygonMesh:
+        """The same surface, every face with three sides."""
+        offsets = 3 * np.arange(len(mesh.faces) + 1)
+        return cls.from_arrays(mesh.vertices, offsets, mesh.faces.reshape(-1), mesh.attributes, mesh.creases)
+
+    def _fill(
+        self,
+        vertices: ArrayLike,
+        offsets: AnyArray,
+        corners: AnyArray,
+        attributes: Mapping[str, ArrayLike] | None,
+        creases: ArrayLike | None,
+    ) -> None:
+        # vertices, attributes and creases keep the rules that triangles have
+        shared = TriangleMesh(vertices, np.empty((0, 3), np.int32), attributes, creases)
+        _check_faces(offsets, corners, len(shared.vertices))
+        object.__setattr__(self, "vertices", shared.vertices)
+        object.__setattr__(self, "offsets", _frozen(offsets))
+        object.__setattr__(self, "corners", _frozen(corners))
+        object.__setattr__(self, "attributes", MappingProxyType(dict(shared.attributes)))
+        object.__setattr__(self, "creases", shared.creases)
+
+    def __len__(self) -> int:
+        """How many faces there are."""
+        return len(self.offsets) - 1
+
+    def face(self, number: int) -> Indices:
+        """(n,) the corners of one face."""
+        return self.corners[self.offsets[number] : self.offsets[number + 1]]
+
+    @property
+    def sides(self) -> Indices:
+        """(F,) how many sides each face has."""
+        return np.diff(self.offsets)
+
+    @property
+    def average_sides(self) -> float:
+        """Sides a face, on average: 3 once all are triangles (P21)."""
+        return len(self.corners) / max(len(self), 1)
+
+    @property
+    def heads(self) -> Indices:
+        """(C,) the corner that follows each in its face: side c runs from ``corners[c]`` to ``heads[c]``."""
+        following = np.arange(1, len(self.corners) + 1)
+        following[self.offsets[1:] - 1] = self.offsets[:-1]
+        return self.corners[following]
+
+    @property
+    def owners(self) -> Indices:
+        """(C,) the face of each corner."""
+        return np.repeat(np.arange(len(self), dtype=np.int32), self.sides)
+
+    @property
+    def bounds(self) -> Floats:
+        """(2, 3): the lowest and the highest coordinates of the vertices."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    @property
+    def extents(self) -> Floats:
+        """(F,) the longest side of each face's box along the axes, scene units (P17)."""
+        if not len(self):
+            return np.empty(0)
+        at, starts = self.vertices[self.corners], self.offsets[:-1]
+        size: Floats = np.maximum.reduceat(at, starts) - np.minimum.reduceat(at, starts)
+        longest: Floats = size.max(axis=1)
+        return longest
+
+    @property
+    def area_vectors(self) -> Vectors:
+        """(F, 3) Newell's normals, as long as the face is large; for a flat face its area."""
+        if not len(self):
+            return np.empty((0, 3))
+        first = self.vertices[self.corners[self.offsets[:-1]]][self.owners]
+        here, there = self.vertices[self.corners] - first, self.vertices[self.heads] - first
+        return 0.5 * np.add.reduceat(np.cross(here, there), self.offsets[:-1], axis=0)
+
+    @property
+    def areas(self) -> Floats:
+        """(F,) of each face, seen along its Newell normal."""
+        areas: Floats = np.linalg.norm(self.area_vectors, axis=1)
+        return areas
+
+    @property
+    def normals(self) -> Vectors:
+        """(F, 3) unit Newell normals, pointing outwards; zero for a face without area."""
+        vectors = self.area_vectors
+        length = np.linalg.norm(vectors, axis=1, keepdims=True)
+        unit: Vectors = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+        return unit
+
+    @property
+    def edges(self) -> Indices:
+        """(E, 2) every edge once, by its two vertices, lower first, sorted."""
+        low = np.minimum(self.corners, self.heads).astype(np.int64)
+        keys = np.unique(low * len(self.vertices) + np.maximum(self.corners, self.heads))
+        return np.column_stack(np.divmod(keys, max(len(self.vertices), 1))).astype(np.int32)
+
+    def with_vertices(self, vertices: ArrayLike) -> PolygonMesh:
+        """The same surface elsewhere."""
+        return PolygonMesh.from_arrays(vertices, self.offsets, self.corners, self.attributes, self.creases)
+
+    def with_attributes(self, **attributes: ArrayLike) -> PolygonMesh:
+        """The same polygons with attributes added or replaced."""
+        more = {**self.attributes, **attributes}
+        return PolygonMesh.from_arrays(self.vertices, self.offsets, self.corners, more, self.creases)
+
+    def with_creases(self, creases: ArrayLike) -> PolygonMesh:
+        """The same surface with these edges tagged, and no others."""
+        return PolygonMesh.from_arrays(self.vertices, self.offsets, self.corners, self.attributes, creases)
+
+    def triangulated(self) -> TriangleMesh:
+        """The same surface of triangles; vertices, attributes and creases stay as they are (P23).
+
+        A face that cannot be cut without doubling another's edge takes a vertex at the mean of its
+        corners; such vertices come last.
+        """
+        faces, filled = triangulate(self.vertices, self.offsets, self.corners)
+        if not len(filled):
+            return TriangleMesh(self.vertices, faces, self.attributes, self.creases)
+        rings = [self.face(int(f)) for f in filled]
+        points = np.concatenate([self.vertices, [self.vertices[ring].mean(axis=0) for ring in rings]])
+        named = {name: _extended(values, rings) for name, values in self.attributes.items()}
+        return TriangleMesh(points, faces, named, self.creases)
+
+    def __repr__(self) -> str:
+        return (
+            f"PolygonMesh({len(self.vertices)} vertices, {len(self)} faces, {self.average_sides:.2f} sides)"
+        )
+
+
+def _check_faces(offsets: AnyArray, corners: AnyArray, vertices: int) -> None:
+    if offsets.ndim != 1 or corners.ndim != 1 or not len(offsets) or offsets[0] != 0:
+        raise MeshError(f"offsets have shape {offsets.shape}; they must be (F + 1,) and begin with 0")
+    if offsets[-1] != len(corners):
+        raise MeshError(f"offsets end at {int(offsets[-1])}; there are {len(corners)} corners")
+    small = np.flatnonzero(np.diff(offsets) < 3)
+    if len(small):
+        f = int(small[0])
+        raise MeshError(
+            f"face {f} has {int(offsets[f + 1] - offsets[f])} corners; a polygon has three at least"
+        )
+    if len(corners) and (corners.min() < 0 or corners.max() >= vertices):
+        raise MeshError(
+            f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
+            f"there are {vertices} vertices, numbered from 0"
+        )
+
+
+def _extended(values: AnyArray, rings: Sequence[Indices]) -> AnyArray:
+    """An attribute with a row for the middle of each ring: the mean, or the first corner's where integer."""
+    blends = values.dtype.kind == "f"
+    rows = [values[ring].mean(axis=0) if blends else values[ring[0]] for ring in rings]
+    return np.concatenate([values, np.array(rows, values.dtype)])
+
+
+def _frozen(array: AnyArray) -> Indices:
+    kept = np.array(array, dtype=np.int32, order="C")
+    kept.flags.writeable = False
+    return kept

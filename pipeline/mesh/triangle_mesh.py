@@ -1,0 +1,108 @@
+"""TriangleMesh: a surface as a frozen value."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from pipeline.errors import MeshError
+
+
+@dataclass(frozen=True, init=False, eq=False)
+class TriangleMesh:
+    """Triangles over shared vertices; arrays are read-only.
+
+    vertices    float64 (V, 3), scene units
+    faces       int32 (F, 3), counter-clockwise seen from outside
+    attributes  by name, one row a vertex: (V,) or (V, k)
+    creases     int32 (K, 2): edges, by their two vertices, that are hard whatever their angle (P31)
+
+    Creases are kept sorted and each once, so that equal sets of them are equal arrays.
+
+    Raises MeshError where the arrays have other shapes or a face names a vertex that is not there.
+    What makes a mesh *good* (finite, manifold, closed) is for `pipeline.mesh.validation` to say.
+    """
+
+    vertices: Points
+    faces: Faces
+    attributes: Mapping[str, AnyArray] = field(default_factory=dict)
+    creases: Indices = field(default_factory=lambda: np.empty((0, 2), np.int32))
+
+    def __init__(
+        self,
+        vertices: ArrayLike,
+        faces: ArrayLike,
+        attributes: Mapping[str, ArrayLike] | None = None,
+        creases: ArrayLike | None = None,
+    ) -> None:
+        points = _frozen(vertices, np.float64)
+        corners = np.asarray(faces)
+        if points.ndim != 2 or points.shape[1] != 3:
+            raise MeshError(f"vertices have shape {points.shape}; they must be (V, 3)")
+        if corners.size == 0:
+            corners = corners.reshape(0, 3)
+        if corners.ndim != 2 or corners.shape[1] != 3:
+            raise MeshError(f"faces have shape {corners.shape}; they must be (F, 3): triangulate first")
+        if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
+            raise MeshError(
+                f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
+                f"there are {len(points)} vertices, numbered from 0"
+            )
+        named = {name: _frozen(values) for name, values in (attributes or {}).items()}
+        for name, values in named.items():
+            if values.ndim == 0 or len(values) != len(points):
+                raise MeshError(f"attribute {name!r} has shape {values.shape}; it needs {len(points)} rows")
+        object.__setattr__(self, "creases", _frozen(_sorted_pairs(creases, len(points)), np.int32))
+        object.__setattr__(self, "vertices", points)
+        object.__setattr__(self, "faces", _frozen(corners, np.int32))
+        object.__setattr__(self, "attributes", MappingProxyType(named))
+
+    def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:
+        """The same surface elsewhere."""
+        return TriangleMesh(vertices, self.faces, self.attributes, self.creases)
+
+    def with_attributes(self, **attributes: ArrayLike) -> TriangleMesh:
+        """The same surface with more attributes, or with others in place of those it has."""
+        return TriangleMesh(self.vertices, self.faces, {**self.attributes, **attributes}, self.creases)
+
+    def with_creases(self, creases: ArrayLike) -> TriangleMesh:
+        """The same surface with these edges tagged, and no others."""
+        return TriangleMesh(self.vertices, self.faces, self.attributes, creases)
+
+    @property
+    def bounds(self) -> Floats:
+        """(2, 3): the lowest and the highest coordinates of the vertices."""
+        return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])
+
+    def __repr__(self) -> str:
+        names = ", ".join(self.attributes) or "no attributes"
+        return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {names})"
+
+
+def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
+    """(K, 2) int32, each pair ascending and once, in order; whether they are edges is not looked at."""
+    ends = np.asarray([] if pairs is None else pairs)
+    if ends.size == 0:
+        return np.empty((0, 2), np.int32)
+    if ends.ndim != 2 or ends.shape[1] != 2:
+        raise MeshError(f"creases have shape {ends.shape}; they must be pairs of vertices, (K, 2)")
+    if ends.min() < 0 or ends.max() >= vertices:
+        raise MeshError(f"creases name vertex {int(ends.max())}; there are {vertices} vertices")
+    return np.unique(np.sort(ends, axis=1), axis=0).astype(np.int32)
+
+
+def _frozen(values: ArrayLike, kind: type | None = None) -> AnyArray:
+    """An array in C order into which nobody writes: a copy, or this one if it is its own and read-only, as
+    those of meshes are. Who made it so must not write into it again."""
+    if type(values) is np.ndarray and values.dtype == (kind or values.dtype):
+        flags = values.flags
+        if flags.owndata and flags.c_contiguous and not flags.writeable:
+            return values
+    array = np.array(values, dtype=kind, order="C")
+    array.flags.writeable = False
+    return array

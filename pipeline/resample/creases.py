@@ -1,0 +1,94 @@
+"""Which edges are hard whatever becomes of them (P31): by their angle at rest, or by where they lie."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Floats, Indices, Points
+from pipeline.errors import UsageError
+from pipeline.mesh.normals import dihedral_angles
+from pipeline.mesh.polygon_mesh import PolygonMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.validation import twin_corners
+
+Mesh = TriangleMesh | PolygonMesh
+
+Region = Callable[[Points], AnyArray]
+"""Any callable: points (N, 3) in, (N,) flags out, which of them lie within."""
+
+
+@dataclass(frozen=True)
+class WithinBox:
+    """The box along the axes between two corners, borders included; scene units."""
+
+    low: tuple[float, float, float]
+    high: tuple[float, float, float]
+
+    def __call__(self, points: Points) -> AnyArray:
+        within: AnyArray = np.all((points >= self.low) & (points <= self.high), axis=1)
+        return within
+
+
+@dataclass(frozen=True)
+class WithinBall:
+    """The ball around a centre, border included; scene units."""
+
+    centre: tuple[float, float, float]
+    radius: float
+
+    def __call__(self, points: Points) -> AnyArray:
+        within: AnyArray = np.linalg.norm(points - np.asarray(self.centre), axis=1) <= self.radius
+        return within
+
+
+def edges_by_angle(mesh: Mesh, hard_angle: float | Floats) -> Indices:
+    """(K, 2) the edges whose faces turn by more than hard_angle (radians), as creases for a mesh.
+
+    With an angle for each vertex, that of an edge is the mean of its ends'.
+
+    Raises MeshError where the mesh is not an oriented manifold.
+    """
+    ends, turns = _sides(mesh), _turns(mesh)
+    limit = hard_angle if isinstance(hard_angle, float) else hard_angle[ends].mean(axis=1)
+    return _once(ends[np.nan_to_num(turns) > limit])
+
+
+def edges_in_region(mesh: Mesh, region: Region) -> Indices:
+    """(K, 2) the edges both of whose ends lie in a region, as creases for a mesh.
+
+    Raises UsageError where the region does not answer one flag a vertex.
+    """
+    within = np.asarray(region(mesh.vertices))
+    if within.shape != (len(mesh.vertices),):
+        raise UsageError(
+            f"the region answers shape {within.shape} for {len(mesh.vertices)} vertices; "
+            "it must say of each whether it lies within"
+        )
+    ends = _sides(mesh)
+    return _once(ends[within.astype(bool)[ends].all(axis=1)])
+
+
+def _sides(mesh: Mesh) -> Indices:
+    """(C, 2) the vertices that each side of each face runs between."""
+    if isinstance(mesh, PolygonMesh):
+        return np.column_stack([mesh.corners, mesh.heads])
+    return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+
+
+def _turns(mesh: Mesh) -> Floats:
+    """(C,) the angle between the normals of the two faces at each side, radians; nan on a boundary."""
+    if isinstance(mesh, TriangleMesh):
+        return dihedral_angles(mesh)
+    twin, normals = twin_corners(mesh), mesh.normals
+    mine, theirs = normals[mesh.owners], normals[mesh.owners[twin]]
+    sine = np.linalg.norm(np.cross(mine, theirs), axis=1)
+    angles: Floats = np.arctan2(sine, np.einsum("ij,ij->i", mine, theirs))
+    angles[twin < 0] = np.nan
+    return angles
+
+
+def _once(pairs: Indices) -> Indices:
+    return np.unique(np.sort(pairs, axis=1), axis=0)

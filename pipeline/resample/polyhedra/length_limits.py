@@ -1,0 +1,64 @@
+"""The thresholds of one frame, for edges and faces by their vertices."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from pipeline.arrays import Floats
+from pipeline.mesh.polygon_mesh import PolygonMesh
+from pipeline.resample.polyhedra.geometry import between
+from pipeline.resample.polyhedra.polyhedron import Point
+from pipeline.resample.thresholds import Thresholds
+
+
+class Bracket:
+    """Maximum and minimum length and hard angle at every vertex; equal everywhere where they are numbers.
+
+    An edge has the geometric mean of its two ends' thresholds, a face the least maximum of its corners'.
+    """
+
+    def __init__(self, thresholds: Thresholds, mesh: PolygonMesh) -> None:
+        """Raises UsageError where an active threshold gives values that cannot be."""
+        self.budget = thresholds.max_vertices
+        self._same: float | None = None
+        if thresholds.active:
+            # the functions are asked on triangles, whose first vertices are those of the polygons
+            fields = thresholds.fields(mesh.triangulated())[: len(mesh.vertices)]
+            self._at: list[Point] = [(longest, least, angle) for longest, least, angle in fields.tolist()]
+        else:
+            numbers = thresholds.numbers
+            self._same = math.cos(numbers[2])
+            self._at = [numbers] * len(mesh.vertices)
+
+    @property
+    def table(self) -> Floats:
+        """(V, 3): maximum and minimum length, scene units, and hard angle, radians, at every vertex."""
+        return np.array(self._at)
+
+    def longest(self, a: int, b: int) -> float:
+        """The maximum length of the edge between two vertices."""
+        return math.sqrt(self._at[a][0] * self._at[b][0])
+
+    def shortest(self, a: int, b: int) -> float:
+        """The minimum length of the edge between two vertices."""
+        return math.sqrt(self._at[a][1] * self._at[b][1])
+
+    def cosine(self, a: int, b: int) -> float:
+        """Of the hard angle at the edge between two vertices."""
+        if self._same is not None:
+            return self._same
+        return math.cos(math.sqrt(self._at[a][2] * self._at[b][2]))
+
+    def widest(self, vertices: list[int]) -> float:
+        """The longest side that the box of a face may have."""
+        return min(self._at[v][0] for v in vertices)
+
+    def add(self, a: int, b: int, share: float) -> None:
+        """Give the next vertex its thresholds, from the ends of the edge that it splits."""
+        self._at.append(between(self._at[a], self._at[b], share))
+
+    def merge(self, a: int, b: int, share: float) -> None:
+        """Let `a` have the thresholds of the place that it moves to."""
+        self._at[a] = between(self._at[a], self._at[b], share)

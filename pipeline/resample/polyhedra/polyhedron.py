@@ -1,0 +1,265 @@
+"""A polyhedron of half-edges that can be cut and mended: the mutable thing of the first version.
+
+Plain lists, because every operation touches a few numbers at a time; whole passes over the surface are
+made on the arrays of a `PolygonMesh`, before and after.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.mesh.polygon_mesh import PolygonMesh
+from pipeline.mesh.validation import require_polygons, twin_corners
+
+OUTSIDE = -1
+"""The face beyond a boundary, and what stands for a removed element."""
+
+Point = tuple[float, float, float]
+
+
+class Polyhedron:
+    """Faces with any number of sides, joined along half-edges.
+
+    Half-edges come in pairs: `h` and ``h ^ 1`` run along edge ``h >> 1`` in opposite directions, so a twin
+    need not be stored. A boundary has half-edges too, which belong to the face `OUTSIDE`.
+
+    next, previous, origin, face   by half-edge; `origin` is -1 where the edge has been removed
+    crease                         by edge: whether it is hard whatever its angle (P31)
+    side                           by face: one of its half-edges, or -1 where the face has been removed
+    leaving                        by vertex: a half-edge that leaves it, or -1 where it has been removed
+    points                         by vertex: where it is
+
+    Numbers of removed elements are not used again before `renumber`. Half-edges are numbered by their
+    first appearance among the corners of the faces, so that all of this is a function of the mesh.
+
+    Raises MeshError where the mesh is not a finite, oriented manifold, with or without boundary.
+    """
+
+    next: list[int]
+    previous: list[int]
+    origin: list[int]
+    face: list[int]
+    crease: list[bool]
+    side: list[int]
+    leaving: list[int]
+    points: list[Point]
+
+    def __init__(self, mesh: PolygonMesh) -> None:
+        require_polygons(mesh)
+        self._load(mesh, twin_corners(mesh))
+
+    def split_edge(self, h: int, points: Sequence[Point]) -> list[int]:
+        """Put vertices on the edge of h, in order along h, which keeps its origin; answers their numbers."""
+        made = []
+        for point in points:
+            made.append(self._split_once(h, point))
+            h = self.next[h]
+        return made
+
+    def cut_face(self, h: int, k: int) -> int:
+        """Join the origins of h and k across their face; answers the half-edge that runs from h's to k's.
+
+        The face keeps the sides from h to k; a new one gets those from k to h, and the half-edge answered.
+        """
+        nexts, previous, origin, face = self.next, self.previous, self.origin, self.face
+        there, back = self._new_edge(origin[h], origin[k], crease=False)
+        old, new = face[h], len(self.side)
+        before_h, before_k = previous[h], previous[k]
+        nexts[before_k], previous[back], nexts[back], previous[h] = back, before_k, h, back
+        nexts[before_h], previous[there], nexts[there], previous[k] = there, before_h, k, there
+        face[back] = old
+        self.side[old] = h
+        self.side.append(there)
+        for one in self.loop(there):
+            face[one] = new
+        return there
+
+    def collapse_edge(self, h: int, place: Point) -> int:
+        """Merge the end of h into its origin, which moves to `place` and is answered.
+
+        Faces left with two sides vanish, and the two sides become one edge. It is for the caller to know
+        that the link condition holds.
+        """
+        keep, gone = self.origin[h], self.origin[h ^ 1]
+        self.points[keep] = place
+        for one in self.star(gone):
+            self.origin[one] = keep
+        self.leaving[gone] = OUTSIDE
+        around = self.next[h]
+        for one in (h, h ^ 1):
+            before, after = self.previous[one], self.next[one]
+            self.next[before], self.previous[after] = after, before
+            if self.face[one] != OUTSIDE and self.side[self.face[one]] == one:
+                self.side[self.face[one]] = after
+        self.leaving[keep] = around
+        after_twin = self.next[h ^ 1]
+        self._remove_edge(h)
+        for one in (around, after_twin):
+            if self.next[self.next[one]] == one:
+                self._close(one)
+        return keep
+
+    def loop(self, h: int) -> list[int]:
+        """The half-edges of the face of h, from h on."""
+        around, k = [h], self.next[h]
+        while k != h:
+            around.append(k)
+            k = self.next[k]
+        return around
+
+    def star(self, vertex: int) -> list[int]:
+        """The half-edges that leave a vertex, clockwise."""
+        first = self.leaving[vertex]
+        around, k = [first], self.next[first ^ 1]
+        while k != first:
+            around.append(k)
+            k = self.next[k ^ 1]
+        return around
+
+    def joined(self, a: int, b: int) -> bool:
+        """Whether an edge runs between two vertices."""
+        return any(self.origin[h ^ 1] == b for h in self.star(a))
+
+    def corners(self, f: int) -> list[Point]:
+        """Where the vertices of a face are, in order."""
+        return [self.points[self.origin[h]] for h in self.loop(self.side[f])]
+
+    def mesh(self) -> PolygonMesh:
+        """The surface as a value, vertices and faces in the order they have here."""
+        mesh, _ = self._gathered()
+        return mesh
+
+    def renumber(self) -> tuple[PolygonMesh, AnyArray]:
+        """Leave the numbers of removed elements out; answers the surface and (V,) the old vertex numbers."""
+        kept = np.flatnonzero(np.array(self.leaving) != OUTSIDE)
+        mesh, twin = self._gathered()
+        self._load(mesh, twin)
+        return mesh, kept
+
+    def fault(self) -> str | None:
+        """What is wrong with the lists, or None: the invariants, which hold after every operation."""
+        alive = [h for h in range(len(self.origin)) if self.origin[h] != OUTSIDE]
+        for h in alive:
+            after = self.next[h]
+            if self.origin[h ^ 1] == OUTSIDE or self.origin[after] == OUTSIDE:
+                return f"half-edge {h} leads to one that was removed"
+            if self.previous[after] != h or self.face[after] != self.face[h]:
+                return f"half-edges {h} and {after} do not follow each other"
+            if self.origin[after] != self.origin[h ^ 1]:
+                return f"half-edge {h} does not end where {after} begins"
+            if self.face[h] == OUTSIDE and self.face[h ^ 1] == OUTSIDE:
+                return f"edge {h >> 1} has no face"
+        for f, h in enumerate(self.side):
+            if h != OUTSIDE and (self.face[h] != f or len(self.loop(h)) < 3):
+                return f"face {f} has lost its sides"
+        reached = [h for v in range(len(self.leaving)) if self.leaving[v] != OUTSIDE for h in self._fan(v)]
+        if sorted(reached) != alive:
+            return "the fans around the vertices do not reach every half-edge once"
+        ends = {(self.origin[h], self.origin[h ^ 1]) for h in alive}
+        return None if len(ends) == len(alive) else "two edges join the same two vertices"
+
+    def _fan(self, vertex: int) -> list[int]:
+        return [h for h in self.star(vertex) if self.origin[h] == vertex]
+
+    def _new_edge(self, a: int, b: int, crease: bool) -> tuple[int, int]:
+        h = len(self.origin)
+        self.origin += (a, b)
+        self.next += (OUTSIDE, OUTSIDE)
+        self.previous += (OUTSIDE, OUTSIDE)
+        self.face += (OUTSIDE, OUTSIDE)
+        self.crease.append(crease)
+        return h, h ^ 1
+
+    def _split_once(self, h: int, point: Point) -> int:
+        """The edge of h keeps its first part; the second part is a new one, which follows h."""
+        nexts, previous, face = self.next, self.previous, self.face
+        twin, end, vertex = h ^ 1, self.origin[h ^ 1], len(self.points)
+        self.points.append(point)
+        ahead, behind = self._new_edge(vertex, end, self.crease[h >> 1])
+        after, before = nexts[h], previous[twin]
+        nexts[h], previous[ahead], nexts[ahead], previous[after] = ahead, h, after, ahead
+        nexts[before], previous[behind], nexts[behind], previous[twin] = behind, before, twin, behind
+        face[ahead], face[behind] = face[h], face[twin]
+        self.origin[twin] = vertex
+        self.leaving.append(ahead)
+        if self.leaving[end] == twin:
+            self.leaving[end] = behind
+        return vertex
+
+    def _close(self, h: int) -> None:
+        """Take out the two-sided face of h; its two edges become that of h."""
+        other = self.next[h]
+        beyond = other ^ 1  # runs as h does, on the far side of the other edge
+        if self.face[h] != OUTSIDE:
+            self.side[self.face[h]] = OUTSIDE
+        before, after, face = self.previous[beyond], self.next[beyond], self.face[beyond]
+        self.next[before], self.previous[h], self.next[h], self.previous[after] = h, before, after, h
+        self.face[h] = face
+        if face != OUTSIDE and self.side[face] == beyond:
+            self.side[face] = h
+        self.crease[h >> 1] = self.crease[h >> 1] or self.crease[other >> 1]
+        self.leaving[self.origin[h]], self.leaving[self.origin[h ^ 1]] = h, h ^ 1
+        self._remove_edge(other)
+
+    def _remove_edge(self, h: int) -> None:
+        self.origin[h] = self.origin[h ^ 1] = OUTSIDE
+
+    def _gathered(self) -> tuple[PolygonMesh, AnyArray]:
+        """The surface without gaps, and for each of its sides the one that runs back along it."""
+        sides, offsets = [], [0]
+        for first in self.side:
+            if first != OUTSIDE:
+                sides += self.loop(first)
+                offsets.append(len(sides))
+        at = np.array(sides)
+        kept = np.flatnonzero(np.array(self.leaving) != OUTSIDE)
+        number = np.full(len(self.leaving), OUTSIDE)
+        number[kept] = np.arange(len(kept))
+        origin = np.array(self.origin)
+        corner = np.full(len(origin), OUTSIDE)
+        corner[at] = np.arange(len(at))
+        hard = np.flatnonzero(np.array(self.crease) & (origin[::2] != OUTSIDE))
+        creases = number[np.column_stack([origin[2 * hard], origin[2 * hard + 1]])]
+        points = np.array(self.points)[kept]
+        mesh = PolygonMesh.from_arrays(points, offsets, number[origin[at]], creases=creases)
+        return mesh, corner[at ^ 1]
+
+    def _load(self, mesh: PolygonMesh, twin: AnyArray) -> None:
+        """Fill the lists; `twin` answers for each corner which side runs back along its own, or -1."""
+        count = len(mesh.corners)
+        corner = np.arange(count)
+        first = (twin < 0) | (corner < twin)
+        half = np.empty(count, np.int64)
+        half[first] = 2 * np.arange(np.count_nonzero(first))
+        half[~first] = half[twin[~first]] + 1
+        following = np.append(corner[1:], 0)
+        following[mesh.offsets[1:] - 1] = mesh.offsets[:-1]
+        origin = np.empty(2 * int(first.sum()), np.int64)
+        nexts, face = np.full(len(origin), OUTSIDE), np.full(len(origin), OUTSIDE)
+        origin[half], face[half], nexts[half] = mesh.corners, mesh.owners, half[following]
+        edge_of_none = half[twin < 0] ^ 1
+        origin[edge_of_none] = mesh.heads[twin < 0]
+        leaving = np.full(len(mesh.vertices), OUTSIDE)
+        leaving[mesh.corners[::-1]] = half[::-1]
+        start = np.full(len(mesh.vertices), OUTSIDE)
+        start[origin[edge_of_none]] = edge_of_none
+        nexts[edge_of_none] = start[mesh.corners[twin < 0]]
+        previous = np.empty(len(origin), np.int64)
+        previous[nexts] = np.arange(len(origin))
+        self.next, self.previous, self.origin = nexts.tolist(), previous.tolist(), origin.tolist()
+        self.face, self.side, self.leaving = face.tolist(), half[mesh.offsets[:-1]].tolist(), leaving.tolist()
+        self.crease = self._tagged(mesh, origin)
+        self.points = [(x, y, z) for x, y, z in mesh.vertices.tolist()]
+
+    @staticmethod
+    def _tagged(mesh: PolygonMesh, origin: AnyArray) -> list[bool]:
+        if not len(mesh.creases):
+            return [False] * (len(origin) // 2)
+        ends = np.sort(origin.reshape(-1, 2), axis=1)
+        wanted = mesh.creases.astype(np.int64)
+        keys, among = (pairs[:, 0] * len(mesh.vertices) + pairs[:, 1] for pairs in (ends, wanted))
+        tagged: list[bool] = np.isin(keys, among).tolist()
+        return tagged

@@ -1,0 +1,201 @@
+"""The other way to split (P26): a face with a long edge into four, all at once.
+
+After Miller, Breen, Lorensen, O'Bara and Wozny, *Geometrically deformed models: a method for extracting
+closed geometric models from volume data* (1991), and Miller's thesis of 1990, as the paper compares them.
+Splitting edges makes fewer vertices (P25); this keeps the shapes of the faces that it cuts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
+from pipeline.errors import FrameError
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.resample.thresholds import Thresholds
+
+_NONE = np.empty((0, 2), np.int32)
+_AS_GRADED = 1e12  # a gradation that changes nothing: fields have been graded before
+
+
+class Quartered(NamedTuple):
+    """A surface whose faces have been cut.
+
+    mesh        old vertices first; faces in the order of those they are part of
+    thresholds  what it was cut for: functions as they were found, mixed at new vertices
+    parents     (N, 2) of its new vertices, in order: the two that each lies between, earlier ones of them too
+    passes      how many rounds it took
+    """
+
+    mesh: TriangleMesh
+    thresholds: Thresholds
+    parents: Indices
+    passes: int
+
+
+def quartered(mesh: TriangleMesh, thresholds: Thresholds) -> TriangleMesh:
+    """Cut faces with an edge that is too long into four, until there is none; see `quarter`."""
+    return quarter(mesh, thresholds).mesh
+
+
+def quarter(mesh: TriangleMesh, thresholds: Thresholds) -> Quartered:
+    """Cut every face with an edge that is too long into four at the middles of its edges, again and again.
+
+    Its neighbours are cut into two, three or four at the same middles, so that the surface stays conforming.
+    Attributes mix, integers and flags are those of the parent with the lower number; the two halves of a
+    crease are creases. Active thresholds are asked once, and mix like attributes.
+
+    Raises FrameError where the vertices would exceed the budget, and UsageError like `Thresholds.fields`.
+    """
+    fields = thresholds.fields(mesh) if thresholds.active else None
+    longest = None if fields is None else fields[:, 0]
+    parents: list[Indices] = []
+    while True:
+        edges = _Edges.of(mesh.faces)
+        cut = _to_cut(mesh, edges, thresholds.numbers[0] if longest is None else longest)
+        if not cut.any():
+            settled = thresholds if fields is None else _fixed(fields, thresholds)
+            return Quartered(mesh, settled, np.concatenate([_NONE, *parents]), len(parents))
+        _require_room(mesh, int(cut.sum()), thresholds.max_vertices)
+        ends = edges.ends[cut]
+        mesh = _cut(mesh, edges, cut)
+        if fields is not None:
+            fields = _mixed(fields, ends)
+            longest = fields[:, 0]
+        parents.append(ends)
+
+
+class _Edges(NamedTuple):
+    """Every edge once, and where faces have them.
+
+    ends   (E, 2) their vertices, the lower first, sorted
+    sides  (F, 3) int64 of each face: the edges from its corners 0, 1 and 2 to the next
+    """
+
+    ends: Indices
+    sides: AnyArray
+
+    @classmethod
+    def of(cls, faces: Faces) -> _Edges:
+        pairs = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
+        keys, sides = np.unique(_keys(pairs), return_inverse=True)
+        ends = np.column_stack(np.divmod(keys, np.int64(1) << 32)).astype(np.int32)
+        return cls(ends, sides.reshape(-1, 3))
+
+
+def _keys(pairs: Indices) -> AnyArray:
+    """(N,) int64: a number for each pair of vertices, whichever comes first."""
+    low, high = np.sort(pairs.astype(np.int64), axis=1).T
+    keys: AnyArray = (low << 32) + high
+    return keys
+
+
+def _to_cut(mesh: TriangleMesh, edges: _Edges, longest: float | Floats) -> AnyArray:
+    """(E,) booleans: whether an edge is one of a face that has one too long."""
+    a, b = edges.ends.T
+    allowed = longest * longest if isinstance(longest, float) else longest[a] * longest[b]
+    apart = mesh.vertices[a] - mesh.vertices[b]
+    long = (apart**2).sum(axis=1) > allowed
+    cut = np.zeros(len(edges.ends), np.bool_)
+    cut[edges.sides[long[edges.sides].any(axis=1)]] = True
+    return cut
+
+
+def _require_room(mesh: TriangleMesh, more: int, budget: int) -> None:
+    now = len(mesh.vertices)
+    if now + more > budget:
+        raise FrameError(
+            f"{now} vertices and {more} edges to split exceed the budget of {budget} vertices; "
+            "raise max_vertices or max_edge_length"
+        )
+
+
+def _cut(mesh: TriangleMesh, edges: _Edges, cut: AnyArray) -> TriangleMesh:
+    """Give the edges that are to be cut a vertex in their middle, and their faces new ones."""
+    ends, first = edges.ends[cut], len(mesh.vertices)
+    middles = np.full(len(edges.ends), -1, np.int32)
+    middles[cut] = np.arange(first, first + len(ends), dtype=np.int32)
+    vertices = _mixed(mesh.vertices, ends)
+    faces = _pieces(vertices, mesh.faces, middles[edges.sides])
+    attributes = {name: _mixed(values, ends) for name, values in mesh.attributes.items()}
+    return TriangleMesh(vertices, faces, attributes, _halved(mesh.creases, edges, middles))
+
+
+def _mixed(values: AnyArray, ends: Indices) -> AnyArray:
+    """(V + N, …): values with those of new vertices, one for each of the (N, 2) ends, after them."""
+    low, high = values[ends[:, 0]], values[ends[:, 1]]
+    between = (0.5 * (low + high)).astype(values.dtype) if values.dtype.kind == "f" else low
+    return np.concatenate([values, between])
+
+
+def _halved(creases: Indices, edges: _Edges, middles: Indices) -> Indices:
+    """(K, 2): creases, those that are cut as their halves."""
+    if not len(creases):
+        return creases
+    middle = middles[np.searchsorted(_keys(edges.ends), _keys(creases))]
+    whole, two = creases[middle < 0], middle >= 0
+    halves = [np.column_stack([end, middle[two]]) for end in creases[two].T]
+    return np.concatenate([whole, *halves])
+
+
+_TURNED = [[0, 1, 2, 3, 4, 5], [1, 2, 0, 4, 5, 3], [2, 0, 1, 5, 3, 4]]
+"""Slots of a face, corners and then the middles of its sides, as seen from each of its corners."""
+
+
+def _patterns() -> tuple[AnyArray, AnyArray]:
+    """Pieces of a face by its case, and how many there are: (16, 4, 3) slots and (16,).
+
+    A case is the sum of 1, 2 and 4 for the sides 0, 1 and 2 that are cut, and of 8 where two are and the
+    piece between them is cut along its second diagonal.
+    """
+    table, count = np.zeros((16, 4, 3), np.int64), np.zeros(16, np.int64)
+    cases = {0: [(0, 1, 2)], 7: [(0, 3, 5), (3, 1, 4), (5, 4, 2), (3, 4, 5)]}
+    for turn, slots in enumerate(_TURNED):
+        one, two = 1 << turn, (1 << turn) + (1 << (turn + 1) % 3)
+        cases[one] = _seen([(0, 3, 2), (3, 1, 2)], slots)
+        cases[two] = _seen([(3, 1, 4), (0, 3, 4), (0, 4, 2)], slots)
+        cases[two + 8] = _seen([(3, 1, 4), (0, 3, 2), (3, 4, 2)], slots)
+    for case, pieces in cases.items():
+        table[case, : len(pieces)], count[case] = pieces, len(pieces)
+    return table, count
+
+
+def _seen(pieces: list[tuple[int, int, int]], slots: list[int]) -> list[tuple[int, int, int]]:
+    return [(slots[a], slots[b], slots[c]) for a, b, c in pieces]
+
+
+_PIECES, _COUNTS = _patterns()
+
+
+def _pieces(points: Points, faces: Faces, middles: Indices) -> Faces:
+    """(F', 3): faces cut at the (F, 3) middles of their sides, -1 where a side is whole."""
+    slots = np.concatenate([faces, middles], axis=1)
+    case = (middles >= 0) @ np.array([1, 2, 4])
+    for turn, turned in enumerate(_TURNED):
+        where = np.flatnonzero(case == (1 << turn) + (1 << (turn + 1) % 3))
+        a, _, c, p, q, _ = slots[where][:, turned].T
+        second = _distances(points, p, c) < _distances(points, a, q)
+        case[where[second]] += 8
+    pieces = np.take_along_axis(slots[:, None, :], _PIECES[case].reshape(len(faces), 1, -1), axis=2)
+    there = np.arange(4) < _COUNTS[case][:, None]
+    kept: Faces = pieces.reshape(len(faces), 4, 3)[there]
+    return kept
+
+
+def _distances(points: Points, a: Indices, b: Indices) -> Floats:
+    """(N,) squared."""
+    squares: Floats = ((points[a] - points[b]) ** 2).sum(axis=1)
+    return squares
+
+
+def _fixed(fields: Floats, thresholds: Thresholds) -> Thresholds:
+    """Thresholds that are these (V, 3) fields, whatever the mesh; whose functions were asked for them."""
+    longest, shortest, angle = (_given(values) for values in fields.T)
+    return Thresholds(longest, shortest, angle, thresholds.max_vertices, _AS_GRADED)
+
+
+def _given(values: Floats) -> Callable[[TriangleMesh], Floats]:
+    return lambda mesh: values

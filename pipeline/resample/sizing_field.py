@@ -1,0 +1,181 @@
+"""Functions for thresholds: edge length by distance to a camera, by curvature, by a formula (P26, P35)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
+from pipeline.errors import UsageError
+from pipeline.formula import PLACE, TIME, Expression
+from pipeline.formula.words import moment
+from pipeline.mesh.normals import NORMAL, split_at_creases
+from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.resample._kernels_density import bend, grade
+
+SHORT = 0.4
+"""Of the finest edge: what is shorter collapses (P12), and its curvature is that of noise."""
+
+FORMULA_NAMES = (*PLACE, *TIME)
+"""What a formula may speak of."""
+
+
+@dataclass(frozen=True)
+class DistanceToCamera:
+    """Edges of a constant size in the picture: their length grows with the distance from the camera.
+
+    position          the camera's, scene units
+    pixels            how long an edge is that lies across the line of sight
+    field_of_view     radians, horizontal
+    width             of the picture, in pixels
+    finest, coarsest  bounds, scene units
+
+    At a distance d an edge covers them where it is 2 d tan(field_of_view / 2) / width × pixels long.
+    """
+
+    position: tuple[float, float, float]
+    pixels: float
+    finest: float
+    coarsest: float
+    field_of_view: float = math.radians(26)
+    width: float = 1920.0
+
+    def __post_init__(self) -> None:
+        _require_order(self.finest, self.coarsest)
+        if not 0 < self.field_of_view < math.pi:
+            raise UsageError(f"field_of_view {self.field_of_view:g} must lie between 0 and pi radians")
+        if not (self.pixels > 0 and self.width > 0):
+            raise UsageError(f"{self.pixels:g} pixels of {self.width:g} are no size; both must be above 0")
+
+    def __call__(self, mesh: TriangleMesh) -> Floats:
+        """(V,) scene units."""
+        distance = np.linalg.norm(mesh.vertices - np.array(self.position), axis=1)
+        pixel = 2.0 * math.tan(0.5 * self.field_of_view) / self.width
+        lengths: Floats = np.clip(self.pixels * pixel * distance, self.finest, self.coarsest)
+        return lengths
+
+
+@dataclass(frozen=True)
+class Curvature:
+    """Edges as long as the surface is flat: none leaves it by more than a tolerance (Herzen & Barr 1987).
+
+    tolerance         the chord height, scene units: how far the middle of an edge may lie beside the surface
+    finest, coarsest  bounds for the edges, scene units
+    hard_angle        radians: an edge that turns by more is a crease, no curvature, where exact normals do
+                      not say otherwise; pi for surfaces without creases
+
+    A chord of length h under an arc of curvature κ has the height κh²/8, so h = sqrt(8 tolerance / κ). κ is
+    taken along edges, from the change of the normal between their ends: of the exact normals where the mesh
+    has them (attribute `normal`), else of means over the faces around, apart for each side of a crease.
+    Around the rim of a thin sheet the normal turns within an edge, whose length then is the thickness: the
+    rim is refined however thin it becomes, down to `finest`.
+    """
+
+    tolerance: float
+    finest: float
+    coarsest: float
+    hard_angle: float = math.radians(40)
+
+    def __post_init__(self) -> None:
+        _require_order(self.finest, self.coarsest)
+        if not (math.isfinite(self.tolerance) and self.tolerance > 0):
+            raise UsageError(f"tolerance {self.tolerance:g} must be a positive length in scene units")
+        if not 0 < self.hard_angle <= math.pi:
+            raise UsageError(f"hard_angle {self.hard_angle:g} must lie between 0 and pi radians")
+
+    def __call__(self, mesh: TriangleMesh) -> Floats:
+        """(V,) scene units."""
+        bent = curvature(mesh, self.hard_angle, SHORT * self.finest)
+        flat = 8.0 * self.tolerance / self.coarsest**2
+        return np.maximum(np.sqrt(8.0 * self.tolerance / np.maximum(bent, flat)), self.finest)
+
+
+@dataclass(frozen=True)
+class Formula:
+    """A threshold as a formula over places and moments: `0.02 + 0.01 * abs(y)`.
+
+    text         see `pipeline.formula`; FormulaError for what is none
+    unit         factor on its value: radians a degree, for angles written in degrees
+    frame, time  those of the moment (time in seconds), where the formula speaks of them
+    """
+
+    text: str
+    unit: float = 1.0
+    frame: int | None = None
+    time: float | None = None
+    _expression: Expression = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "_expression", Expression(self.text, FORMULA_NAMES))
+
+    @property
+    def expression(self) -> Expression:
+        return self._expression
+
+    def at(self, frame: int, time: float) -> Formula:
+        """The formula with its frame and time filled in; itself where it speaks of neither."""
+        used = self.expression.uses
+        now = replace(
+            self, frame=frame if "frame" in used else None, time=float(time) if {"t", "time"} & used else None
+        )
+        return self if now == self else now
+
+    def __call__(self, mesh: TriangleMesh) -> Floats:
+        """(V,) Raises UsageError where the formula is not finite, or speaks of a time that is not known."""
+        now = moment(self.frame, self.time)
+        missing = [name for name in now if name in self.expression.uses and now[name] is None]
+        if missing:
+            raise UsageError(f"formula {self.text!r} needs a {missing[0]}; ask for it `at` a frame first")
+        known = {name: value for name, value in now.items() if value is not None}
+        x, y, z = mesh.vertices.T
+        return self.unit * self.expression(x=x, y=y, z=z, **known)
+
+
+def curvature(mesh: TriangleMesh, hard_angle: float = math.radians(40), shortest: float = 0.0) -> Floats:
+    """(V,) the sharpest curvature along the edges at every vertex, 1 / scene units; 0 where it is flat.
+
+    hard_angle and shortest are as in `Curvature` and `pipeline.resample._kernels_density.bend`.
+    Raises MeshError where the mesh is not an oriented manifold.
+    """
+    points, faces, normals, source = _shaded(mesh, hard_angle)
+    apart = np.empty(len(points))
+    bend(points, faces, normals, max(shortest, np.finfo(np.float64).tiny), apart)
+    if source is None:
+        return apart
+    joined = np.zeros(len(mesh.vertices))
+    np.maximum.at(joined, source, apart)
+    return joined
+
+
+def graded(mesh: TriangleMesh, lengths: Floats, gradation: float) -> Floats:
+    """(V,) lengths, lowered until they differ along every edge by at most gradation × its length."""
+    result = np.array(lengths)
+    grade(_own(mesh.vertices), _own(mesh.faces), gradation, result)
+    return result
+
+
+def _shaded(mesh: TriangleMesh, hard_angle: float) -> tuple[Points, Faces, Vectors, AnyArray | None]:
+    """Vertices, faces, unit normals and, where vertices are split at creases, which vertex each is of."""
+    exact = mesh.attributes.get(NORMAL)
+    known = None if exact is None else np.linalg.norm(exact, axis=1) > 0.5
+    if exact is not None and known is not None and known.all():
+        return _own(mesh.vertices), _own(mesh.faces), np.array(exact, np.float64), None
+    points, normals, faces, source = split_at_creases(mesh, hard_angle)
+    if exact is not None and known is not None:
+        normals[known[source]] = exact[source[known[source]]]
+    return points, faces, normals, source
+
+
+def _require_order(finest: float, coarsest: float) -> None:
+    if not (math.isfinite(coarsest) and 0 < finest <= coarsest):
+        raise UsageError(
+            f"finest {finest:g} and coarsest {coarsest:g} must be positive lengths in scene units, "
+            "the first at most as long as the second"
+        )
+
+
+def _own(array: AnyArray) -> AnyArray:
+    """A writable copy, as compiled kernels declare their arguments."""
+    return np.array(array)
