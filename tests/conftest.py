@@ -49,7 +49,7 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
     """Exit code and words of a command, in this process; raises what no user should see."""
     from typer.testing import CliRunner
 
-    from pipeline.cli.main import command_line
+    from pipeline.cli.app import command_line
     from pipeline.errors import FlowsculptError
     from render.base.errors import RenderError
 

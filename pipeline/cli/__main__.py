@@ -1,5 +1,5 @@
 """`python -m pipeline.cli` is `flowsculpt`."""
 
-from pipeline.cli.main import main
+from pipeline.cli.app import main
 
 main()

@@ -12,10 +12,11 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.say import complain
+from pipeline.cli.output import complain
 from pipeline.production.execution.watchdog import PATIENCE
 from pipeline.production.planning.profile import Profile
-from render.mitsuba.engine import available_cores
+from render.mitsuba.engine import VARIANTS, available_cores
+from render.scene.quality import QUALITIES
 
 INTERRUPTED = 130
 
@@ -155,3 +156,46 @@ def with_common(function: Callable[..., None]) -> Callable[..., None]:
     command.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]  # typer reads it
     command.__annotations__ = {p.name: p.annotation for p in keyword_only}
     return command
+
+
+Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")]
+OneShot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
+Frames = Annotated[
+    str | None,
+    typer.Option(
+        "-f",
+        "--frames",
+        metavar="RANGE",
+        help="Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or in words, as status tells "
+        "them: missing, stale, failed. By default all.",
+    ),
+]
+Variant = Annotated[
+    str | None,
+    typer.Option(
+        help=f"Render with this Mitsuba variant: {', '.join(VARIANTS)}; by default the first that works."
+    ),
+]
+Settings = Annotated[
+    list[str] | None,
+    typer.Option(
+        "--set",
+        metavar="NAME=VALUE",
+        help="Put a value in place of the shot's, such as flows.0.vortex.strength=2; may be given again.",
+    ),
+]
+AllowCode = Annotated[
+    bool, typer.Option("--allow-code", help="Let shots run the Python files that they name as flows.")
+]
+Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
+
+Crop = Annotated[
+    str | None,
+    typer.Option(
+        metavar="X0,Y0,X1,Y1",
+        help="Render a part: its left, upper, right and lower edge, in shares of the picture or in pixels.",
+    ),
+]
+Scale = Annotated[
+    str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
+]

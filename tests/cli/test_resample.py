@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.cli.files import REFUSALS
+from pipeline.cli.commands.resample import REFUSALS
 from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require, write_mesh
 from pipeline.resample._kernels_judge import REASONS
 

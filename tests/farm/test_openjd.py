@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from ruamel.yaml import YAML
 
-from pipeline.cli import export
+from pipeline.cli.commands import export
 from pipeline.cli.options import Common
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange

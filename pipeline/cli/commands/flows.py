@@ -8,7 +8,7 @@ import typer
 from rich.table import Table
 
 from pipeline.cli.options import Common
-from pipeline.cli.say import answer, out
+from pipeline.cli.output import answer, out
 from pipeline.shot.documents.catalogue import DOCUMENTS
 from pipeline.shot.documents.flow_listing import facts, markdown, shown
 

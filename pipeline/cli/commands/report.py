@@ -8,8 +8,7 @@ import typer
 from rich.table import Table
 
 from pipeline.cli.options import Common
-from pipeline.cli.say import answer, out
-from pipeline.cli.sizes import duration
+from pipeline.cli.output import answer, duration, out
 from pipeline.production.maintenance.run_report import WORDS, Spending, named_run
 
 

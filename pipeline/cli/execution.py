@@ -1,4 +1,4 @@
-"""Carrying out a plan for the user: what is to be done, bars meanwhile, what became of it."""
+"""Execute plans for the user: progress bars, messages, and what became of it."""
 
 from __future__ import annotations
 
@@ -12,9 +12,8 @@ from typing import Any
 import typer
 
 from pipeline.cli.options import Common
+from pipeline.cli.output import answer, complain, duration, err, size, warn
 from pipeline.cli.progress import STAGES, Bars
-from pipeline.cli.say import answer, complain, err, warn
-from pipeline.cli.sizes import duration, size
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.maintenance.run_report import Spending
 from pipeline.production.planning.estimate import Estimate, estimate

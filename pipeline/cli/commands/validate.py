@@ -1,4 +1,4 @@
-"""The command that reads shot files: validate."""
+"""The command `validate`: check shot files."""
 
 from __future__ import annotations
 
@@ -9,9 +9,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.arguments import Settings
-from pipeline.cli.options import Common
-from pipeline.cli.say import answer, complain
+from pipeline.cli.options import Common, Settings
+from pipeline.cli.output import answer, complain
 from pipeline.errors import FlowsculptError
 from pipeline.flow.python_file import python_flows
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names

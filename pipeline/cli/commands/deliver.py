@@ -10,12 +10,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
-from pipeline.cli.options import Common
+from pipeline.cli.execution import carried_out, tell_plan
+from pipeline.cli.options import AllowCode, Common, Crop, Frames, Quality, Scale, Settings, Variant
+from pipeline.cli.output import answer, duration, err, out, warn
 from pipeline.cli.progress import counting
 from pipeline.cli.projects import project_of
-from pipeline.cli.runs import carried_out, tell_plan
-from pipeline.cli.say import answer, duration, err, out, warn
 from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
 from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.errors import UsageError, suggestion

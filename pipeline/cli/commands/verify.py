@@ -1,28 +1,21 @@
-"""Commands that look after what was made: verify, clean."""
+"""The command `verify`: check every file that was made."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from typing import Annotated
+from collections.abc import Iterable
 
 import typer
 from rich.progress import track
 
-from pipeline.cli.arguments import Settings
-from pipeline.cli.options import Common
-from pipeline.cli.runs import carried_out
-from pipeline.cli.say import answer, complain, err, warn
-from pipeline.errors import FlowsculptError
+from pipeline.cli.commands.clean import _begun
+from pipeline.cli.execution import carried_out
+from pipeline.cli.options import Common, Settings
+from pipeline.cli.output import answer, complain, err, warn
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.run import exclusive
-from pipeline.production.maintenance.clean import Sweep, sweep
 from pipeline.production.maintenance.verify import Checked, damages, verified
-from pipeline.production.planning.frame_states import is_begun
-from pipeline.production.request.lookup import find_shot, shot_names
-from pipeline.production.request.render_request import Take
 from pipeline.production.store.store import Store
 from pipeline.production.versions.checking import PublishedFile, checked, published_files, remedies
-from render.scene.quality import QUALITIES
 
 
 def verify(common: Common, settings: Settings = None) -> None:
@@ -51,29 +44,6 @@ def verify(common: Common, settings: Settings = None) -> None:
     answer(words, {**facts, "healed": not outcome.unfinished}, common.json)
     if outcome.exit_code or altered:
         raise typer.Exit(outcome.exit_code or 1)
-
-
-def clean(
-    common: Common,
-    keep: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Keep what the last N runs of each shot were about.")
-    ] = 2,
-    settings: Settings = None,
-) -> None:
-    """Free the disk of what nobody needs.
-
-    What today's shots ask for stays, at every quality that was begun, and so do what renders/ shows and what
-    the last runs were about, which makes going back to them free. --dry-run tells how much would go.
-    """
-    project = Project(common.root, common.cores, settings=tuple(settings or ()))
-    takes = list(_begun(project))
-    if common.dry_run:
-        done = sweep(project.store, takes, keep, only_tell=True)
-    else:
-        with exclusive(common.root):
-            done = sweep(project.store, takes, keep, only_tell=False)
-    facts = {"removed": len(done.gone), "freed_bytes": done.freed, "kept": done.kept}
-    answer(_swept(done, common.dry_run), facts, common.json)
 
 
 def _faulty(common: Common, store: Store) -> list[Checked]:
@@ -123,29 +93,3 @@ def _facts(each: Checked) -> dict[str, str | None]:
 
 def _facts_of(each: PublishedFile) -> dict[str, object]:
     return {"version": str(each.version), "file": str(each.path), "frame": each.number, "fault": each.fault}
-
-
-def _begun(project: Project) -> Iterator[Take]:
-    """Today's shots, at every quality that was begun; one that cannot be read is told."""
-    for name in shot_names():
-        try:
-            takes = [project.take(find_shot(name), quality) for quality in QUALITIES]
-        except FlowsculptError as error:
-            warn(str(error))
-            continue
-        begun = [take for take in takes if is_begun(take, project.store)]
-        yield from begun or takes[:1]
-
-
-def _swept(done: Sweep, only_told: bool) -> str:
-    would = "would free" if only_told else "freed"
-    return f"{would.capitalize()} {_bytes(done.freed)} in {len(done.gone)} files; {done.kept} files stay."
-
-
-def _bytes(count: int) -> str:
-    size, unit = float(count), "bytes"
-    for larger in ("kB", "MB", "GB", "TB"):
-        if size < 1000.0:
-            break
-        size, unit = size / 1000.0, larger
-    return f"{size:.3g} {unit}"

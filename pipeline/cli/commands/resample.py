@@ -1,4 +1,4 @@
-"""The command for single mesh files: resample."""
+"""The command `resample`: resample one mesh file."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import typer
 from rich.table import Table
 
 from pipeline.cli.options import Common
-from pipeline.cli.say import answer, out
+from pipeline.cli.output import answer, out
 from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
 from pipeline.mesh.io.read import read_polygons

@@ -8,9 +8,8 @@ from typing import Annotated
 import typer
 from ruamel.yaml import YAML
 
-from pipeline.cli.arguments import AllowCode, Crop, Frames, Quality, Scale, Settings, Variant
-from pipeline.cli.options import Common
-from pipeline.cli.say import answer
+from pipeline.cli.options import AllowCode, Common, Crop, Frames, Quality, Scale, Settings, Variant
+from pipeline.cli.output import answer
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.execution import openjd as job_description

@@ -7,12 +7,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.arguments import AllowCode, Quality, Scale, Settings, Variant
-from pipeline.cli.options import Common
+from pipeline.cli.execution import make
+from pipeline.cli.options import AllowCode, Common, Quality, Scale, Settings, Variant
+from pipeline.cli.output import err
 from pipeline.cli.progress import counting
 from pipeline.cli.projects import project_of
-from pipeline.cli.runs import make
-from pipeline.cli.say import err
 from pipeline.dailies.turntable.asked import BOTH, Turning
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import UsageError

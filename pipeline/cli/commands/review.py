@@ -9,10 +9,9 @@ from typing import Annotated
 import typer
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from pipeline.cli.arguments import AllowCode, Settings, Shots
-from pipeline.cli.options import Common
+from pipeline.cli.options import AllowCode, Common, Settings, Shots
+from pipeline.cli.output import answer, err, warn
 from pipeline.cli.projects import project_of
-from pipeline.cli.say import answer, err, warn
 from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Search
 from pipeline.dailies.review.page import Page

@@ -25,7 +25,7 @@ from pipeline.cli.options import (
     remember,
     with_common,
 )
-from pipeline.cli.say import complain
+from pipeline.cli.output import complain
 from pipeline.errors import FlowsculptError
 from render.base.errors import RenderError
 
@@ -35,35 +35,35 @@ EPILOG = (
     "What is done stays done: run again to go on."
 )
 
-COMMANDS = {
-    "new": "author",
-    "validate": "start",
-    "simulate": "make",
-    "render": "make",
-    "stills": "make",
-    "film": "make",
-    "turntable": "turntable",
-    "deliver": "deliver",
-    "preview": "preview",
-    "curves": "preview",
-    "wedge": "wedge",
-    "publish": "publish",
-    "versions": "publish",
-    "sheet": "sheets",
-    "figures": "sheets",
-    "review": "review",
-    "export": "export",
-    "resample": "files",
-    "flows": "flows",
-    "schema": "author",
-    "status": "ask",
-    "report": "report",
-    "why": "ask",
-    "verify": "care",
-    "clean": "care",
-    "doctor": "ask",
-}
-"""In the order of the help, each with the module that holds its function: one command imports no others."""
+COMMANDS = (
+    "new",
+    "validate",
+    "simulate",
+    "render",
+    "stills",
+    "film",
+    "turntable",
+    "deliver",
+    "preview",
+    "curves",
+    "wedge",
+    "publish",
+    "versions",
+    "sheet",
+    "figures",
+    "review",
+    "export",
+    "resample",
+    "flows",
+    "schema",
+    "status",
+    "report",
+    "why",
+    "verify",
+    "clean",
+    "doctor",
+)
+"""Commands in the order of the help: each is a function in the module of its name in `commands/`."""
 
 
 def _print_version(wanted: bool) -> None:
@@ -103,7 +103,7 @@ def command_line(words: Sequence[str]) -> typer.Typer:
     app.callback()(before_the_command)
     named = next(_arguments(words), "")
     for name in [named] if named in COMMANDS else COMMANDS:
-        module = import_module(f"pipeline.cli.{COMMANDS[name]}")
+        module = import_module(f"pipeline.cli.commands.{name}")
         app.command()(with_common(getattr(module, name)))
     return app
 

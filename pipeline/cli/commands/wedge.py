@@ -6,12 +6,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.arguments import AllowCode, Crop, Quality, Scale, Settings, Variant
-from pipeline.cli.options import Common
+from pipeline.cli.execution import carried_out, expected_words
+from pipeline.cli.options import AllowCode, Common, Crop, Quality, Scale, Settings, Variant
+from pipeline.cli.output import answer, warn
 from pipeline.cli.progress import STAGES
 from pipeline.cli.projects import project_of
-from pipeline.cli.runs import carried_out, expected_words
-from pipeline.cli.say import answer, warn
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import find_shot

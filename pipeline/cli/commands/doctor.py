@@ -1,0 +1,64 @@
+"""The command `doctor`: what is installed, and what would make it faster."""
+
+from __future__ import annotations
+
+import platform
+import shutil
+from importlib.metadata import version
+from typing import Annotated, Any
+
+import typer
+
+from pipeline.cli.options import Common
+from pipeline.cli.output import answer
+from pipeline.kernels import compile_all
+from render import raster
+from render.base.kernel_cache import cache_folder
+from render.mitsuba import engine
+from render.movie import planes
+from render.post import colour
+
+
+def doctor(
+    common: Common,
+    prepare: Annotated[
+        bool, typer.Option("--prepare", help="Compile the kernels and bake the view, as set-up does.")
+    ] = False,
+) -> None:
+    """Say what is in use here, and what would make it faster."""
+    if prepare and not common.dry_run:
+        compile_all()
+        colour.prepare()
+        planes.prepare()
+        raster.prepare()
+    renderer = engine.facts()
+    there = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
+    usage = shutil.disk_usage(there)
+    facts: dict[str, Any] = {
+        "flowsculpt": version("flowsculpt"),
+        "python": platform.python_version(),
+        "cores": common.cores,
+        **renderer,
+        "kernels": str(cache_folder()),
+        "packages": {
+            name: version(name) for name in ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")
+        },
+        "root": str(common.root),
+        "free_gigabytes": round(usage.free / 1e9, 1),
+    }
+    answer(_diagnosis(facts), facts, common.json)
+    if renderer["renderer"] == "none":
+        raise typer.Exit(4)
+
+
+def _diagnosis(facts: dict[str, Any]) -> str:
+    packages = ", ".join(f"{name} {number}" for name, number in facts["packages"].items())
+    lines = [
+        f"flowsculpt {facts['flowsculpt']} on Python {facts['python']}, {facts['cores']} cores",
+        f"Renderer: {facts['renderer']} ({facts['why']})",
+        f"Faster:   {facts['faster'] or 'nothing to be done'}",
+        f"Packages: {packages}",
+        f"Kernels:  {facts['kernels']}",
+        f"Root:     {facts['root']}, {facts['free_gigabytes']} GB free",
+    ]
+    return "\n".join(lines)

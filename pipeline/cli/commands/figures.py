@@ -1,0 +1,61 @@
+"""The command `figures`: curves of what was measured of a shot."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from pipeline.cli.options import AllowCode, Common, OneShot, Quality, Settings
+from pipeline.cli.output import answer
+from pipeline.cli.projects import project_of
+from pipeline.errors import MissingInputError
+from pipeline.production.request.lookup import find_shot
+
+
+def figures(
+    common: Common,
+    shot: OneShot,
+    quality: Quality = "draft",
+    output: Annotated[
+        Path | None,
+        typer.Option(
+            "-o",
+            "--output",
+            metavar="FILE",
+            help="An SVG, PNG or PDF; by default renders/SHOT/SHOT.figures.svg.",
+        ),
+    ] = None,
+    settings: Settings = None,
+    allow_code: AllowCode = False,
+) -> None:
+    """Draw what was measured of a shot's meshes, frame by frame, and the seconds that its frames took.
+
+    Vertices, splits and collapses, edge lengths, the roundness of triangles, area and volume: of the meshes
+    that are simulated. The seconds of rendering are those of `--quality`.
+    """
+    from pipeline.dailies.sheets.figures import panels
+    from pipeline.dailies.sheets.measures import limits_of, measured
+    from pipeline.dailies.sheets.timing import Clocks, rendering
+    from render.graphics.plot import plot_tracks
+
+    project = project_of(common, settings, allow_code)
+    take = project.take(find_shot(shot), quality, variant="none")
+    numbers = sorted(take.poses)
+    found = measured(take, project.store, numbers, common.cores)
+    if not found:
+        raise MissingInputError(
+            f"{take.name} has no meshes yet, and figures are drawn from such; flowsculpt simulate {shot} "
+            "makes them"
+        )
+    page = output or common.root / take.folders.home / f"{take.name}.figures.svg"
+    seconds = Clocks(common.root).of(take.subject, take.name, quality)
+    if rendered := rendering(take, common.root):
+        seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
+    drawn = panels(numbers, found, limits_of(take), seconds)
+    if not common.dry_run:
+        plot_tracks(f"{take.name}: {take.shot.title}", drawn, float(take.shot.rate.fps), page)
+    done = f"{page}: {len(drawn)} figures{', would be written' if common.dry_run else ''}."
+    facts = {"path": str(page), "figures": [each.name for each in drawn], "frames": sorted(found)}
+    answer(done, facts, common.json)
