@@ -1,6 +1,6 @@
 """flowsculpt: from a shot file to mesh frames, and the production around them.
 
-The layers import downwards only; `docs/house.md` draws them.
+The layers import downwards only; `docs/architecture.md` draws them.
 """
 
 import os
