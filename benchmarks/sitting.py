@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 
 import numba
@@ -18,7 +17,7 @@ from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import PLACES
+from pipeline.production.tasks.worker import task_of
 from render.mitsuba.engine import Engine
 
 NAME, PLAN = "T010_sitting", "sitting"
@@ -69,8 +68,7 @@ class Sitting:
         """Raises RuntimeError where a frame could not be made."""
         numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
         log = log or EventLog(self.root / "events.jsonl", job.name)
-        task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
-        if not task(Context(self.root, self.plan, job, log)):
+        if not task_of(job.task)(Context(self.root, self.plan, job, log)):
             raise RuntimeError(f"{job.name} failed: see above")
 
     def do_all(self, tasks: Sequence[str]) -> None:

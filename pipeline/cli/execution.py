@@ -13,8 +13,9 @@ import typer
 
 from pipeline.cli.options import Common
 from pipeline.cli.output import answer, complain, duration, err, size, warn
-from pipeline.cli.progress import STAGES, Bars
+from pipeline.cli.progress import Bars
 from pipeline.production.execution.run import Outcome, run
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.maintenance.run_report import Spending
 from pipeline.production.planning.estimate import Estimate, estimate
 from pipeline.production.planning.plan import Plan
@@ -93,7 +94,7 @@ def _intended(plan: Plan) -> str:
     counts: Counter[str] = Counter()
     for job in plan.jobs:
         counts[job.task] += len(job.frames)
-    stages = ", ".join(f"{STAGES[task]} {counts[task]} frames" for task in STAGES if counts[task])
+    stages = ", ".join(f"{STAGES[task].doing} {counts[task]} frames" for task in STAGES if counts[task])
     return f"To be done: {stages}."
 
 
@@ -104,7 +105,7 @@ def expected_words(expected: Estimate) -> str:
         by = f", by {expected.by}" if expected.by else ""
         told.append(f"It takes about {duration(expected.seconds)} on {expected.cores} cores{by}.")
     if expected.unmeasured:
-        stages = ", ".join(dict.fromkeys(STAGES[stage] for stage in expected.unmeasured))
+        stages = ", ".join(dict.fromkeys(STAGES[stage].doing for stage in expected.unmeasured))
         told.append(f"How long {stages} takes is not known: none was done here yet.")
     if expected.bytes:
         told.append(f"It needs {size(expected.bytes)} of the {size(expected.free)} that are free.")

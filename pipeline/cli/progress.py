@@ -21,23 +21,11 @@ from rich.progress import (
 )
 
 from pipeline.production.execution.poll import every
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Plan
 from pipeline.production.store.event_log import Event, EventReader
 
 POLL_SECONDS = 0.2
-
-STAGES = {
-    "simulate": "simulating",
-    "smooth_normals": "smoothing",
-    "frame_camera": "framing",
-    "render": "rendering",
-    "finish": "finishing",
-    "assemble": "assembling",
-    "film": "cutting the film",
-    "png": "writing PNG",
-    "png16": "writing PNG",
-    "jpeg": "writing JPEG",
-}
 
 
 def _columns() -> list[ProgressColumn]:
@@ -84,9 +72,9 @@ class Bars:
             console=console,
         )
         self._tasks: dict[str, TaskID] = {
-            stage: self._progress.add_task(words, total=totals[stage], start=False, now="")
-            for stage, words in STAGES.items()
-            if totals[stage]
+            name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")
+            for name, stage in STAGES.items()
+            if totals[name]
         }
         self._settled: Counter[str] = Counter()
         self._under_way: dict[tuple[str, object], dict[object, float]] = {}

@@ -200,4 +200,4 @@ def test_the_film_dissolves_between_its_pieces_and_is_heard(finished):
     again = finished.run("film", "reel", "-q", "preview")
     assert "Nothing to be done" in again.out
     (shots / "tone.wav").write_bytes((shots / "tone.wav").read_bytes()[:-2] + b"\x01\x20")
-    assert "cutting the film" in finished.run("--dry-run", "film", "reel", "-q", "preview").out
+    assert "encoding the film" in finished.run("--dry-run", "film", "reel", "-q", "preview").out

@@ -8,7 +8,6 @@ import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -26,7 +25,7 @@ from pipeline.production.tasks import memory_guard
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import RENEWED, VARIABLE, Wear, WornOutError
 from pipeline.production.tasks.supervisor import Supervisor, _verdict
-from pipeline.production.tasks.worker import PLACES
+from pipeline.production.tasks.worker import task_of
 from render.frame import sample_batches as passes
 from render.post.image import read_exr
 
@@ -50,9 +49,7 @@ class Bench:
 
     def do(self, plan: Plan, *tasks: str) -> None:
         for task in tasks:
-            assert getattr(import_module(f"pipeline.production.tasks.{PLACES[task]}"), task)(
-                self.context(plan, task)
-            )
+            assert task_of(task)(self.context(plan, task))
 
     def events(self, plan: Plan, kind: str) -> list[dict[str, Any]]:
         return [e for e in EventReader(self.root / EVENTS / f"{plan.name}.jsonl").new() if e["event"] == kind]

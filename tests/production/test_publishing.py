@@ -8,7 +8,6 @@ import re
 import shutil
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -19,7 +18,7 @@ from pipeline.production.execution.run import exclusive
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import PLACES
+from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions import freezing
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publish import Release
@@ -75,8 +74,7 @@ class Desk:
 
 def done(root: Path, plan: Plan) -> None:
     for job in plan.jobs:
-        module = import_module(f"pipeline.production.tasks.{PLACES[job.task]}")
-        assert getattr(module, job.task)(Context.of(root, plan, job.name))
+        assert task_of(job.task)(Context.of(root, plan, job.name))
 
 
 @pytest.fixture(scope="module")
@@ -277,14 +275,14 @@ def test_what_is_otherwise_than_it_was_is_told_before(desk: Desk) -> None:
     record = replace(
         again.record,
         packages={**again.record.packages, "mitsuba": "3.0"},
-        code={**again.record.code, "finish": "another"},
+        stages={**again.record.stages, "finish": 0},
         host={**again.record.host, "processor": "an abacus"},
     )
     other = "scalar_rgb" if record.variant != "scalar_rgb" else "llvm_ad_rgb"
     told = "\n".join(record.differences(other))
     assert f"{other} renders now, {record.variant} did then" in told
     assert "mitsuba is" in told and "was 3.0" in told
-    assert "the code of finish is not what it was" in told and "was an abacus" in told
+    assert "stage finish has version 1 now and had 0" in told and "was an abacus" in told
 
 
 def test_a_variant_that_crashed_is_not_replaced_behind_the_users_back(desk: Desk) -> None:

@@ -6,7 +6,6 @@ import json
 from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 import pytest
@@ -17,7 +16,7 @@ from pipeline.production.planning import sharing
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import PLACES
+from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid, Variation
 from pipeline.production.versions.wedge import Wedge, frames_by_task
 from render.movie.movie import probe_movie
@@ -65,8 +64,7 @@ def done(root: Path, plan: Plan) -> None:
     waiting, made = list(plan.jobs), {output for job in plan.jobs for output in job.outputs}
     while waiting:
         job = next(job for job in waiting if not made & set(job.inputs))
-        module = import_module(f"pipeline.production.tasks.{PLACES[job.task]}")
-        assert getattr(module, job.task)(Context.of(root, plan, job.name))
+        assert task_of(job.task)(Context.of(root, plan, job.name))
         waiting.remove(job)
         made -= set(job.outputs)
 

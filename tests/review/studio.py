@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from importlib import import_module
 from pathlib import Path
 
 import numpy as np
@@ -20,7 +19,7 @@ from pipeline.production.request.render_request import Take
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.worker import PLACES
+from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.wedge import Wedge
 from render.frame.render_frame import Layers
@@ -93,8 +92,7 @@ def furnish(root: Path) -> Desk:
 
 def _done(root: Path, plan: Plan) -> None:
     for job in plan.jobs:
-        module = import_module(f"pipeline.production.tasks.{PLACES[job.task]}")
-        assert getattr(module, job.task)(Context.of(root, plan, job.name))
+        assert task_of(job.task)(Context.of(root, plan, job.name))
 
 
 def hang(desk: Desk, take: Take, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:

@@ -9,8 +9,8 @@ import typer
 from pipeline.cli.execution import carried_out, expected_words
 from pipeline.cli.options import AllowCode, Common, Crop, Quality, Scale, Settings, Variant
 from pipeline.cli.output import answer, warn
-from pipeline.cli.progress import STAGES
 from pipeline.cli.projects import project_of
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import find_shot
@@ -105,10 +105,12 @@ def _tell(common: Common, made: Wedge) -> None:
     lines.append(
         f"{len(lines)} cells of {frames} frame{'s' if frames > 1 else ''}, the sheet at {made.number}."
     )
-    told = ", ".join(f"{STAGES[stage]} {many} frames" for stage, many in todo.items())
+    told = ", ".join(f"{STAGES[stage].doing} {many} frames" for stage, many in todo.items())
     lines.append(f"To be done: {told}." if todo else "Nothing to be done but the sheet.")
     if spared:
-        told = ", ".join(f"{STAGES[stage]} {spared[stage]} frames" for stage in STAGES if stage in spared)
+        told = ", ".join(
+            f"{STAGES[stage].doing} {spared[stage]} frames" for stage in STAGES if stage in spared
+        )
         lines.append(f"Shared, and so not done again: {told}.")
     if plan.jobs:
         lines.append(expected_words(expected))

@@ -15,7 +15,8 @@ import numpy as np
 from pipeline.dailies.delivery.reel import Reel
 from pipeline.dailies.delivery.rushes import Look, Shown, opaque
 from pipeline.errors import MachineError
-from pipeline.production.keys.digest import Key, code_key, key_of
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import DELIVER
 from pipeline.production.request.edit import Heard
 from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.store import Store
@@ -34,18 +35,6 @@ SLATES = ("head", "apart")
 
 SLATE_SECONDS = 2
 
-_CODE = (
-    *(
-        f"render/movie/{name}.py"
-        for name in ("codecs", "encode", "planes", "sink", "sound", "track", "prefetch", "dissolve")
-    ),
-    *(f"render/graphics/{name}.py" for name in ("slate", "burn_in", "typesetting", "titles")),
-    "render/movie/timecode.py",
-    "render/post/image.py",
-    *(f"render/post/{name}.py" for name in ("colour", "view", "_kernels_view", "dither")),
-    *(f"pipeline/dailies/delivery/{name}.py" for name in ("rushes", "reel", "deliver")),
-    "pipeline/production/tasks/movies.py",
-)
 _KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
 
 
@@ -144,8 +133,7 @@ class Delivery:
         """Of all that a file holds; where it lies is not in it."""
         reel, heard = self.reel, self._heard
         return key_of(
-            "deliverable",
-            code_key(_CODE, ("av", "OpenImageIO")),
+            DELIVER.recipe,
             [what, self.order.slate, list(self.order.burn_in.fields) if self.order.burn_in else None],
             {
                 name: dict(value) if name in ("options", "container") else value

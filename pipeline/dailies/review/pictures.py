@@ -8,7 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.keys.digest import STILL_CODE, Key, code_key, key_of
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import STAGES
 from render.base.errors import RenderError
 from render.post.image import read_header
 from render.post.view import ACES, ColourView
@@ -99,5 +100,4 @@ class Pictures:
 
     def still_key(self, form: str, number: int) -> Key:
         """As `Take.still_key` has it, so that stills and pages share their files."""
-        code = code_key(STILL_CODE, ("OpenImageIO",))
-        return key_of(form, code, self.found[number].key, self.screen.shown_as)
+        return key_of(STAGES[form].recipe, self.found[number].key, self.screen.shown_as)

@@ -8,16 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.production.keys.stages import STAGES
 from render.graphics.panels import Bars, Heat, Panel, Track
 
 Measured = Mapping[int, Mapping[str, Any]]
-
-STAGES = {
-    "simulate": "simulating",
-    "smooth_normals": "smoothing",
-    "render": "rendering",
-    "finish": "denoising",
-}
 
 BEYOND = 1.6
 """Seconds are drawn up to so many times what a tenth of the frames exceeds: first frames compile kernels."""
@@ -86,7 +80,7 @@ def _of_seconds(
         "seconds a frame",
         f"s{cut}",
         frames,
-        {STAGES[stage]: values * share for stage, values in told.items()},
+        {STAGES[stage].doing: values * share for stage, values in told.items()},
     )
 
 

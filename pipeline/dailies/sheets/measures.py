@@ -16,12 +16,11 @@ from numpy.typing import NDArray
 from pipeline.animation import MeshFrame
 from pipeline.arrays import Floats
 from pipeline.mesh import TriangleMesh
-from pipeline.production.keys.digest import Key, code_key, key_of
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import MEASURE
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
-
-CODE = ("pipeline/dailies/sheets/measures.py",)
 
 BINS = 48
 """Of a histogram."""
@@ -163,7 +162,7 @@ def simulated(take: Take, store: Store, number: int, kind: str) -> tuple[Path, K
 
 
 def measures_key(mesh: Key, maximum: float | None) -> Key:
-    return key_of("measures", code_key(CODE), mesh, maximum)
+    return key_of(MEASURE.recipe, mesh, maximum)
 
 
 def limits_of(take: Take) -> tuple[float | None, float | None]:

@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from pipeline.dailies.turntable.angles import EIGHTHS, QUARTERS, key_numbers, named
 from pipeline.dailies.turntable.asked import Turning
 from pipeline.errors import FrameError
-from pipeline.production.keys.digest import MOVIE_CODE, STILL_CODE, code_key, key_of
+from pipeline.production.keys.digest import key_of
+from pipeline.production.keys.stages import TURNTABLE_SHEET
 from pipeline.production.request.edit import movie_bits
 from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.request.render_request import Take
@@ -29,12 +30,6 @@ from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, re
 from render.movie.movie import write_movie
 from render.movie.prefetch import ahead
 from render.post.image import write_png
-
-SHEET_CODE = (
-    "pipeline/dailies/turntable",
-    "pipeline/production/versions/wedge.py",
-    "render/graphics/contact_sheet.py",
-)
 
 ROW = 4
 """Looks that stand beside each other at most, and from which on there are many."""
@@ -109,7 +104,7 @@ class Sheets:
         def write(path: Path) -> None:
             write_png(path, sheet.picture(self._pictures(cells, factor, 8, "srgb"), note), header)
 
-        key = self._key("png", STILL_CODE, cells, captions, columns, note)
+        key = self._key("png", cells, captions, columns, note)
         self._store.put("png", key, write)
         self._store.link("png", key, movie.with_suffix(".png"))
         return movie.with_suffix(".png")
@@ -137,7 +132,7 @@ class Sheets:
             write_movie(path, ahead(pages()), first.shot.rate.fps, movie_bits(first.quality_name))
 
         cells = [(index, number) for index in every for number in first.requested]
-        key = self._key("movie", MOVIE_CODE, cells, captions, columns, str(first.script.outline.rate))
+        key = self._key("movie", cells, captions, columns, str(first.script.outline.rate))
         self._store.put("movie", key, write)
         self._store.link("movie", key, target)
         return target
@@ -183,8 +178,7 @@ class Sheets:
             raise FrameError(f"{path} cannot be read to its end; flowsculpt verify mends it")
         return found
 
-    def _key(self, kind: str, code: tuple[str, ...], cells: Sequence[tuple[int, int]], *said: Any) -> str:
+    def _key(self, kind: str, cells: Sequence[tuple[int, int]], *said: Any) -> str:
         shown = [self._shown(index, number) for index, number in cells]
         seen_through = [dict(take.shown_as) for take in self._takes]
-        sources = code_key((*SHEET_CODE, *code), ("av", "OpenImageIO"))
-        return key_of("turntable", kind, sources, self._heading, shown, seen_through, *said)
+        return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, shown, seen_through, *said)

@@ -8,7 +8,8 @@ from typing import Any
 
 from pipeline.flow import Flow
 from pipeline.frames import FrameRange
-from pipeline.production.keys.digest import NORMALS_CODE, SIMULATION_CODE, Key, code_key, key_of
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import SIMULATE, SMOOTH_NORMALS
 from pipeline.resample import Thresholds
 from pipeline.shot import Clock, Motion, Resampling, Shot
 from pipeline.shot.data import as_data
@@ -17,8 +18,7 @@ from pipeline.shot.data import as_data
 def mesh_keys(motion: Motion) -> dict[int, Key]:
     """By frame: each key holds the one before and what acts between the two frames."""
     motion = asked_in_order(motion)
-    code = code_key(SIMULATION_CODE, ("numba", "numpy", "trimesh"))
-    key = key_of("mesh", code, motion.start_data())
+    key = key_of(SIMULATE.recipe, motion.start_data())
     first, *others = sorted(motion.frames)
     keys = {first: key}
     for number in others:
@@ -29,13 +29,13 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
 def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
     """By frame; `meshes` are the keys of its meshes."""
-    motion, pieces, code = asked_in_order(shot.motion), shot.picture.tessellate, code_key(NORMALS_CODE)
+    motion, pieces = asked_in_order(shot.motion), shot.picture.tessellate
     first = thresholds_at(motion, motion.frames.first).hard_angle
     is_the_same = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
 
     def key(number: int, mesh: Key) -> Key:
         angle = first if is_the_same else thresholds_at(motion, number).hard_angle
-        return key_of("normals", code, mesh, as_data(angle), pieces)
+        return key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
 
     return {number: key(number, mesh) for number, mesh in meshes.items()}
 

@@ -14,27 +14,24 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MissingInputError
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, logs_of
 from pipeline.production.store.paths import EVENTS
 
 STARTING, WAITING = "starting", "waiting"
 """What no frame accounts for."""
 
+_PARTS = {
+    "preparing": "preparing",
+    "building": "building scenes",
+    "rendering": "light and guides",
+    "reading and writing": "reading and writing",
+}
+"""What a renderer's seconds are told by."""
+
 WORDS = {
-    "simulate": "simulating",
-    "smooth_normals": "smoothing",
-    "frame_camera": "framing",
-    "render": "rendering",
-    "preparing": "rendering: preparing",
-    "building": "rendering: building scenes",
-    "rendering": "rendering: light and guides",
-    "reading and writing": "rendering: reading and writing",
-    "finish": "denoising and writing",
-    "assemble": "encoding",
-    "film": "encoding the film",
-    "png": "writing PNG",
-    "png16": "writing PNG",
-    "jpeg": "writing JPEG",
+    **{name: stage.doing for name, stage in STAGES.items()},
+    **{name: f"rendering: {part}" for name, part in _PARTS.items()},
     STARTING: "starting processes",
     WAITING: "planning, Snakemake, waiting",
 }

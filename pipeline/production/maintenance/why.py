@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.keys.digest import PICTURE_CODE, SIMULATION_CODE, Key, code_key
+from pipeline.production.keys.digest import Key
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.maintenance.differences import Difference, differences
 from pipeline.production.request.header import raw_header
 from pipeline.production.request.render_request import Take
@@ -29,7 +30,7 @@ from pipeline.shot.yaml.inheritance import layered
 from render.base.errors import RenderError
 from render.post.image import read_header
 
-_SAID_OTHERWISE = ("key", "mesh_key", "normals_key", "simulation_code", "picture_code", "steadied_with")
+_SAID_OTHERWISE = ("key", "mesh_key", "normals_key", "stages", "steadied_with")
 
 
 @dataclass(frozen=True)
@@ -103,15 +104,15 @@ class Question:
 
     def _of_mesh(self, header: Mapping[str, Any]) -> Iterator[str]:
         take, mesh = self.take, self.take.poses[self.number].mesh
-        codes = {"simulation": SIMULATION_CODE, "picture": PICTURE_CODE}
-        for name, files in codes.items():
-            if header.get(f"{name}_code") not in (None, code_key(files)):
-                yield f"the code of flowsculpt that makes a {name} is another now"
+        for name, recipe in header.get("stages", {}).items():
+            now = STAGES[name].recipe if name in STAGES else {}
+            for difference in differences(recipe, now):
+                yield f"stage {name} is another now: {difference}"
         if header.get("mesh_key") != take.mesh_key(mesh):
             first = self._first_changed()
             yield "its mesh differs" + (f", as all meshes do from frame {first} on" if first else "")
         elif header.get("normals_key") != take.normals_key(mesh):
-            yield "its normals differ: the hard angle, the tessellation, or the code that finds them"
+            yield "its normals differ: the hard angle, the tessellation, or the version of smooth_normals"
 
     def _first_changed(self) -> int | None:
         """The first frame whose mesh is there and is not today's."""
@@ -138,7 +139,7 @@ class Question:
         if before != others:
             yield f"light is taken in from frames {others} now, and was from {before}"
         else:
-            yield "what finishes it differs: its denoiser, or the code of flowsculpt that finishes pictures"
+            yield "what finishes it differs: its denoiser, or the version of finish"
 
     def _edits(self) -> tuple[Difference, ...]:
         """Between today's shot file and the one of the run that made the picture."""

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRate
-from pipeline.production.keys.digest import MOVIE_CODE, Key, code_key, key_of
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import FILM
 from pipeline.production.request.crop_and_scale import base_of
 from pipeline.production.store import paths
 from pipeline.shot.yaml.lookup import digest_of_file
@@ -138,8 +139,7 @@ class Cut:
         shown_as  of each shot, what is between its light and the picture
         """
         return key_of(
-            "film",
-            code_key(MOVIE_CODE, ("av", "OpenImageIO")),
+            FILM.recipe,
             [asdict(piece) for piece in self.pieces],
             self.rate,
             None if self.heard is None else self.heard.content,

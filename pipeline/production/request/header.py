@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from pipeline.production.keys.digest import PICTURE_CODE, SIMULATION_CODE, code_key
+from pipeline.production.keys.stages import RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.picture_keys import PictureKeys
 from pipeline.production.request.render_request import Take
@@ -25,8 +25,7 @@ def raw_header(take: Take, number: int, framing: Framing, keys: PictureKeys) -> 
         "seed": take.seed(number),
         "pose": to_plain(take.poses[number]),
         "normals_key": take.normals_key(take.poses[number].mesh),
-        "simulation_code": code_key(SIMULATION_CODE),
-        "picture_code": code_key(PICTURE_CODE),
+        "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, RENDER)},
         "look": to_plain(take.shot.picture.look),
         "lights": to_plain(replace(take.shot.picture.lights, exposure=0.0)),
         "stage": to_plain(take.shot.picture.stage),

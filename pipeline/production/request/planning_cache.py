@@ -19,9 +19,11 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.keys.digest import Key, code_key, key_of
+from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
+
+_PROJECT = Path(__file__).parents[3]
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
 KEPT_SECONDS = 60 * 24 * 3600.0
@@ -79,9 +81,13 @@ class Ledger:
 
 @cache
 def _code() -> list[str]:
-    """All that finding keys may depend on beside a shot: more than does, so that nothing is left out."""
-    sources = code_key(("pipeline", "render"))
-    return [sources, sys.version, *(f"{name}={version(name)}" for name in PACKAGES)]
+    """Return all that keys may depend on beside a shot: more than they do, so that nothing is left out."""
+    digest = hashlib.sha256()
+    for package in ("pipeline", "render"):
+        for file in sorted((_PROJECT / package).rglob("*.py")):
+            digest.update(file.relative_to(_PROJECT).as_posix().encode())
+            digest.update(file.read_bytes())
+    return [digest.hexdigest(), sys.version, *(f"{name}={version(name)}" for name in PACKAGES)]
 
 
 def _digest(text: str) -> Key:

@@ -10,16 +10,8 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
-from pipeline.production.keys.digest import (
-    FINISH_CODE,
-    FRAMING_CODE,
-    MOVIE_CODE,
-    PICTURE_CODE,
-    STILL_CODE,
-    Key,
-    code_key,
-    key_of,
-)
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, STAGES, STILLS
 from pipeline.production.request.cameras import CameraFile
 from pipeline.production.request.edit import movie_bits
 from pipeline.production.request.picture_keys import Keyring
@@ -31,7 +23,7 @@ from render.scene.quality import Quality
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
 
-FORMS = ("png", "png16", "jpeg")
+FORMS = tuple(stage.name for stage in STILLS)
 """Of single frames as a display shows them; a task of the workflow has the name of each."""
 
 
@@ -118,8 +110,7 @@ class Take(Showing):
     def _cameras_key(self) -> Key:
         shown = sorted({pose.mesh for pose in self.poses.values()})
         return key_of(
-            "cameras",
-            code_key(FRAMING_CODE),
+            FRAME_CAMERA.recipe,
             [self.mesh_key(n) for n in shown],
             [[n, pose.mesh, pose.spin, self.view(n)] for n, pose in self.poses.items()],
             self.aspect,
@@ -172,8 +163,7 @@ class Take(Showing):
     def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
         pose = self.poses[number]
         return key_of(
-            "raw",
-            code_key(PICTURE_CODE, ("mitsuba", "drjit", "OpenImageIO")),
+            RENDER.recipe,
             self.normals_key(pose.mesh),
             [pose.spin, pose.lights] if pose.lights else pose.spin,
             framings[number].as_data(),
@@ -185,8 +175,7 @@ class Take(Showing):
 
     def frame_key(self, raw: Key, around: list[Key]) -> Key:
         """Of a finished picture; `around` are the raw ones whose light it takes in, if any."""
-        code = code_key(FINISH_CODE, ("pyoidn", "OpenImageIO"))
-        return key_of("frame", code, raw, self.quality.denoise, around)
+        return key_of(FINISH.recipe, raw, self.quality.denoise, around)
 
     def picture_keys(self, store: Store) -> Keyring | None:
         """The keys of the pictures of the take, once its cameras are known."""
@@ -204,12 +193,11 @@ class Take(Showing):
         return self.script.outline.shown_as
 
     def still_key(self, form: str, frame_key: Key) -> Key:
-        return key_of(form, code_key(STILL_CODE, ("OpenImageIO",)), frame_key, self.shown_as)
+        return key_of(STAGES[form].recipe, frame_key, self.shown_as)
 
     def movie_key(self, frame_keys: list[Key]) -> Key:
         return key_of(
-            "movie",
-            code_key(MOVIE_CODE, ("av", "OpenImageIO")),
+            ASSEMBLE.recipe,
             frame_keys,
             self.script.outline.rate,
             self.shown_as,

@@ -1,32 +1,20 @@
-"""Doing one job: what each task is called, and what becomes of what it raises."""
+"""Do one job, and report what it raises."""
 
 from __future__ import annotations
 
 import os
 import sys
 import traceback
+from collections.abc import Callable
 from importlib import import_module
 
 from pipeline.errors import FrameError
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.request.variants import ON_GPU
 from pipeline.production.tasks.job import REPORTED, Context
 from pipeline.production.tasks.memory_guard import RENEWED, WornOutError
 from pipeline.production.tasks.supervisor import fall_over
 from render.mitsuba.engine import available_cores
-
-PLACES = {
-    "simulate": "meshes",
-    "smooth_normals": "meshes",
-    "frame_camera": "meshes",
-    "render": "pictures",
-    "finish": "finishing",
-    "assemble": "movies",
-    "film": "movies",
-    "png": "stills",
-    "png16": "stills",
-    "jpeg": "stills",
-}
-"""The module that holds each task: a task imports only what it needs."""
 
 
 def work(context: Context) -> int:
@@ -35,8 +23,7 @@ def work(context: Context) -> int:
     job = context.job
     _limit_kernels(job.threads)
     try:
-        task = getattr(import_module(f"pipeline.production.tasks.{PLACES[job.task]}"), job.task)
-        well = task(context)
+        well = task_of(job.task)(context)
     except WornOutError as worn:
         context.renewed(worn.held, worn.most)
         return RENEWED
@@ -52,6 +39,13 @@ def work(context: Context) -> int:
         well = False
     context.log.write("end", stage=job.task)
     return 0 if well else 1
+
+
+def task_of(stage: str) -> Callable[[Context], bool]:
+    """Return the function that does the jobs of a stage; it returns True if all went well."""
+    module = import_module(f"pipeline.production.tasks.{STAGES[stage].module}")
+    task: Callable[[Context], bool] = getattr(module, stage)
+    return task
 
 
 def _limit_kernels(threads: int) -> None:

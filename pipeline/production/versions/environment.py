@@ -9,15 +9,7 @@ from typing import Any
 
 import psutil
 
-from pipeline.production.keys.digest import (
-    FINISH_CODE,
-    FRAMING_CODE,
-    MOVIE_CODE,
-    NORMALS_CODE,
-    PICTURE_CODE,
-    SIMULATION_CODE,
-    code_key,
-)
+from pipeline.production.keys.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from render.mitsuba.engine import available_cores
 
 PACKAGES = (
@@ -34,24 +26,15 @@ PACKAGES = (
 )
 """Those that pixels come from."""
 
-CODE = {
-    "simulation": SIMULATION_CODE,
-    "normals": NORMALS_CODE,
-    "framing": FRAMING_CODE,
-    "picture": PICTURE_CODE,
-    "finish": FINISH_CODE,
-    "movie": MOVIE_CODE,
-}
-"""The parts of flowsculpt that a version's files come from, by the names they have in a provenance."""
-
 
 def packages() -> dict[str, str]:
     return {"flowsculpt": version("flowsculpt"), **{name: version(name) for name in PACKAGES}}
 
 
-def code_keys() -> dict[str, str]:
-    """By the names of CODE; packages are told apart from them."""
-    return {name: code_key(sources) for name, sources in CODE.items()}
+def stage_versions() -> dict[str, int]:
+    """Return the versions of the stages that a published version comes from."""
+    stages = (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER, FINISH, ASSEMBLE)
+    return {stage.name: stage.version for stage in stages}
 
 
 def host() -> dict[str, Any]:

@@ -17,7 +17,7 @@ from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
 from pipeline.production.request.shot_source import Script
-from pipeline.production.versions.environment import code_keys, host, packages
+from pipeline.production.versions.environment import host, packages, stage_versions
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from render.post.image import read_exr
 
@@ -55,7 +55,7 @@ class Provenance:
     script   the shot file and what it rests on; its paths as `portable` gives them
     cameras  the key of all cameras
     movie    its file, key and SHA-256
-    code     keys of the parts of flowsculpt, by the names of `circumstances.CODE`
+    stages   versions of the stages that made it
     host     what it was published on
     timings  seconds by stage, as the runs that made it told them
     """
@@ -75,7 +75,7 @@ class Provenance:
     frames: Mapping[int, FrameRecord]
     movie: Mapping[str, str]
     packages: Mapping[str, str]
-    code: Mapping[str, str]
+    stages: Mapping[str, int]
     host: Mapping[str, Any]
     timings: Mapping[str, float]
 
@@ -93,6 +93,7 @@ class Provenance:
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Provenance:
         """Raises KeyError, TypeError or ValueError for what is none."""
+        data = {"stages": {}, **data}  # older versions name none
         plain = {name: data[name] for name in cls.__dataclass_fields__}
         frames = {int(number): FrameRecord(**record) for number, record in data["frames"].items()}
         if data["format"] != FORMAT or not frames:
@@ -133,9 +134,10 @@ class Provenance:
             now = packages().get(name, "not there")
             if now != then:
                 found.append(f"{name} is {now} now and was {then}; pixels may differ")
-        changed = [name for name, key in code_keys().items() if self.code.get(name) != key]
-        if changed:
-            found.append(f"the code of {', '.join(changed)} is not what it was; pixels may differ")
+        for name, number in stage_versions().items():
+            if number != self.stages.get(name):
+                was = self.stages.get(name, "unknown")
+                found.append(f"stage {name} has version {number} now and had {was}; pixels may differ")
         here = host()
         return found + [
             f"the {what} is {here[what]} now and was {self.host.get(what)}; last bits may differ"
@@ -148,7 +150,7 @@ def _require_whole(data: Mapping[str, Any], script: Script) -> None:
     """What else reading relies on, names that become those of folders among it. Raises as `from_data`."""
     named = re.fullmatch(NAME, data["shot"]) and re.fullmatch(VERSION, data["version"])
     known = is_quality(data["quality"]) and script.name == data["shot"] and isinstance(script.text, str)
-    tables = [data[name] for name in ("movie", "packages", "code", "host", "timings")]
+    tables = [data[name] for name in ("movie", "packages", "stages", "host", "timings")]
     if not (named and known and all(isinstance(table, dict) for table in tables)):
         raise ValueError
     if not {"file", "key", "sha256"} <= set(data["movie"]):

@@ -26,7 +26,7 @@ from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.request.render_request import Take
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Store
-from pipeline.production.versions.environment import code_keys, host, packages
+from pipeline.production.versions.environment import host, packages, stage_versions
 from pipeline.production.versions.freezing import freeze, sweep
 from pipeline.production.versions.provenance import (
     VERSION,
@@ -165,7 +165,7 @@ class Release:
             frames={number: self._frame(number, keys) for number in sorted(take.poses)},
             movie={"file": f"{take.name}.mp4", "key": movie, "sha256": self._whole_movie(movie)},
             packages=packages(),
-            code=code_keys(),
+            stages=stage_versions(),
             host=host(),
             timings=seconds_by_stage(take, root, {n: keys[n].raw for n in take.poses}),
         )
