@@ -14,9 +14,8 @@ from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.shot import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.shot_reader import read_shot
-from pipeline.shot.yaml.edits import DEFAULTS, is_edit
-from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
-from pipeline.shot.yaml.parse import parsed
+from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file, is_edit, is_there, shown
+from pipeline.shot.yaml.messages import parsed
 from pipeline.shot.yaml.source import Source, Where
 
 

@@ -11,18 +11,19 @@ from pydantic import BaseModel
 
 from pipeline.flow.parameters import Sense
 from pipeline.shot.documents.camera import CameraDocument
-from pipeline.shot.documents.compositions import (
+from pipeline.shot.documents.curves import Key, Keyed, OverTime, OverTimeTriple
+from pipeline.shot.documents.flow_parameters import FlowParameters
+from pipeline.shot.documents.flows import (
     BlendDocument,
     Composition,
+    FlowDocument,
     MirroredDocument,
     PlacedDocument,
     RepeatedDocument,
     ReversedDocument,
+    VelocityDocument,
     WithinDocument,
 )
-from pipeline.shot.documents.curves import Key, Keyed, OverTime, OverTimeTriple
-from pipeline.shot.documents.flows import FlowDocument, VelocityDocument
-from pipeline.shot.documents.generated import FlowParameters
 from pipeline.shot.documents.regions import (
     BoxDocument,
     HalfSpaceDocument,
@@ -37,6 +38,7 @@ from pipeline.shot.documents.resampling import (
     CameraDistanceDocument,
     CurvatureDocument,
     ResampleDocument,
+    SmoothDocument,
 )
 from pipeline.shot.documents.resampling import RegionDocument as CreasesDocument
 from pipeline.shot.documents.shot import (
@@ -48,7 +50,6 @@ from pipeline.shot.documents.shot import (
     ShotDocument,
     SoundDocument,
 )
-from pipeline.shot.documents.smoothing import SmoothDocument
 from pipeline.shot.documents.views import ViewDocument
 from pipeline.shot.set_hints import SET_HINTS
 from pipeline.shot.shutter import ShutterDocument

@@ -11,12 +11,12 @@ from typing import Any
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
 from pipeline.mesh.bspline import PIECES
-from pipeline.shot.checks import adaptive, keys
+from pipeline.shot.checks import adaptive
 from pipeline.shot.checks import file_checks as checks
 from pipeline.shot.checks import threshold_checks as brackets
-from pipeline.shot.checks.speed import with_speed
+from pipeline.shot.checks import timing as keys
+from pipeline.shot.checks.timing import with_speed
 from pipeline.shot.clock import Clock
-from pipeline.shot.cloud import CloudOfFile
 from pipeline.shot.documents import bsdf as inline
 from pipeline.shot.documents import camera as camera_document
 from pipeline.shot.documents import lights_and_stage as sets
@@ -28,13 +28,13 @@ from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ModelDocument, ShotDocument
 from pipeline.shot.documents.subject import SolidDocument
 from pipeline.shot.motion import DEFAULT_STRIDE, Motion
-from pipeline.shot.net import ControlNet, NetOfFile
+from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
 from pipeline.shot.shot import Picture, Shot
 from pipeline.shot.shutter import PictureLayers, Shutter
 from pipeline.shot.subject import Model, Subject
 from pipeline.shot.yaml.inheritance import layered
 from pipeline.shot.yaml.lookup import digest_of_file
-from pipeline.shot.yaml.parse import parsed
+from pipeline.shot.yaml.messages import parsed
 from pipeline.shot.yaml.parse_context import Surroundings
 from pipeline.shot.yaml.source import Source
 from render.scene.look import LOOKS

@@ -9,16 +9,14 @@ from pydantic import BaseModel
 from pipeline.flow.parameters import Sense
 from pipeline.shot.documents.look import AbsorptionDocument, LookDocument, WireframeDocument
 from pipeline.shot.documents.look_parts import (
+    MarbleDocument,
     MeasureDocument,
+    PatternDocument,
     PictureDocument,
+    PigmentDocument,
     ProjectionDocument,
     ReliefDocument,
     ScaleDocument,
-)
-from pipeline.shot.documents.pigments import (
-    MarbleDocument,
-    PatternDocument,
-    PigmentDocument,
     SpecklesDocument,
 )
 from pipeline.shot.documents.shot import ModelDocument

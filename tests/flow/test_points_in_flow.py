@@ -19,8 +19,7 @@ from pipeline.mesh.bspline import bspline_surface
 from pipeline.mesh.control_net import Lattice
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
-from pipeline.shot.cloud import RADIUS, CloudInSolid
-from pipeline.shot.net import NetOfSolid
+from pipeline.shot.point_subjects import RADIUS, CloudInSolid, NetOfSolid
 from pipeline.shot.subject import Subject
 
 CLOUD = CloudInSolid(Solid.of("torus", {}), 200, "volume", 4, 0.02)

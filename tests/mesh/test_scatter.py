@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.mesh.scatter import on_surface, within
-from pipeline.shot.cloud import CloudInSolid
+from pipeline.shot.point_subjects import CloudInSolid
 from pipeline.shot.subject import SOLIDS, Solid
 
 BOX = np.array([[-1.0, -1.0, -1.0], [1.0, 1.0, 1.0]])

@@ -19,8 +19,7 @@ from pipeline.flow.parameters import parameters_of, shot_name, summary
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import read_shot
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.catalogue import DOCUMENTS
-from pipeline.shot.documents.flow_listing import BEGIN, END, facts, markdown, shown
+from pipeline.shot.documents.flow_catalogue import BEGIN, DOCUMENTS, END, facts, markdown, shown
 from pipeline.shot.yaml.parse_context import Surroundings
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))

@@ -162,10 +162,10 @@ BAD = [
     ("blend: {weight: {ease: back_out, keys: {1: 0, 40: 1}}, flows: [{vortex: }]}",
      ["6:13: flows.0.blend.weight is 1.002 at frame 15.5; it must stay from 0 to 1. Mend what leads there."]),
     ("repeated: {period: 0, flows: [{vortex: }]}",
-     ["6:16: flows.0.repeated.period: 0 is no length of time. "
+     ["6:16: flows.0.repeated.period: 0 is no duration. "
       "Write frames, such as 24, or seconds, such as 1s."]),
     ("repeated: {period: 2 sec, flows: [{vortex: }]}",
-     ["6:16: flows.0.repeated.period: '2 sec' is no length of time. "
+     ["6:16: flows.0.repeated.period: '2 sec' is no duration. "
       "Write frames, such as 24, or seconds, such as 1s."]),
     ("placed: {scale: 0, flows: [{vortex: }]}", ["6:14: flows.0.placed.scale is 0; it must be above 0"]),
     ("mirrored: {normal: w, flows: [{vortex: }]}",

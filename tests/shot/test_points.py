@@ -11,8 +11,7 @@ from pipeline.errors import MissingInputError, ShotError
 from pipeline.mesh import TriangleMesh, write_mesh
 from pipeline.mesh.bspline import PIECES, bspline_surface
 from pipeline.shot import read_shot
-from pipeline.shot.cloud import RADIUS, CloudInSolid, CloudOfFile
-from pipeline.shot.net import NetOfFile, NetOfRows, NetOfSolid
+from pipeline.shot.point_subjects import RADIUS, CloudInSolid, CloudOfFile, NetOfFile, NetOfRows, NetOfSolid
 from pipeline.shot.subject import Solid
 
 HEAD = "title: T\nframes: 1-3\n"

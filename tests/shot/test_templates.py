@@ -10,8 +10,7 @@ import pytest
 from pipeline.animation import animate
 from pipeline.errors import UsageError
 from pipeline.shot import read_shot
-from pipeline.shot.documents.catalogue import DOCUMENTS
-from pipeline.shot.documents.flow_listing import facts
+from pipeline.shot.documents.flow_catalogue import DOCUMENTS, facts
 from pipeline.shot.templates.flow_presets import FRAMES, STAGED, staging_of
 from pipeline.shot.templates.template import shot_of_flow, shot_of_shot
 

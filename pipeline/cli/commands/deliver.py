@@ -23,7 +23,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import edit_names, find_edit
 from pipeline.production.request.render_request import Take
-from pipeline.shot.yaml.edits import is_edit
+from pipeline.shot.yaml.lookup import is_edit
 from render.graphics.burn_in import FIELDS, BurnIn
 from render.movie.codecs import ENCODES, encode_named
 

@@ -9,8 +9,7 @@ from rich.table import Table
 
 from pipeline.cli.options import Common
 from pipeline.cli.output import answer, out
-from pipeline.shot.documents.catalogue import DOCUMENTS
-from pipeline.shot.documents.flow_listing import facts, markdown, shown
+from pipeline.shot.documents.flow_catalogue import DOCUMENTS, facts, markdown, shown
 
 
 def flows(

@@ -16,10 +16,10 @@ from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
 from pipeline.production.store.disk import disk_faults
 from pipeline.shot import read_shot
-from pipeline.shot.documents.catalogue import DOCUMENTS
+from pipeline.shot.documents.flow_catalogue import DOCUMENTS
 from pipeline.shot.templates.flow_presets import STAGED, staging_of
 from pipeline.shot.templates.template import SCHEMA, shot_of_flow, shot_of_shot
-from pipeline.shot.yaml.edits import DEFAULTS
+from pipeline.shot.yaml.lookup import DEFAULTS
 
 FOLDERS = ("film", "published", "repeated", "turntable", "wedge")
 """In renders/, where shots have theirs: no shot may be called so."""

@@ -14,7 +14,7 @@ from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import SHOTS
 from pipeline.production.store.disk import disk_faults
 from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
-from pipeline.shot.yaml.edits import DEFAULTS
+from pipeline.shot.yaml.lookup import DEFAULTS
 from pipeline.shot.yaml.source import Source
 
 SCHEMAS = Path(".schema")

@@ -15,7 +15,7 @@ from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
 from pipeline.production.render_inputs.dicing import MOST_SPANS, pieces_for
 from pipeline.production.render_inputs.framing import turned
 from pipeline.resample import Thresholds
-from pipeline.shot.cloud import RADIUS
+from pipeline.shot.point_subjects import RADIUS
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 

@@ -7,8 +7,7 @@ import re
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.shot.yaml.edits import DEFAULTS, is_edit
-from pipeline.shot.yaml.lookup import is_there, shown
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, shown
 
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"

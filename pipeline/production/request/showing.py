@@ -152,7 +152,7 @@ class Showing:
     @property
     def net_pieces(self) -> int | None:
         """How finely the surface of a net is cut, which is what cameras look at; None of other subjects."""
-        from pipeline.shot.net import ControlNet
+        from pipeline.shot.point_subjects import ControlNet
 
         is_net = isinstance(self.shot.motion.subject, ControlNet)
         return self.shot.picture.tessellate if is_net else None

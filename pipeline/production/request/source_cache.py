@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.request.shot_source import Script
-from pipeline.shot.yaml.edits import DEFAULTS
+from pipeline.shot.yaml.lookup import DEFAULTS
 
 
 @dataclass(frozen=True)

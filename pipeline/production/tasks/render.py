@@ -236,7 +236,7 @@ def _tell_statistics(
 def _with_edges(shot: Shot, arrays: Mapping[str, AnyArray], pieces: int) -> Mapping[str, AnyArray]:
     """With the edges of the mesh that was resampled, where they are drawn, however finely it is cut now;
     of a net all are drawn."""
-    from pipeline.shot.net import ControlNet
+    from pipeline.shot.point_subjects import ControlNet
 
     is_net = isinstance(shot.motion.subject, ControlNet)
     if shot.picture.look.wireframe is None or is_net or "faces" not in arrays:

@@ -12,9 +12,9 @@ import numpy as np
 from pipeline.errors import MissingInputError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.catalogue import DOCUMENTS
 from pipeline.shot.documents.fields import LARGEST, is_number
-from pipeline.shot.net import NETS, NetOfSolid
+from pipeline.shot.documents.flow_catalogue import DOCUMENTS
+from pipeline.shot.point_subjects import NETS, NetOfSolid
 from pipeline.shot.subject import SOLIDS, Measure, Solid
 from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
 from pipeline.shot.yaml.source import Source, Where

@@ -15,8 +15,17 @@ from pipeline.flow.formula_curve import Formulated
 from pipeline.flow.keyframes import BEZIER, Curve, Handle, Keyframes, Number, Place, Values
 from pipeline.formula import TIME
 from pipeline.shot.clock import A_TIME, Clock
-from pipeline.shot.documents.fields import Document, Positive, Real, Told, Triple, one_of, vector
-from pipeline.shot.documents.formulas import A_NUMBER_TOO, over
+from pipeline.shot.documents.fields import (
+    A_NUMBER_TOO,
+    Document,
+    Positive,
+    Real,
+    Told,
+    Triple,
+    one_of,
+    over,
+    vector,
+)
 
 T = TypeVar("T")
 

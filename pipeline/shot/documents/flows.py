@@ -1,31 +1,169 @@
-"""The entries under `flows`: a flow of the catalogue, a sum of velocities, or a composition of entries."""
+"""The entries under `flows`: a flow of the catalogue, a sum of velocity fields, or a composition of entries.
+
+A composition holds a list of `flows`. Under `flows` these act one after another, and the composition wraps
+the sequence. Under `sum` they are velocity fields that act together, and so is the composition.
+"""
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
-from pydantic import BeforeValidator, ConfigDict, Field, create_model, model_validator
+from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_model, model_validator
 from pydantic_core import PydanticCustomError
 
-from pipeline.flow import Flow, Sequence, Streamlines, Sum, VelocityField
-from pipeline.shot.clock import Clock
-from pipeline.shot.documents.catalogue import BARE, entries
-from pipeline.shot.documents.compositions import (
-    BlendDocument,
-    Composition,
-    MirroredDocument,
-    OfFields,
-    PlacedDocument,
-    RepeatedDocument,
-    ReversedDocument,
-    SequenceDocument,
-    WithinDocument,
+from pipeline.flow import (
+    Flow,
+    Frame,
+    Repeated,
+    Reversed,
+    Sequence,
+    Streamlines,
+    Sum,
+    VelocityField,
 )
-from pipeline.shot.documents.fields import Document
+from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled, blended, placed, within
+from pipeline.flow.keyframes import Number
+from pipeline.frames import FrameRange, FrameRate, shortened
+from pipeline.shot.clock import A_LENGTH, Clock
+from pipeline.shot.documents.curves import PlaceField, PositiveField, WeightField, number, place
+from pipeline.shot.documents.fields import DEGREE, Axis, Document, Told, Triple, axis, vector
+from pipeline.shot.documents.flow_catalogue import BARE, entries
+from pipeline.shot.documents.regions import HERE, RegionDocument
 from pipeline.shot.yaml.parse_context import finding
 
+E = TypeVar("E", bound=Document)
+
 Follow = Callable[[VelocityField], Streamlines]
+"""Turns a velocity field into a flow, by the integrator that the shot names."""
+
+
+def _positive_duration(value: Any) -> Any:
+    length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
+    if length is None or not 0 < length < math.inf:
+        raise PydanticCustomError(
+            "duration",
+            "{value} is no duration. Write frames, such as 24, or seconds, such as 1s.",
+            {"value": shortened(value)},
+        )
+    return value
+
+
+Duration = Annotated[
+    Any,
+    AfterValidator(_positive_duration),
+    Told(anyOf=[{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": A_LENGTH}]),
+]
+"""Frames as a number, or seconds as "1s"."""
+
+
+def seconds(duration: Any, clock: Clock) -> float:
+    """Return a parsed duration in seconds."""
+    length = clock.length(duration)
+    assert length is not None, "_positive_duration has refused everything else"
+    return length
+
+
+class Composition(Document, Generic[E]):
+    """Base of the compositions of one list of flows."""
+
+    flows: Annotated[list[E], Field(min_length=1)]
+
+    @abstractmethod
+    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
+        """Return the composition of a flow, which is a sequence."""
+
+
+class FieldComposition(Composition[E], Generic[E]):
+    """Base of the compositions that can stand under `sum` too."""
+
+    @abstractmethod
+    def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
+        """Return the composition of a velocity field."""
+
+
+class SequenceDocument(Composition[E], Generic[E]):
+    """Several flows, one after another, as one entry."""
+
+    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
+        return flow
+
+
+class WithinDocument(FieldComposition[E], Generic[E]):
+    region: RegionDocument
+
+    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
+        return within(flow, self.region.build(clock))
+
+    def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
+        return Limited(field, self.region.build(clock))
+
+
+class TransformedDocument(FieldComposition[E], Generic[E]):
+    """Base of the compositions that move a flow into a frame or a mirror."""
+
+    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
+        return placed(flow, self._transform(clock))
+
+    def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
+        return InFrame(field, self._transform(clock))
+
+    @abstractmethod
+    def _transform(self, clock: Clock) -> Frame | Mirror: ...
+
+
+class PlacedDocument(TransformedDocument[E], Generic[E]):
+    """Flows in a frame of reference that is scaled, then turned, then moved."""
+
+    translate: PlaceField = HERE
+    rotate: PlaceField = HERE
+    scale: PositiveField = 1.0
+
+    def _transform(self, clock: Clock) -> Frame:
+        rotate = place(self.rotate, clock, DEGREE)
+        return Frame(place(self.translate, clock), rotate, number(self.scale, clock))
+
+
+class MirroredDocument(TransformedDocument[E], Generic[E]):
+    """Flows mirrored across the plane through `centre`."""
+
+    normal: Axis = "x"
+    centre: Triple = HERE
+
+    def _transform(self, clock: Clock) -> Mirror:
+        return Mirror(axis(self.normal), vector(self.centre))
+
+
+class BlendDocument(Document, Generic[E]):
+    """A blend from one flow, or from rest, to another."""
+
+    flows: Annotated[list[E], Field(min_length=1, max_length=2)]
+    weight: WeightField
+
+    def of_flows(self, flows: list[Flow], clock: Clock) -> Flow:
+        first = flows[0] if len(flows) > 1 else Sequence(())
+        return blended(first, flows[-1], number(self.weight, clock))
+
+    def of_fields(self, fields: list[VelocityField], clock: Clock) -> VelocityField:
+        weight: Number = number(self.weight, clock)
+        rest = [Scaled(field, weight, rest=True) for field in fields[:-1]]
+        return Sum((*rest, Scaled(fields[-1], weight)))
+
+
+class ReversedDocument(Composition[E], Generic[E]):
+    duration: Duration | None = None
+
+    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
+        return Reversed(flow, clock.duration if self.duration is None else seconds(self.duration, clock))
+
+
+class RepeatedDocument(Composition[E], Generic[E]):
+    period: Duration
+
+    def of_flow(self, flow: Flow, clock: Clock) -> Flow:
+        return Repeated(flow, seconds(self.period, clock))
 
 
 class Entry(Document):
@@ -37,18 +175,17 @@ class Entry(Document):
     def _names_one(self) -> Entry:
         named = sorted(self.model_fields_set)
         if len(named) != 1:
-            found = " and ".join(named) or "nothing"
             raise PydanticCustomError(
                 "one_flow",
-                "a flow is one name and its parameters, and this entry has {found}. "
+                "a flow is one name and its parameters, and this entry has {names}. "
                 "Start each flow with a dash of its own.",
-                {"found": found},
+                {"names": " and ".join(named) or "nothing"},
             )
         return self
 
     @property
     def chosen(self) -> Any:
-        """The one that is named."""
+        """The document of the flow that the entry names."""
         return getattr(self, next(iter(self.model_fields_set)))
 
 
@@ -86,7 +223,7 @@ class VelocityDocument(Velocities):
 
     def build(self, clock: Clock) -> VelocityField:
         chosen = self.chosen
-        if isinstance(chosen, OfFields):
+        if isinstance(chosen, FieldComposition):
             return chosen.of_field(Sum(tuple(entry.build(clock) for entry in chosen.flows)), clock)
         if isinstance(chosen, BlendDocument):
             return chosen.of_fields([entry.build(clock) for entry in chosen.flows], clock)
@@ -95,7 +232,7 @@ class VelocityDocument(Velocities):
 
 
 class FlowDocument(Flows):
-    """One entry under `flows`: a velocity field, a sum of them, a map, or what is made of such entries."""
+    """One entry under `flows`: a velocity field, a sum of them, a map, or a composition of such entries."""
 
     sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED] = None
     sequence: Annotated[SequenceDocument[FlowDocument] | None, BARE] = None
@@ -107,7 +244,7 @@ class FlowDocument(Flows):
     repeated: Annotated[RepeatedDocument[FlowDocument] | None, BARE] = None
 
     def build(self, clock: Clock, follow: Follow) -> Flow:
-        """`follow` is how the shot integrates velocities."""
+        """Return the flow; `follow` integrates velocity fields as the shot says."""
         chosen = self.chosen
         if isinstance(chosen, list):
             return follow(Sum(tuple(entry.build(clock) for entry in chosen)))

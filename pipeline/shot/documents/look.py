@@ -23,11 +23,12 @@ from pipeline.shot.documents.look_parts import (
     ColourOrPicture,
     MeasureDocument,
     PictureDocument,
+    PigmentDocument,
     ProjectionDocument,
     ReliefDocument,
+    Share,
     ShareOrPicture,
 )
-from pipeline.shot.documents.pigments import PigmentDocument, Share
 from pipeline.shot.yaml.parse_context import Surroundings, finding
 from render.base.errors import RenderError
 from render.scene.bsdf import BSDFS, Bsdf

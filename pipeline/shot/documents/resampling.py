@@ -5,22 +5,32 @@ Angles are degrees in the file and radians from here on.
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow.keyframes import Curve, Number, Place, number_at, place_at
 from pipeline.formula import PLACE, Expression
+from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
 from pipeline.resample.sizing_field import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
-from pipeline.shot.documents.fields import DEGREE, Document, Positive, exactly_one, one_of
-from pipeline.shot.documents.formulas import A_NUMBER_TOO, over
+from pipeline.shot.documents.fields import (
+    A_NUMBER_TOO,
+    DEGREE,
+    Document,
+    Positive,
+    Told,
+    exactly_one,
+    one_of,
+    over,
+)
 from pipeline.shot.motion import Resampling
 
 Angle = Annotated[float, Field(gt=0, lt=180)]
@@ -228,3 +238,43 @@ def _angle(value: float | Keyed[Any] | ActiveAngleDocument, clock: Clock) -> Thr
 
 def _keyed(value: Number) -> Threshold:
     return KeyedThreshold(value) if isinstance(value, Curve) else value
+
+
+_PIXELS = r"^\s*(\d+\.?\d*|\.\d+)\s*px\s*$"
+
+
+def _pixels(value: Any) -> Any:
+    """`2px` as 2.0."""
+    if not isinstance(value, str):
+        return value
+    match = re.match(_PIXELS, value)
+    if not match:
+        raise PydanticCustomError(
+            "pixels", "{text} is no length in pixels. Write 2px.", {"text": repr(value)}
+        )
+    return float(match[1])
+
+
+Pixels = Annotated[
+    float,
+    BeforeValidator(_pixels),
+    Field(ge=0.25, le=1000),
+    Told(type=["number", "string"], pattern=_PIXELS),
+]
+
+
+class SmoothDocument(Document):
+    """Pieces of each edge by their number, or by how long they are in the picture."""
+
+    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = None
+    dicing: Pixels | None = None
+
+    @model_validator(mode="after")
+    def _says_one(self) -> SmoothDocument:
+        if self.tessellate is not None and self.dicing is not None:
+            raise PydanticCustomError(
+                "two_measures",
+                "two measures: tessellate, a number of pieces, and dicing, how long they are in the picture. "
+                "Remove one of them.",
+            )
+        return self

@@ -16,8 +16,8 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from pipeline.shot.documents.flow_parameters import FlowParameters
 from pipeline.shot.documents.flows import FlowDocument, VelocityDocument
-from pipeline.shot.documents.generated import FlowParameters
 from pipeline.shot.documents.shot import FilmDocument, ShotDocument
 from pipeline.shot.hints import hint, in_a_line
 

@@ -14,8 +14,7 @@ from pipeline.shot.documents.fields import Count, Document, Positive, Told, one_
 from pipeline.shot.documents.flows import FlowDocument
 from pipeline.shot.documents.lights_and_stage import LightsDocument, StageDocument
 from pipeline.shot.documents.look import LookDocument
-from pipeline.shot.documents.resampling import ResampleDocument
-from pipeline.shot.documents.smoothing import SmoothDocument
+from pipeline.shot.documents.resampling import ResampleDocument, SmoothDocument
 from pipeline.shot.documents.subject import CloudDocument, NetDocument, SolidDocument
 from pipeline.shot.documents.views import ViewDocument
 from pipeline.shot.shutter import LayersField, ShutterDocument

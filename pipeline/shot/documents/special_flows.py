@@ -29,9 +29,8 @@ from pipeline.formula.words import CONSTANTS
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number
-from pipeline.shot.documents.fields import Positive, Triple, exactly_one, vector
-from pipeline.shot.documents.formulas import A_NUMBER_TOO, readable
-from pipeline.shot.documents.generated import FlowParameters
+from pipeline.shot.documents.fields import A_NUMBER_TOO, Positive, Triple, exactly_one, readable, vector
+from pipeline.shot.documents.flow_parameters import FlowParameters
 from pipeline.shot.yaml.parse_context import Surroundings, finding, told
 
 

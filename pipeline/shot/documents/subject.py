@@ -11,9 +11,19 @@ from pydantic import ConfigDict, Discriminator, Field, Tag
 from pipeline.errors import MeshError, MissingInputError
 from pipeline.mesh.control_net import LEAST, Lattice
 from pipeline.mesh.io.points import read_net, read_points
-from pipeline.shot.cloud import MOST_POINTS, Cloud, CloudInSolid, CloudOfFile, radii_of
 from pipeline.shot.documents.fields import Document, Positive, Triple, one_of
-from pipeline.shot.net import NETS, ControlNet, NetOfFile, NetOfRows, NetOfSolid
+from pipeline.shot.point_subjects import (
+    MOST_POINTS,
+    NETS,
+    Cloud,
+    CloudInSolid,
+    CloudOfFile,
+    ControlNet,
+    NetOfFile,
+    NetOfRows,
+    NetOfSolid,
+    radii_of,
+)
 from pipeline.shot.subject import SOLIDS, Solid
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from pipeline.shot.yaml.source import Source, Where

@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.shot.documents.flow_listing import facts
+from pipeline.shot.documents.flow_catalogue import facts
 
 FRAMES = 72
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from pipeline.shot.documents.flow_listing import facts
+from pipeline.shot.documents.flow_catalogue import facts
 from pipeline.shot.subject import SOLIDS
 from pipeline.shot.templates.flow_presets import FRAMES, Staging, staging_of
 from render.scene.lights import LIGHTS

@@ -11,8 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MissingInputError, ShotError, suggestion
-from pipeline.shot.yaml.edits import DEFAULTS
-from pipeline.shot.yaml.lookup import shown
+from pipeline.shot.yaml.lookup import DEFAULTS, shown
 from pipeline.shot.yaml.overrides import with_settings
 from pipeline.shot.yaml.source import Source, Where
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from pathlib import Path
 
 from pipeline.errors import MissingInputError
@@ -31,3 +32,21 @@ def shown(name: str | Path) -> str:
     """A name as a message holds it: not too long, and without what cannot be printed."""
     text = str(name) if str(name).isprintable() else repr(str(name))
     return text if len(text) <= 200 else f"{text[:100]}…{text[-40:]}"
+
+
+DEFAULTS = "defaults.yaml"
+"""Beside shots: what holds for all of them unless they say otherwise."""
+
+_EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subject|extends)\s*:", re.MULTILINE)
+
+
+def is_edit(path: Path) -> bool:
+    """Whether a file names shots, and no subject of its own: told even where it is no good YAML.
+
+    A file that cannot be read is none; whoever reads it says why.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return bool(_EDIT.search(text)) and not _SHOT.search(text)

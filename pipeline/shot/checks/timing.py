@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator
 from typing import Any
+
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from pipeline.flow.keyframes import BEZIER
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.clock import Clock
+from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.yaml.source import Source, Where
 
@@ -107,3 +111,20 @@ def _fault(side: str, handle: Any, value: Any, clock: Clock) -> str | None:
     if len(parts) != wanted or isinstance(away, list) != isinstance(value, list):
         return f"{side} has {len(parts)} numbers and its key {wanted}; they have as many. Write all of them."
     return None
+
+
+SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True, allow_inf_nan=False))
+
+
+def with_speed(clock: Clock, written: Any) -> tuple[Clock, list[tuple[Where, str]]]:
+    """The clock with the speed as it is written, and what is wrong with it between half frames.
+
+    Without it where it is no good; what is not looked at here is told elsewhere.
+    """
+    try:
+        speed = SPEED.validate_python(written, context={"clock": clock})
+        retimed = dataclasses.replace(clock, speed=number(speed, clock))
+    except (ValidationError, AssertionError):
+        return clock, []
+    fault = retimed.speed_fault()
+    return (clock, [(("speed",), fault)]) if fault else (retimed, [])
