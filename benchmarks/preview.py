@@ -24,10 +24,10 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.dailies.live.screen import Message, Screen
+from pipeline.dailies.live.feed import LiveFeed, Message
 from pipeline.dailies.live.session import Session
-from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
+from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
 from pipeline.production.execution.project import Project
 from render.raster import Set, Shape, preview
@@ -105,16 +105,16 @@ def animatic(root: Path) -> tuple[float, float]:
 
 def edited(root: Path) -> tuple[float, int]:
     """Seconds from an edit to the first picture that it changed, and how many vertices that shows."""
-    shot, screen = root / "shots" / "ball.yaml", Screen()
+    shot, screen = root / "shots" / "ball.yaml", LiveFeed()
     heard = screen.listen()
-    with Reel(Project(root, 2).store) as reel:
+    with SurfaceStream(Project(root, 2).store) as stream:
         takes: list[Any] = []
 
         def sketch() -> Sketch:
             takes.append(Project(root, 2).take(shot, "preview", None, variant="none"))
             return Sketch(takes[-1])
 
-        session = Session(sketch, screen, reel, lambda ready: None, {shot})
+        session = Session(sketch, screen, stream, lambda ready: None, {shot})
         threading.Thread(target=session.again_and_again, daemon=True).start()
         _hear(heard, "words", "Save the shot file to see what changes.")
         started = time.perf_counter()
@@ -122,7 +122,7 @@ def edited(root: Path) -> tuple[float, int]:
         _hear(heard, "frame", FIRST_CHANGED)
         seen = time.perf_counter() - started
         _hear(heard, "words", "Save the shot file to see what changes.")
-        return seen, len(reel.arrays(takes[-1], FIRST_CHANGED)["vertices"])
+        return seen, len(stream.arrays(takes[-1], FIRST_CHANGED)["vertices"])
 
 
 def _hear(heard: SimpleQueue[Message], name: str, value: str | int) -> None:

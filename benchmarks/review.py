@@ -1,7 +1,8 @@
 """How fast a review page is: to write, to open, to step and to play in: `python -m benchmarks.review`.
 
 `python -m benchmarks.review final` takes minutes to lay its pictures. Chromium is the one that tests use:
-`python tests/review/chromium.py fetch` unpacks it. It draws on the processor; graphics cards are faster.
+`python tests/dailies/review/chromium.py fetch` unpacks it.
+It draws on the processor; graphics cards are faster.
 """
 
 from __future__ import annotations
@@ -17,8 +18,8 @@ import numpy as np
 from playwright.sync_api import Page as Tab
 
 from benchmarks.report import Row, Target, keep, show
-from tests.review.chromium import running
-from tests.review.studio import NAME, SHOT, Desk, Picture, hang, simulated
+from tests.dailies.review.chromium import running
+from tests.dailies.review.studio import NAME, SHOT, Desk, Picture, hang, simulated
 
 FRAMES = 240
 QUALITIES = {"preview": (480, 270), "daily": (960, 540), "final": (1920, 1080)}

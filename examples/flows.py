@@ -96,7 +96,7 @@ def _settled(flow: Streamlines, points: Points) -> Points:
 
 
 def _strands(panel: Axes, places: AnyArray, seen: AnyArray) -> None:
-    """Ways that begin faint and thin, and end dark and thick; the far ones first."""
+    """Streamlines that begin faint and thin, and end dark and thick; the far ones first."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_rgb
 

@@ -12,7 +12,7 @@ from urllib.parse import urlencode
 
 from PIL import Image
 
-from tests.review.chromium import fetch, running
+from tests.dailies.review.chromium import fetch, running
 
 OUT = Path(__file__).parent / "review.webp"
 SHOT, FRAME = "A010_cube", 37

@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 
-from pipeline.dailies.live.screen import Screen
+from pipeline.dailies.live.feed import LiveFeed
 from pipeline.dailies.live.server import serving
 from pipeline.dailies.live.session import Session
-from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
+from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import MachineError
 from pipeline.production.execution.project import Project
 from tests.conftest import TINY
@@ -33,9 +33,9 @@ class Follower:
         self.root, self.shot = root, root / "shots" / f"{NAME}.yaml"
         self.shot.parent.mkdir()
         self.shot.write_text(TINY)
-        self.screen, self.reel = Screen(), Reel(Project(root, 2).store)
+        self.screen, self.stream = LiveFeed(), SurfaceStream(Project(root, 2).store)
         self.movies = 0
-        session = Session(self._sketch, self.screen, self.reel, self._done, {self.shot})
+        session = Session(self._sketch, self.screen, self.stream, self._done, {self.shot})
         self.heard = self.screen.listen()
         threading.Thread(target=session.again_and_again, daemon=True).start()
 
@@ -57,7 +57,7 @@ class Follower:
 def follower(tmp_path: Path) -> Iterator[Follower]:
     made = Follower(tmp_path)
     yield made
-    made.reel.__exit__(None, None, None)
+    made.stream.__exit__(None, None, None)
 
 
 def frames(messages: list[dict[str, Any]]) -> list[int]:
@@ -114,7 +114,7 @@ def test_a_save_ends_what_is_being_shown(follower: Follower) -> None:
 
 
 def test_browsers_on_this_machine_are_served_and_no_others() -> None:
-    screen = Screen()
+    screen = LiveFeed()
     take = screen.begin("A", 1, 2, 24.0, (8, 4))
     screen.show(take, 1, b"picture")
     with serving(screen) as address:
@@ -135,7 +135,7 @@ def test_browsers_on_this_machine_are_served_and_no_others() -> None:
 
 
 def test_a_page_hears_of_all_that_it_missed_and_of_what_comes() -> None:
-    screen = Screen()
+    screen = LiveFeed()
     take = screen.begin("A", 1, 2, 24.0, (8, 4))
     screen.show(take, 1, b"picture")
     with serving(screen) as address, urllib.request.urlopen(address + "events", timeout=PATIENCE) as stream:
@@ -146,7 +146,7 @@ def test_a_page_hears_of_all_that_it_missed_and_of_what_comes() -> None:
 
 
 def test_pictures_of_the_last_take_stay_until_the_next_but_one() -> None:
-    screen = Screen()
+    screen = LiveFeed()
     for take in (1, 2, 3):
         screen.begin("A", 1, 2, 24.0, (8, 4))
         screen.show(take, 1, bytes([take]))

@@ -10,12 +10,11 @@ import numpy as np
 import pytest
 
 from pipeline.animation import animate
-from pipeline.dailies.preview import meshes
-from pipeline.dailies.preview.aim import aims
-from pipeline.dailies.preview.animatic import Animatic, size_for
-from pipeline.dailies.preview.reel import Reel
-from pipeline.dailies.preview.shelf import Shelf
+from pipeline.dailies.preview import mesh_source
+from pipeline.dailies.preview.animatic import Animatic, aims, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
+from pipeline.dailies.preview.spill_cache import SpillCache
+from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
 from pipeline.production.execution.project import Project
@@ -46,36 +45,36 @@ def root(tmp_path: Path) -> Path:
 def test_frames_come_in_order_and_nothing_is_left_in_the_store(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(meshes, "SLOW", 60.0)
+    monkeypatch.setattr(mesh_source, "SLOW", 60.0)
     take = take_of(root)
-    with Reel(Project(root, 2).store) as reel:
-        assert list(reel.play(take, [5, 2, 3])) == [2, 3, 5]
-        assert reel.arrays(take, 3)["normals"].shape == reel.arrays(take, 3)["vertices"].shape
-        assert not list(reel.store.entries())
+    with SurfaceStream(Project(root, 2).store) as stream:
+        assert list(stream.play(take, [5, 2, 3])) == [2, 3, 5]
+        assert stream.arrays(take, 3)["normals"].shape == stream.arrays(take, 3)["vertices"].shape
+        assert not list(stream.store.entries())
 
 
 def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> None:
-    with Reel(Project(root, 2).store) as reel:
+    with SurfaceStream(Project(root, 2).store) as stream:
         before = take_of(root)
-        list(reel.play(before, range(1, 7)))
-        known = dict(reel.memory.frames)
+        list(stream.play(before, range(1, 7)))
+        known = dict(stream.memory.frames)
         after = take_of(root, "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 36, 6: 90}}")
-        list(reel.play(after, range(1, 7)))
+        list(stream.play(after, range(1, 7)))
         for number in range(1, 5):
             key = after.mesh_key(number)
-            assert key == before.mesh_key(number) and reel.memory.frames[key] is known[key]
-        assert before.mesh_key(6) not in reel.memory.frames, "what no frame needs is forgotten"
+            assert key == before.mesh_key(number) and stream.memory.frames[key] is known[key]
+        assert before.mesh_key(6) not in stream.memory.frames, "what no frame needs is forgotten"
         alone = {frame.number: frame for frame in animate(after.shot)}
-        found = reel.memory.frames[after.mesh_key(6)]
+        found = stream.memory.frames[after.mesh_key(6)]
         np.testing.assert_array_equal(found.mesh.vertices, alone[6].mesh.vertices)
 
 
 def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(meshes, "SLOW", -1.0)
+    monkeypatch.setattr(mesh_source, "SLOW", -1.0)
     take = take_of(root)
-    with Reel(Project(root, 2).store) as reel:
-        list(reel.play(take, range(1, 7)))
-        assert all(reel.store.holds("mesh", take.mesh_key(n)) for n in range(1, 7))
+    with SurfaceStream(Project(root, 2).store) as stream:
+        list(stream.play(take, range(1, 7)))
+        assert all(stream.store.holds("mesh", take.mesh_key(n)) for n in range(1, 7))
     plan = Project(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
     assert not plan.jobs
 
@@ -86,9 +85,9 @@ def test_cameras_are_those_of_the_render(root: Path) -> None:
     numbers = sorted(points)
     views = [take.view(n) for n in numbers]
     expected = frame_all(views, lambda i: points[numbers[i]], take.aspect, take.follow)
-    with Reel(Project(root, 2).store) as reel:
-        list(reel.play(take, numbers))
-        found = aims(take, reel, numbers)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        list(stream.play(take, numbers))
+        found = aims(take, stream, numbers)
     for number, framing in zip(numbers, expected, strict=True):
         np.testing.assert_allclose(found[number].camera.origin, framing.camera.origin, atol=1e-5)
         np.testing.assert_allclose(found[number].placement.origin, framing.placement.origin, atol=1e-5)
@@ -97,14 +96,14 @@ def test_cameras_are_those_of_the_render(root: Path) -> None:
 def test_a_frame_that_fails_is_named_and_those_before_it_have_come(root: Path) -> None:
     take = take_of(root, "flows.0={vortex: {strength: {keys: {1: 0, 3: 0, 4: 1.0e+12}}}}")
     came = []
-    with Reel(Project(root, 2).store) as reel, pytest.raises(FrameError, match="frame 4"):
-        for number in reel.play(take, range(1, 7)):
+    with SurfaceStream(Project(root, 2).store) as stream, pytest.raises(FrameError, match="frame 4"):
+        for number in stream.play(take, range(1, 7)):
             came.append(number)
     assert came == [1, 2, 3]
 
 
 def test_what_has_no_room_in_memory_waits_on_the_disk() -> None:
-    shelf = Shelf(room=100.0)
+    shelf = SpillCache(room=100.0)
     small, large = {"a": np.arange(5.0)}, {"a": np.arange(50.0), "b": np.arange(3, dtype=np.int32)}
     shelf.put("one", small)
     shelf.put("two", large)
@@ -136,10 +135,10 @@ def test_the_inside_is_left_out_only_where_nobody_can_see_it() -> None:
 
 def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
     take = take_of(root)
-    with Reel(Project(root, 2).store) as reel:
+    with SurfaceStream(Project(root, 2).store) as stream:
         plain, edged = root / "plain.png", root / "edged.png"
-        Animatic(Sketch(take), reel).still(3, plain, quiet)
-        Animatic(Sketch(take, edges=True), reel).still(3, edged, quiet)
+        Animatic(Sketch(take), stream).still(3, plain, quiet)
+        Animatic(Sketch(take, edges=True), stream).still(3, edged, quiet)
     first, second = (read_png(path).astype(float) for path in (plain, edged))
     assert first.shape == second.shape == (540, 960, 3) and size_for(1.0, (960, 540)) == (720, 720)
     darker = (first - second).max(axis=2)
@@ -148,10 +147,10 @@ def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
 
 def test_pictures_of_a_range_are_those_of_the_whole(root: Path) -> None:
     whole = take_of(root)
-    with Reel(Project(root, 2).store) as reel:
-        Animatic(Sketch(whole), reel).still(5, root / "one.png", quiet)
+    with SurfaceStream(Project(root, 2).store) as stream:
+        Animatic(Sketch(whole), stream).still(5, root / "one.png", quiet)
         part = replace(whole, requested=(4, 5))
-        Animatic(Sketch(part), reel).still(5, root / "two.png", quiet)
+        Animatic(Sketch(part), stream).still(5, root / "two.png", quiet)
     assert (root / "one.png").read_bytes() == (root / "two.png").read_bytes()
 
 
@@ -160,23 +159,23 @@ LONG = ("frames=1-80", "flows.0.twist.amount={ease: linear, keys: {1: 0, 80: 90}
 
 def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(root: Path) -> None:
     take, told = take_of(root, *LONG), []
-    with Reel(Project(root, 2).store, once=True) as reel:
-        assert Animatic(Sketch(take), reel).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
+    with SurfaceStream(Project(root, 2).store, once=True) as stream:
+        assert Animatic(Sketch(take), stream).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
         assert told.index(("drawing", 1)) < told.index(("simulating", 80))
-        assert not reel.memory.frames
+        assert not stream.memory.frames
         with pytest.raises(FileNotFoundError):
-            reel.arrays(take, 1)
+            stream.arrays(take, 1)
     assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
 
 
 def test_a_still_waits_for_no_more_frames_than_its_camera_depends_on(root: Path) -> None:
     take, told = take_of(root, *LONG), []
-    with Reel(Project(root, 2).store) as reel:
-        Animatic(Sketch(take), reel).still(20, root / "early.png", lambda *what: told.append(what))
+    with SurfaceStream(Project(root, 2).store) as stream:
+        Animatic(Sketch(take), stream).still(20, root / "early.png", lambda *what: told.append(what))
         assert told == [*(("simulating", n) for n in range(1, 20 + AHEAD + 1)), ("drawing", 20)]
-        list(reel.play(take, range(1, 81)))
-        framing = aims(take, reel, list(range(1, 81)))[20]
-        expected = Sketch(take, closed=True).picture(20, reel.arrays(take, 20), framing, (960, 540), "srgb")
+        list(stream.play(take, range(1, 81)))
+        framing = aims(take, stream, list(range(1, 81)))[20]
+        expected = Sketch(take, closed=True).picture(20, stream.arrays(take, 20), framing, (960, 540), "srgb")
     np.testing.assert_array_equal(read_png(root / "early.png"), expected)
 
 
@@ -190,17 +189,17 @@ def test_speeds_shown_as_colours_are_found_again_after_an_edit(root: Path) -> No
     speed = "look={material: clay, measure: {speed: {range: [0, 5]}}}"
     twist = "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 72, 6: 120}}"
     fastest = []
-    with Reel(Project(root, 2).store) as reel:
+    with SurfaceStream(Project(root, 2).store) as stream:
         for settings in ((), (speed,), (speed, twist)):
             take = take_of(root, *settings)
-            list(reel.play(take, [1]))
-            arrays = reel.arrays(take, 1)
+            list(stream.play(take, [1]))
+            arrays = stream.arrays(take, 1)
             fastest.append(float(arrays["speed"].max()) if "speed" in arrays else 0.0)
     assert fastest[0] == 0.0 < fastest[1] and fastest[2] == pytest.approx(2.0 * fastest[1], rel=0.01)
 
 
 def test_a_full_disk_is_told_where_surfaces_wait_and_leaves_nothing() -> None:
-    shelf = Shelf(room=0.0)
+    shelf = SpillCache(room=0.0)
     limit = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1000, limit[1]))
     try:

@@ -13,8 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.turntable.angles import key_numbers, named
-from pipeline.dailies.turntable.asked import Turning
+from pipeline.dailies.turntable.request import Turning, key_numbers, named
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project

@@ -14,13 +14,12 @@ import typer
 from pipeline.cli.options import AllowCode, Common, Frames, Settings
 from pipeline.cli.output import answer, complain, err
 from pipeline.cli.projects import project_of
-from pipeline.dailies.live.edits import stamp, wait_for_edit
-from pipeline.dailies.live.screen import Screen
+from pipeline.dailies.live.feed import LiveFeed
 from pipeline.dailies.live.server import serving
-from pipeline.dailies.live.session import Session, files_of
+from pipeline.dailies.live.session import Session, files_of, stamp, wait_for_edit
 from pipeline.dailies.preview.animatic import Animatic, Ready, Tell
-from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
+from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.disk import disk_faults
@@ -104,9 +103,9 @@ def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, outpu
     many = len(asked)
     frames = f"{many} frame{'s' if many > 1 else ''}"
     if not common.dry_run:
-        with Reel(store, once=True) as reel:
+        with SurfaceStream(store, once=True) as stream:
             folder_for(path)
-            animatic = Animatic(sketch, reel)
+            animatic = Animatic(sketch, stream)
             with bars(common, len(animatic.played(asked)), many) as tell:
                 if at is None:
                     animatic.movie(path, tell)
@@ -168,21 +167,21 @@ def watched(
     sketch, store = read()
     movie = output or common.root / place(sketch)
     folder_for(movie)
-    with Reel(store) as reel:
+    with SurfaceStream(store) as stream:
         if page is None:
-            _movies(common, read, reel, movie, {path, *files_of(sketch.take.script)})
+            _movies(common, read, stream, movie, {path, *files_of(sketch.take.script)})
         else:
-            _shown(common, read, reel, movie, path, again, page)
+            _shown(common, read, stream, movie, path, again, page)
 
 
-def _movies(common: Common, read: Read, reel: Reel, movie: Path, edited: set[Path]) -> None:
+def _movies(common: Common, read: Read, stream: SurfaceStream, movie: Path, edited: set[Path]) -> None:
     while True:
         before = stamp(edited)
         try:
             sketch, _ = read()
             more = files_of(sketch.take.script) - edited
             edited, before = edited | more, before | stamp(more)
-            animatic, asked = Animatic(sketch, reel), set(sketch.take.requested)
+            animatic, asked = Animatic(sketch, stream), set(sketch.take.requested)
             with bars(common, len(animatic.played(asked)), len(asked)) as tell:
                 many = animatic.movie(movie, tell)
             answer(f"{movie}: {many} frames.", {"path": str(movie), "frames": many}, common.json)
@@ -191,15 +190,17 @@ def _movies(common: Common, read: Read, reel: Reel, movie: Path, edited: set[Pat
         wait_for_edit(edited, before)
 
 
-def _shown(common: Common, read: Read, reel: Reel, movie: Path, path: Path, again: bool, page: Page) -> None:
+def _shown(
+    common: Common, read: Read, stream: SurfaceStream, movie: Path, path: Path, again: bool, page: Page
+) -> None:
     port, opened = page
-    screen = Screen()
+    screen = LiveFeed()
 
     def done(ready: Ready) -> None:
         many = ready.movie(movie, lambda stage, number: None)
         answer(f"{movie}: {many} frames.", {"path": str(movie), "frames": many}, common.json)
 
-    session = Session(lambda: read()[0], screen, reel, done, {path})
+    session = Session(lambda: read()[0], screen, stream, done, {path})
     with serving(screen, port) as address:
         err.print(f"Live at {address} – Ctrl-C ends it.", markup=False)
         if opened:

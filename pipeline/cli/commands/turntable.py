@@ -12,7 +12,7 @@ from pipeline.cli.options import AllowCode, Common, Quality, Scale, Settings, Va
 from pipeline.cli.output import err
 from pipeline.cli.progress import counting
 from pipeline.cli.projects import project_of
-from pipeline.dailies.turntable.asked import BOTH, Turning
+from pipeline.dailies.turntable.request import BOTH, Turning
 from pipeline.dailies.turntable.sheets import Sheets
 from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import windowed

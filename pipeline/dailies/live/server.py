@@ -14,7 +14,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.resources import files
 from typing import Any
 
-from pipeline.dailies.live.screen import Screen
+from pipeline.dailies.live.feed import LiveFeed
 from pipeline.errors import MachineError
 
 HERE = "127.0.0.1"
@@ -32,7 +32,7 @@ SIGN_OF_LIFE = 5.0
 
 
 @contextmanager
-def serving(screen: Screen, port: int = 0) -> Iterator[str]:
+def serving(screen: LiveFeed, port: int = 0) -> Iterator[str]:
     """Serve the page until the end of the context; its address. Port 0 is any that is free.
 
     Raises MachineError where the port is taken.
@@ -63,7 +63,7 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
-    def __init__(self, screen: Screen, request: Any, client_address: Any, server: Any) -> None:
+    def __init__(self, screen: LiveFeed, request: Any, client_address: Any, server: Any) -> None:
         self._screen = screen
         super().__init__(request, client_address, server)
 

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import time
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.dailies.live.edits import Stamp, stamp, wait_for_edit
-from pipeline.dailies.live.screen import Screen
-from pipeline.dailies.preview.aim import aims
-from pipeline.dailies.preview.animatic import SIZES, Ready, size_for
-from pipeline.dailies.preview.reel import Reel
+from pipeline.dailies.live.feed import LiveFeed
+from pipeline.dailies.preview.animatic import SIZES, Ready, aims, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
+from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import STEP, flow_cache_data
@@ -42,8 +41,8 @@ class Session:
     """
 
     read: Callable[[], Sketch]
-    screen: Screen
-    reel: Reel
+    screen: LiveFeed
+    stream: SurfaceStream
     done: Callable[[Ready], None]
     edited: set[Path]
     _before: Stamp = frozenset()
@@ -82,15 +81,15 @@ class Session:
             take.name, numbers[0], numbers[-1], float(take.shot.rate.fps), size
         )
         self.screen.say("Simulating …")
-        known = take.framings(self.reel.store) or self._framings
-        for number in self.reel.play(take, numbers):
+        known = take.framings(self.stream.store) or self._framings
+        for number in self.stream.play(take, numbers):
             check()
             if number == numbers[0]:
-                sketch = replace(sketch, closed=is_closed(self.reel.arrays(take, number)))
-            framing = known.get(number) or aims(take, self.reel, [number])[number]
-            self._draw(number_of_take, Ready(sketch, self.reel, {number: framing}), [number], size, check)
-        self._framings = take.framings(self.reel.store) or aims(take, self.reel, numbers)
-        ready = Ready(sketch, self.reel, self._framings)
+                sketch = replace(sketch, closed=is_closed(self.stream.arrays(take, number)))
+            framing = known.get(number) or aims(take, self.stream, [number])[number]
+            self._draw(number_of_take, Ready(sketch, self.stream, {number: framing}), [number], size, check)
+        self._framings = take.framings(self.stream.store) or aims(take, self.stream, numbers)
+        ready = Ready(sketch, self.stream, self._framings)
         self.screen.say("Framing …")
         self._draw(number_of_take, ready, numbers, size, check)
         self.screen.say("Writing the movie …")
@@ -138,3 +137,34 @@ def _recipe(ready: Ready, number: int) -> tuple[Any, ...]:
         (shown.look, shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),
     )
+
+
+LOOK_AGAIN = 0.1
+"""Seconds between looks."""
+
+Stamp = frozenset[tuple[str, int, int]]
+"""Paths, and when they were last written, ns, and how large they are."""
+
+
+def stamp(paths: Collection[Path]) -> Stamp:
+    """Of files as they are; one that is not there counts too, for editors take it away before they save."""
+    found = set()
+    for path in paths:
+        try:
+            facts = path.stat()
+            found.add((str(path), facts.st_mtime_ns, facts.st_size))
+        except OSError:
+            found.add((str(path), 0, 0))
+    return frozenset(found)
+
+
+def wait_for_edit(paths: Collection[Path], before: Stamp) -> None:
+    """Wait until files differ from `before`, and are done changing."""
+    now = before
+    while now == before:
+        time.sleep(LOOK_AGAIN)
+        now = stamp(paths)
+    last = before
+    while now != last:
+        time.sleep(LOOK_AGAIN / 2)
+        last, now = now, stamp(paths)

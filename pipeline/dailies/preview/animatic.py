@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence, Set
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -12,10 +12,11 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.dailies.preview.aim import aimed
-from pipeline.dailies.preview.reel import Reel
+from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.sketch import Sketch, is_closed
-from pipeline.production.render_inputs.framing import AHEAD, Framing
+from pipeline.dailies.preview.surface_stream import SurfaceStream
+from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_room
+from pipeline.production.render_inputs.framing_geometry import Balls
 from pipeline.production.request.render_request import Take
 from render.movie.codecs import SKETCH
 from render.movie.encode import write_encode
@@ -40,10 +41,10 @@ Tell = Callable[[str, int], None]
 
 @dataclass(frozen=True, eq=False)
 class Animatic:
-    """A take, drawn while the reel plays it."""
+    """A take, drawn while the stream plays it."""
 
     sketch: Sketch
-    reel: Reel
+    stream: SurfaceStream
 
     def still(self, number: int, path: Path, tell: Tell) -> None:
         """A PNG. Raises FrameError where a frame fails, RenderEnvironmentError where the disk does."""
@@ -65,28 +66,28 @@ class Animatic:
         Where cameras are not known they depend on frames around; on all, where they stand still.
         """
         take = self.sketch.take
-        if take.framings(self.reel.store) is not None:
+        if take.framings(self.stream.store) is not None:
             return sorted(asked)
         poses = sorted(take.poses)
         return poses[: poses.index(max(asked)) + AHEAD + 1] if take.follow == 1.0 else poses
 
     def _framed(self, asked: Set[int], tell: Tell) -> Iterator[Framed]:
-        take, reel, wanted = self.sketch.take, self.reel, self.played(asked)
+        take, stream, wanted = self.sketch.take, self.stream, self.played(asked)
 
         def played() -> Iterator[int]:
-            for number in reel.play(take, wanted):
+            for number in stream.play(take, wanted):
                 tell("simulating", number)
                 yield number
 
-        known = take.framings(reel.store)
-        framed = aimed(take, reel, played(), wanted) if known is None else ((n, known[n]) for n in played())
+        known = take.framings(stream.store)
+        framed = aimed(take, stream, played(), wanted) if known is None else ((n, known[n]) for n in played())
         return (each for each in framed if each[0] in asked)
 
     def _pictures(self, framed: Iterator[Framed], size: tuple[int, int], display: str) -> Iterator[Picture]:
         first = next(framed)
-        closed = is_closed(self.reel.arrays(self.sketch.take, first[0]))
+        closed = is_closed(self.stream.arrays(self.sketch.take, first[0]))
         sketch = replace(self.sketch, closed=closed)
-        return drawn(sketch, self.reel, itertools.chain([first], framed), size, display)
+        return drawn(sketch, self.stream, itertools.chain([first], framed), size, display)
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,12 +95,12 @@ class Ready:
     """Frames whose surfaces and cameras are known."""
 
     sketch: Sketch
-    reel: Reel
+    stream: SurfaceStream
     framings: Mapping[int, Framing]
 
     def pictures(self, numbers: Iterable[int], size: tuple[int, int], display: str) -> Iterator[Picture]:
         """As `drawn`."""
-        return drawn(self.sketch, self.reel, ((n, self.framings[n]) for n in numbers), size, display)
+        return drawn(self.sketch, self.stream, ((n, self.framings[n]) for n in numbers), size, display)
 
     def movie(self, path: Path, tell: Tell) -> int:
         """An MP4 of the frames asked for; how many it has."""
@@ -109,12 +110,12 @@ class Ready:
 
 
 def drawn(
-    sketch: Sketch, reel: Reel, framed: Iterable[Framed], size: tuple[int, int], display: str
+    sketch: Sketch, stream: SurfaceStream, framed: Iterable[Framed], size: tuple[int, int], display: str
 ) -> Iterator[Picture]:
     """uint8 (H, W, 3), in order; several are drawn at a time, while the next are framed."""
 
     def draw(number: int, framing: Framing) -> Picture:
-        return sketch.picture(number, reel.arrays(sketch.take, number), framing, size, display)
+        return sketch.picture(number, stream.arrays(sketch.take, number), framing, size, display)
 
     with ThreadPoolExecutor(THREADS) as pool:
         under_way: deque[tuple[int, Future[Picture]]] = deque()
@@ -122,7 +123,7 @@ def drawn(
         def oldest() -> Picture:
             number, picture = under_way.popleft()
             found = picture.result()
-            reel.drawn(sketch.take, number)
+            stream.drawn(sketch.take, number)
             return found
 
         for number, framing in framed:
@@ -149,3 +150,34 @@ def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
     """Width and height, even, of a picture of that aspect with about as many pixels as another."""
     height = (like[0] * like[1] / aspect) ** 0.5
     return 2 * max(1, round(height * aspect / 2)), 2 * max(1, round(height / 2))
+
+
+TOGETHER = 8
+"""Frames after which it is asked again which cameras are settled."""
+
+
+def aims(take: Take, stream: SurfaceStream, numbers: Sequence[int]) -> Mapping[int, Framing]:
+    """Return camera and stage of frames that the stream has played.
+
+    For all frames of a shot they are the render's own, but for the rounding of points to float32. For some
+    frames they depend on these alone.
+    """
+    return dict(aimed(take, stream, numbers, numbers))
+
+
+def aimed(
+    take: Take, stream: SurfaceStream, played: Iterable[int], numbers: Sequence[int]
+) -> Iterator[tuple[int, Framing]]:
+    """The same while the stream plays them: each when its camera is settled."""
+
+    def points_of(index: int) -> AnyArray | Balls:
+        arrays = stream.arrays(take, numbers[index])
+        points = arrays["vertices"]
+        return Balls(points, arrays["radii"]) if "radii" in arrays else points
+
+    framer = Framer([take.view(n) for n in numbers], points_of, take.aspect, take.follow)
+    stage, left = take.shot.picture.stage, iter(numbers)
+    for come, _ in enumerate(played, start=1):
+        if come % TOGETHER == 0 or come == len(numbers):
+            for framing in framer.framings(come):
+                yield next(left), with_room(framing, stage)

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.dailies.review.pictures import PLAIN, Pictures, Screen
+from pipeline.dailies.review.sequence import PLAIN, Pictures, Screen
 from pipeline.dailies.sheets.timing import rendering
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.execution.project import Project

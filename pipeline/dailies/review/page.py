@@ -10,7 +10,7 @@ renders/review/<name>/models/…       meshes, by keys
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
@@ -18,10 +18,9 @@ from typing import Any
 
 from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Shown
-from pipeline.dailies.review.facts import tabled
 from pipeline.dailies.review.geometry import Models
-from pipeline.dailies.review.pictures import Pictures
-from pipeline.dailies.review.proxies import Darkroom, Proxies
+from pipeline.dailies.review.proxies import Proxies, ProxyWriter
+from pipeline.dailies.review.sequence import Pictures
 from pipeline.dailies.sheets.measures import limits_of, measured
 from pipeline.dailies.sheets.timing import Clocks
 from pipeline.production.store.disk import disk_faults
@@ -113,7 +112,7 @@ class Page:
         }
 
     def _sequence(self, pictures: Pictures, tell: Tell) -> dict[str, Any]:
-        darkroom = Darkroom(self.store, self.folder / "pictures", self.form, self.threads)
+        darkroom = ProxyWriter(self.store, self.folder / "pictures", self.form, self.threads)
         proxies = darkroom.proxies(pictures, tell)
         states = {**pictures.states(), **{n: ("failed", why) for n, why in proxies.faults.items()}}
         shown = [number for number in pictures.numbers if number in pictures.found]
@@ -182,3 +181,41 @@ def _keep(folder: Path, names: Iterable[str]) -> None:
     for path in folder.iterdir():
         if path.name not in wanted and path.is_file():
             path.unlink(missing_ok=True)
+
+
+_NOT_TOLD = frozenset({"frame"})
+"""The page knows it."""
+
+
+def tabled(headers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """`same`: entries that are equal in all headers; `differ`: of the others, one value for each header."""
+    flat = [dict(_flat("", header)) for header in headers]
+    names = sorted({name for each in flat for name in each} - _NOT_TOLD)
+    columns = {name: [each.get(name) for each in flat] for name in names}
+    return {
+        "same": {name: values[0] for name, values in columns.items() if _are_equal(values)},
+        "differ": {name: values for name, values in columns.items() if not _are_equal(values)},
+    }
+
+
+def _are_equal(values: Sequence[Any]) -> bool:
+    return all(value == values[0] for value in values)
+
+
+def _flat(place: str, value: Any) -> Iterator[tuple[str, Any]]:
+    """Entries by dotted names; triples of numbers and short lists stay together, and numbers are rounded."""
+    if isinstance(value, Mapping):
+        for name, inner in value.items():
+            yield from _flat(f"{place}.{name}" if place else str(name), inner)
+    elif isinstance(value, list) and any(isinstance(inner, Mapping | list) for inner in value):
+        for index, inner in enumerate(value):
+            name = inner.get("name") if isinstance(inner, Mapping) else None
+            yield from _flat(f"{place}.{name or index}", inner)
+    else:
+        yield place, _rounded(value)
+
+
+def _rounded(value: Any) -> Any:
+    if isinstance(value, float):
+        return float(f"{value:.6g}")
+    return [_rounded(inner) for inner in value] if isinstance(value, list) else value

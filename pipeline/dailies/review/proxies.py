@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.dailies.review.pictures import Pictures
+from pipeline.dailies.review.sequence import Pictures
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.store.store import SUFFIXES, Store
 from render.base.errors import RenderError
@@ -43,7 +43,7 @@ class Proxies:
 
 
 @dataclass(frozen=True)
-class Darkroom:
+class ProxyWriter:
     """Makes pictures of a form (jpeg or png), which lie in the store and are linked into a page's folder."""
 
     store: Store

@@ -14,8 +14,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.dailies.turntable.angles import EIGHTHS, QUARTERS, key_numbers, named
-from pipeline.dailies.turntable.asked import Turning
+from pipeline.dailies.turntable.request import EIGHTHS, QUARTERS, Turning, key_numbers, named
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import key_of
 from pipeline.production.keys.stages import TURNTABLE_SHEET

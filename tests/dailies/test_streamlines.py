@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.dailies.preview.sketch import inks, shape_of
-from pipeline.dailies.preview.ways import PIECES, ways_at
+from pipeline.dailies.preview.streamlines import PIECES, streamlines
 from pipeline.shot import Motion, read_shot
 from render.scene.look import LOOKS
 
@@ -20,7 +20,7 @@ def motion(flow: str, more: str = "") -> Motion:
 
 
 def test_lines_about_an_axis_are_arcs_at_the_speed_of_their_radius() -> None:
-    ways = ways_at(motion("rotation: {axis: z, speed: 90}"), 12, BOX)
+    ways = streamlines(motion("rotation: {axis: z, speed: 90}"), 12, BOX)
     radius = np.hypot(ways.points[..., 0], ways.points[..., 1])
     np.testing.assert_allclose(radius, radius[:, :1] * np.ones(PIECES + 1), rtol=2e-3)
     slow = ways.speeds.max(axis=1) < 2.0
@@ -35,22 +35,22 @@ def test_lines_about_an_axis_are_arcs_at_the_speed_of_their_radius() -> None:
     ],
 )
 def test_maps_have_lines_too(flow: str) -> None:
-    ways = ways_at(motion(flow), 12, BOX)
+    ways = streamlines(motion(flow), 12, BOX)
     assert len(ways.points) > 50
     np.testing.assert_allclose(ways.points[..., 2], ways.points[:, :1, 2] * np.ones(PIECES + 1), atol=1e-9)
 
 
 def test_where_nothing_moves_nothing_is_drawn() -> None:
     keyed = "vortex: {strength: {keys: {1: 0, 12: 3, 25: 3}}}"
-    assert ways_at(motion("twist: {amount: 20}"), 12, BOX).points.shape == (0, PIECES + 1, 3)
-    assert not len(ways_at(motion(keyed, "speed: 0\n"), 12, BOX).points)
-    assert len(ways_at(motion(keyed), 12, BOX).points)
-    assert inks(ways_at(motion("twist: {amount: 20}"), 12, BOX))[0].shape == (0, PIECES + 1, 3)
+    assert streamlines(motion("twist: {amount: 20}"), 12, BOX).points.shape == (0, PIECES + 1, 3)
+    assert not len(streamlines(motion(keyed, "speed: 0\n"), 12, BOX).points)
+    assert len(streamlines(motion(keyed), 12, BOX).points)
+    assert inks(streamlines(motion("twist: {amount: 20}"), 12, BOX))[0].shape == (0, PIECES + 1, 3)
 
 
 def test_lines_begin_around_the_subject_wherever_it_is() -> None:
     away = BOX * [0.2, 0.5, 0.2] + [5.0, 0.0, 0.0]
-    ways = ways_at(motion("translation: {rate: [0, 1, 0]}"), 3, away)
+    ways = streamlines(motion("translation: {rate: [0, 1, 0]}"), 3, away)
     middle = ways.points[:, PIECES // 2]
     assert np.abs(middle[:, 0] - 5.0).max() < 0.3 and np.ptp(middle[:, 1]) > 1.0
 
@@ -65,6 +65,6 @@ def test_a_cloud_is_drawn_as_balls() -> None:
 
 
 def test_colours_tell_the_speed_and_both_ends_fade() -> None:
-    colours, opacity = inks(ways_at(motion("vortex: {strength: 3, radius: 0.4}"), 12, BOX))
+    colours, opacity = inks(streamlines(motion("vortex: {strength: 3, radius: 0.4}"), 12, BOX))
     assert (opacity[:, [0, -1]] < 1e-9).all() and opacity.max() <= 1.0 and opacity[:, PIECES // 2].min() > 0.3
     assert np.ptp(colours[..., 0]) > 0.3

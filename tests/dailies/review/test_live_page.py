@@ -12,11 +12,11 @@ import pytest
 from playwright.sync_api import Browser
 from playwright.sync_api import Page as Tab
 
-from pipeline.dailies.live.screen import Screen
+from pipeline.dailies.live.feed import LiveFeed
 from pipeline.dailies.live.server import serving
 from pipeline.dailies.live.session import Session
-from pipeline.dailies.preview.reel import Reel
 from pipeline.dailies.preview.sketch import Sketch
+from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
 from tests.conftest import TINY
 
@@ -48,9 +48,9 @@ def follower(browser: Browser, tmp_path: Path) -> Iterator[Follower]:
     def sketch() -> Sketch:
         return Sketch(Project(tmp_path, 2).take(shot, "preview", None, variant="none"))
 
-    screen, complaints = Screen(), []
-    with Reel(Project(tmp_path, 2).store) as reel, serving(screen) as address:
-        session = Session(sketch, screen, reel, lambda ready: None, {shot})
+    screen, complaints = LiveFeed(), []
+    with SurfaceStream(Project(tmp_path, 2).store) as stream, serving(screen) as address:
+        session = Session(sketch, screen, stream, lambda ready: None, {shot})
         threading.Thread(target=session.again_and_again, daemon=True).start()
         context = browser.new_context(viewport={"width": 900, "height": 640}, reduced_motion="reduce")
         tab = context.new_page()

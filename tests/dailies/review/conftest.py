@@ -7,8 +7,8 @@ from collections.abc import Iterator
 import pytest
 from playwright.sync_api import Browser
 
-from tests.review.chromium import ChromiumError, fetch, running
-from tests.review.studio import NAME, Desk, furnish
+from tests.dailies.review.chromium import ChromiumError, fetch, running
+from tests.dailies.review.studio import NAME, Desk, furnish
 
 
 @pytest.fixture(scope="module")

@@ -20,7 +20,7 @@ SHARE = 0.2
 Arrays = Mapping[str, AnyArray]
 
 
-class Shelf:
+class SpillCache:
     """Arrays by key, until it is closed."""
 
     def __init__(self, room: float | None = None) -> None:

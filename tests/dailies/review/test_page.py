@@ -18,7 +18,7 @@ from playwright.sync_api import Page as Tab
 
 from pipeline.dailies.review import three
 from render.post.image import read_png
-from tests.review.studio import FAILED, LAST, MISSING, Desk, number_in
+from tests.dailies.review.studio import FAILED, LAST, MISSING, Desk, number_in
 
 
 @dataclass(frozen=True)

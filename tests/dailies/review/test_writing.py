@@ -15,12 +15,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.review.facts import tabled
 from pipeline.dailies.review.geometry import as_script
+from pipeline.dailies.review.page import tabled
 from pipeline.dailies.sheets.measures import BINS, edge_lengths, roundness_of, volume_of
 from pipeline.mesh import TriangleMesh, box, icosphere
 from render.post.image import read_png
-from tests.review.studio import FAILED, LAST, MISSING, NAME, Desk, number_in
+from tests.dailies.review.studio import FAILED, LAST, MISSING, NAME, Desk, number_in
 
 
 @pytest.fixture(autouse=True)

@@ -7,21 +7,22 @@ them. Frames that took longer than SLOW are kept in the store all the same, for 
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from dataclasses import dataclass, field
 from functools import partial
+from pathlib import Path
+from typing import TypeVar
 
 import psutil
 
 from pipeline.animation import MeshFrame, animate
-from pipeline.dailies.preview.stored import stored
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import Key
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.store.npz import write_npz
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import CorruptFileError, Store
 
 SLOW = 0.25
 """Seconds of a core from which on a frame is kept in the store."""
@@ -31,7 +32,7 @@ SHARE = 0.2
 
 
 @dataclass(eq=False)
-class Memory:
+class MeshCache:
     """Mesh frames to go on from, by key: as many as there is room for, in bytes."""
 
     room: float = field(default_factory=lambda: SHARE * psutil.virtual_memory().available)
@@ -49,12 +50,12 @@ class Memory:
 
 
 @dataclass(eq=False)
-class Meshes:
+class MeshSource:
     """Those of one take. To be asked for in ascending order."""
 
     take: Take
     store: Store
-    memory: Memory
+    memory: MeshCache
     _coming: Iterator[MeshFrame] | None = None
 
     def at(self, number: int) -> MeshFrame:
@@ -98,3 +99,20 @@ class Meshes:
 def _size(frame: MeshFrame) -> int:
     attributes = sum(values.nbytes for values in frame.mesh.attributes.values())
     return int(frame.mesh.vertices.nbytes + frame.mesh.faces.nbytes + attributes)
+
+
+T = TypeVar("T")
+
+
+def stored(take: Take, store: Store, kind: str, number: int, reader: Callable[[Path], T]) -> T:
+    """The `mesh` or the `normals` of a frame. A corrupt one is forgotten, so that it is made anew.
+
+    Raises FrameError.
+    """
+    key = take.mesh_key(number) if kind == "mesh" else take.normals_key(number)
+    try:
+        return reader(store.path(kind, key))
+    except (CorruptFileError, FileNotFoundError) as error:
+        store.discard(kind, key)
+        place = take.place(kind, number)
+        raise FrameError(f"{place} cannot be read to its end; run again to make it anew") from error

@@ -15,7 +15,7 @@ LATEST = 2
 
 
 @dataclass(eq=False)
-class Screen:
+class LiveFeed:
     """Safe to use from several threads.
 
     session  tells it from another process's, to which an open page may have come back

@@ -11,9 +11,8 @@ from types import TracebackType
 
 from pipeline.animation import MeshFrame
 from pipeline.arrays import AnyArray
-from pipeline.dailies.preview.meshes import Memory, Meshes
-from pipeline.dailies.preview.shelf import Shelf
-from pipeline.dailies.preview.stored import stored
+from pipeline.dailies.preview.mesh_source import MeshCache, MeshSource, stored
+from pipeline.dailies.preview.spill_cache import SpillCache
 from pipeline.errors import FrameError
 from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.production.keys.digest import Key, key_of
@@ -32,7 +31,7 @@ DICED = 100_000
 
 
 @dataclass(eq=False)
-class Reel:
+class SurfaceStream:
     """What is known of a shot's surfaces from one look to the next; a context manager.
 
     After an edit what it left valid is known still. Where nobody will look again, each frame is forgotten
@@ -41,13 +40,13 @@ class Reel:
 
     store: Store
     once: bool = False
-    memory: Memory = field(init=False)
-    shelf: Shelf = field(default_factory=Shelf)
+    memory: MeshCache = field(init=False)
+    shelf: SpillCache = field(default_factory=SpillCache)
 
     def __post_init__(self) -> None:
-        self.memory = Memory(room=0.0) if self.once else Memory()
+        self.memory = MeshCache(room=0.0) if self.once else MeshCache()
 
-    def __enter__(self) -> Reel:
+    def __enter__(self) -> SurfaceStream:
         return self
 
     def __exit__(
@@ -90,7 +89,7 @@ class Reel:
     def _begun(
         self, take: Take, numbers: list[int], pool: ThreadPoolExecutor
     ) -> Iterator[tuple[int, Future[None]]]:
-        meshes = Meshes(take, self.store, self.memory)
+        meshes = MeshSource(take, self.store, self.memory)
         for number in numbers:
             if _key(take, number) in self.shelf:
                 made = pool.submit(_nothing)
