@@ -125,7 +125,7 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 CALLS = [
     ("pipeline.flow._kernels_vortex", "pipeline.flow._kernels_program", "pipeline.flow._kernels_velocity"),
     ("pipeline.resample._kernels_ring", "pipeline.resample._kernels_collapse"),
-    ("render.raster.compiled", "render.raster._kernels_paint"),
+    ("render.raster.compiled", "render.raster.kernels.triangles"),
 ]
 """A module, and kernels that call or use it."""
 
@@ -140,7 +140,7 @@ def test_every_kernel_is_filed_by_its_module_and_its_sources(tmp_path, digest):
 WHERE = """
 from pathlib import Path
 from render.base.kernel_cache import cache_folder
-from render.raster._kernels_paint import paint
+from render.raster.kernels.triangles import paint
 print(Path(paint.stats.cache_path).relative_to(cache_folder()))
 """
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.movie._kernels_planes import to_ycbcr
+from render.movie.kernels.planes import to_ycbcr
 from render.post.dither import dither_pattern
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]

@@ -20,8 +20,8 @@ import platformdirs
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.post._kernels_view import look_up, round_by
 from render.post.dither import dither_pattern
+from render.post.kernels.view import look_up, round_by
 from render.post.view import ACES, ColourView
 
 DISPLAYS = ("rec709", "srgb")

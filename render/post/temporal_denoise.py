@@ -17,7 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.post._kernels_steady import fetch_all, take_in
+from render.post.kernels.temporal_denoise import fetch_all, take_in
 from render.scene.camera import Camera
 from render.scene.stage import Placement
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster._kernels_lines import draw_lines
+from render.raster.kernels.lines import draw_lines
 from render.raster.picture import Preview
 from render.scene.camera import Camera
 

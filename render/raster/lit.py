@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster._kernels_light import light
+from render.raster.kernels.shading import light
 from render.raster.lamps import lamps_of
 from render.raster.parts import Floats, Set, Shape
 from render.scene.camera import Camera

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.post.view import ACES, ColourView
-from render.raster._kernels_place import project
+from render.raster.kernels.projection import project
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.look import Look

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 
 from render.base.serialise import Triple
 from render.post.colour import to_display
-from render.raster._kernels_large import FINER, Large
-from render.raster._kernels_light import keyed
-from render.raster._kernels_lines import draw_edges
-from render.raster._kernels_paint import pack, paint, resolve
-from render.raster._kernels_place import LARGE, SMALL
+from render.raster.kernels.large_triangles import FINER, Large
+from render.raster.kernels.lines import draw_edges
+from render.raster.kernels.projection import LARGE, SMALL
+from render.raster.kernels.shading import keyed
+from render.raster.kernels.triangles import pack, paint, resolve
 from render.raster.lit import Lighting
 from render.raster.parts import Floats, Lens, Set, Shape, stage_shape
 from render.raster.shadow import Shadow

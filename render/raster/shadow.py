@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster._kernels_shadow import BLOCK, cast, halve, largest, places, reaches
+from render.raster.kernels.shadow_map import BLOCK, cast, halve, largest, places, reaches
 from render.raster.lamps import key_camera
 from render.raster.parts import Lens, Set, Shape, plinth_shape
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster._kernels_place import CLOCKWISE, sort_faces
+from render.raster.kernels.projection import CLOCKWISE, sort_faces
 from render.raster.parts import Lens, Shape
 
 

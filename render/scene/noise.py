@@ -18,7 +18,7 @@ def fractal_noise(points: Rows, octaves: int, seed: int) -> Rows:
 
     Cubic interpolation of the eight values around (quintic fade after Perlin, *Improving noise*, 2002).
     """
-    from render.scene._kernels_noise import add_value_noise  # compiled code, which most looks do without
+    from render.scene.kernels.noise import add_value_noise  # compiled code, which most looks do without
 
     total, strength, turn = np.zeros((len(points), 3)), 0.5, _turn()
     place = np.ascontiguousarray(points, dtype=np.float64)
@@ -34,7 +34,7 @@ def nearest_spot(points: Rows, seed: int) -> NDArray[np.float64]:
 
     One spot a cell (Worley, *A cellular texture basis function*, SIGGRAPH 1996), between half and full size.
     """
-    from render.scene._kernels_noise import find_spots
+    from render.scene.kernels.noise import find_spots
 
     nearest = np.empty(len(points))
     find_spots(np.ascontiguousarray(points, dtype=np.float64), seed % _SEEDS, nearest)

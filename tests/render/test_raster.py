@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from render.mitsuba.vertex_colours import colours
 from render.raster import Preview, Set, Shape, preview, with_lines
-from render.raster._kernels_large import Large
-from render.raster._kernels_paint import paint
-from render.raster._kernels_place import LARGE, SMALL
+from render.raster.kernels.large_triangles import Large
+from render.raster.kernels.projection import LARGE, SMALL
+from render.raster.kernels.triangles import paint
 from render.raster.parts import Lens
 from render.raster.sides import Sides
 from render.scene.camera import Camera

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster._kernels_large import FINER, TOP, Large, paint_large
-from render.raster._kernels_place import EDGE, WIDE, box
 from render.raster.compiled import Array, exact, quick
+from render.raster.kernels.large_triangles import FINER, TOP, Large, paint_large
+from render.raster.kernels.projection import EDGE, WIDE, box
 
 
 @exact

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster._kernels_large import FINER
 from render.raster.compiled import Array, quick
+from render.raster.kernels.large_triangles import FINER
 
 
 @quick

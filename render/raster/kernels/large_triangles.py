@@ -12,9 +12,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from render.raster._kernels_place import corner
-from render.raster._kernels_shadow import reaches
 from render.raster.compiled import Array, exact, quick
+from render.raster.kernels.projection import corner
+from render.raster.kernels.shadow_map import reaches
 
 FINER = 2
 """Places of a picture to each side of a pixel, against jagged edges."""

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster._kernels_place import EDGE, box, corner
 from render.raster.compiled import Array, exact, quick
+from render.raster.kernels.projection import EDGE, box, corner
 
 BLOCK = 8
 """Pixels of the shadow's picture that are looked at together."""
