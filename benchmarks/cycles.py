@@ -193,7 +193,7 @@ class Tries:
 
 
 def ours(surface: Surface, size: tuple[int, int], samples: int, seed: int, engine: Engine) -> Layers:
-    quality = Quality(*size, samples=samples, depth=DEPTH, guides=16)
+    quality = Quality(*size, samples=samples, depth=DEPTH, auxiliary_samples=16)
     return render_frame(
         surface, LOOK, RIG, STAGE, Placement(), CAMERA, quality, seed, engine, aovs=("before", "after")
     )

@@ -60,7 +60,7 @@ class Best:
 def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) -> Row:
     """Seconds of both to the same error."""
     surface = subject(0.3)
-    quality = Quality(*size, samples=16, depth=DEPTH, guides=16)
+    quality = Quality(*size, samples=16, depth=DEPTH, auxiliary_samples=16)
 
     around = (LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
 

@@ -32,7 +32,7 @@ def main() -> list[Target]:
     """Measure both films; answers the targets."""
     warm()
     rows = [measure(film, placement, placement) for film in (cube(), lorenz()) for placement in PLACEMENTS]
-    rows.append(measure(cube(), "exact", f"exact, shape {STRONGER:g}", shape=STRONGER))
+    rows.append(measure(cube(), "exact", f"exact, shape {STRONGER:g}", min_roundness=STRONGER))
     finer = with_normals(lorenz())
     rows.append(measure(finer, "exact", BY_CURVATURE, density(finer.max_edge_length)))
     keep("films", rows)
@@ -51,13 +51,15 @@ def measure(
     placement: str,
     name: str,
     thresholds: Thresholds | None = None,
-    shape: float = DEFAULT_ROUNDNESS,
+    min_roundness: float = DEFAULT_ROUNDNESS,
 ) -> Row:
     """One film to its end; the row goes by the name."""
     nearest = peers.nearest()
     edges = out = unexplained = relaxed = on_chord = splits = 0
     pops = []
-    for moment in play(film, placement, thresholds, shape, lambda n: bool(nearest) and n % EVERY == 0):
+    for moment in play(
+        film, placement, thresholds, min_roundness, lambda n: bool(nearest) and n % EVERY == 0
+    ):
         report = moment.report
         edges, out = edges + report.edges, out + report.too_short + report.too_long
         unexplained += report.too_long + report.too_short - sum(report.refused.values())

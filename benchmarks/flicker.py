@@ -38,7 +38,7 @@ from render.scene.surface import Surface
 
 FRAMES, TURN = 8, math.radians(0.5)
 CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.75, 0.0))
-QUALITY = Quality(480, 270, samples=16, depth=6, guides=16)
+QUALITY = Quality(480, 270, samples=16, depth=6, auxiliary_samples=16)
 PASS = 16
 MOST = 0.5
 """What is wanted: of the flicker of 256 raw samples."""

@@ -35,7 +35,7 @@ flows:
   - twist: {{axis: y, amount: {{formula: 60*sin(2*pi*t)}}}}
 look: glaze
 camera: {{azimuth: -24, elevation: 14}}
-quality: {{daily: {{samples: 4, guides: 4, depth: 4, steady: 1}}}}
+quality: {{daily: {{samples: 4, auxiliary_samples: 4, depth: 4, temporal_denoise: 1}}}}
 """
 
 QUALITY = "daily.scale10"

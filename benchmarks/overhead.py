@@ -44,7 +44,7 @@ look: glaze
 camera: {{azimuth: -24, elevation: 14}}
 lights: studio
 stage: cyclorama
-quality: {{final: {{samples: 64, guides: 64, depth: 6, steady: {steady}}}}}
+quality: {{final: {{samples: 64, auxiliary_samples: 64, depth: 6, temporal_denoise: {steady}}}}}
 """
 
 BEFORE, WATCHED = ("simulate", "frame_camera"), ("smooth_normals", "render", "finish", "assemble")

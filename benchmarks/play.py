@@ -38,7 +38,7 @@ def play(
     film: Film,
     placement: str,
     thresholds: Thresholds | None = None,
-    shape: float = DEFAULT_ROUNDNESS,
+    min_roundness: float = DEFAULT_ROUNDNESS,
     looks: Callable[[int], bool] = lambda number: False,
 ) -> Iterator[Moment]:
     """Every frame of a film. `looks` says of which the surface before resampling is wanted.
@@ -52,7 +52,7 @@ def play(
         "exact": Exact(carrier.carry, film.project),
     }
     chosen = thresholds if thresholds is not None else Thresholds(film.max_edge_length)
-    resampler = Resampler(film.subject, chosen, how[placement], shape)
+    resampler = Resampler(film.subject, chosen, how[placement], min_roundness)
     seconds = 0.0
     for number in range(1, film.frames + 1):
         _move(film, resampler, number)
@@ -101,8 +101,8 @@ def warm() -> None:
     """Load all kernels, so that no clock sees it."""
     ball = icosphere(6)
     for placement in (Chord(), Curved(), Exact(_drawn_out, _onto), Exact(_turned, _onto)):
-        for shape in (0.6, 0.85):
-            resampler = Resampler(ball, Thresholds(0.25), placement, shape)
+        for min_roundness in (0.6, 0.85):
+            resampler = Resampler(ball, Thresholds(0.25), placement, min_roundness)
             for move in (_drawn_out, _turned):  # what is carried elsewhere stays on the chord, and is healed
                 resampler.vertices[:] = move(resampler.vertices)
                 resampler.resample()

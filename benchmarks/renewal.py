@@ -38,7 +38,7 @@ def main() -> None:
 def measure(name: str, motion: Motion, renew: int) -> Row:
     """One film to its end."""
     assert motion.resampling is not None
-    motion = replace(motion, resampling=replace(motion.resampling, renew=renew))
+    motion = replace(motion, resampling=replace(motion.resampling, rest_interval=renew))
     start = time.perf_counter()
     *_, last = animate(motion)
     seconds = time.perf_counter() - start

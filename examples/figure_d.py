@@ -17,7 +17,7 @@ STRETCHED = TriangleMesh([(-1, -0.8, 0), (1.05, -0.7, 0), (-0.35, 0.85, 0)], [(0
 
 def split(mesh: TriangleMesh, longest: float) -> tuple[TriangleMesh, Report]:
     """Splits alone: no edge is too short, and no triangle is mended."""
-    return resample(mesh, Thresholds(longest, 0.0), shape=0.0)
+    return resample(mesh, Thresholds(longest, 0.0), min_roundness=0.0)
 
 
 def draw() -> None:

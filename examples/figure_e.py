@@ -47,7 +47,7 @@ def folded(angle: float = math.radians(90)) -> TriangleMesh:
 
 def collapsed(mesh: TriangleMesh) -> TriangleMesh:
     """Without the short edge; the vertex that is left is the first of its two."""
-    return resample(mesh, THRESHOLDS, shape=0.0)[0]
+    return resample(mesh, THRESHOLDS, min_roundness=0.0)[0]
 
 
 def merged(before: TriangleMesh, after: TriangleMesh) -> AnyArray:

@@ -63,7 +63,7 @@ def photograph(
     """Render a mesh, its normals averaged up to 40 degrees; `size` is width and height in pixels."""
     shaded = split_at_creases(mesh, math.radians(40))
     surface = Surface(shaded.vertices.astype(np.float32), shaded.normals.astype(np.float32), shaded.faces)
-    quality = Quality(*size, samples=samples, depth=6, guides=16)
+    quality = Quality(*size, samples=samples, depth=6, auxiliary_samples=16)
     layers = render_frame(
         surface, look, lights, stage, framing.placement, framing.camera, quality, seed=1, engine=choose()
     )

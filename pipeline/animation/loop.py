@@ -83,12 +83,14 @@ def at_rest(motion: Motion, flow: Flow) -> Surface:
     if resampling.placement != "exact":
         placement, splits = _UNCARRIED[resampling.placement], resampling.splits
         return Triangular(
-            motion, resampling, Resampler(marked(mesh), thresholds, placement, resampling.shape, splits)
+            motion,
+            resampling,
+            Resampler(marked(mesh), thresholds, placement, resampling.min_roundness, splits),
         )
     if resampling.normals == "carried":
         mesh = mesh.with_attributes(**{NORMAL: _normals_at_rest(motion, mesh)})
     epoch = Epoch(motion, resampling, flow, first)
-    resampler = Resampler(mesh, thresholds, epoch.placement, resampling.shape, resampling.splits)
+    resampler = Resampler(mesh, thresholds, epoch.placement, resampling.min_roundness, resampling.splits)
     return Carried(motion, resampling, resampler, epoch)
 
 
@@ -134,11 +136,13 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> Surface:
     state = _state(frame.mesh, faces=frame.mesh.faces, identities=np.array(frame.identities))
     if resampling.placement != "exact":
         placement, splits = _UNCARRIED[resampling.placement], resampling.splits
-        resampler = Resampler.from_state(state, thresholds, placement, resampling.shape, splits)
+        resampler = Resampler.from_state(state, thresholds, placement, resampling.min_roundness, splits)
         return Triangular(motion, resampling, resampler)
     _require_rest(frame)
     epoch = Epoch(motion, resampling, flow, frame.number)
-    resampler = Resampler.from_state(state, thresholds, epoch.placement, resampling.shape, resampling.splits)
+    resampler = Resampler.from_state(
+        state, thresholds, epoch.placement, resampling.min_roundness, resampling.splits
+    )
     return Carried(motion, resampling, resampler, epoch)
 
 

@@ -16,14 +16,14 @@ def step_into(motion: Motion, flow: Flow, frame: int) -> Step:
 
 
 class Epoch:
-    """The frames that share a surface at rest: that of the first frame, or of every `renew`-th after it.
+    """The frames that share a surface at rest: that of the first frame, or every `rest_interval`-th after it.
 
     Carrying would cost ever more as a film goes on; a new surface at rest bounds it. Which epoch it is
     follows from the number of the frame, so that a run that goes on from any frame knows.
     """
 
     def __init__(self, motion: Motion, resampling: Resampling, flow: Flow, number: int) -> None:
-        first, length = motion.frames.first, resampling.renew
+        first, length = motion.frames.first, resampling.rest_interval
         self.rest = first + (number - first) // length * length
         self.over = self.rest + length
         self.history = History()

@@ -92,7 +92,7 @@ def trouble(flow: Flow, place: Points, time: float, dt: float) -> str | None:
         return None
     here = np.array(place)
     formulas = any(isinstance(leaf, Formula) for leaf, _ in flow.field.leaves(here, time))
-    plain = replace(flow, tolerance=None, stride=None)
+    plain = replace(flow, tolerance=None, max_step=None)
     for h in plain.step_plan(time, dt).spans[:, 0] if formulas else ():
         slopes: list[Points] = [np.zeros(3)]
         for share in (0.0, 0.5, 0.5, 1.0):

@@ -37,8 +37,8 @@ class Flow(ABC):
         """What acts one after another within this step: `displace` is all of it in order."""
         yield Part(self, time, dt)
 
-    def with_max_step(self, stride: float) -> Flow:
-        """The same flow, of which no sub-step along velocities takes a point further than `stride` units."""
+    def with_max_step(self, max_step: float) -> Flow:
+        """Return this flow with sub-steps that take no point further than `max_step` units."""
         return self
 
     @property

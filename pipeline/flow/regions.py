@@ -18,9 +18,9 @@ from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
 from pipeline.flow.program import Instruction
 from pipeline.flow.vectors import ORIGIN, Y, unit
 
-Fall = Literal["smooth", "sine", "linear"]
+FalloffType = Literal["smooth", "sine", "linear"]
 
-FALLS = {"smooth": kernels.SMOOTH, "sine": kernels.SINE, "linear": kernels.LINEAR}
+FALLOFF_TYPES = {"smooth": kernels.SMOOTH, "sine": kernels.SINE, "linear": kernels.LINEAR}
 
 STEEPEST_FALL = {"smooth": 1.875, "sine": np.pi / 2, "linear": 1.0}
 """The steepest slope of each, per falloff."""
@@ -31,13 +31,13 @@ class Region(ABC):
     """What all share. Inside a point's weight is 1, from `falloff` outside on it is 0.
 
     falloff  how wide the rim is, in scene units, outside of the region's surface; 0: none
-    fall     how the weight goes down there: smooth, with continuous second derivatives (Perlin, *Improving
+    falloff_type  the profile of the falloff: smooth, with continuous second derivatives (Perlin, *Improving
              Noise*, SIGGRAPH 2002), sine, with continuous first ones, or linear
     invert   the weight is 1 where it was 0, and the other way round
     """
 
     falloff: Number = 0.0
-    fall: Fall = "smooth"
+    falloff_type: FalloffType = "smooth"
     invert: bool = False
 
     def weight(self, points: Points, time: float) -> Floats:
@@ -52,7 +52,7 @@ class Region(ABC):
         first, last = self._measures(time)
         factors = (0.0, 1.0) if self.invert else (1.0, 0.0)
         shape = (*first, *(0.0,) * (6 - len(first)))
-        numbers = (*shape, self.falloff_at(time), *factors, float(FALLS[self.fall]), *last)
+        numbers = (*shape, self.falloff_at(time), *factors, float(FALLOFF_TYPES[self.falloff_type]), *last)
         return Instruction(self._opcode, (*numbers, *(0.0,) * (op.COLUMNS - len(numbers))))
 
     def cache_data(self, time: float) -> Any:

@@ -92,7 +92,7 @@ FIRST_HALVINGS = 2
 
 RESOLVED, RESOLVED_BY_WAY = 5, 2
 """What changes in time is known at the sub-steps of so many halvings, and finer ones take the nearest: with a
-tolerance, and with a stride alone."""
+tolerance, and with a maximum step alone."""
 
 
 class Halving(NamedTuple):
@@ -120,7 +120,7 @@ class Streamlines(Flow):
     substeps   into how many steps a frame is divided; None chooses the least that keeps sub-step × steepness
                of the field below STEP_LIMIT, with a tolerance ADAPTIVE_LIMIT
     tolerance  scene units: how much a sub-step may err, by the estimate of an embedded method of order 3
-    stride     scene units: how far a sub-step may take a point
+    max_step   scene units: how far a sub-step may take a point
 
     With one of the last two each point halves its sub-steps until they are small enough, up to MOST_SUBSTEPS
     a frame: see `_kernels_halving`.
@@ -129,7 +129,7 @@ class Streamlines(Flow):
     field: VelocityField
     substeps: int | None = None
     tolerance: float | None = None
-    stride: float | None = None
+    max_step: float | None = None
 
     order: ClassVar[int] = 4
 
@@ -143,13 +143,13 @@ class Streamlines(Flow):
                 moved[lost] = self._closely(points[lost], time, dt)
         return moved
 
-    def with_max_step(self, stride: float) -> Streamlines:
-        return replace(self, stride=stride)
+    def with_max_step(self, max_step: float) -> Streamlines:
+        return replace(self, max_step=max_step)
 
     @property
     def limited(self) -> bool:
         """Whether its points halve their sub-steps."""
-        return self.tolerance is not None or self.stride is not None
+        return self.tolerance is not None or self.max_step is not None
 
     def step_plan(self, time: float, dt: float, closely: bool = False) -> StepPlan:
         """The sub-steps of this step; `closely`, as fine as points may have them.
@@ -170,7 +170,7 @@ class Streamlines(Flow):
         steps = np.zeros((count, 6), np.int64)
         steps[:, 1], steps[:, 3:] = len(kinds), halving
         steps[:, 2] = halving.nodes * len(kinds) * COLUMNS * np.arange(count)
-        limits = [math.inf if limit is None else limit for limit in (self.tolerance, self.stride)]
+        limits = [math.inf if limit is None else limit for limit in (self.tolerance, self.max_step)]
         spans = np.tile([dt / count, *limits], (count, 1))
         halved = closely or self.tolerance is not None
         return StepPlan(kinds, tables.ravel(), steps, spans, owners_of(programs[0]), halved)
@@ -185,7 +185,7 @@ class Streamlines(Flow):
         step = dt / count if feasible else None
         if not self.limited:
             return {"streamlines": programs, "step": step}
-        limits = {"tolerance": self.tolerance, "stride": self.stride}
+        limits = {"tolerance": self.tolerance, "max_step": self.max_step}
         same = [[len(list(group)), program] for program, group in groupby(programs)]
         return {"streamlines": same, "step": step, **limits}
 
@@ -224,11 +224,11 @@ class Streamlines(Flow):
         where = ", ".join(f"{x:.4g}" for x in points[failed[0]])
         bounds = [
             f"{what} {limit:.3g} units"
-            for what, limit in (("err by at most", self.tolerance), ("go at most", self.stride))
+            for what, limit in (("err by at most", self.tolerance), ("go at most", self.max_step))
             if limit is not None
         ]
         raise FrameError(
             f"flow {self.name} at {time:g} s moves a point from ({where}) so that sub-steps which "
             f"{' and '.join(bounds)} would be more than {MOST_SUBSTEPS} a frame. Lower its strength, raise "
-            f"{'stride' if self.tolerance is None else 'tolerance'}, or let a region end with a falloff."
+            f"{'max_step' if self.tolerance is None else 'tolerance'}, or let a region end with a falloff."
         )

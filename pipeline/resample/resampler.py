@@ -37,7 +37,7 @@ class Resampler:
     mesh         what to begin with: finite, oriented, manifold; open or closed (MeshError otherwise)
     thresholds   the bracket; may be replaced between frames
     placement    where new vertices go
-    shape        roundness below which triangles are mended (see `Shape`): 0 to 1
+    min_roundness  roundness below which triangles are mended (see `Shape`): 0 to 1
     splits       "edges": long edges are cut in two (P25); "faces": faces that have one into four (P26), which
                  is for new vertices on the chord (UsageError otherwise)
 
@@ -51,15 +51,17 @@ class Resampler:
         mesh: TriangleMesh,
         thresholds: Thresholds,
         placement: Placement = _CHORD,
-        shape: float = DEFAULT_ROUNDNESS,
+        min_roundness: float = DEFAULT_ROUNDNESS,
         splits: Splits = "edges",
     ) -> None:
-        self._settle(thresholds, placement, shape, splits)
+        self._settle(thresholds, placement, min_roundness, splits)
         begun = in_memory_order(placement.prepare(mesh, thresholds.hard_angles(mesh)))
         self._mesh = HalfedgeMesh(begun, Register.of(begun))
         wipe(changes_of(self._mesh))  # memory is claimed now, so that no frame waits for it
 
-    def _settle(self, thresholds: Thresholds, placement: Placement, shape: float, splits: Splits) -> None:
+    def _settle(
+        self, thresholds: Thresholds, placement: Placement, min_roundness: float, splits: Splits
+    ) -> None:
         if splits not in ("edges", "faces"):
             raise UsageError(f"splits {splits!r} is not known; use 'edges' or 'faces'")
         if splits == "faces" and placement.leaves_chord:
@@ -67,7 +69,7 @@ class Resampler:
                 "splits 'faces' puts new vertices in the middle of their edges, and "
                 f"{type(placement).__name__} elsewhere; use Chord(), or split edges"
             )
-        self.thresholds, self.placement, self.shape = thresholds, placement, Shape(shape)
+        self.thresholds, self.placement, self.shape = thresholds, placement, Shape(min_roundness)
         self.splits: Splits = splits
 
     @property
@@ -111,7 +113,7 @@ class Resampler:
         state: Mapping[str, AnyArray],
         thresholds: Thresholds,
         placement: Placement = _CHORD,
-        shape: float = DEFAULT_ROUNDNESS,
+        min_roundness: float = DEFAULT_ROUNDNESS,
         splits: Splits = "edges",
     ) -> Resampler:
         """Go on from a `state`, bit for bit as if never stopped. Names it does not know are left alone."""
@@ -122,7 +124,7 @@ class Resampler:
             )
         attributes = {n.removeprefix(_ATTRIBUTE): state[n] for n in state if n.startswith(_ATTRIBUTE)}
         resumed = cls.__new__(cls)  # not by __init__, which may order faces anew
-        resumed._settle(thresholds, placement, shape, splits)
+        resumed._settle(thresholds, placement, min_roundness, splits)
         mesh = TriangleMesh(state["vertices"], state["faces"], attributes, state.get("creases"))
         resumed._mesh = HalfedgeMesh(mesh, Register.of(mesh, int(state.get(_GIVEN, 0))))
         return resumed
@@ -164,11 +166,11 @@ def resample(
     mesh: TriangleMesh,
     thresholds: Thresholds,
     placement: Placement = _CHORD,
-    shape: float = DEFAULT_ROUNDNESS,
+    min_roundness: float = DEFAULT_ROUNDNESS,
     splits: Splits = "edges",
 ) -> tuple[TriangleMesh, Report]:
     """One resampling of one mesh; for a film keep a `Resampler`, which keeps the connectivity."""
-    resampler = Resampler(mesh, thresholds, placement, shape, splits)
+    resampler = Resampler(mesh, thresholds, placement, min_roundness, splits)
     report = resampler.resample()
     return resampler.mesh, report
 

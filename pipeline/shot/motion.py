@@ -31,9 +31,9 @@ class Resampling:
     placement   where new vertices go: chord, the middle of the edge (P25); curved, on a surface that is
                 smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
     splits      edges: one long edge at a time (P25); faces: one triangle into four (P26)
-    shape       0 to 1: the roundness of triangles below which they are mended (P36; see `Shape`)
+    min_roundness  0 to 1: the roundness of triangles below which they are mended (P36; see `Shape`)
     normals     carried through the flow, where the placement is exact; or of the geometry of each frame
-    renew       frames after which the present surface becomes the undeformed one, where placement is exact
+    rest_interval  frames after which the present surface becomes the undeformed one, where placement is exact
     creases     edges that stay hard whatever becomes of their angle (P31): rest, those that are hard in the
                 undeformed surface; model, those that the model's file names; a region, those with
                 both ends in it at rest; none
@@ -45,9 +45,9 @@ class Resampling:
     method: Literal["triangles", "polyhedra"] = "triangles"
     placement: Literal["chord", "curved", "exact"] = "exact"
     splits: Literal["edges", "faces"] = "edges"
-    shape: float = DEFAULT_ROUNDNESS
+    min_roundness: float = DEFAULT_ROUNDNESS
     normals: Literal["carried", "geometric"] = "carried"
-    renew: int = 240
+    rest_interval: int = 240
     creases: Literal["rest", "model", "none"] | Region = "rest"
     cutting: Literal["slice", "recurse"] = "slice"
     collapse: Literal["edges", "areas"] = "edges"
@@ -65,16 +65,16 @@ class Resampling:
         When the surface at rest is renewed is said by the frames in which it is: see `Motion.step_data`.
         """
         settings = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
-        return self._without(settings, (*self._idle, "renew"))
+        return self._without(settings, (*self._idle, "rest_interval"))
 
     @property
     def _idle(self) -> tuple[str, ...]:
         """Names of the settings that cannot act beside the others."""
         if self.method == "polyhedra":
-            return ("placement", "splits", "shape", "normals", "renew")
+            return ("placement", "splits", "min_roundness", "normals", "rest_interval")
         if self.placement == "exact":
             return ("cutting", "collapse")
-        return ("cutting", "collapse", "normals", "renew")
+        return ("cutting", "collapse", "normals", "rest_interval")
 
     @staticmethod
     def _without(settings: dict[str, Any], names: tuple[str, ...]) -> dict[str, Any]:
@@ -94,7 +94,7 @@ def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
     return data
 
 
-DEFAULT_STRIDE = 0.5
+DEFAULT_MAX_STEP = 0.5
 """Of an edge: what lies between two ends of it is not stepped over."""
 
 
@@ -104,7 +104,7 @@ class Motion:
 
     resampling  None: it is off, and vertices only move
     speed       at which time runs for the flow, over the time of the frames
-    stride      how far a sub-step along velocities may take a vertex, in edges of the maximum length
+    max_step    how far a sub-step along velocities may take a vertex, in edges of the maximum length
     """
 
     frames: FrameRange
@@ -113,7 +113,7 @@ class Motion:
     flow: Flow
     resampling: Resampling | None
     speed: Number = 1.0
-    stride: float = DEFAULT_STRIDE
+    max_step: float = DEFAULT_MAX_STEP
 
     @property
     def clock(self) -> Clock:
@@ -139,7 +139,7 @@ class Motion:
         )
 
     def bounded(self, flow: Flow, frame: int) -> Flow:
-        """A flow as it moves the surface into that frame: its sub-steps are no longer than `stride`.
+        """A flow as it moves the surface into that frame: its sub-steps are no longer than `max_step`.
 
         The maximum length is that of the frame; where it depends on curvature or the camera, the coarsest. Of
         a formula none is known: it bounds nothing, and nothing does without resampling.
@@ -148,7 +148,7 @@ class Motion:
         longest = None if resampling is None else resampling.thresholds.max_edge_length
         if isinstance(longest, Curvature | DistanceToCamera):
             longest = longest.coarsest
-        return flow.with_max_step(self.stride * longest) if isinstance(longest, float) else flow
+        return flow.with_max_step(self.max_step * longest) if isinstance(longest, float) else flow
 
     def mesh_at_rest(self) -> TriangleMesh:
         """The subject's mesh, as fine as the first frame is to be.
@@ -177,12 +177,12 @@ class Motion:
             return self.subject.polygons(longest if isinstance(longest, float) else None)
         return PolygonMesh.from_triangles(self.mesh_at_rest())
 
-    def renews(self, frame: int) -> bool:
+    def renews_rest(self, frame: int) -> bool:
         """Whether the surface of that frame becomes the undeformed one."""
         resampling, since = self.resampling, frame - self.frames.first
         if resampling is None or resampling.method != "triangles" or resampling.placement != "exact":
             return False
-        return since > 0 and since % resampling.renew == 0
+        return since > 0 and since % resampling.rest_interval == 0
 
     def start_data(self) -> dict[str, Any]:
         """What decides the first frame, as JSON-able data: equal data, equal mesh."""
@@ -201,6 +201,6 @@ class Motion:
         changes: dict[str, Any] = {}
         if now is not None and now is not self.resampling:
             changes["thresholds"] = thresholds_data(now.thresholds)
-        if self.renews(frame):
+        if self.renews_rest(frame):
             changes["renewed"] = True
         return {"flow": data, **changes} if changes else data

@@ -27,7 +27,7 @@ from pipeline.shot.documents.fields import Document
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ModelDocument, ShotDocument
 from pipeline.shot.documents.subject import SolidDocument
-from pipeline.shot.motion import DEFAULT_STRIDE, Motion
+from pipeline.shot.motion import DEFAULT_MAX_STEP, Motion
 from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
 from pipeline.shot.shot import Picture, Shot
 from pipeline.shot.shutter import PictureLayers, Shutter
@@ -111,7 +111,7 @@ def _motion(document: ShotDocument, clock: Clock, source: Source) -> Motion:
         flow=Sequence(flows),
         resampling=resample.build(clock) if isinstance(resample, ResampleDocument) else None,
         speed=number(document.speed, clock),
-        stride=DEFAULT_STRIDE if document.stride is None else float(document.stride),
+        max_step=DEFAULT_MAX_STEP if document.max_step is None else float(document.max_step),
     )
 
 

@@ -139,7 +139,7 @@ def render_frame(
     facts = {
         "seed": seed,
         **passes.facts(),
-        "guides": quality.guides,
+        "auxiliary_samples": quality.auxiliary_samples,
         "depth": quality.depth,
         "lens_radius": camera.lens_radius,
         "surface_vertices": len(shown.vertices),

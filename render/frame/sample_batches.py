@@ -81,7 +81,7 @@ class Passes:
     def __post_init__(self) -> None:
         if "noise" in self.aovs and self.quality.samples < 2:
             raise BadInputError("layer 'noise' cannot be told from one sample; take samples: 2 or more")
-        self._guides = passes_of(self.quality.guides, self.count)
+        self._guides = passes_of(self.quality.auxiliary_samples, self.count)
         adaptive = self.quality.noise_threshold is not None
         self._beauty = (turns_of if adaptive else passes_of)(self.quality.samples, self.count)
         self._order = self._in_order()

@@ -13,7 +13,7 @@ PASS_SAMPLES = 16
 FEWEST_ADAPTIVE = 3 * PASS_SAMPLES
 """Samples of a picture that may stop earlier: two passes tell its noise, and a third one can be saved."""
 
-MOST_STEADY = 4
+MOST_TEMPORAL_FRAMES = 4
 """Frames to either side that a picture may take light from."""
 
 Crop = tuple[int, int, int, int]
@@ -28,29 +28,29 @@ class Quality:
     samples         paths a pixel; the plain variant rounds up to a rectangle: 4, 6, 9, 16, 64
     noise_threshold the noise (see `adaptive.noise_of`) that is quiet enough: passes end there, or with
                     `samples` at the latest; None takes them all
-    guides          samples a pixel of the AOVs, which are free of noise but for their edges
+    auxiliary_samples  samples a pixel of albedo, normal, position and depth, whose only noise is at edges
     depth           vertices a path may have: 2 is direct light alone
     crop            the part of the picture that is rendered; None is all of it
     denoise         "off", or the denoiser's effort: "fast", "balanced" or "high"
-    steady          frames to either side whose light is taken in along the motion: see
-    `render.post.temporal_denoise`
+    temporal_denoise  frames before and after that the temporal denoiser reprojects; 0 is off: see
+                    `render.post.temporal_denoise`
     """
 
     width: int
     height: int
     samples: int
     depth: int
-    guides: int = 16
+    auxiliary_samples: int = 16
     denoise: str = "high"
-    steady: int = 0
+    temporal_denoise: int = 0
     crop: Crop | None = None
     noise_threshold: float | None = None
 
     def __post_init__(self) -> None:
-        for name in ("width", "height", "samples", "guides"):
+        for name in ("width", "height", "samples", "auxiliary_samples"):
             if getattr(self, name) < 1:
                 raise BadInputError(f"quality has {name} {getattr(self, name)}; it must be at least 1")
-        for name in ("samples", "guides"):
+        for name in ("samples", "auxiliary_samples"):
             if (count := getattr(self, name)) > PASS_SAMPLES and count % PASS_SAMPLES:
                 raise BadInputError(
                     f"{count} {name} do not divide into passes of {PASS_SAMPLES}; take {PASS_SAMPLES}, "
@@ -61,8 +61,11 @@ class Quality:
             raise BadInputError(f"quality has depth {self.depth}; light needs at least 2 to reach the lens")
         if self.denoise not in ("off", "fast", "balanced", "high"):
             raise BadInputError(f"denoise is {self.denoise!r}; it can be off, fast, balanced or high")
-        if not 0 <= self.steady <= MOST_STEADY:
-            raise BadInputError(f"quality has steady {self.steady}; it goes from 0 to {MOST_STEADY} frames")
+        if not 0 <= self.temporal_denoise <= MOST_TEMPORAL_FRAMES:
+            raise BadInputError(
+                f"quality has temporal_denoise {self.temporal_denoise}; it must be from 0 to "
+                f"{MOST_TEMPORAL_FRAMES} frames"
+            )
         if self.crop is not None:
             x0, y0, x1, y1 = self.crop
             if not (0 <= x0 < x1 <= self.width and 0 <= y0 < y1 <= self.height):
@@ -94,8 +97,8 @@ class Quality:
 
 
 QUALITIES = {
-    "preview": Quality(480, 270, samples=4, depth=3, guides=4, denoise="balanced"),
-    "draft": Quality(480, 270, samples=4, depth=4, guides=4, denoise="balanced"),
-    "daily": Quality(960, 540, samples=16, depth=6, guides=16, steady=2),
-    "final": Quality(1920, 1080, samples=64, depth=10, guides=64, steady=2),
+    "preview": Quality(480, 270, samples=4, depth=3, auxiliary_samples=4, denoise="balanced"),
+    "draft": Quality(480, 270, samples=4, depth=4, auxiliary_samples=4, denoise="balanced"),
+    "daily": Quality(960, 540, samples=16, depth=6, auxiliary_samples=16, temporal_denoise=2),
+    "final": Quality(1920, 1080, samples=64, depth=10, auxiliary_samples=64, temporal_denoise=2),
 }

@@ -82,7 +82,7 @@ def test_every_frame_is_in_the_bracket_and_a_closed_surface(motion: Motion) -> N
     "settings",
     [
         {},
-        {"renew": 6},
+        {"rest_interval": 6},
         {"placement": "curved"},
         {"placement": "chord"},
         {"placement": "chord", "splits": "faces"},
@@ -152,7 +152,7 @@ def test_normals_go_with_the_flow_and_end_at_creases(motion: Motion) -> None:
 
 
 def test_the_surface_at_rest_is_renewed_every_so_many_frames(motion: Motion) -> None:
-    for frame in animate(resampled(motion, renew=6)):
+    for frame in animate(resampled(motion, rest_interval=6)):
         since = 5 + (frame.number - 5) // 6 * 6
         rest = frame.mesh.attributes["rest"]
         if frame.number == since:
@@ -259,7 +259,9 @@ def test_a_survivor_is_told_by_its_number_and_the_young_by_their_ancestors(motio
 
 def test_the_ancestors_of_a_wild_film_are_near_at_rest(motion: Motion) -> None:
     """Exact placement: survivors keep their points at rest, new ones lie by those they descend from."""
-    frames = [MeshFrame.from_arrays(frame.to_arrays()) for frame in animate(resampled(motion, shape=0.0))]
+    frames = [
+        MeshFrame.from_arrays(frame.to_arrays()) for frame in animate(resampled(motion, min_roundness=0.0))
+    ]
     found, then, now = descent(frames), frames[0].mesh.attributes["rest"], frames[-1].mesh.attributes["rest"]
     off = np.linalg.norm(found.mixed(then) - now, axis=1)
     assert off[found.survives].max() == 0

@@ -17,7 +17,7 @@ SHOT = """\
 title: There and back
 frames: 1-10000
 subject: {{solid: icosphere, radius: 1}}
-resample: {{max_edge_length: 0.25, placement: exact, renew: 100}}
+resample: {{max_edge_length: 0.25, placement: exact, rest_interval: 100}}
 flows:
   - vortex: {{axis: z, centre: {centre}, radius: 0.6, strength: {first}}}
   - strain: {{rate: {second}}}

@@ -36,7 +36,7 @@ def undone(points: np.ndarray, frame: int) -> np.ndarray:
     [
         "off",
         "{max_edge_length: 0.35}",
-        "{max_edge_length: 0.35, renew: 4}",
+        "{max_edge_length: 0.35, rest_interval: 4}",
         "{max_edge_length: 0.35, placement: chord}",
         "{max_edge_length: 0.35, placement: curved}",
         "{max_edge_length: 0.5, method: polyhedra}",
@@ -53,7 +53,7 @@ def test_vertices_know_where_they_were(resample: str) -> None:
 
 
 def test_a_run_that_goes_on_after_a_renewal_knows_the_same() -> None:
-    shot = shot_of("{max_edge_length: 0.35, renew: 4}")
+    shot = shot_of("{max_edge_length: 0.35, rest_interval: 4}")
     frames = list(animate(shot))
     kept = MeshFrame.from_arrays(frames[6].to_arrays())
     again = list(animate(shot, resume=kept))[-1]

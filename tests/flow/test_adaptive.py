@@ -153,10 +153,10 @@ def test_calm_points_take_fewer_substeps_than_wild_ones(points: Points) -> None:
     assert evaluations[0] > 20 * evaluations[1]
 
 
-LIMITED = [TOLERANT, Streamlines(SWIRL, stride=0.004), Streamlines(SWIRL, tolerance=1e-7, stride=0.01)]
+LIMITED = [TOLERANT, Streamlines(SWIRL, max_step=0.004), Streamlines(SWIRL, tolerance=1e-7, max_step=0.01)]
 
 
-@pytest.mark.parametrize("flow", LIMITED, ids=["tolerance", "stride", "both"])
+@pytest.mark.parametrize("flow", LIMITED, ids=["tolerance", "max_step", "both"])
 def test_a_points_bits_depend_on_no_block_and_no_thread(flow: Streamlines) -> None:
     many = np.random.default_rng(1).normal(size=(4007, 3))
     before = numba.get_num_threads()
@@ -180,7 +180,7 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
     chosen: list[int], frames: int
 ) -> None:
     points = np.random.default_rng(3).normal(size=(57, 3))
-    kinds: list[Flow] = [*LIMITED, Streamlines(Translation((3.0, 0.0, 1.0)), stride=0.02), Twist()]
+    kinds: list[Flow] = [*LIMITED, Streamlines(Translation((3.0, 0.0, 1.0)), max_step=0.02), Twist()]
     flow, history = Sequence(tuple(kinds[i] for i in chosen)), History()
     moved = points
     for frame in range(frames):
@@ -191,10 +191,10 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
 
 @settings(max_examples=6, deadline=None)
 @given(st.floats(0.02, 0.2), st.integers(0, 100))
-def test_no_substep_takes_a_point_further_than_the_stride(stride: float, seed: int) -> None:
+def test_no_substep_takes_a_point_further_than_the_maximum_step(max_step: float, seed: int) -> None:
     """The way of a frame, cut at the moments of the finest sub-steps that were needed, is no longer."""
     points = 0.6 * np.random.default_rng(seed).normal(size=(6, 3))
-    flow = Streamlines(Rotation(axis=(0.0, 0.0, 1.0), speed=30.0), stride=stride)
+    flow = Streamlines(Rotation(axis=(0.0, 0.0, 1.0), speed=30.0), max_step=max_step)
     plan = flow.step_plan(0.0, DT, closely=True)
     moved = flow.displace(points, 0.0, DT)
     turned = 30.0 * DT
@@ -204,12 +204,12 @@ def test_no_substep_takes_a_point_further_than_the_stride(stride: float, seed: i
     np.testing.assert_allclose(moved, exact, atol=1e-5)
     assert plan.halved and len(plan.spans) == 13
     for point, end in zip(points, moved, strict=True):
-        each = _shortest_course(point, stride)
+        each = _shortest_course(point, max_step)
         np.testing.assert_allclose(each, end, atol=1e-12)
 
 
-def _shortest_course(point: Points, stride: float) -> Points:
-    """The 13 sub-steps of steepness, each halved alike as long as one would go further than the stride."""
+def _shortest_course(point: Points, max_step: float) -> Points:
+    """The 13 sub-steps of steepness, each halved alike while one goes further than the maximum step."""
     field = Rotation(axis=(0.0, 0.0, 1.0), speed=30.0)
     here = point[None]
     for _ in range(13):
@@ -220,7 +220,7 @@ def _shortest_course(point: Points, stride: float) -> Points:
                 after = zonneveld(field.velocity, place, 0.0, h)[0]
                 furthest = max(furthest, float(np.linalg.norm(after - place)))
                 place = after
-            if furthest <= stride:
+            if furthest <= max_step:
                 break
             halvings += 1
         here = place
@@ -284,9 +284,9 @@ def test_a_tolerance_out_of_reach_is_told_with_the_place() -> None:
     ):
         checked_displacement(crossing, np.array([[0.4, 0.0, 0.1]]), 0.0, DT, 9)
     with pytest.raises(
-        FrameError, match=r"which go at most 1e-06 units would be more than 10000 a frame.*stride"
+        FrameError, match=r"which go at most 1e-06 units would be more than 10000 a frame.*max_step"
     ):
-        Streamlines(Translation((50.0, 0.0, 0.0)), stride=1e-6).displace(points, 0.0, DT)
+        Streamlines(Translation((50.0, 0.0, 0.0)), max_step=1e-6).displace(points, 0.0, DT)
     assert MOST_SUBSTEPS == 10_000
 
 

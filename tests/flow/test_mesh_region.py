@@ -103,7 +103,7 @@ def test_distances_are_those_to_the_nearest_of_all_triangles(mesh: TriangleMesh)
 
 def test_far_off_the_falloff_is_as_it_should_be() -> None:
     mesh, points = bumpy(), 60 * POINTS
-    found = region(mesh, falloff=200.0, fall="linear").weight(points, 0.0)
+    found = region(mesh, falloff=200.0, falloff_type="linear").weight(points, 0.0)
     np.testing.assert_allclose(found, 1 - outside(mesh, points) / 200, atol=1e-12)
 
 

@@ -89,7 +89,7 @@ def test_a_velocity_field_and_a_map_are_weighed_alike(region: Region, invert: bo
 def test_the_way_down_is_as_it_is_called(fall: str) -> None:
     t = np.linspace(0, 1, 2001)
     points = np.column_stack([1 + 0.5 * t, 0 * t, 0 * t])
-    weights = Sphere(radius=1.0, falloff=0.5, fall=fall).weight(points, 0.0)  # type: ignore[arg-type]
+    weights = Sphere(radius=1.0, falloff=0.5, falloff_type=fall).weight(points, 0.0)  # type: ignore[arg-type]
     smooth = 1 - t**3 * (10 - 15 * t + 6 * t * t)
     expected = {"linear": 1 - t, "sine": (1 + np.cos(np.pi * t)) / 2, "smooth": smooth}[fall]
     np.testing.assert_allclose(weights, expected, atol=1e-12)

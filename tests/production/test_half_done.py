@@ -31,7 +31,7 @@ from render.post.image import read_exr
 
 NAME = "T010_tiny"
 QUALITY = "preview.scale10"
-SETTINGS = ("quality.preview={samples: 64, guides: 16, denoise: off}",)
+SETTINGS = ("quality.preview={samples: 64, auxiliary_samples: 16, denoise: off}",)
 
 
 @dataclass

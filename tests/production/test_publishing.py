@@ -36,7 +36,7 @@ subject: {model: ../models/wedge.obj}
 resample: {max_edge_length: 0.9}
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 4: 40}}}
-quality: {preview: {samples: 2, guides: 2, denoise: fast, steady: 1}}
+quality: {preview: {samples: 2, auxiliary_samples: 2, denoise: fast, temporal_denoise: 1}}
 """
 MODEL = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 RENDER = f"flowsculpt render {NAME} -q preview --scale 10%"

@@ -5,7 +5,7 @@ from pathlib import Path
 from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"
-STEADY = ("-q", "preview", "--set", "quality.preview={steady: 2}")
+STEADY = ("-q", "preview", "--set", "quality.preview={temporal_denoise: 2}")
 
 
 def frame(project, number: int, kind: str = "frames") -> Path:

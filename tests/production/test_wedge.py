@@ -32,7 +32,7 @@ subject: {solid: box, size: [2, 2, 2]}
 resample: {max_edge_length: 1}
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 9: 20, 12: 60}}}
-quality: {preview: {samples: 1, guides: 1, denoise: off}}
+quality: {preview: {samples: 1, auxiliary_samples: 1, denoise: off}}
 """
 LATE, LOOK = "flows.0.twist.amount.keys.12=50,60,70", "look=clay,glaze"
 

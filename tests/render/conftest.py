@@ -19,7 +19,7 @@ from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
-TINY = Quality(48, 27, samples=4, depth=3, guides=4)
+TINY = Quality(48, 27, samples=4, depth=3, auxiliary_samples=4)
 
 
 def ball(rings: int = 12, sides: int = 24) -> Surface:

@@ -24,7 +24,7 @@ from render.scene.surface import Surface
 Rendered = Callable[..., Layers]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
-MOST = Quality(64, 36, samples=96, depth=3, guides=4, noise_threshold=1e-9)
+MOST = Quality(64, 36, samples=96, depth=3, auxiliary_samples=4, noise_threshold=1e-9)
 
 
 def passes(light: float, error: float, count: int, shape: tuple[int, int] = (64, 80)) -> list[np.ndarray]:

@@ -24,7 +24,7 @@ from render.scene.quality import Quality
 from render.scene.surface import Surface
 
 CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))
-SMALL = Quality(64, 36, samples=16, depth=3, guides=16)
+SMALL = Quality(64, 36, samples=16, depth=3, auxiliary_samples=16)
 
 
 def width_of_the_outline(layers: Layers) -> float:
@@ -106,7 +106,7 @@ def test_a_part_shows_what_the_whole_picture_shows_there(rendered: Callable[...,
 
 
 def test_a_part_is_the_same_to_the_last_bit_again(rendered: Callable[..., Layers]) -> None:
-    quality = Quality(48, 27, samples=4, depth=3, guides=4, crop=(5, 3, 30, 20))
+    quality = Quality(48, 27, samples=4, depth=3, auxiliary_samples=4, crop=(5, 3, 30, 20))
     one, other = (rendered(quality=quality) for _ in range(2))
     assert all(np.array_equal(one[name], other[name]) for name in one.arrays)
 

@@ -26,7 +26,7 @@ from render.scene.surface import Surface
 Rendered = Callable[..., Layers]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
-FINE = Quality(32, 18, samples=48, depth=3, guides=16)
+FINE = Quality(32, 18, samples=48, depth=3, auxiliary_samples=16)
 EXTRA = ("velocity", "noise", "samples")
 
 
@@ -169,7 +169,7 @@ arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
 render_frame(
     surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(),
-    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(32, 18, samples=16 * 1000, depth=3, guides=16), 7,
+    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(32, 18, 16000, depth=3, auxiliary_samples=16), 7,
     choose([sys.argv[2]], threads=1),
     keep=Checkpoint(Path(sys.argv[3]), Path(sys.argv[4]), urgent=lambda: True),
 )

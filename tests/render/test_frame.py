@@ -99,7 +99,7 @@ def test_a_camera_that_goes_around_with_the_stage_sees_the_same_light(rendered: 
     cos, sin = math.cos(turn), math.sin(turn)
     x, y, z = CAMERA_ORIGIN
     camera = Camera((cos * x + sin * z, y, cos * z - sin * x), CAMERA_TARGET)
-    quality = Quality(48, 27, samples=16, depth=3, guides=4)
+    quality = Quality(48, 27, samples=16, depth=3, auxiliary_samples=4)
     picture = rendered(quality=quality)
     turned = rendered(camera=camera, placement=Placement(turn=turn), quality=quality)
     assert np.median(np.abs(turned["beauty"] - picture["beauty"])) < 2e-2
@@ -187,7 +187,10 @@ def test_surfaces_that_would_render_wrongly_are_refused(rendered: Rendered, sphe
 
 def test_passes_are_reported_and_can_be_stopped(rendered: Rendered) -> None:
     seen: list[tuple[int, int]] = []
-    rendered(quality=Quality(16, 9, samples=32, depth=2, guides=4), on_pass=lambda *each: seen.append(each))
+    rendered(
+        quality=Quality(16, 9, samples=32, depth=2, auxiliary_samples=4),
+        on_pass=lambda *each: seen.append(each),
+    )
     assert seen == [(1, 3), (2, 3), (3, 3)]
 
     def stop(done: int, total: int) -> None:
@@ -199,7 +202,7 @@ def test_passes_are_reported_and_can_be_stopped(rendered: Rendered) -> None:
 
 def test_more_samples_are_less_noisy(rendered: Rendered) -> None:
     def noise(samples: int) -> float:
-        quality = Quality(32, 18, samples=samples, depth=3, guides=4)
+        quality = Quality(32, 18, samples=samples, depth=3, auxiliary_samples=4)
         one, other = (rendered(quality=quality, seed=seed)["beauty"] for seed in (1, 2))
         return float(np.median(np.abs(one - other)))
 
@@ -248,7 +251,7 @@ def test_render_frame_needs_nothing_but_arrays(sphere: Surface, engine: Engine) 
         STAGES["cyclorama"],
         Placement(),
         Camera(CAMERA_ORIGIN, CAMERA_TARGET),
-        Quality(16, 9, samples=1, depth=2, guides=1),
+        Quality(16, 9, samples=1, depth=2, auxiliary_samples=1),
         1,
         engine,
     )
@@ -292,7 +295,7 @@ arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
 layers = render_frame(
     surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(),
-    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(48, 27, samples=4, depth=3, guides=4), 7,
+    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(48, 27, samples=4, depth=3, auxiliary_samples=4), 7,
     choose([sys.argv[2]], threads=int(sys.argv[4])),
 )
 np.savez(sys.argv[3], **layers.arrays)

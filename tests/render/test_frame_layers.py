@@ -102,14 +102,14 @@ def test_layers_without_what_they_are_made_from_are_refused(rendered: Rendered, 
         with pytest.raises(BadInputError, match=f"{name}.*{missing}"):
             rendered(surface=sphere, aovs=(name,))
     with pytest.raises(BadInputError, match="one sample"):
-        rendered(quality=Quality(16, 9, samples=1, depth=2, guides=1), aovs=("noise",))
+        rendered(quality=Quality(16, 9, samples=1, depth=2, auxiliary_samples=1), aovs=("noise",))
 
 
 def test_the_noise_layer_foretells_how_pictures_differ(rendered: Rendered) -> None:
     """Of a floor lit softly: over many seeds, luminance scatters by no more than the layer says, and not by
     much less: samples are spread more evenly than by chance."""
     luma = np.array([0.2126, 0.7152, 0.0722])
-    quality = Quality(48, 27, samples=16, depth=3, guides=1)
+    quality = Quality(48, 27, samples=16, depth=3, auxiliary_samples=1)
     runs = [rendered(quality=quality, aovs=("noise",), seed=seed) for seed in range(12)]
     spread = np.std([run["beauty"] @ luma for run in runs], axis=0, ddof=1)
     told = np.mean([run["noise"] for run in runs], axis=0)
@@ -122,7 +122,9 @@ def test_the_noise_layer_foretells_how_pictures_differ(rendered: Rendered) -> No
 def test_samples_are_those_that_were_taken(rendered: Rendered, engine: Engine) -> None:
     """Multijitter, which the plain variant takes, rounds up to a rectangle."""
     for asked, taken in ((4, 4), (5, 6 if engine.variant == "scalar_rgb" else 5), (48, 48)):
-        layers = rendered(quality=Quality(16, 9, samples=asked, depth=2, guides=1), aovs=("samples",))
+        layers = rendered(
+            quality=Quality(16, 9, samples=asked, depth=2, auxiliary_samples=1), aovs=("samples",)
+        )
         assert (layers["samples"] == taken).all()
 
 

@@ -30,7 +30,7 @@ from render.scene.surface import Surface
 Rendered = Callable[..., Layers]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
-FINE = Quality(48, 27, samples=32, depth=3, guides=16)
+FINE = Quality(48, 27, samples=32, depth=3, auxiliary_samples=16)
 
 
 def sliding(surface: Surface, way: float, opens: float = -0.25, closes: float = 0.25) -> Shutter:
@@ -112,7 +112,7 @@ def test_blurred_pictures_are_the_same_on_one_thread_and_two(
 def test_every_sample_is_taken_and_every_pass_told(rendered: Rendered, sphere: Surface) -> None:
     told: list[tuple[int, int]] = []
     layers = rendered(
-        quality=Quality(48, 27, samples=32, depth=2, guides=4),
+        quality=Quality(48, 27, samples=32, depth=2, auxiliary_samples=4),
         shutter=sliding(sphere, 2.0),
         aovs=("samples",),
         on_pass=lambda *each: told.append(each),

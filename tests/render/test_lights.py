@@ -47,7 +47,7 @@ def dark() -> np.ndarray:
 
 @pytest.mark.parametrize("name", LIGHTS)
 def test_every_rig_exposes_its_subject_well(name: str, rendered: Rendered) -> None:
-    layers = rendered(lights=LIGHTS[name], quality=Quality(48, 27, samples=16, depth=3, guides=4))
+    layers = rendered(lights=LIGHTS[name], quality=Quality(48, 27, samples=16, depth=3, auxiliary_samples=4))
     subject = layers["beauty"][layers["matte"] == 1.0].mean(axis=-1)
     assert 0.35 < subject.mean() < 1.3
     assert np.percentile(subject, 90) > 1.8 * np.percentile(subject, 10)

@@ -133,7 +133,7 @@ def test_a_drawn_picture_heeds_neither_lamps_nor_stage(rendered: Rendered) -> No
 
 
 def test_the_ground_fills_the_picture_and_goes_from_its_top_to_its_bottom(rendered: Rendered) -> None:
-    drawn = rendered(look=HOMAGE, quality=Quality(48, 27, samples=4, depth=3, guides=4))
+    drawn = rendered(look=HOMAGE, quality=Quality(48, 27, samples=4, depth=3, auxiliary_samples=4))
     assert (drawn["depth"] > 0.0).all()
     assert drawn["beauty"][0].mean(axis=0) == pytest.approx(np.array(gouraud.GROUND[0]), abs=0.02)
     assert drawn["beauty"][-1].mean(axis=0) == pytest.approx(np.array(gouraud.GROUND[-1]), abs=0.05)

@@ -23,7 +23,7 @@ from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
 SIZE = (48, 27)
-QUALITY = Quality(*SIZE, samples=16, depth=4, guides=4)
+QUALITY = Quality(*SIZE, samples=16, depth=4, auxiliary_samples=4)
 LUMA = np.array([0.2126, 0.7152, 0.0722])
 MANY = LightRig(
     tuple(

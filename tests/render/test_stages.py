@@ -122,7 +122,7 @@ def test_the_chart_has_the_published_colours() -> None:
 
 
 def test_albedos_of_the_pieces_are_what_they_reflect(rendered: Rendered) -> None:
-    quality = Quality(480, 270, samples=1, depth=2, guides=4)
+    quality = Quality(480, 270, samples=1, depth=2, auxiliary_samples=4)
     layers = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)
     grey, chrome, board = spots(FRONT, Placement(), ASPECT)
 
@@ -138,7 +138,7 @@ def test_albedos_of_the_pieces_are_what_they_reflect(rendered: Rendered) -> None
 
 
 def test_a_chrome_ball_mirrors_what_a_grey_one_scatters(rendered: Rendered) -> None:
-    quality = Quality(480, 270, samples=4, depth=3, guides=1)
+    quality = Quality(480, 270, samples=4, depth=3, auxiliary_samples=1)
     beauty = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)["beauty"].mean(axis=2)
     grey, chrome, _ = spots(FRONT, Placement(), ASPECT)
     bright = []

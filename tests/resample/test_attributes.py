@@ -90,11 +90,11 @@ def test_a_film_goes_on_from_its_state_to_the_bit(thresholds: Thresholds, name: 
             resampler.resample()
         return {key: values.tobytes() for key, values in resampler.state().items()}
 
-    straight = Resampler(icosphere(8), thresholds, placement, shape=0.7)
+    straight = Resampler(icosphere(8), thresholds, placement, min_roundness=0.7)
     expected = advance(straight, 0, 14)
-    stopped = Resampler(icosphere(8), thresholds, placement, shape=0.7)
+    stopped = Resampler(icosphere(8), thresholds, placement, min_roundness=0.7)
     advance(stopped, 0, 6)
     state = {key: values.copy() for key, values in stopped.state().items()}
     assert (f"attribute.{REST}" in state) == (name == "exact")
-    resumed = Resampler.from_state(state, thresholds, placement, shape=0.7)
+    resumed = Resampler.from_state(state, thresholds, placement, min_roundness=0.7)
     assert advance(resumed, 6, 14) == expected

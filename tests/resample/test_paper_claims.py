@@ -143,7 +143,7 @@ def test_p28_a_spike_does_not_keep_the_short_edges_of_its_base() -> None:
     spiked = with_spike()
     lengths = np.sort(edge_lengths(spiked))
     assert (lengths < 0.12).sum() == 6 and (lengths[6:] > 0.13).all(), "the base alone is short"
-    blunt, report = resample(spiked, Thresholds(0.4, 0.12, math.pi), shape=0.0)
+    blunt, report = resample(spiked, Thresholds(0.4, 0.12, math.pi), min_roundness=0.0)
     agrees(blunt, report, Thresholds(0.4, 0.12))
     assert report.too_short == 0
     assert np.linalg.norm(blunt.vertices, axis=1).max() < 1.06
@@ -151,7 +151,7 @@ def test_p28_a_spike_does_not_keep_the_short_edges_of_its_base() -> None:
 
 def test_p30_a_spike_of_hard_edges_keeps_its_tip() -> None:
     spiked = with_spike()
-    sharp, report = resample(spiked, Thresholds(0.4, 0.12, math.radians(40)), shape=0.0)
+    sharp, report = resample(spiked, Thresholds(0.4, 0.12, math.radians(40)), min_roundness=0.0)
     agrees(sharp, report, Thresholds(0.4, 0.12))
     assert (sharp.vertices == spiked.vertices[-1]).all(axis=1).any()
 

@@ -101,7 +101,7 @@ def any_surface_any_operations(
     longest: float,
     ratio: float,
     hard: float,
-    shape: float,
+    min_roundness: float,
     steps: int,
 ) -> None:
     """Move, resample, save and go on, tag and change thresholds, in a random order."""
@@ -118,14 +118,14 @@ def any_surface_any_operations(
     thresholds = Thresholds(longest, ratio * longest, hard, max_vertices=6000)
     edges = np.sort(subject.faces[:, :2], axis=1)
     tagged = subject.with_creases(edges[rng.random(len(edges)) < rng.choice([0.0, 0.1])])
-    resampler = Resampler(tagged, thresholds, placement, shape)
+    resampler = Resampler(tagged, thresholds, placement, min_roundness)
     for _ in range(steps):
         moves.append((np.eye(3) + 0.25 * rng.normal(size=(3, 3)), rng.uniform(0, 6, 3)))
         linear, phase = moves[-1]
         points = resampler.vertices
         resampler.vertices[:] = points @ linear + 0.1 * np.sin(2 * points[:, [1, 2, 0]] + phase)
         if rng.random() < 0.2:
-            resampler = Resampler.from_state(resampler.state(), thresholds, placement, shape)
+            resampler = Resampler.from_state(resampler.state(), thresholds, placement, min_roundness)
         if rng.random() < 0.2:
             longest *= rng.uniform(0.7, 1.4)
             thresholds = Thresholds(longest, ratio * longest, hard, max_vertices=6000)
@@ -148,7 +148,7 @@ ANY = given(
     longest=st.floats(0.3, 1.5),
     ratio=st.floats(0, 0.49),
     hard=st.floats(0.2, 3.1),
-    shape=st.sampled_from([0.0, 0.6, 0.85]),
+    min_roundness=st.sampled_from([0.0, 0.6, 0.85]),
     steps=st.integers(1, 5),
 )
 test_no_surface_and_no_operations_break_a_promise = settings(max_examples=60, deadline=None)(

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.flow import EASINGS
-from pipeline.flow.regions import FALLS
+from pipeline.flow.regions import FALLOFF_TYPES
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flows import FlowDocument
 from pipeline.shot.documents.regions import SHAPES
@@ -28,5 +28,5 @@ def test_the_page_names_what_there_is() -> None:
     words = set(re.findall(r"`(\w+)`", PAGE))
     families = {name.rsplit("_in", 1)[0].removesuffix("_out") for name in EASINGS}
     compositions = {"sequence", "sum", "within", "blend", "placed", "mirrored", "reversed", "repeated"}
-    assert families | compositions | set(SHAPES) | set(FALLS) | {"bezier"} <= words
+    assert families | compositions | set(SHAPES) | set(FALLOFF_TYPES) | {"bezier"} <= words
     assert compositions <= set(FlowDocument.model_fields)

@@ -55,10 +55,11 @@ def test_a_flow_within_a_region_is_weighed_by_its_kind() -> None:
 
 REGIONS: list[tuple[str, Region]] = [
     ("{box: {size: [1, 2, 3]}, invert: true}", Box(size=(1.0, 2.0, 3.0), invert=True)),
-    ("{half_space: {normal: [0, 1, 1], centre: [0, 1, 0]}, fall: sine, falloff: 0.5}",
-     HalfSpace((0.0, 1.0, 0.0), (0.0, 1.0, 1.0), falloff=0.5, fall="sine")),
+    ("{half_space: {normal: [0, 1, 1], centre: [0, 1, 0]}, falloff_type: sine, falloff: 0.5}",
+     HalfSpace((0.0, 1.0, 0.0), (0.0, 1.0, 1.0), falloff=0.5, falloff_type="sine")),
     ("{capsule: {axis: x, length: 2, radius: 0.5}}", Capsule((1.0, 0.0, 0.0), length=2.0, radius=0.5)),
-    ("{cylinder: {length: 2, radius: 0.5}, fall: linear}", Cylinder(length=2.0, radius=0.5, fall="linear")),
+    ("{cylinder: {length: 2, radius: 0.5}, falloff_type: linear}",
+     Cylinder(length=2.0, radius=0.5, falloff_type="linear")),
     ("{sphere: {radius: {keys: {1: 1, 49: 2}}}, falloff: {keys: {1: 0, 49: 2}}}",
      Sphere(radius=keyed((0.0, 2.0), (1.0, 2.0)), falloff=keyed((0.0, 2.0), (0.0, 2.0)))),
 ]  # fmt: skip
@@ -151,8 +152,10 @@ BAD = [
      ["6:14: flows.0.within.region: a region is one of sphere, box, half_space, capsule, cylinder, mesh, "
       "and this has none. Write one.",
       "6:45: votex is not known under flows.0.within.flows.0. Did you mean 'vortex'?"]),
-    ("within: {region: {sphere: {radius: 1}, fall: smoth}, flows: [{vortex: }]}",
-     ["6:44: flows.0.within.region.fall: 'smoth' is no fall. Did you mean 'smooth'?"]),
+    ("within: {region: {sphere: {radius: 1}, falloff_type: smoth}, flows: [{vortex: }]}",
+     ["6:44: flows.0.within.region.falloff_type: 'smoth' is no falloff type. Did you mean 'smooth'?"]),
+    ("within: {region: {sphere: {radius: 1}, fall: sine}, flows: [{vortex: }]}",
+     ["6:44: fall is called falloff_type now under flows.0.within.region. Rename it."]),
     ("within: {region: {half_space: {normal: [0, 0, 0]}}, flows: [{vortex: }]}",
      ["6:36: normal [0, 0, 0] has no direction. Write x, y, z or a vector."]),
     ("blend: {weight: 1.5, flows: [{vortex: }]}",

@@ -79,8 +79,8 @@ BROKEN = [
      "a.yaml:5:1: resample is 'no'; it must be 'off'"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, placement: exct",
      "a.yaml:5:35: resample.placement: 'exct' is no placement. Did you mean 'exact'?"),
-    ("max_edge_length: 0.25", "max_edge_length: 0.25, renew: 0",
-     "a.yaml:5:35: resample.renew is 0; it must be at least 1"),
+    ("max_edge_length: 0.25", "max_edge_length: 0.25, rest_interval: 0",
+     "a.yaml:5:35: resample.rest_interval is 0; it must be at least 1"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, crease: rest",
      "a.yaml:5:35: crease is not known under resample. Did you mean 'creases'?"),
     ("camera:", "integrator: adaptiv\ncamera:",
@@ -88,7 +88,7 @@ BROKEN = [
     ("camera:", "tolerance: 0.001\ncamera:",
      "a.yaml:11:1: tolerance is for the error that integrator: adaptive estimates, and rk4 estimates none. "
      "Write integrator: adaptive, or take it out."),
-    ("camera:", "stride: 0\ncamera:", "a.yaml:11:1: stride is 0; it must be above 0"),
+    ("camera:", "max_step: 0\ncamera:", "a.yaml:11:1: max_step is 0; it must be above 0"),
     ("camera:", "substeps: 0\ncamera:", "a.yaml:11:1: substeps is 0; it must be at least 1"),
     ("rate: 24", "rate: 1e-320",
      "a.yaml:3:1: frame rate 1e-320 is not from 0.1 to 1000, in frames per second; 24 is usual"),
@@ -135,6 +135,15 @@ BROKEN = [
     ("camera:", "quality: {daily: {noise_threshold: 0.02}}\ncamera:",
      "a.yaml:11:19: daily takes 16 samples, of which no pass could be saved; noise_threshold needs "
      "48 or more. Write samples: 256 beside it."),
+    ("camera:", "stride: 0.5\ncamera:", "a.yaml:11:1: stride is called max_step now. Rename it."),
+    ("max_edge_length: 0.25", "max_edge_length: 0.25, renew: 60",
+     "a.yaml:5:35: renew is called rest_interval now under resample. Rename it."),
+    ("max_edge_length: 0.25", "max_edge_length: 0.25, shape: 0.85",
+     "a.yaml:5:35: shape is called min_roundness now under resample. Rename it."),
+    ("camera:", "quality: {final: {steady: 2}}\ncamera:",
+     "a.yaml:11:19: steady is called temporal_denoise now under quality.final. Rename it."),
+    ("camera:", "quality: {final: {guides: 4}}\ncamera:",
+     "a.yaml:11:19: guides is called auxiliary_samples now under quality.final. Rename it."),
 ]  # fmt: skip
 
 

@@ -88,12 +88,12 @@ ACTING = [
     ("max_edge_length: 0.4", "max_edge_length: 0.4, placement: curved"),
     (CHORD, "max_edge_length: 0.4, placement: curved"),
     (CHORD, f"{CHORD}, splits: faces"),
-    ("max_edge_length: 0.4", "max_edge_length: 0.4, shape: 0"),
-    ("max_edge_length: 0.4", "max_edge_length: 0.4, shape: 0.85"),
-    (CHORD, f"{CHORD}, shape: 0"),
-    ("max_edge_length: 0.4, placement: curved", "max_edge_length: 0.4, placement: curved, shape: 0"),
+    ("max_edge_length: 0.4", "max_edge_length: 0.4, min_roundness: 0"),
+    ("max_edge_length: 0.4", "max_edge_length: 0.4, min_roundness: 0.85"),
+    (CHORD, f"{CHORD}, min_roundness: 0"),
+    ("max_edge_length: 0.4, placement: curved", "max_edge_length: 0.4, placement: curved, min_roundness: 0"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, normals: geometric"),
-    ("max_edge_length: 0.4", "max_edge_length: 0.4, renew: 3"),
+    ("max_edge_length: 0.4", "max_edge_length: 0.4, rest_interval: 3"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, creases: none"),
     (CHORD, f"{CHORD}, creases: none"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, creases: {formula: abs(y) < 0.3}"),
@@ -121,12 +121,13 @@ def test_a_setting_changes_the_frames_and_their_keys(one: str, other: str) -> No
 IDLE = [
     ("max_edge_length: 0.4", "max_edge_length: 0.4, max_vertices: 5000"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, gradation: 0.05"),
-    ("max_edge_length: 0.4", "max_edge_length: 0.4, renew: 5"),
+    ("max_edge_length: 0.4", "max_edge_length: 0.4, rest_interval: 5"),
     ("max_edge_length: 0.4", "max_edge_length: 0.4, cutting: recurse, collapse: areas"),
-    (CHORD, f"{CHORD}, normals: geometric, renew: 2, cutting: recurse, collapse: areas"),
+    (CHORD, f"{CHORD}, normals: geometric, rest_interval: 2, cutting: recurse, collapse: areas"),
     (
         POLYHEDRA,
-        f"{POLYHEDRA}, placement: curved, splits: faces, shape: 0.9, normals: geometric, renew: 2",
+        f"{POLYHEDRA}, placement: curved, splits: faces, min_roundness: 0.9, normals: geometric, "
+        "rest_interval: 2",
     ),
 ]
 
@@ -219,7 +220,7 @@ def test_polygons_stay_a_surface_in_the_bracket_and_shown_by_triangles(settings_
 
 
 RESUMED = [
-    "max_edge_length: 0.4, renew: 3",
+    "max_edge_length: 0.4, rest_interval: 3",
     f"{CHORD}, splits: faces",
     f"{CHORD}, splits: faces, creases: {{formula: x > 0}}",
     "max_edge_length: {formula: 0.4 + 0.05 * x}, placement: chord, splits: faces",

@@ -78,8 +78,8 @@ def test_the_budget_of_vertices_is_no_part_of_any_mesh(tmp_path: Path) -> None:
 
 def test_every_setting_of_the_resampling_stands_in_the_shot(tmp_path: Path) -> None:
     spelt = (
-        "max_edge_length: 0.25, method: polyhedra, placement: curved, splits: faces, shape: 1, "
-        "normals: geometric, renew: 12, creases: none"
+        "max_edge_length: 0.25, method: polyhedra, placement: curved, splits: faces, min_roundness: 1, "
+        "normals: geometric, rest_interval: 12, creases: none"
     )
     resampling = read_shot(written(tmp_path, GOOD.replace("max_edge_length: 0.25", spelt))).motion.resampling
     assert resampling == Resampling(
@@ -93,9 +93,9 @@ def test_settings_that_another_placement_ignores_are_no_part_of_any_mesh(tmp_pat
         text = GOOD.replace("max_edge_length: 0.25", f"max_edge_length: 0.25, {settings}")
         return read_shot(written(tmp_path, text)).motion.start_data()
 
-    assert data("placement: chord") == data("placement: chord, renew: 10, normals: geometric")
+    assert data("placement: chord") == data("placement: chord, rest_interval: 10, normals: geometric")
     assert data("placement: exact") != data("placement: exact, normals: geometric")
-    assert data("shape: 0.6") == data("") != data("shape: 0.7")
+    assert data("min_roundness: 0.6") == data("") != data("min_roundness: 0.7")
 
 
 def test_a_renewal_is_said_by_its_frames_alone(tmp_path: Path) -> None:
@@ -107,10 +107,14 @@ def test_a_renewal_is_said_by_its_frames_alone(tmp_path: Path) -> None:
         data = {number: motion.step_data(number) for number in motion.frames.numbers[1:]}
         return [number for number, step in data.items() if isinstance(step, dict) and step.get("renewed")]
 
-    assert renewing("renew: 20") == [21, 41]
-    assert renewing("renew: 48") == [49]
-    assert renewing("renew: 49") == renewing("") == []
-    assert renewing("renew: 20, placement: chord") == renewing("renew: 20, method: polyhedra") == []
+    assert renewing("rest_interval: 20") == [21, 41]
+    assert renewing("rest_interval: 48") == [49]
+    assert renewing("rest_interval: 49") == renewing("") == []
+    assert (
+        renewing("rest_interval: 20, placement: chord")
+        == renewing("rest_interval: 20, method: polyhedra")
+        == []
+    )
 
 
 def test_without_resampling_a_motion_has_data_too(tmp_path: Path) -> None:
@@ -150,18 +154,18 @@ def test_a_shot_says_how_its_velocities_are_followed(tmp_path: Path) -> None:
         assert isinstance(motion.flow, Sequence)
         first = motion.bounded(motion.flow, 5)
         assert isinstance(first, Sequence) and isinstance(first.flows[0], Streamlines)
-        return first.flows[0].substeps, first.flows[0].tolerance, first.flows[0].stride
+        return first.flows[0].substeps, first.flows[0].tolerance, first.flows[0].max_step
 
     assert settings_of(motion("")) == settings_of(motion("integrator: rk4")) == (None, None, 0.125)
     assert settings_of(motion("integrator: adaptive")) == (None, 1e-5, 0.125)
-    assert settings_of(motion("integrator: adaptive\ntolerance: 0.001\nstride: 2")) == (None, 1e-3, 0.5)
-    assert settings_of(motion("substeps: 3\nstride: 0.1")) == (3, None, 0.025)
+    assert settings_of(motion("integrator: adaptive\ntolerance: 0.001\nmax_step: 2")) == (None, 1e-3, 0.5)
+    assert settings_of(motion("substeps: 3\nmax_step: 0.1")) == (3, None, 0.025)
     plain, adaptive = motion(""), motion("integrator: adaptive")
     assert plain.step_data(9) != adaptive.step_data(9) and plain.start_data() == adaptive.start_data()
 
 
 @pytest.mark.parametrize(
-    ("lengths", "stride"),
+    ("lengths", "max_step"),
     [
         ("{keys: {1: 0.2, 49: 0.4}, ease: linear}", 0.1 * (1 + 12 / 48)),
         ("{curvature: {tolerance: 0.01, finest: 0.1, coarsest: 0.3}}", 0.15),
@@ -170,12 +174,12 @@ def test_a_shot_says_how_its_velocities_are_followed(tmp_path: Path) -> None:
     ],
 )
 def test_strides_are_shares_of_the_longest_edge_of_their_frame(
-    tmp_path: Path, lengths: str, stride: float | None
+    tmp_path: Path, lengths: str, max_step: float | None
 ) -> None:
     motion = read_shot(written(tmp_path, GOOD.replace("0.25}", f"{lengths}}}"))).motion
     flow = motion.bounded(motion.flow, 13)
     assert isinstance(flow, Sequence) and isinstance(flow.flows[0], Streamlines)
-    assert flow.flows[0].stride == pytest.approx(stride)
+    assert flow.flows[0].max_step == pytest.approx(max_step)
 
 
 def test_a_model_is_known_by_its_contents(tmp_path: Path) -> None:

@@ -110,7 +110,7 @@ def test_gradation_counts_where_lengths_are_functions() -> None:
 
 def test_settings_that_the_method_ignores_are_no_part_of_any_mesh() -> None:
     polyhedra = "0.2, method: polyhedra"
-    assert data_of(motion(polyhedra)) == data_of(motion(f"{polyhedra}, shape: 0.9, placement: chord"))
+    assert data_of(motion(polyhedra)) == data_of(motion(f"{polyhedra}, min_roundness: 0.9, placement: chord"))
     assert data_of(motion(polyhedra)) != data_of(motion(f"{polyhedra}, cutting: recurse"))
     assert data_of(motion("0.2")) == data_of(motion("0.2, collapse: areas"))
 

@@ -192,7 +192,7 @@ BROKEN = [
     ("{max_edge_length: 0.25}", "{}"),
     ("max_edge_length: 0.25", "max_edge_length: {}"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, placement: exct"),
-    ("max_edge_length: 0.25", "max_edge_length: 0.25, renew: 0"),
+    ("max_edge_length: 0.25", "max_edge_length: 0.25, rest_interval: 0"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, crease: rest"),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, hard_angle: 180"),
     ("max_edge_length: 0.25", "max_edge_length: {formula: '1', camera: {}}"),
@@ -221,7 +221,7 @@ def test_a_shot_that_extends_another_need_say_no_more_and_nor_need_defaults() ->
     rest = "extends: A\nsubject: {radius: 2}\nresample: {hard_angle: 30}\nlook: {roughness: 0.1}\n"
     assert accepts(rest) and not accepts(rest.replace("extends: A\n", ""))
     assert not accepts(rest + "flows: [{rotation: {}}]\n"), "lists are replaced, so their items are whole"
-    assert accepts("look: glaze\nresample: {shape: 0.7}\n", "defaults")
+    assert accepts("look: glaze\nresample: {min_roundness: 0.7}\n", "defaults")
     assert not accepts("look: glas\n", "defaults")
     beside = jsonschema.Draft202012Validator(shot_schema(("resample", "look")))
     assert beside.is_valid(data_of("title: A\nframes: 1-2\nsubject: {solid: box}\nlook: {roughness: 1}\n"))

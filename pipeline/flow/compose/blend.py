@@ -91,8 +91,10 @@ class Blend(Weighed):
             "to": self.second.cache_data(time, dt) if weight != 0 else None,
         }
 
-    def with_max_step(self, stride: float) -> Blend:
-        return replace(self, first=self.first.with_max_step(stride), second=self.second.with_max_step(stride))
+    def with_max_step(self, max_step: float) -> Blend:
+        return replace(
+            self, first=self.first.with_max_step(max_step), second=self.second.with_max_step(max_step)
+        )
 
     @property
     def name(self) -> str:
@@ -116,8 +118,8 @@ class Within(Weighed):
     def cache_data(self, time: float, dt: float) -> Any:
         return {"within": self.region.cache_data(time + dt / 2), "flow": self.flow.cache_data(time, dt)}
 
-    def with_max_step(self, stride: float) -> Within:
-        return replace(self, flow=self.flow.with_max_step(stride))
+    def with_max_step(self, max_step: float) -> Within:
+        return replace(self, flow=self.flow.with_max_step(max_step))
 
     @property
     def name(self) -> str:

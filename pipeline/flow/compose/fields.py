@@ -101,7 +101,7 @@ class Limited(VelocityField):
         grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
         fastest = float(np.linalg.norm(self.field.velocity(grid, time), axis=1).max())
         between = inside * float(np.linalg.norm(half)) / (GRID - 1)
-        return inside + STEEPEST_FALL[self.region.fall] / falloff * (fastest + between)
+        return inside + STEEPEST_FALL[self.region.falloff_type] / falloff * (fastest + between)
 
     def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         return self.field.leaves(place, time)

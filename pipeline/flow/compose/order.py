@@ -43,8 +43,8 @@ class Sequence(Ordered):
         for flow in self.flows if dt >= 0 else reversed(self.flows):
             yield from flow.parts(time, dt)
 
-    def with_max_step(self, stride: float) -> Sequence:
-        return Sequence(tuple(flow.with_max_step(stride) for flow in self.flows))
+    def with_max_step(self, max_step: float) -> Sequence:
+        return Sequence(tuple(flow.with_max_step(max_step) for flow in self.flows))
 
     @property
     def name(self) -> str:
@@ -61,8 +61,8 @@ class Reversed(Ordered):
     def parts(self, time: float, dt: float) -> Iterator[Part]:
         yield from self.flow.parts(self.duration - time, -dt)
 
-    def with_max_step(self, stride: float) -> Reversed:
-        return replace(self, flow=self.flow.with_max_step(stride))
+    def with_max_step(self, max_step: float) -> Reversed:
+        return replace(self, flow=self.flow.with_max_step(max_step))
 
     @property
     def name(self) -> str:
@@ -95,8 +95,8 @@ class Repeated(Ordered):
         for start, length in _rounds(time / self.period, dt / self.period):
             yield from self.flow.parts(start * self.period, length * self.period)
 
-    def with_max_step(self, stride: float) -> Repeated:
-        return replace(self, flow=self.flow.with_max_step(stride))
+    def with_max_step(self, max_step: float) -> Repeated:
+        return replace(self, flow=self.flow.with_max_step(max_step))
 
     @property
     def name(self) -> str:

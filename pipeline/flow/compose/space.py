@@ -71,12 +71,12 @@ class Placed(Flow):
     The frame brings the flow to the points; where it moves, it does not carry them along. It is taken at the
     middle of each step.
 
-    stride  how far a sub-step along velocities may take a point, if not without bound
+    max_step  how far a sub-step along velocities may take a point, if not without bound
     """
 
     flow: Flow
     frame: Frame | Mirror
-    stride: float | None = None
+    max_step: float | None = None
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         origin, axes = self.frame.at(time + dt / 2)
@@ -88,13 +88,13 @@ class Placed(Flow):
         origin, axes = self.frame.at(time + dt / 2)
         return {"placed": [origin.tolist(), axes.tolist()], "flow": self._inside(axes).cache_data(time, dt)}
 
-    def with_max_step(self, stride: float) -> Placed:
-        return replace(self, stride=stride)
+    def with_max_step(self, max_step: float) -> Placed:
+        return replace(self, max_step=max_step)
 
     def _inside(self, axes: Floats) -> Flow:
-        """The flow, with the stride as long as it is in the frame."""
+        """Return the flow with the maximum step in units of the frame."""
         scale = float(np.linalg.norm(axes[:, 0]))
-        return self.flow if self.stride is None else self.flow.with_max_step(self.stride / scale)
+        return self.flow if self.max_step is None else self.flow.with_max_step(self.max_step / scale)
 
     @property
     def name(self) -> str:

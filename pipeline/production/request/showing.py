@@ -178,7 +178,7 @@ class Showing:
     @property
     def steadied_over(self) -> int:
         """Pictures to either side that light is taken from; what keeps its noise would not know its own."""
-        return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.steady
+        return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.temporal_denoise
 
     @cached_property
     def layers(self) -> PictureLayers:

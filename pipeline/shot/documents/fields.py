@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import (
     AfterValidator,
@@ -32,7 +32,12 @@ SMALLEST, LARGEST = 1e-9, 1e12
 
 
 class Document(BaseModel):
-    """A mapping in a shot file: no unknown keys, no silent conversions."""
+    """A mapping in a shot file: no unknown keys, no silent conversions.
+
+    renamed  words that shot files said in earlier versions, and what they are called now
+    """
+
+    renamed: ClassVar[Mapping[str, str]] = {}
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 

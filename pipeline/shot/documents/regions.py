@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
-from pipeline.flow.regions import FALLS, Box, Capsule, Cylinder, Fall, HalfSpace, Region, Sphere
+from pipeline.flow.regions import (
+    FALLOFF_TYPES,
+    Box,
+    Capsule,
+    Cylinder,
+    FalloffType,
+    HalfSpace,
+    Region,
+    Sphere,
+)
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NotNegativeField, PlaceField, PositiveField, number, place
@@ -108,6 +118,7 @@ class RegionDocument(Document):
     """Exactly one shape by its name, and how it ends."""
 
     model_config = exactly_one(*SHAPES)
+    renamed: ClassVar[Mapping[str, str]] = {"fall": "falloff_type"}
 
     sphere: SphereDocument | None = None
     box: BoxDocument | None = None
@@ -116,7 +127,7 @@ class RegionDocument(Document):
     cylinder: CylinderDocument | None = None
     mesh: MeshDocument | None = None
     falloff: NotNegativeField = 0.0
-    fall: Annotated[str, one_of(FALLS, "fall")] = "smooth"
+    falloff_type: Annotated[str, one_of(FALLOFF_TYPES, "falloff type")] = "smooth"
     invert: bool = False
 
     @model_validator(mode="after")
@@ -132,8 +143,8 @@ class RegionDocument(Document):
 
     def build(self, clock: Clock) -> Region:
         shape = next(shape for name in SHAPES if (shape := getattr(self, name)) is not None)
-        fall: Fall = self.fall  # type: ignore[assignment]  # one of them, as its validator says
+        falloff_type: FalloffType = self.falloff_type  # type: ignore[assignment]  # one of them, as its validator says
         region: Region = shape.build(
-            clock, falloff=number(self.falloff, clock), fall=fall, invert=self.invert
+            clock, falloff=number(self.falloff, clock), falloff_type=falloff_type, invert=self.invert
         )
         return region

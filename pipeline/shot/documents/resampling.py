@@ -6,8 +6,9 @@ Angles are degrees in the file and radians from here on.
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any
+from typing import Annotated, Any, ClassVar
 
 from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
@@ -180,7 +181,9 @@ CreasesField = Annotated[
 
 
 class ResampleDocument(Document):
-    """hard_angle: degrees; what is left out takes the defaults of `Thresholds` and `Resampling`."""
+    """Settings that are left out take the defaults of `Thresholds` and `Resampling`."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"renew": "rest_interval", "shape": "min_roundness"}
 
     max_edge_length: LengthField
     min_edge_length: ShortestField | None = None
@@ -190,9 +193,9 @@ class ResampleDocument(Document):
     method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = None
     placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = None
     splits: Annotated[str, one_of(("edges", "faces"), "way to split")] | None = None
-    shape: Annotated[float, Field(ge=0, le=1)] | None = None
+    min_roundness: Annotated[float, Field(ge=0, le=1)] | None = None
     normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = None
-    renew: Annotated[int, Field(ge=1)] | None = None
+    rest_interval: Annotated[int, Field(ge=1)] | None = None
     creases: CreasesField | None = None
     cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = None
     collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = None

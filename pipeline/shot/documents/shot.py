@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from collections.abc import Mapping
+from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 from pydantic_core import PydanticCustomError
@@ -20,7 +21,7 @@ from pipeline.shot.documents.views import ViewDocument
 from pipeline.shot.shutter import LayersField, ShutterDocument
 from render.scene.lights import LIGHTS
 from render.scene.look import LOOKS
-from render.scene.quality import MOST_STEADY, PASS_SAMPLES
+from render.scene.quality import MOST_TEMPORAL_FRAMES, PASS_SAMPLES
 from render.scene.stage import STAGES
 
 
@@ -75,13 +76,15 @@ Samples = Annotated[
 
 
 class QualityDocument(Document):
-    """What a shot needs otherwise than others at some quality."""
+    """Settings of one quality that this shot replaces."""
+
+    renamed: ClassVar[Mapping[str, str]] = {"guides": "auxiliary_samples", "steady": "temporal_denoise"}
 
     samples: Samples | None = None
-    guides: Samples | None = None
+    auxiliary_samples: Samples | None = None
     depth: Annotated[int, Field(ge=2, le=100)] | None = None
     denoise: Literal["off", "fast", "balanced", "high"] | None = None
-    steady: Annotated[int, Field(ge=0, le=MOST_STEADY)] | None = None
+    temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = None
     noise_threshold: Annotated[float, Field(gt=0, le=1)] | None = None
 
 
@@ -107,6 +110,8 @@ Rate = Annotated[
 
 
 class ShotDocument(Document):
+    renamed: ClassVar[Mapping[str, str]] = {"stride": "max_step"}
+
     title: str
     extends: str | None = None
     intent: str = ""
@@ -118,7 +123,7 @@ class ShotDocument(Document):
     substeps: Count | None = None
     integrator: Annotated[str, one_of(("rk4", "adaptive"), "integrator")] = "rk4"
     tolerance: Positive | None = None
-    stride: Positive | None = None
+    max_step: Positive | None = None
     speed: NumberField = 1.0
     look: Annotated[
         Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],

@@ -32,8 +32,7 @@ def findings(error: ValidationError, source: Source, document: type[BaseModel]) 
     found = []
     for details in error.errors(include_url=False):
         where = _in_file(source, details["loc"])
-        names = _fields(document, details["loc"])
-        message = _message(details, where, names)
+        message = _message(details, where, _models_at(document, details["loc"][:-1]))
         if details["type"] == "formula":
             where, message = in_formula(source, where, details["ctx"]["column"], details["msg"])
         found.append((where, message))
@@ -55,13 +54,22 @@ def _in_file(source: Source, loc: Where) -> Where:
     return where
 
 
-def _fields(document: type[BaseModel], loc: Where) -> list[str]:
-    """The names that could stand at a location."""
+def _models_at(document: type[BaseModel], loc: Where) -> list[type[BaseModel]]:
+    """Return the models that the mapping at a location can be."""
     models = [document]
-    for step in loc[:-1]:
+    for step in loc:
         inner = [m for model in models if step in model.model_fields for m in _models(model, step)]
         models = inner or models
-    return sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
+    return models
+
+
+def _unknown(name: Any, where: Where, models: list[type[BaseModel]]) -> str:
+    """Return the message about a name that none of the models has."""
+    for model in models:
+        if new := getattr(model, "renamed", {}).get(name):
+            return f"{name} is called {new} now{_under(where)}. Rename it."
+    names = sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
+    return f"{name} is not known{_under(where)}. {suggestion(name, names)}"
 
 
 def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
@@ -77,15 +85,13 @@ def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
     return found
 
 
-def _message(details: ErrorDetails, where: Where, names: list[str]) -> str:
+def _message(details: ErrorDetails, where: Where, models: list[type[BaseModel]]) -> str:
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
     if kind == "finding":
         return str(context["text"])
     name = _dotted(where)
     if kind == "extra_forbidden":
-        return (
-            f"{details['loc'][-1]} is not known{_under(where[:-1])}. {suggestion(details['loc'][-1], names)}"
-        )
+        return _unknown(details["loc"][-1], where[:-1], models)
     if kind == "missing":
         missing = details["loc"][-1]
         return f"{missing} is missing{_under(where)}; it has no default. Add `{missing}: …`."

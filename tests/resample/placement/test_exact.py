@@ -79,7 +79,7 @@ def turned_aside(points: Points) -> Points:
 def test_what_would_fold_stays_on_its_chord_and_is_counted() -> None:
     """New points are carried where their neighbours are not: most would fold the surface."""
     ball = icosphere(6)
-    resampler = Resampler(ball, Thresholds(0.2, 0.0), Exact(turned_aside, Sphere(1.0)), shape=0)
+    resampler = Resampler(ball, Thresholds(0.2, 0.0), Exact(turned_aside, Sphere(1.0)), min_roundness=0)
     report = resampler.resample()
     mesh = resampler.mesh
     astray = mesh.attributes[ASTRAY] > 0
@@ -98,7 +98,7 @@ def test_vertices_left_off_the_surface_return_to_it_when_they_can() -> None:
     def carry(points: Points) -> Points:
         return turned_aside(points) if wild else points
 
-    resampler = Resampler(ball, Thresholds(0.2, 0.0), Exact(carry, Sphere(1.0)), shape=0)
+    resampler = Resampler(ball, Thresholds(0.2, 0.0), Exact(carry, Sphere(1.0)), min_roundness=0)
     resampler.resample()
     mesh = resampler.mesh
     here = mesh.attributes[ASTRAY] == 0
@@ -117,7 +117,7 @@ def test_carry_is_asked_at_most_twice_a_pass_for_all_points_together() -> None:
         calls.append(len(points))
         return points * (3.0, 0.5, 1.0)
 
-    resampler = Resampler(icosphere(8), Thresholds(0.25), Exact(carry, Sphere(1.0)), shape=0)
+    resampler = Resampler(icosphere(8), Thresholds(0.25), Exact(carry, Sphere(1.0)), min_roundness=0)
     resampler.vertices[:] *= (3.0, 0.5, 1.0)
     report = resampler.resample()
     assert report.splits > 500
