@@ -54,7 +54,7 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
     from render.base.errors import RenderError
 
     asked = ["--no-progress", "--root", str(root), *words]
-    said = CliRunner().invoke(command_line(asked), asked)
+    said = CliRunner().invoke(command_line(), asked)
     if isinstance(said.exception, FlowsculptError | RenderError):
         return said.exception.exit_code, str(said.exception)
     if said.exception is not None and not isinstance(said.exception, SystemExit):

@@ -1,33 +1,25 @@
-"""The command `flowsculpt`: one line for what goes wrong, and an exit code that says of what kind it is."""
+"""The command `flowsculpt`. A fault is told in one line, and its kind by the exit code.
+
+The module of a command is imported when the command is called. Help lists commands by the table below.
+"""
 
 from __future__ import annotations
 
-import inspect
 import signal
 import sys
-from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from importlib import import_module
 from importlib.metadata import version
-from typing import Annotated, get_args
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
-from pipeline.cli.heap import keep_freed_memory
-from pipeline.cli.options import (
-    Cores,
-    DryRun,
-    Json,
-    Nice,
-    NoProgress,
-    ProfileName,
-    Root,
-    Timeout,
-    remember,
-    with_common,
-)
+from pipeline.cli.options import CommonOptions, parameters_of, with_options, with_parameters
 from pipeline.cli.output import complain
 from pipeline.errors import FlowsculptError
 from render.base.errors import RenderError
+from render.base.heap import keep_freed_memory
 
 EPILOG = (
     "Exit codes: 0 done · 1 some frames failed, the rest done · 2 bad usage or shot · 3 a missing input · "
@@ -35,35 +27,60 @@ EPILOG = (
     "What is done stays done: run again to go on."
 )
 
-COMMANDS = (
-    "new",
-    "validate",
-    "simulate",
-    "render",
-    "stills",
-    "film",
-    "turntable",
-    "deliver",
-    "preview",
-    "curves",
-    "wedge",
-    "publish",
-    "versions",
-    "sheet",
-    "figures",
-    "review",
-    "export",
-    "resample",
-    "flows",
-    "schema",
-    "status",
-    "report",
-    "why",
-    "verify",
-    "clean",
-    "doctor",
-)
-"""Commands in the order of the help: each is a function in the module of its name in `commands/`."""
+COMMANDS = {
+    "Write shots": {
+        "new": "Begin a shot: write a shot file that is ready to render.",
+        "validate": "Check shot files and report every error by file, line and column.",
+        "flows": "List the flows, or the parameters of one.",
+        "schema": "Print the JSON Schema by which editors complete and check shot files.",
+    },
+    "Render": {
+        "simulate": "Simulate the mesh frames of shots.",
+        "render": "Render frames of shots and assemble their movies.",
+        "film": "Render every shot of an edit and cut them into a film.",
+        "stills": "Write frames as PNG or JPEG, rendering what is missing.",
+        "turntable": "Turn an object, then the lights around it, before the camera.",
+        "wedge": "Render a shot in a grid of variations.",
+    },
+    "Look": {
+        "preview": "Draw a shot in seconds, without a path tracer; or follow its edits live.",
+        "curves": "Draw everything in a shot that changes over time.",
+        "figures": "Plot the measures of a shot's meshes over its frames.",
+        "sheet": "Put frames of a shot on one contact sheet.",
+        "review": "Write a page to look at shots frame by frame, in any browser.",
+    },
+    "Deliver": {
+        "deliver": "Encode shots and films for review, editing, archive or web.",
+        "export": "Write a render manager's job, or an editor's timeline.",
+        "publish": "Freeze a rendered shot as its next version.",
+        "versions": "List published versions.",
+    },
+    "Maintain": {
+        "status": "List which frames are done, stale and missing.",
+        "why": "Explain why a frame would be rendered again.",
+        "report": "Show where the time of a run went.",
+        "verify": "Check every stored file and make damaged ones again.",
+        "clean": "Delete stored files that nothing needs.",
+        "doctor": "Show what is installed, and what would make it faster.",
+        "resample": "Resample one mesh file.",
+    },
+}
+"""Commands with a line of help, by panel: each is a function in the module of its name in `commands/`."""
+
+
+class _Commands(TyperGroup):
+    """Imports a command when it is called; until then a placeholder stands for it."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
+        name, _, rest = super().resolve_command(ctx, args)
+        return name, _command_named(str(name)), rest
+
+
+def _command_named(name: str) -> Any:
+    function = getattr(import_module(f"pipeline.cli.commands.{name}"), name)
+    alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+    alone.command(name)(with_options(function))
+    return typer.main.get_command(alone)
 
 
 def _print_version(wanted: bool) -> None:
@@ -72,69 +89,41 @@ def _print_version(wanted: bool) -> None:
         raise typer.Exit
 
 
-def before_the_command(
-    ctx: typer.Context,
-    json_: Json = False,
-    no_progress: NoProgress = False,
-    cores: Cores = None,
-    dry_run: DryRun = False,
-    root: Root = None,
-    timeout: Timeout = None,
-    nice: Nice = None,
-    profile: ProfileName = None,
+@dataclass(frozen=True)
+class _Options(CommonOptions):
     version_: Annotated[
-        bool,
-        typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version and exit."),
-    ] = False,
-) -> None:
-    remember(ctx, json_, no_progress, cores, dry_run, root, timeout, nice, profile)
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="Print the version.")
+    ] = False
 
 
-def command_line(words: Sequence[str]) -> typer.Typer:
-    """The command line that understands `words`: with the command that they name or, for help, with all."""
+def _before_the_command(ctx: typer.Context, version_: bool, **given: Any) -> None:
+    ctx.obj = CommonOptions(**given)
+
+
+def command_line() -> typer.Typer:
+    """Return the command line with all commands."""
     app = typer.Typer(
         name="flowsculpt",
+        cls=_Commands,
         help="Flow sculpture films: shapes that flow like putty, from a shot file to a finished film.",
         epilog=EPILOG,
         no_args_is_help=True,
         pretty_exceptions_enable=False,
         add_completion=False,
     )
-    app.callback()(before_the_command)
-    named = next(_arguments(words), "")
-    for name in [named] if named in COMMANDS else COMMANDS:
-        module = import_module(f"pipeline.cli.commands.{name}")
-        app.command()(with_common(getattr(module, name)))
+    app.callback()(with_parameters(_before_the_command, parameters_of(_Options)))
+    for panel, commands in COMMANDS.items():
+        for name, summary in commands.items():
+            app.command(name, help=summary, rich_help_panel=panel)(lambda: None)
     return app
 
 
-def _arguments(words: Sequence[str]) -> Iterator[str]:
-    """Words that are neither options nor values of those that stand before a command; none after --help."""
-    rest, takes_a_value = iter(words), set(_taking_a_value())
-    for word in rest:
-        if word == "--help":
-            return
-        if word in takes_a_value:
-            next(rest, None)
-        elif not word.startswith("-"):
-            yield word
-
-
-def _taking_a_value() -> Iterator[str]:
-    """The options before a command that do."""
-    for parameter in inspect.signature(remember, eval_str=True).parameters.values():
-        kind, *options = get_args(parameter.annotation) or (bool,)
-        for option in options if kind is not bool else ():
-            written = (option.default, *(option.param_decls or ()))  # typer takes the first for a default
-            yield from [w for w in written if isinstance(w, str)] or [f"--{parameter.name}"]
-
-
 def main() -> None:
-    """Run the command line; never shows a traceback for what a user can mend."""
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm or a service manager sends
+    """Run the command line. Errors that a user can mend are told without a traceback."""
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # farms and service managers end jobs by it
     keep_freed_memory()
     try:
-        command_line(sys.argv[1:])()
+        command_line()()
     except (FlowsculptError, RenderError) as error:
         complain(str(error))
         sys.exit(error.exit_code)

@@ -15,6 +15,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import answer, complain, duration, err, size, warn
 from pipeline.cli.progress import Bars
 from pipeline.production.execution.run import Outcome, run
+from pipeline.production.execution.watchdog import PATIENCE
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.maintenance.run_report import Spending
 from pipeline.production.planning.estimate import Estimate, estimate
@@ -72,7 +73,7 @@ def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
         _tell_notes(plan, told)
         return plan
 
-    outcome = run(planned, common.root, common.cores, watch, common.profile, common.patience)
+    outcome = run(planned, common.root, common.cores, watch, common.profile, common.patience or PATIENCE)
     for message in outcome.warnings:
         warn(message)
     for failure in outcome.failures:

@@ -1,179 +1,55 @@
-"""Options that every command takes, before the command's name or after it."""
+"""Options that several commands take, each declared once."""
 
 from __future__ import annotations
 
 import functools
 import inspect
 import os
-from collections.abc import Callable
-from dataclasses import dataclass, fields
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
 from pipeline.cli.output import complain
-from pipeline.production.execution.watchdog import PATIENCE
-from pipeline.production.planning.profile import Profile
 from render.mitsuba.engine import VARIANTS, available_cores
 from render.scene.quality import QUALITIES
 
+if TYPE_CHECKING:  # imported when a command runs, for help and --version need neither
+    from pipeline.production.execution.project import Project
+    from pipeline.production.planning.profile import Profile
+
 INTERRUPTED = 130
+"""Exit code of a command that was interrupted."""
 
-_PANEL = "Options of every command"
+_common = functools.partial(typer.Option, rich_help_panel="Options of every command")
 
-
-@dataclass(frozen=True)
-class Common:
-    """What the common options say."""
-
-    json: bool
-    progress: bool
-    cores: int
-    dry_run: bool
-    root: Path
-    patience: float
-    profile: Profile
-
-
-Json = Annotated[
-    bool,
-    typer.Option("--json", help="Answer in JSON; messages go to standard error.", rich_help_panel=_PANEL),
-]
-NoProgress = Annotated[
-    bool, typer.Option("--no-progress", help="Draw no progress bars.", rich_help_panel=_PANEL)
-]
-Cores = Annotated[
-    int | None,
-    typer.Option("-j", min=1, metavar="N", help="Use N cores; by default all.", rich_help_panel=_PANEL),
-]
-DryRun = Annotated[
-    bool, typer.Option("--dry-run", help="Say what would be done, and do nothing.", rich_help_panel=_PANEL)
-]
-Root = Annotated[
-    Path | None,
-    typer.Option(
-        metavar="DIR",
-        help="Put outputs and the store under DIR; by default the working folder.",
-        rich_help_panel=_PANEL,
-    ),
-]
-Timeout = Annotated[
-    float | None,
-    typer.Option(
-        min=0.01,
-        metavar="MINUTES",
-        help="End a job that shows no sign of life for so long, and try it again; by default "
-        f"{PATIENCE / 60.0:g}.",
-        rich_help_panel=_PANEL,
-    ),
-]
-Nice = Annotated[
-    int | None,
-    typer.Option(
-        min=0,
-        max=19,
-        metavar="N",
-        help="Let other programs go first, the more the higher N is: 10 is usual.",
-        rich_help_panel=_PANEL,
-    ),
-]
-ProfileName = Annotated[
-    str | None,
-    typer.Option(
-        "--profile",
-        metavar="NAME|DIR",
-        envvar="FLOWSCULPT_PROFILE",
-        help="Where jobs run: local, slurm, or another folder in profiles/ or at a path; see docs/farm.md.",
-        rich_help_panel=_PANEL,
-    ),
-]
-
-
-@dataclass
-class _Said:
-    """The common options as typed: what is not said stays empty."""
-
-    json_: Json = False
-    no_progress: NoProgress = False
-    cores: Cores = None
-    dry_run: DryRun = False
-    root: Root = None
-    timeout: Timeout = None
-    nice: Nice = None
-    profile: ProfileName = None
-
-    def over(self, earlier: _Said) -> _Said:
-        """What is said after the command wins over what is said before it."""
-        return _Said(*(getattr(self, f.name) or getattr(earlier, f.name) for f in fields(self)))
-
-    def common(self) -> Common:
-        return Common(
-            json=self.json_,
-            progress=not (self.no_progress or self.json_),
-            cores=self.cores or available_cores(),
-            dry_run=self.dry_run,
-            root=(self.root or Path()).resolve(),
-            patience=PATIENCE if self.timeout is None else 60.0 * self.timeout,
-            profile=Profile.named(self.profile) if self.profile else Profile.local(),
-        )
-
-
-def remember(
-    ctx: typer.Context,
-    json_: Json = False,
-    no_progress: NoProgress = False,
-    cores: Cores = None,
-    dry_run: DryRun = False,
-    root: Root = None,
-    timeout: Timeout = None,
-    nice: Nice = None,
-    profile: ProfileName = None,
-) -> None:
-    """Keep what was said before the command's name."""
-    ctx.obj = _Said(json_, no_progress, cores, dry_run, root, timeout, nice, profile)
-
-
-def with_common(function: Callable[..., None]) -> Callable[..., None]:
-    """Give a command the common options; it is called with a `Common` first, then with its own parameters."""
-    own = inspect.signature(function, eval_str=True).parameters
-    shared = inspect.signature(remember, eval_str=True).parameters
-
-    @functools.wraps(function)
-    def command(ctx: typer.Context, **values: Any) -> None:
-        said = _Said(**{f.name: values.pop(f.name) for f in fields(_Said)})
-        said = said.over(ctx.obj or _Said())
-        try:
-            if said.nice:
-                os.nice(said.nice)  # what this process starts is as nice
-            function(said.common(), **values)
-        except KeyboardInterrupt:
-            complain("interrupted; what is done stays done, run again to go on")
-            raise typer.Exit(INTERRUPTED) from None
-
-    parameters = [shared["ctx"], *list(own.values())[1:], *[p for n, p in shared.items() if n != "ctx"]]
-    keyword_only = [p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters]
-    command.__signature__ = inspect.Signature(keyword_only)  # type: ignore[attr-defined]  # typer reads it
-    command.__annotations__ = {p.name: p.annotation for p in keyword_only}
-    return command
-
-
+Shot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
 Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")]
-OneShot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
 Frames = Annotated[
     str | None,
     typer.Option(
         "-f",
         "--frames",
         metavar="RANGE",
-        help="Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or in words, as status tells "
-        "them: missing, stale, failed. By default all.",
+        help="Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or by state, as `status` lists "
+        "them: missing, stale, failed. Default: all.",
     ),
 ]
+Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
 Variant = Annotated[
     str | None,
+    typer.Option(help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works."),
+]
+Scale = Annotated[
+    str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
+]
+Crop = Annotated[
+    str | None,
     typer.Option(
-        help=f"Render with this Mitsuba variant: {', '.join(VARIANTS)}; by default the first that works."
+        metavar="X0,Y0,X1,Y1",
+        help="Render a part: its left, upper, right and lower edge, in fractions of the picture or pixels.",
     ),
 ]
 Settings = Annotated[
@@ -181,21 +57,174 @@ Settings = Annotated[
     typer.Option(
         "--set",
         metavar="NAME=VALUE",
-        help="Put a value in place of the shot's, such as flows.0.vortex.strength=2; may be given again.",
+        help="Replace a value of the shot, such as flows.0.vortex.strength=2. Repeatable.",
     ),
 ]
 AllowCode = Annotated[
     bool, typer.Option("--allow-code", help="Let shots run the Python files that they name as flows.")
 ]
-Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
 
-Crop = Annotated[
-    str | None,
-    typer.Option(
-        metavar="X0,Y0,X1,Y1",
-        help="Render a part: its left, upper, right and lower edge, in shares of the picture or in pixels.",
-    ),
-]
-Scale = Annotated[
-    str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
-]
+
+@dataclass(frozen=True)
+class Common:
+    """The common options, resolved. The first parameter of every command.
+
+    patience  seconds without a sign of life after which a job is ended; None is the default
+    """
+
+    json: bool
+    progress: bool
+    cores: int
+    dry_run: bool
+    root: Path
+    patience: float | None
+    profile: Profile
+
+
+@dataclass(frozen=True)
+class CommonOptions:
+    """The common options as typed, before or after the command; what is not given is empty."""
+
+    json_: Annotated[
+        bool, _common("--json", help="Answer in JSON on standard output; messages go to standard error.")
+    ] = False
+    no_progress: Annotated[bool, _common("--no-progress", help="Draw no progress bars.")] = False
+    cores: Annotated[int | None, _common("-j", min=1, metavar="N", help="Use N cores. Default: all.")] = None
+    dry_run: Annotated[bool, _common("--dry-run", help="Say what would be done, and do nothing.")] = False
+    root: Annotated[
+        Path | None,
+        _common("--root", metavar="DIR", help="Write outputs and the store below DIR. Default: this folder."),
+    ] = None
+    timeout: Annotated[
+        float | None,
+        _common(
+            "--timeout",
+            min=0.01,
+            metavar="MINUTES",
+            help="End a job that shows no sign of life for so long, and try it again. Default: 30.",
+        ),
+    ] = None
+    nice: Annotated[
+        int | None,
+        _common(
+            "--nice",
+            min=0,
+            max=19,
+            metavar="N",
+            help="Lower the priority of all processes: 10 is usual, 19 the lowest.",
+        ),
+    ] = None
+    profile: Annotated[
+        str | None,
+        _common(
+            "--profile",
+            metavar="NAME|DIR",
+            envvar="FLOWSCULPT_PROFILE",
+            help="Where jobs run: local, slurm, another folder in profiles/, or a path; see docs/farm.md.",
+        ),
+    ] = None
+
+    def resolved(self, before: CommonOptions) -> Common:
+        """Return what holds for a command; `before` are the options given before its name, which yield."""
+        from pipeline.production.planning.profile import Profile
+
+        given = CommonOptions(*(getattr(self, f.name) or getattr(before, f.name) for f in fields(self)))
+        if given.nice:
+            os.nice(given.nice)  # processes that this one starts inherit it
+        return Common(
+            json=given.json_,
+            progress=not (given.no_progress or given.json_),
+            cores=given.cores or available_cores(),
+            dry_run=given.dry_run,
+            root=(given.root or Path()).resolve(),
+            patience=None if given.timeout is None else 60.0 * given.timeout,
+            profile=Profile.named(given.profile) if given.profile else Profile.local(),
+        )
+
+
+@dataclass(frozen=True)
+class ShotOptions:
+    """How a command reads shots."""
+
+    settings: Settings = None
+    allow_code: AllowCode = False
+
+    def project(self, common: Common, variant: str | None = None) -> Project:
+        """Return the project that a command works in."""
+        return project_of(common, self.settings, self.allow_code, variant)
+
+
+@dataclass(frozen=True)
+class PictureOptions:
+    """How a command reads and renders shots."""
+
+    crop: Crop = None
+    scale: Scale = None
+    variant: Variant = None
+    settings: Settings = None
+    allow_code: AllowCode = False
+
+    def project(self, common: Common) -> Project:
+        """Return the project that a command works in."""
+        return project_of(common, self.settings, self.allow_code, self.variant)
+
+    def quality(self, name: str) -> str:
+        """Return the name of a quality with crop and scale, as its folder has it. Raises UsageError."""
+        from pipeline.production.request.crop_and_scale import windowed
+
+        return windowed(name, self.crop, self.scale)
+
+
+def project_of(
+    common: Common, settings: Sequence[str] | None, allow_code: bool = False, variant: str | None = None
+) -> Project:
+    """Return the project at the root that the options name."""
+    from pipeline.production.execution.project import Project
+
+    return Project(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+
+
+def with_options(function: Callable[..., None]) -> Callable[..., None]:
+    """Make a function a command: its parameter `common` stands for the common options, and a parameter whose
+    type is a dataclass for the options that are its fields."""
+    own = inspect.signature(function, eval_str=True).parameters
+    groups = {
+        name: p.annotation for name, p in own.items() if is_dataclass(p.annotation) and name != "common"
+    }
+    plain = [p for name, p in own.items() if name not in {"common", *groups}]
+    common = parameters_of(CommonOptions)
+
+    @functools.wraps(function)
+    def command(ctx: typer.Context, **values: Any) -> None:
+        def taken(options: Any) -> Any:
+            return options(**{f.name: values.pop(f.name) for f in fields(options)})
+
+        given = taken(CommonOptions)
+        values |= {name: taken(options) for name, options in groups.items()}
+        try:
+            function(given.resolved(ctx.obj or CommonOptions()), **values)
+        except KeyboardInterrupt:
+            complain("interrupted; what is done stays done, run again to go on")
+            raise typer.Exit(INTERRUPTED) from None
+
+    inner = [p for options in groups.values() for p in parameters_of(options)]
+    return with_parameters(command, [*plain, *inner, *common])
+
+
+def parameters_of(options: Any) -> list[inspect.Parameter]:
+    """Return the fields of a dataclass of options as parameters of a command."""
+    types, kind = get_type_hints(options, include_extras=True), inspect.Parameter.KEYWORD_ONLY
+    return [
+        inspect.Parameter(f.name, kind, default=f.default, annotation=types[f.name]) for f in fields(options)
+    ]
+
+
+def with_parameters(
+    function: Callable[..., None], parameters: Sequence[inspect.Parameter]
+) -> Callable[..., None]:
+    """Give a function a context and these parameters, as typer reads them."""
+    context = inspect.Parameter("ctx", inspect.Parameter.KEYWORD_ONLY, annotation=typer.Context)
+    own = [context, *(p.replace(kind=inspect.Parameter.KEYWORD_ONLY) for p in parameters)]
+    function.__signature__ = inspect.Signature(own)  # type: ignore[attr-defined]
+    function.__annotations__ = {p.name: p.annotation for p in own}
+    return function

@@ -3,9 +3,13 @@
 import json
 import re
 from pathlib import Path
+from pkgutil import iter_modules
 
 import pytest
 
+from pipeline.cli import commands
+from pipeline.cli.app import COMMANDS
+from pipeline.production.execution.watchdog import PATIENCE
 from render.movie.movie import probe_movie
 from render.post.image import read_png
 
@@ -16,66 +20,27 @@ def lines(text):
     return [line for line in text.splitlines() if line.strip()]
 
 
+ALL = [name for commands in COMMANDS.values() for name in commands]
+
+
 def test_help_names_every_command_and_the_exit_codes(project):
     done = project.run("--help")
     assert done.code == 0
-    for word in (
-        "new",
-        "validate",
-        "simulate",
-        "render",
-        "stills",
-        "film",
-        "turntable",
-        "deliver",
-        "preview",
-        "export",
-        "curves",
-        "wedge",
-        "publish",
-        "versions",
-        "review",
-        "sheet",
-        "figures",
-        "flows",
-        "schema",
-        "status",
-        "doctor",
-        "130",
-    ):
+    for word in (*ALL, "130"):
         assert word in done.out
 
 
-MAKING = (
-    "simulate",
-    "render",
-    "stills",
-    "film",
-    "turntable",
-    "deliver",
-    "preview",
-    "wedge",
-    "publish",
-    "review",
-    "sheet",
-    "export",
-)
-TELLING = (
-    "validate",
-    "curves",
-    "versions",
-    "flows",
-    "schema",
-    "status",
-    "why",
-    "report",
-    "figures",
-    "doctor",
-)
-CARING = ("verify", "clean")
+def test_every_module_of_a_command_is_in_the_help():
+    assert sorted(ALL) == sorted(module.name for module in iter_modules(commands.__path__))
 
 
-@pytest.mark.parametrize("command", ["new", *MAKING, *TELLING, *CARING])
+def test_help_tells_after_how_long_a_silent_job_is_ended(project):
+    assert f"again. Default: {PATIENCE / 60.0:g}." in " ".join(
+        project.run("--help").out.replace("│", "").split()
+    )
+
+
+@pytest.mark.parametrize("command", ALL)
 def test_every_command_explains_itself_and_takes_the_common_options(project, command):
     done = project.run(command, "--help")
     assert done.code == 0

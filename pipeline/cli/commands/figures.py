@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import AllowCode, Common, OneShot, Quality, Settings
+from pipeline.cli.options import AllowCode, Common, Quality, Settings, Shot
 from pipeline.cli.output import answer
 from pipeline.cli.projects import project_of
 from pipeline.errors import MissingInputError
@@ -16,7 +16,7 @@ from pipeline.production.request.lookup import find_shot
 
 def figures(
     common: Common,
-    shot: OneShot,
+    shot: Shot,
     quality: Quality = "draft",
     output: Annotated[
         Path | None,

@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.execution import carried_out, tell_plan
-from pipeline.cli.options import AllowCode, Common, Crop, OneShot, Quality, Scale, Settings, Variant
+from pipeline.cli.options import AllowCode, Common, Crop, Quality, Scale, Settings, Shot, Variant
 from pipeline.cli.output import answer
 from pipeline.cli.projects import project_of
 from pipeline.errors import UsageError
@@ -19,7 +19,7 @@ from pipeline.production.request.lookup import find_shot
 
 def sheet(
     common: Common,
-    shot: OneShot,
+    shot: Shot,
     frames: Annotated[
         str | None,
         typer.Option(
