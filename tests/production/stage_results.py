@@ -1,0 +1,163 @@
+"""Make a tiny film and gather what every stage makes of it.
+
+`python -m tests.production.stage_results` records it: do so after raising the version of a stage in
+`pipeline/production/keys/stages.py`.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import sys
+import tempfile
+from collections.abc import Iterator
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import av
+import llvmlite.binding as llvm
+import numpy as np
+
+from pipeline.dailies.sheets.measures import Measures
+from pipeline.dailies.turntable.request import Turning
+from pipeline.dailies.turntable.sheets import Sheets
+from pipeline.production.execution.project import Project
+from pipeline.production.keys.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, Stage
+from pipeline.production.planning.plan import Plan
+from pipeline.production.request.lookup import find_shot
+from pipeline.production.store import readers
+from pipeline.production.tasks.job import Context
+from pipeline.production.tasks.worker import task_of
+from render.post.image import read_exr, read_png
+from tests.conftest import commanded
+
+Arrays = dict[str, np.ndarray]
+
+RECORD = Path(__file__).with_name("reference") / "stage_results.npz"
+
+EVERY_STAGE: tuple[Stage, ...] = (*STAGES.values(), DELIVER, TURNTABLE_SHEET, MEASURE)
+"""Each after those that it rests on."""
+
+NAME = "R010_reference"
+SHOT = """\
+title: Reference
+frames: 1-3
+subject: {solid: box, size: [2, 2, 2]}
+resample: {max_edge_length: 0.5}
+flows:
+  - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 40}}}
+look: glaze
+camera: {azimuth: -30, elevation: 14}
+shutter: {angle: 180}
+quality: {draft: {samples: 4, guides: 1, denoise: fast, steady: 1}}
+"""
+FILM = f"""\
+title: Reference
+subtitle: three frames
+title_seconds: 0.25
+credits_seconds: 0
+shots: [{NAME}, {{shot: {NAME}, dissolve: 2}}]
+"""
+SCALE = "6.7%"
+QUALITY = "draft.scale6.7"
+"""32 × 18 pixels."""
+
+
+def results(root: Path) -> dict[str, Arrays]:
+    """Make a film under `root`, which is the working folder, and return arrays by stage, in their order."""
+    (root / "shots").mkdir()
+    (root / "shots" / f"{NAME}.yaml").write_text(SHOT)
+    (root / "shots" / "film.yaml").write_text(FILM)
+    project = Project(root, 1)
+    _do(root, project.film(QUALITY))
+    for stage in STILLS:
+        _do(root, project.stills([NAME], stage.name, QUALITY))
+    code, said = commanded(root, "deliver", NAME, "--as", "prores4444", "-q", "draft", "--scale", SCALE)
+    assert code == 0, said
+    turning = Turning(project, NAME, QUALITY, 2, 4, turn="object")
+    _do(root, turning.plan())
+    (sheet,) = Sheets(turning).draw()
+    take, home = project.take(find_shot(NAME), QUALITY), root / "renders"
+    keys, numbers = take.picture_keys(project.store), sorted(take.requested)
+    assert keys is not None
+    meshes = {n: readers.mesh_frame(take.mesh_key(n))(root / take.place("mesh", n)) for n in numbers}
+    gathered: dict[str, Arrays] = {
+        "simulate": {
+            f"{name}.{n}": array
+            for n, frame in meshes.items()
+            for name, array in (("vertices", frame.mesh.vertices), ("faces", frame.mesh.faces))
+        },
+        "smooth_normals": {
+            f"{name}.{n}": array
+            for n in numbers
+            for name, array in readers.arrays(take.normals_key(n))(root / take.place("normals", n)).items()
+            if name != "key"
+        },
+        "frame_camera": _numbers(json.loads((root / take.folders.cameras()).read_text())),
+        "render": {
+            f"{name}.{n}": array
+            for n in numbers
+            for name, array in read_exr(root / take.place("raw", n))[0].arrays.items()
+        },
+        "finish": {f"{n}": read_exr(root / take.place("frame", n))[0]["beauty"] for n in numbers},
+        **{s.name: {f"{n}": read_png(root / take.place(s.name, n)) for n in numbers} for s in STILLS},
+        "assemble": _decoded(root / take.movie_path),
+        "film": _decoded(root / "renders" / "film" / QUALITY / "film.mp4"),
+        "deliver": _decoded(next(home.rglob("*.mov"))),
+        "turntable_sheet": {"sheet": read_png(root / sheet)},
+        "measure": _numbers({n: asdict(Measures.of(frame, 0.5)) for n, frame in meshes.items()}),
+    }
+    return {stage.name: gathered[stage.name] for stage in EVERY_STAGE}
+
+
+def environment() -> dict[str, Any]:
+    """Return what decides the last bits: variant, features of the processor, packages of the stages."""
+    packages = sorted({name for stage in EVERY_STAGE for name in stage.packages})
+    root = Path.cwd()
+    return {
+        "variant": Project(root, 1).take(find_shot(NAME), QUALITY).variant,
+        "features": sorted(name for name, has in llvm.get_host_cpu_features().items() if has),
+        "packages": {name: version(name) for name in packages},
+    }
+
+
+def _do(root: Path, plan: Plan) -> None:
+    for job in plan.jobs:
+        assert task_of(job.task)(Context.of(root, plan, job.name)), job.name
+
+
+def _decoded(path: Path) -> Arrays:
+    with av.open(str(path)) as container:
+        frames = [frame.to_ndarray(format="rgb24") for frame in container.decode(video=0)]
+    return {"frames": np.stack(frames)}
+
+
+def _numbers(data: Any) -> Arrays:
+    """Return all numbers of plain data, in the order in which they stand."""
+
+    def each(part: Any) -> Iterator[float]:
+        if isinstance(part, dict | list | tuple):
+            for inner in part.values() if isinstance(part, dict) else part:
+                yield from each(inner)
+        elif isinstance(part, int | float):
+            yield float(part)
+
+    return {"numbers": np.array(list(each(data)))}
+
+
+def record() -> None:
+    """Write the results of today, with the versions of the stages and the environment they came from."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.chdir(folder)
+        found = results(Path(folder))
+        about = {"stages": {stage.name: stage.version for stage in EVERY_STAGE}, **environment()}
+    arrays = {f"{stage}/{name}": array for stage, named in found.items() for name, array in named.items()}
+    RECORD.parent.mkdir(exist_ok=True)
+    np.savez_compressed(RECORD, about=np.array(json.dumps(about)), **arrays)
+    print(f"{RECORD}: {RECORD.stat().st_size / 1024:.0f} KiB", file=sys.stderr)
+
+
+if __name__ == "__main__":
+    record()
