@@ -1,4 +1,4 @@
-"""One family of errors, each with the exit code the command line answers with.
+"""Errors of shots, meshes and frames, each with the exit code that the command line answers with.
 
 A message says place, fact, rule and remedy, in that order and in one line:
 ``shots/a.yaml:14:5: min_edge_length 0.03 is 60% of max_edge_length 0.05; it must be below 50%. Try 0.02.``
@@ -6,13 +6,9 @@ A message says place, fact, rule and remedy, in that order and in one line:
 
 from __future__ import annotations
 
+from render.base.errors import FlowsculptError as FlowsculptError
+from render.base.errors import MachineError as MachineError
 from render.base.errors import suggestion as suggestion
-
-
-class FlowsculptError(Exception):
-    """Anything a user can be told in one line. `exit_code` is what the process ends with."""
-
-    exit_code = 2
 
 
 class UsageError(FlowsculptError):
@@ -52,9 +48,3 @@ class FrameError(FlowsculptError):
     def of(self, frame: int) -> FrameError:
         """This error as that frame's; one that knows its frame stays as it is."""
         return self if self.frame is not None else FrameError(str(self), frame)
-
-
-class MachineError(FlowsculptError):
-    """The machine's fault: disk full, no permission, a renderer that cannot run (exit code 4)."""
-
-    exit_code = 4

@@ -51,11 +51,10 @@ def commanded(root: Path, *words: str) -> tuple[int, str]:
 
     from pipeline.cli.app import command_line
     from pipeline.errors import FlowsculptError
-    from render.base.errors import RenderError
 
     asked = ["--no-progress", "--root", str(root), *words]
     said = CliRunner().invoke(command_line(), asked)
-    if isinstance(said.exception, FlowsculptError | RenderError):
+    if isinstance(said.exception, FlowsculptError):
         return said.exception.exit_code, str(said.exception)
     if said.exception is not None and not isinstance(said.exception, SystemExit):
         raise said.exception

@@ -18,7 +18,6 @@ from typer.core import TyperGroup
 from pipeline.cli.options import CommonOptions, parameters_of, with_options, with_parameters
 from pipeline.cli.output import complain
 from pipeline.errors import FlowsculptError
-from render.base.errors import RenderError
 from render.base.heap import keep_freed_memory
 
 EPILOG = (
@@ -124,6 +123,6 @@ def main() -> None:
     keep_freed_memory()
     try:
         command_line()()
-    except (FlowsculptError, RenderError) as error:
+    except FlowsculptError as error:
         complain(str(error))
         sys.exit(error.exit_code)

@@ -9,13 +9,10 @@ from __future__ import annotations
 import ast
 import hashlib
 import math
-import os
 import sys
-import tempfile
 from collections.abc import Iterable, Mapping
 from functools import cache
 from itertools import pairwise
-from pathlib import Path
 from types import ModuleType
 
 import numpy as np
@@ -23,6 +20,7 @@ import numpy as np
 from pipeline.formula.expression import Expression
 from pipeline.formula.words import PLACE, TIME
 from pipeline.kernels import BlockKernel
+from render.base.atomic_write import atomic_write
 from render.base.kernel_cache import cache_folder
 
 _MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
@@ -188,7 +186,8 @@ def _loaded(text: str) -> BlockKernel:
     folder.mkdir(exist_ok=True)
     file = folder / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
     if not file.exists():
-        _write(file, text)
+        with atomic_write(file, flush=False) as draft:  # several processes may compile one at once
+            draft.write_text(text)
     module = ModuleType(file.stem)
     vars(module).update(math=math, np=np)
     sys.modules[file.stem] = module  # where numba looks up what it has filed
@@ -196,11 +195,3 @@ def _loaded(text: str) -> BlockKernel:
         compile(text, str(file), "exec", dont_inherit=True), vars(module)
     )  # our own words, written from a checked tree
     return BlockKernel(vars(module)["formula"])
-
-
-def _write(file: Path, text: str) -> None:
-    """Whole or not at all: several processes may meet a formula at once."""
-    descriptor, draft = tempfile.mkstemp(dir=file.parent, suffix=".tmp")
-    with os.fdopen(descriptor, "w") as stream:
-        stream.write(text)
-    Path(draft).replace(file)

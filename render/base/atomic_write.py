@@ -1,38 +1,76 @@
-"""Files that appear under their name only when whole."""
+"""Write files whole or not at all, and say in one line what the disk refuses.
+
+Every file of the project that another process may read is written through `atomic_write`.
+"""
 
 from __future__ import annotations
 
+import errno
 import os
+import secrets
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from render.base.errors import RenderEnvironmentError
+from render.base.errors import MachineError
+
+_REMEDIES = {
+    errno.ENOSPC: "the disk is full; free some space and run again, nothing done is lost",
+    errno.EDQUOT: "the disk quota is used up; free some space or ask for more",
+    errno.EFBIG: "the file is larger than this process may write; raise `ulimit -f`",
+    errno.EROFS: "the file system is read-only; choose another folder",
+    errno.EACCES: "permission denied; choose another folder or change its owner",
+    errno.EPERM: "not permitted; choose another folder or change its owner",
+    errno.ENOTDIR: "a file stands where a folder should be; choose another folder",
+    errno.EEXIST: "a file stands where a folder should be; choose another folder",
+    errno.EISDIR: "a folder stands where a file should be; move it away",
+    errno.ENAMETOOLONG: "the name is too long for this file system; choose a shorter one",
+}
 
 
 @contextmanager
-def appearing(path: Path) -> Iterator[Path]:
-    """A temporary name beside `path`; what is written there is flushed to the disk and takes its place.
+def atomic_write(path: Path, draft: Path | None = None, *, flush: bool = True) -> Iterator[Path]:
+    """Yield a temporary path to write to. When the block ends, it replaces `path`; if it raises, it goes.
 
-    Where writing fails, nothing stays behind. Raises RenderEnvironmentError for what the operating
-    system refuses: a full disk, a folder that cannot be written.
+        with atomic_write(path) as draft:
+            draft.write_text(text)
+
+    Missing folders are made. The temporary path has the suffix of `path`. Threads, processes and hosts may
+    write one path at once: the last one wins.
+
+    draft  temporary path, on the file system of `path`; by default a hidden file beside it
+    flush  write through to the disk first, so that `path` survives a power failure; caches need not
+
+    Raises MachineError where the operating system refuses. Where the file is only a cache, suppress it.
     """
-    temporary = path.with_name(f".{path.stem}.tmp{os.getpid()}{path.suffix}")
+    if draft is None:
+        draft = path.with_name(f".{path.stem}.tmp{os.getpid()}-{secrets.token_hex(4)}{path.suffix}")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        yield temporary
-        with temporary.open("rb") as file:
-            os.fsync(file.fileno())
-        temporary.replace(path)
-    except OSError as error:
-        raise cannot_write(path, error.strerror or str(error)) from None
+        with disk_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            draft.parent.mkdir(parents=True, exist_ok=True)
+            yield draft
+            if flush:
+                with draft.open("rb") as file:
+                    os.fsync(file.fileno())
+            draft.replace(path)
     finally:
-        with suppress(OSError):  # not there, or its folder is no folder
-            temporary.unlink()
+        with suppress(OSError):  # not there, or its folder is a file
+            draft.unlink()
 
 
-def cannot_write(path: Path, reason: str) -> RenderEnvironmentError:
-    """The error for a file that could not be written, in the words a user reads."""
-    return RenderEnvironmentError(
-        f"{path}: cannot be written ({reason}); look at the disk's free space and the folder's permissions"
+@contextmanager
+def disk_errors(path: Path) -> Iterator[None]:
+    """Turn an OSError in the block into a MachineError of one line about `path`."""
+    try:
+        yield
+    except OSError as error:
+        fact = _REMEDIES.get(error.errno or 0) or os.strerror(error.errno or errno.EIO)
+        raise MachineError(f"{path}: cannot be written: {fact}") from error
+
+
+def cannot_write(path: Path, reason: str) -> MachineError:
+    """Return the error for a file that a library failed to write without an errno."""
+    return MachineError(
+        f"{path}: cannot be written: {reason}; check the disk's free space and the folder's permissions"
     )

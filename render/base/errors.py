@@ -1,6 +1,6 @@
-"""What can go wrong between arrays and a film, each with the exit code the command line answers with.
+"""The errors of the whole project, each with the exit code that the command line answers with.
 
-A message says place, fact, rule and remedy, in one line.
+A message says place, fact, rule and remedy, in that order and in one line.
 """
 
 from __future__ import annotations
@@ -9,10 +9,20 @@ from collections.abc import Iterable
 from difflib import get_close_matches
 
 
-class RenderError(Exception):
-    """Anything about a picture that a user can be told in one line."""
+class FlowsculptError(Exception):
+    """Base class: anything that a user can be told in one line. `exit_code` is what the process ends with."""
 
     exit_code = 2
+
+
+class MachineError(FlowsculptError):
+    """The machine's fault: disk full, no permission, no renderer that works (exit code 4)."""
+
+    exit_code = 4
+
+
+class RenderError(FlowsculptError):
+    """Base class of what is wrong with a picture, a movie or what they are made from."""
 
 
 class BadInputError(RenderError):
@@ -31,14 +41,8 @@ class CorruptImageError(RenderError):
     exit_code = 1
 
 
-class RenderEnvironmentError(RenderError):
-    """The machine's fault: disk full, no permission, no renderer that works (exit code 4)."""
-
-    exit_code = 4
-
-
 def suggestion(word: object, names: Iterable[str]) -> str:
-    """The remedy for a name that is not known: `Did you mean 'vortex'?`, or the names there are."""
+    """Return the remedy for an unknown name: `Did you mean 'vortex'?`, or the names there are."""
     known = list(names)
     close = get_close_matches(str(word), known, n=1, cutoff=0.6)
     return f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(known)}."

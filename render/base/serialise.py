@@ -1,7 +1,7 @@
-"""Pictures' settings as plain values and back: what is hashed into keys and written into headers.
+"""Turn settings into plain values and back: what is hashed into keys, written to headers and sent to jobs.
 
 `to_plain` turns a frozen dataclass into dicts, lists, numbers and strings that JSON can hold; `from_plain`
-builds it again from the class and those values, so that nothing about a picture lives outside of them.
+builds it again from its class and those values. Neither needs a word in the class itself.
 """
 
 from __future__ import annotations
@@ -9,7 +9,9 @@ from __future__ import annotations
 import dataclasses
 import types
 import typing
+from collections.abc import Mapping
 from functools import cache
+from pathlib import Path
 from typing import Any, TypeVar
 
 from render.base.errors import BadInputError
@@ -20,41 +22,59 @@ Triple = tuple[float, float, float]
 """A point, a direction or a linear Rec.709 colour."""
 
 NOT_PLAIN = {"plain": False}
-"""`field(metadata=NOT_PLAIN)`: something that decides nothing, such as where a file of known content lies."""
+"""`field(metadata=NOT_PLAIN)`: a field to leave out, such as where a file of known content lies, or a cache.
+It needs a default."""
 
 
 def to_plain(value: Any) -> Any:
-    """Dataclasses as dicts by field name, tuples as lists; anything else unchanged."""
+    """Return a value that `json.dumps` takes and `from_plain` turns back.
+
+    A dataclass becomes a dict by field name, without its NOT_PLAIN fields; a mapping, a dict whose keys are
+    strings; a tuple, a list; a path, a string. Anything else is returned unchanged.
+    """
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [field for field in dataclasses.fields(value) if field.metadata.get("plain", True)]
         return {field.name: to_plain(getattr(value, field.name)) for field in fields}
     if isinstance(value, list | tuple):
         return [to_plain(item) for item in value]
-    if isinstance(value, dict):
+    if isinstance(value, Mapping):
         return {str(key): to_plain(item) for key, item in value.items()}
-    return value
+    return str(value) if isinstance(value, Path) else value
 
 
 def from_plain(kind: type[T], values: Any) -> T:
-    """The dataclass `kind` from what `to_plain` made of it. Fields left out take their defaults.
+    """Return the dataclass `kind` from what `to_plain` made of one. Fields left out take their defaults.
 
-    Raises BadInputError for a field that `kind` does not have, or one that it needs and is missing.
+    The annotations of fields decide: dataclasses, tuples, lists and mappings of any depth, `X | None`, paths,
+    mappings by int and floats are built again; values of other types are taken as they are.
+
+    Raises BadInputError for a field that `kind` does not have, one that it needs and is missing, or a value
+    of another shape; the message names the field.
     """
     return typing.cast(T, _build(kind, values, kind.__name__))
 
 
 def _build(kind: Any, values: Any, place: str) -> Any:
-    origin = typing.get_origin(kind)
-    if dataclasses.is_dataclass(kind):
-        return _build_dataclass(kind, values, place)
+    origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (types.UnionType, typing.Union):
-        return None if values is None else _build(typing.get_args(kind)[0], values, place)
-    if origin is tuple:
-        item, *rest = typing.get_args(kind)
-        if rest != [Ellipsis] and len(values) != 1 + len(rest):
-            raise BadInputError(f"{place} has {len(values)} values; it needs {1 + len(rest)}")
-        return tuple(_build(item, each, f"{place}[{index}]") for index, each in enumerate(values))
-    return float(values) if kind is float else values
+        return None if values is None else _build(arguments[0], values, place)
+    try:
+        if dataclasses.is_dataclass(kind):
+            return _build_dataclass(kind, values, place)
+        if origin is tuple and arguments[-1] is not Ellipsis:
+            if len(values) != len(arguments):
+                raise BadInputError(f"{place} has {len(values)} values; it needs {len(arguments)}")
+            parts = zip(arguments, values, strict=True)
+            return tuple(_build(part, item, f"{place}[{i}]") for i, (part, item) in enumerate(parts))
+        if origin in (tuple, list):
+            return origin(_build(arguments[0], item, f"{place}[{i}]") for i, item in enumerate(values))
+        if isinstance(origin, type) and issubclass(origin, Mapping):
+            key_kind = int if arguments[0] is int else str
+            items = values.items()
+            return {key_kind(key): _build(arguments[1], item, f"{place}.{key}") for key, item in items}
+        return kind(values) if kind in (float, Path) else values
+    except (TypeError, ValueError, AttributeError) as error:
+        raise BadInputError(f"{place}: {error}") from None
 
 
 @cache
@@ -67,10 +87,7 @@ def _build_dataclass(kind: Any, values: Any, place: str) -> Any:
         return values
     hints = _hints_of(kind)
     names = [field.name for field in dataclasses.fields(kind)]
-    strangers = [name for name in values if name not in names]
-    if strangers:
-        raise BadInputError(f"{place} has no {strangers[0]!r}; it has {', '.join(names)}")
-    try:
-        return kind(**{name: _build(hints[name], item, f"{place}.{name}") for name, item in values.items()})
-    except TypeError as error:
-        raise BadInputError(f"{place}: {error}") from None
+    unknown = [name for name in values if name not in names]
+    if unknown:
+        raise BadInputError(f"{place} has no {unknown[0]!r}; it has {', '.join(names)}")
+    return kind(**{name: _build(hints[name], item, f"{place}.{name}") for name, item in values.items()})

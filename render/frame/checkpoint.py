@@ -17,6 +17,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.atomic_write import atomic_write
+from render.base.errors import MachineError
+
 State = Mapping[str, NDArray[Any]]
 
 SECONDS = 10.0
@@ -71,18 +74,11 @@ class Checkpoint:
         if self._refused or not (self.urgent() or now >= self._due):
             return
         try:
-            self.draft.parent.mkdir(parents=True, exist_ok=True)
-            self.path.parent.mkdir(parents=True, exist_ok=True)
-            with self.draft.open("wb") as file:  # a name would be given another suffix
-                np.savez(file, allow_pickle=False, **state())
-            self.draft.replace(self.path)
-        except OSError as error:
+            with atomic_write(self.path, self.draft, flush=False) as draft, draft.open("wb") as file:
+                np.savez(file, allow_pickle=False, **state())  # a path would be given another suffix
+        except MachineError as error:
             self._refused = True
-            self.warn(
-                f"{self.path} cannot be written ({error.strerror}); if interrupted, its picture starts anew"
-            )
-            with contextlib.suppress(OSError):
-                self.draft.unlink(missing_ok=True)
+            self.warn(f"{error}; if interrupted, its picture starts anew")
         spent = time.monotonic() - now
         self._due = now + spent + max(self.seconds, LEAST_WORK * spent)
 

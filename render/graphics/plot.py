@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from render.base.atomic_write import appearing
+from render.base.atomic_write import atomic_write
 from render.base.errors import BadInputError
 from render.graphics.panels import FAINT, GREY, INK, Panel, draw
 
@@ -44,7 +44,7 @@ STYLE: Any = {
 def plot_tracks(title: str, tracks: Sequence[Panel], fps: float, path: Path) -> None:
     """Write a page of tracks over the same frames, as its ending says; the same bytes every time.
 
-    Raises BadInputError for another ending or no tracks, RenderEnvironmentError where the disk refuses.
+    Raises BadInputError for another ending or no tracks, MachineError where the disk refuses.
     """
     if path.suffix.lower() not in ENDINGS:
         raise BadInputError(f"{path}: a page of curves can be {', '.join(ENDINGS)}; end its name so")
@@ -52,7 +52,7 @@ def plot_tracks(title: str, tracks: Sequence[Panel], fps: float, path: Path) -> 
         raise BadInputError("a page of no curves is not possible")
     import matplotlib as mpl
 
-    with mpl.rc_context(STYLE), appearing(path) as temporary:
+    with mpl.rc_context(STYLE), atomic_write(path) as temporary:
         figure = _page(title, tracks, fps)
         kind = path.suffix.lower().lstrip(".")
         metadata = {"svg": {"Date": None}, "pdf": {"CreationDate": None}}.get(kind, {})

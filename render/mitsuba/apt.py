@@ -15,7 +15,7 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 
-from render.base.errors import RenderEnvironmentError
+from render.base.errors import MachineError
 
 _NEW_PACKAGE = re.compile(r"^Inst (\S+) \(", re.MULTILINE)
 
@@ -33,7 +33,7 @@ class PrivateApt:
     deadline: float
 
     def update(self) -> None:
-        """Fetch the lists of packages. Raises RenderEnvironmentError."""
+        """Fetch the lists of packages. Raises MachineError."""
         for name in ("lists/partial", "cache/archives/partial", "debs"):
             (self.folder / name).mkdir(parents=True, exist_ok=True)
         self._run("update")
@@ -42,13 +42,13 @@ class PrivateApt:
         """The packages that installing `package` would add here; empty where apt does not offer it."""
         try:
             plan = self._run("install", "--simulate", "--no-install-recommends", package)
-        except RenderEnvironmentError:
+        except MachineError:
             self._check_time("apt-get install --simulate")
             return []
         return _NEW_PACKAGE.findall(plan)
 
     def unpack(self, packages: list[str], target: Path) -> None:
-        """Download the packages and lay their files under `target`. Raises RenderEnvironmentError."""
+        """Download the packages and lay their files under `target`. Raises MachineError."""
         self._run("download", *packages)
         for archive in sorted((self.folder / "debs").glob("*.deb")):
             self._call(["dpkg", "-x", str(archive), str(target)])
@@ -80,15 +80,15 @@ class PrivateApt:
                 timeout=self.deadline - time.monotonic(),
             )
         except subprocess.TimeoutExpired:
-            raise RenderEnvironmentError(f"{command[0]} took too long") from None
+            raise MachineError(f"{command[0]} took too long") from None
         except OSError as error:
-            raise RenderEnvironmentError(f"{command[0]} cannot run: {error.strerror}") from None
+            raise MachineError(f"{command[0]} cannot run: {error.strerror}") from None
         if done.returncode != 0:
             complaints = [line for line in done.stderr.splitlines() if line.startswith(("E:", "dpkg"))]
             reason = complaints[0].removeprefix("E: ") if complaints else f"exit code {done.returncode}"
-            raise RenderEnvironmentError(f"{command[0]} failed: {reason}")
+            raise MachineError(f"{command[0]} failed: {reason}")
         return done.stdout
 
     def _check_time(self, what: str) -> None:
         if time.monotonic() >= self.deadline:
-            raise RenderEnvironmentError(f"no time left for {what}")
+            raise MachineError(f"no time left for {what}")

@@ -15,7 +15,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from render.base.disk_cache import place_of, recall, remember
+from render.base.disk_cache import cache_path, load_answer, store_answer
 from render.base.errors import BadInputError
 from render.mitsuba import bitmaps as laid
 from render.mitsuba.texture_coordinates import Marks
@@ -52,13 +52,13 @@ def refusal(bsdf: Bsdf) -> tuple[tuple[str, ...], str] | None:
 
     Where that cannot be told, because the machine is too busy for one, None; the frame tells it then.
     """
-    memory = place_of("materials", [version("mitsuba"), bsdf.text])
-    known = recall(memory)
+    memory = cache_path("materials", [version("mitsuba"), bsdf.text])
+    known = load_answer(memory)
     answer = known["refused"] if known is not None and "refused" in known else _asked(bsdf)
     if answer is None:
         return None
     if known is None:
-        remember(memory, {"refused": answer})
+        store_answer(memory, {"refused": answer})
     return (tuple(answer[0]), str(answer[1])) if answer else None
 
 

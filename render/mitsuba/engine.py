@@ -17,8 +17,8 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from render.base.disk_cache import place_of, recall, remember
-from render.base.errors import BadInputError, RenderEnvironmentError
+from render.base.disk_cache import cache_path, load_answer, store_answer
+from render.base.errors import BadInputError, MachineError
 from render.mitsuba import llvm
 from render.mitsuba.llvm import LibLlvm
 
@@ -52,12 +52,12 @@ class Engine:
     def start(self) -> None:
         """Set Mitsuba's variant and thread count in this process and thread; once is enough.
 
-        Raises RenderEnvironmentError where another variant runs already: pictures of two variants
+        Raises MachineError where another variant runs already: pictures of two variants
         differ, and never stand in one shot.
         """
         if self.llvm is not None and os.environ.get(llvm.ENVIRONMENT_NAME) != str(self.llvm.path):
             if "drjit" in sys.modules:
-                raise RenderEnvironmentError(
+                raise MachineError(
                     "Mitsuba was imported before its engine was started and may have taken a libLLVM that "
                     "crashes; start the engine first"
                 )
@@ -67,7 +67,7 @@ class Engine:
 
         current = mi.variant()
         if current not in (None, self.variant):
-            raise RenderEnvironmentError(
+            raise MachineError(
                 f"this process renders with {current} and cannot change to {self.variant}; start another"
             )
         if current is None:
@@ -86,7 +86,7 @@ def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
     """The first variant of `prefer` (default: LLVM, then scalar) that renders a sample here.
 
     A GPU is used only where `prefer` names cuda_ad_rgb. Raises BadInputError for a name that is no
-    variant, RenderEnvironmentError where none works.
+    variant, MachineError where none works.
     """
     order = tuple(prefer) if prefer else DEFAULT_ORDER
     for variant in order:
@@ -98,7 +98,7 @@ def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
             if works(variant, library):
                 return Engine(variant, threads, _why(variant, library, refused), _faster(variant), library)
         refused.append(variant)
-    raise RenderEnvironmentError(
+    raise MachineError(
         f"none of {', '.join(order)} can render a sample here; run `flowsculpt doctor` or allow scalar_rgb"
     )
 
@@ -111,12 +111,12 @@ def working_llvm() -> LibLlvm | None:
 def works(variant: str, library: LibLlvm | None = None) -> bool:
     """Whether one sample renders, in a process of its own; remembered by machine, version and library."""
     memory = _memory(variant, library)
-    known = recall(memory)
+    known = load_answer(memory)
     if known is not None and "works" in known:
         return bool(known["works"])
     answer = _probe(variant, library)
     if answer is not None and (answer or variant != "cuda_ad_rgb"):  # a driver may be installed later
-        remember(memory, {"works": answer, "variant": variant, "library": str(library and library.path)})
+        store_answer(memory, {"works": answer, "variant": variant, "library": str(library and library.path)})
     return bool(answer)
 
 
@@ -132,7 +132,7 @@ def facts() -> dict[str, str]:
     """What `doctor` tells of rendering here: what is in use, why, and what would be faster."""
     try:
         engine = choose()
-    except RenderEnvironmentError as error:
+    except MachineError as error:
         return {"renderer": "none", "why": str(error), "faster": ""}
     return {
         "renderer": f"Mitsuba {version('mitsuba')}, {engine.variant}, {available_cores()} threads",
@@ -202,7 +202,7 @@ def _memory(variant: str, library: LibLlvm | None) -> Path:
             parts += [str(library.path), str(facts.st_size), str(facts.st_mtime_ns)]
         except OSError:
             parts.append(f"{library.path} missing")
-    return place_of("engine", parts)
+    return cache_path("engine", parts)
 
 
 def _render_one_sample(variant: str, library: LibLlvm | None) -> bool:

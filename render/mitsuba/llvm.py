@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
-from render.base.errors import RenderEnvironmentError
+from render.base.errors import MachineError
 from render.mitsuba.apt import PrivateApt
 from render.mitsuba.apt import available as apt_available
 
@@ -92,10 +92,10 @@ def candidates() -> list[LibLlvm]:
 def provision(folder: Path, time_limit: float = TIME_LIMIT) -> str:
     """Unpack a libLLVM into `folder`, which appears complete or not at all; return the package's name.
 
-    Raises RenderEnvironmentError where apt is missing, offers none, fails or takes too long.
+    Raises MachineError where apt is missing, offers none, fails or takes too long.
     """
     if not apt_available():
-        raise RenderEnvironmentError("this system has no apt-get and dpkg")
+        raise MachineError("this system has no apt-get and dpkg")
     with _workplace(folder) as work:
         apt = PrivateApt(work, time.monotonic() + time_limit)
         apt.update()
@@ -105,9 +105,9 @@ def provision(folder: Path, time_limit: float = TIME_LIMIT) -> str:
                 apt.unpack(missing, work / "unpacked")
                 break
         else:
-            raise RenderEnvironmentError(f"apt offers none of {', '.join(PACKAGES)}")
+            raise MachineError(f"apt offers none of {', '.join(PACKAGES)}")
         if not _in_folder(work / "unpacked"):
-            raise RenderEnvironmentError(f"{package} holds no libLLVM")
+            raise MachineError(f"{package} holds no libLLVM")
         shutil.rmtree(folder, ignore_errors=True)
         (work / "unpacked").replace(folder)
     return package
@@ -122,11 +122,11 @@ def _workplace(folder: Path) -> Iterator[Path]:
             shutil.rmtree(leftover, ignore_errors=True)
         work = Path(tempfile.mkdtemp(prefix=f"{folder.name}.tmp", dir=folder.parent))
     except OSError as error:
-        raise RenderEnvironmentError(f"{folder.parent} cannot be written: {error.strerror}") from None
+        raise MachineError(f"{folder.parent} cannot be written: {error.strerror}") from None
     try:
         yield work
     except OSError as error:
-        raise RenderEnvironmentError(f"{folder} cannot be written: {error.strerror}") from None
+        raise MachineError(f"{folder} cannot be written: {error.strerror}") from None
     finally:
         shutil.rmtree(work, ignore_errors=True)
 
@@ -169,9 +169,9 @@ def main() -> None:
             found = working_llvm()
             if found is None:
                 shutil.rmtree(provisioned_folder(), ignore_errors=True)
-                raise RenderEnvironmentError(f"{package} does not work here")
+                raise MachineError(f"{package} does not work here")
             print(f"libLLVM {found.version or ''} unpacked from {package}: fast rendering on this machine")
-    except RenderEnvironmentError as error:
+    except MachineError as error:
         print(f"No libLLVM fetched ({error}): rendering works without, at about half the speed")
 
 

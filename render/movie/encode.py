@@ -16,8 +16,8 @@ import av
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.atomic_write import appearing, cannot_write
-from render.base.errors import BadInputError, RenderEnvironmentError
+from render.base.atomic_write import atomic_write, cannot_write
+from render.base.errors import BadInputError, MachineError
 from render.movie.codecs import Encode, require_size
 from render.movie.planes import Frame, bgra, even, gbr, require_frame, ycbcr
 from render.movie.sink import Sink
@@ -47,7 +47,7 @@ def write_encode(
     uint8 frames count 0 … 255, uint16 frames 0 … 65535; a fourth channel is coverage, kept where the encode
     can. The file appears under its name only when complete, and the same input is the same bytes.
     Raises BadInputError for no frames, frames of different sizes or too small; MissingImageError or
-    CorruptImageError for sound that cannot be read; RenderEnvironmentError where the encoder fails, the disk
+    CorruptImageError for sound that cannot be read; MachineError where the encoder fails, the disk
     is full or the folder cannot be written.
     """
     frames = iter(frames)
@@ -56,7 +56,7 @@ def write_encode(
         raise BadInputError(f"{path}: a movie of no frames is not possible")
     require_frame(first, (3, 4))
     require_size(encode, first.shape[1], first.shape[0])
-    with appearing(path) as temporary, _quiet(), closing(Sink(temporary)) as sink:
+    with atomic_write(path) as temporary, _quiet(), closing(Sink(temporary)) as sink:
         try:
             return _write(sink, path, itertools.chain([first], frames), rate, encode, start, sound)
         except av.error.FFmpegError as error:
@@ -65,10 +65,8 @@ def write_encode(
             raise _encoder_failed(path, encode, first, error) from None
 
 
-def _encoder_failed(
-    path: Path, encode: Encode, first: Frame, error: av.error.FFmpegError
-) -> RenderEnvironmentError:
-    return RenderEnvironmentError(
+def _encoder_failed(path: Path, encode: Encode, first: Frame, error: av.error.FFmpegError) -> MachineError:
+    return MachineError(
         f"{path}: the encoder {encode.codec} failed on frames of {_size(first.shape)} ({error.strerror}); "
         "the frames are untouched: choose another encode, such as ffv1, or another size"
     )

@@ -25,7 +25,7 @@ def write_movie(
     10 keeps gradients smooth. H.264 halves the colour's resolution and needs even sizes: an odd last
     column or row is repeated once. `sound` is what `render.movie.sound.blocks` tells of it. The movie appears
     under its name only when complete.
-    Raises BadInputError for no frames, or frames of different sizes; RenderEnvironmentError where the
+    Raises BadInputError for no frames, or frames of different sizes; MachineError where the
     disk is full or the folder cannot be written.
     """
     if bits not in FILM:

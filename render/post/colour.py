@@ -9,7 +9,7 @@ view folds sharply, differ by up to seven.
 from __future__ import annotations
 
 import hashlib
-import tempfile
+from contextlib import suppress
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,8 @@ import OpenImageIO as oiio
 import platformdirs
 from numpy.typing import NDArray
 
-from render.base.errors import BadInputError
+from render.base.atomic_write import atomic_write
+from render.base.errors import BadInputError, MachineError
 from render.post.dither import dither_pattern
 from render.post.kernels.view import look_up, round_by
 from render.post.view import ACES, ColourView
@@ -111,10 +112,5 @@ def _bake(view: ColourView, display: str) -> NDArray[np.float32]:
 
 def _keep(file: Path, cube: NDArray[np.float32]) -> None:
     """Store the cube; a cache that cannot be written only means to bake again."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile(dir=file.parent, suffix=".tmp", delete=False) as temporary:
-            np.save(temporary, cube)
-        Path(temporary.name).replace(file)
-    except OSError:
-        return
+    with suppress(MachineError), atomic_write(file, flush=False) as draft, draft.open("wb") as stream:
+        np.save(stream, cube)

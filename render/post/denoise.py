@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from render.base.errors import RenderEnvironmentError
+from render.base.errors import MachineError
 from render.frame.render_frame import Layers
 
 
@@ -15,7 +15,7 @@ def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
     `effort` is a Quality's `denoise`: "balanced" takes half the time of "high" and is hard to tell from it
     at small sizes. A pinhole's first hit has no noise but at edges, so the guides count as clean:
     that keeps creases crisp. Behind a lens that blurs they have noise too, and the denoiser is told so.
-    Raises RenderEnvironmentError where the denoiser cannot run.
+    Raises MachineError where the denoiser cannot run.
     """
     import pyoidn  # which pictures that keep their noise, or are there already, need not wait for
 
@@ -30,5 +30,5 @@ def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
             quality=effort,
         )
     except RuntimeError as error:
-        raise RenderEnvironmentError(f"the denoiser cannot run: {error}; render with denoise: off") from None
+        raise MachineError(f"the denoiser cannot run: {error}; render with denoise: off") from None
     return np.asarray(clean, dtype=np.float32)

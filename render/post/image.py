@@ -17,7 +17,7 @@ import numpy as np
 import OpenImageIO as oiio
 from numpy.typing import NDArray
 
-from render.base.atomic_write import appearing, cannot_write
+from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
 from render.frame.aovs import AOVS
 from render.frame.render_frame import Layers
@@ -37,7 +37,7 @@ def write_exr(path: Path, layers: Layers, header: Header, precision: Mapping[str
 
     Header values are whatever JSON can say: strings, numbers, lists (matrices), dicts. The beauty's
     channels are R, G, B; others are named like albedo.R or position.X.
-    Raises RenderEnvironmentError where the disk is full or the folder cannot be written.
+    Raises MachineError where the disk is full or the folder cannot be written.
     """
     names, formats, planes = [], [], []
     for layer, array in layers.arrays.items():
@@ -87,7 +87,7 @@ def read_header(path: Path) -> dict[str, Any]:
 
 
 def write_png(path: Path, picture: Displayed, header: Header | None = None) -> None:
-    """Write display values (H, W, 3) or (H, W, 4), 8 or 16 bits. Raises RenderEnvironmentError."""
+    """Write display values (H, W, 3) or (H, W, 4), 8 or 16 bits. Raises MachineError."""
     kinds = {np.dtype(np.uint8): oiio.UINT8, np.dtype(np.uint16): oiio.UINT16}
     if picture.ndim != 3 or picture.dtype not in kinds:
         raise BadInputError(f"a PNG cannot hold {picture.dtype} of shape {picture.shape}; quantise it first")
@@ -102,7 +102,7 @@ def write_png(path: Path, picture: Displayed, header: Header | None = None) -> N
 def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = None) -> None:
     """Write display values (H, W, 3) of 8 bits, hardly compressed, colours at full resolution.
 
-    Raises RenderEnvironmentError.
+    Raises MachineError.
     """
     if picture.ndim != 3 or picture.dtype != np.uint8:
         raise BadInputError(
@@ -217,7 +217,7 @@ def _opened(path: Path) -> Iterator[Any]:
 
 
 def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
-    with appearing(path) as temporary:
+    with atomic_write(path) as temporary:
         output: Any = oiio.ImageOutput.create(kind)
         written = output.open(str(temporary), spec) and output.write_image(pixels)
         reason = "" if written else _reason(output)

@@ -29,7 +29,7 @@ from pathlib import Path
 
 import psutil
 
-from render.base.errors import RenderEnvironmentError
+from render.base.errors import MachineError
 from render.mitsuba.apt import PrivateApt
 from render.mitsuba.apt import available as apt_available
 
@@ -151,7 +151,7 @@ def fetch(time_limit: float = 300.0) -> None:
             _install(Path(work) / "unpacked" / "python")
             shutil.rmtree(FETCHED, ignore_errors=True)
             (Path(work) / "unpacked").replace(FETCHED)
-    except (RenderEnvironmentError, OSError) as error:
+    except (MachineError, OSError) as error:
         raise SlurmError(f"SLURM cannot be fetched: {error}") from None
 
 

@@ -18,7 +18,7 @@ import imageio.v3 as iio
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
 from render.movie.codecs import ENCODES, Encode, encode_named
 from render.movie.encode import write_encode
 from render.movie.probe import probe_movie
@@ -130,7 +130,7 @@ def test_short_h265_movies_have_decoding_times_whatever_the_memory_held(count: i
 
 def test_a_failing_encoder_is_named_and_the_disk_is_not_blamed(tmp_path: Path) -> None:
     broken = dataclasses.replace(ENCODES["h265"], options={"preset": "no such preset"})
-    with pytest.raises(RenderEnvironmentError, match="the encoder libx265 failed") as raised:
+    with pytest.raises(MachineError, match="the encoder libx265 failed") as raised:
         write_encode(tmp_path / "a.mp4", bars(1), Fraction(24), broken)
     assert "disk" not in str(raised.value)
     assert not list(tmp_path.iterdir())
@@ -219,7 +219,7 @@ def test_what_cannot_be_encoded_is_told(tmp_path: Path) -> None:
         write_encode(path, iter([*bars(2, 64, 64), *bars(1, 64, 32)]), Fraction(24), ENCODES["h264"])
     with pytest.raises(BadInputError, match="av1 cannot hold pictures of 48×32 pixels"):
         write_encode(path, bars(1, 32, 48), Fraction(24), ENCODES["av1"])
-    with pytest.raises(RenderEnvironmentError, match="cannot be written"):
+    with pytest.raises(MachineError, match="cannot be written"):
         (tmp_path / "file").touch()
         write_encode(tmp_path / "file" / "a.mp4", bars(1), Fraction(24), ENCODES["h264"])
     assert [file.name for file in tmp_path.iterdir()] == ["file"]
@@ -232,7 +232,7 @@ def test_a_full_disk_is_told_in_one_line(encode: Encode, tmp_path: Path) -> None
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
     try:
-        with pytest.raises(RenderEnvironmentError, match="free space") as told:
+        with pytest.raises(MachineError, match="ulimit") as told:
             write_encode(tmp_path / f"a{encode.suffix}", noise, Fraction(24), encode)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from render.base.errors import BadInputError, RenderEnvironmentError
+from render.base.errors import BadInputError, MachineError
 from render.mitsuba import engine, llvm
 from render.mitsuba.engine import Engine, choose, works
 from render.mitsuba.llvm import LibLlvm
@@ -96,7 +96,7 @@ def test_a_cache_that_cannot_be_written_only_costs_a_probe(
 def test_nothing_that_works_is_the_machines_fault(empty_cache: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(engine, "_probe", lambda *_: False)
     monkeypatch.setattr(llvm, "candidates", list)
-    with pytest.raises(RenderEnvironmentError, match="doctor") as raised:
+    with pytest.raises(MachineError, match="doctor") as raised:
         choose()
     assert raised.value.exit_code == 4
     assert engine.facts()["renderer"] == "none"
@@ -123,7 +123,7 @@ def test_a_gpu_is_used_only_when_asked_for(monkeypatch: pytest.MonkeyPatch) -> N
 
 def test_one_process_renders_with_one_variant(engine: Engine) -> None:
     other = "scalar_rgb" if engine.variant != "scalar_rgb" else "llvm_ad_rgb"
-    with pytest.raises(RenderEnvironmentError, match="cannot change"):
+    with pytest.raises(MachineError, match="cannot change"):
         Engine(other).start()
 
 
@@ -182,7 +182,7 @@ def test_a_fetch_that_fails_says_why_and_leaves_nothing(
     monkeypatch.setenv("PATH", _fake_apt(tmp_path / "bin", script)["PATH"])
     (tmp_path / "lib").mkdir()
     (tmp_path / "lib" / "libllvm.tmpkilled").mkdir()
-    with pytest.raises(RenderEnvironmentError, match=reason):
+    with pytest.raises(MachineError, match=reason):
         llvm.provision(tmp_path / "lib" / "libllvm", time_limit=2.0)
     assert not list((tmp_path / "lib").iterdir())
 

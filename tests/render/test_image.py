@@ -14,7 +14,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from render.base.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
 from render.frame.render_frame import Layers
 from render.post.image import lettering, read_exr, read_header, read_png, write_exr, write_png
 
@@ -134,7 +134,7 @@ def test_a_full_disk_is_reported_and_keeps_the_old_picture(name: str, layers: La
 
     write()
     before = path.read_bytes()
-    with disk_of(700), pytest.raises(RenderEnvironmentError, match="free space") as raised:
+    with disk_of(700), pytest.raises(MachineError, match="free space") as raised:
         write()
     assert raised.value.exit_code == 4
     assert path.read_bytes() == before
@@ -143,7 +143,7 @@ def test_a_full_disk_is_reported_and_keeps_the_old_picture(name: str, layers: La
 
 def test_a_folder_that_cannot_be_made_is_reported(layers: Layers, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    with pytest.raises(RenderEnvironmentError, match="cannot be written"):
+    with pytest.raises(MachineError, match="cannot be written"):
         write_exr(tmp_path / "file" / "a.exr", layers, {})
 
 

@@ -11,7 +11,7 @@ import av
 import numpy as np
 import pytest
 
-from render.base.errors import BadInputError, CorruptImageError, MissingImageError, RenderEnvironmentError
+from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
 from render.movie.movie import probe_movie, write_movie
 
 PATCHES = np.array(
@@ -133,7 +133,7 @@ def test_a_full_disk_is_reported(tmp_path: Path) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
     try:
-        with pytest.raises(RenderEnvironmentError, match="free space"):
+        with pytest.raises(MachineError, match="free space"):
             write_movie(tmp_path / "a.mp4", noise, Fraction(24))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))

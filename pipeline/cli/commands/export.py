@@ -16,7 +16,7 @@ from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
 from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import FILM, find_edit
-from pipeline.production.store.disk import disk_faults
+from render.base.atomic_write import disk_errors
 
 FORMATS = ("openjd", "otio")
 
@@ -111,7 +111,7 @@ def _job(
     beside = output.with_name(f"{output.name}.plan.json")
     made = job_description.template(plan, beside.name, common.root)
     if not common.dry_run:
-        with disk_faults(output):
+        with disk_errors(output):
             output.parent.mkdir(parents=True, exist_ok=True)
             common.root.mkdir(parents=True, exist_ok=True)  # a worker that does not see it says so
             plan.write(beside)

@@ -14,12 +14,12 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import answer
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
-from pipeline.production.store.disk import disk_faults
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_catalogue import DOCUMENTS
 from pipeline.shot.templates.flow_presets import STAGED, staging_of
 from pipeline.shot.templates.template import SCHEMA, shot_of_flow, shot_of_shot
 from pipeline.shot.yaml.lookup import DEFAULTS
+from render.base.atomic_write import disk_errors
 
 FOLDERS = ("film", "published", "repeated", "turntable", "wedge")
 """In renders/, where shots have theirs: no shot may be called so."""
@@ -53,7 +53,7 @@ def new(
         if file.exists():
             raise UsageError(f"{file} is there already, and {source} would write one; choose another name")
     if not common.dry_run:
-        with disk_faults(path):
+        with disk_errors(path):
             write_schemas(SHOTS)
             for file, write in beside.items():
                 write(file)

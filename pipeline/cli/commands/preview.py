@@ -22,9 +22,8 @@ from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.store import Store
-from render.base.errors import RenderError
+from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
 
 
@@ -120,7 +119,7 @@ def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, outpu
 
 def folder_for(path: Path) -> None:
     """Make the folder of a file. Raises MachineError where that cannot be: now, not after minutes."""
-    with disk_faults(path.parent):
+    with disk_errors(path.parent):
         path.parent.mkdir(parents=True, exist_ok=True)
 
 
@@ -185,7 +184,7 @@ def _movies(common: Common, read: Read, stream: SurfaceStream, movie: Path, edit
             with bars(common, len(animatic.played(asked)), len(asked)) as tell:
                 many = animatic.movie(movie, tell)
             answer(f"{movie}: {many} frames.", {"path": str(movie), "frames": many}, common.json)
-        except (FlowsculptError, RenderError) as error:
+        except FlowsculptError as error:
             complain(str(error))
         wait_for_edit(edited, before)
 

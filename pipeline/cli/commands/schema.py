@@ -12,10 +12,10 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import answer
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import SHOTS
-from pipeline.production.store.disk import disk_faults
 from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
 from pipeline.shot.yaml.lookup import DEFAULTS
 from pipeline.shot.yaml.source import Source
+from render.base.atomic_write import disk_errors
 
 SCHEMAS = Path(".schema")
 """Beside shots: the folder of the schemas that editors check them by."""
@@ -40,7 +40,7 @@ def schema(
         answer(_written(made), made, common.json)
         return
     if not common.dry_run:
-        with disk_faults(output):
+        with disk_errors(output):
             output.parent.mkdir(parents=True, exist_ok=True)
             output.write_text(_written(made), encoding="utf-8")
     done = f"{output}: {'would be ' if common.dry_run else ''}written."

@@ -18,8 +18,8 @@ from pipeline.errors import MachineError
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.keys.stages import DELIVER
 from pipeline.production.request.edit import Heard
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.store import Store
+from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
 from render.graphics.slate import Slate
 from render.movie.codecs import Encode
@@ -109,7 +109,7 @@ class Delivery:
 
     def _require_folder(self, folder: Path) -> None:
         place = self.store.root / folder
-        with disk_faults(place):
+        with disk_errors(place):
             place.mkdir(parents=True, exist_ok=True)
         if not os.access(place, os.W_OK):
             raise MachineError(f"{place}: permission denied; choose another folder with -o")

@@ -17,8 +17,7 @@ from urllib.parse import quote
 from pipeline.frames import FrameRange
 from pipeline.production.request.edit import Cut, Piece
 from pipeline.production.request.render_request import Take
-from pipeline.production.store.disk import disk_faults
-from render.base.atomic_write import appearing
+from render.base.atomic_write import atomic_write
 from render.movie.codecs import ENCODES, Encode
 from render.movie.timecode import FILM_BEGINS
 
@@ -42,10 +41,10 @@ class Timeline:
     place: Path
 
     def write(self) -> None:
-        """Raises RenderEnvironmentError or MachineError where the disk refuses, MissingImageError or
+        """Raises MachineError or MachineError where the disk refuses, MissingImageError or
         CorruptImageError for sound that cannot be read."""
         timeline = self.made()
-        with disk_faults(self.place), appearing(self.place) as temporary:
+        with atomic_write(self.place) as temporary:
             temporary.write_text(timeline.to_json_string(indent=2) + "\n", encoding="utf-8")
 
     def made(self) -> Any:

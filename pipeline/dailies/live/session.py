@@ -16,7 +16,6 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import STEP, flow_cache_data
 from pipeline.production.request.shot_source import Script
-from render.base.errors import RenderError
 from render.post.image import jpeg_bytes
 
 
@@ -62,7 +61,7 @@ class Session:
                 self.screen.say("Save the shot file to see what changes.")
             except EditedError:
                 continue
-            except (FlowsculptError, RenderError) as error:
+            except FlowsculptError as error:
                 self.screen.say(str(error), trouble=True)
             wait_for_edit(self.edited, self._before)
 

@@ -47,7 +47,7 @@ class Animatic:
     stream: SurfaceStream
 
     def still(self, number: int, path: Path, tell: Tell) -> None:
-        """A PNG. Raises FrameError where a frame fails, RenderEnvironmentError where the disk does."""
+        """A PNG. Raises FrameError where a frame fails, MachineError where the disk does."""
         framed = self._framed({number}, tell)
         picture = next(self._pictures(framed, size_for(self.sketch.take.aspect, SIZES["still"]), "srgb"))
         write_png(path, picture, {"shot": self.sketch.take.name, "frame": number})

@@ -11,8 +11,8 @@ import psutil
 
 from pipeline.arrays import AnyArray
 from pipeline.production.keys.digest import Key
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.npz import read_npz, write_npz
+from render.base.atomic_write import atomic_write, disk_errors
 
 SHARE = 0.2
 """Of the memory that is free, how much a shelf may take."""
@@ -27,7 +27,7 @@ class SpillCache:
         self._room = SHARE * psutil.virtual_memory().available if room is None else room
         self._held: dict[Key, Arrays] = {}
         self._counting = Lock()
-        with disk_faults(Path(tempfile.gettempdir())):
+        with disk_errors(Path(tempfile.gettempdir())):
             self._folder = tempfile.TemporaryDirectory(prefix="flowsculpt-")
 
     def close(self) -> None:
@@ -63,13 +63,8 @@ class SpillCache:
             self.drop(key)
 
     def _write(self, file: Path, arrays: Arrays) -> None:
-        draft = file.with_name(f"draft.{file.name}")
-        try:
-            with disk_faults(draft.parent):
-                write_npz(draft, dict(arrays))
-                draft.replace(file)
-        finally:
-            draft.unlink(missing_ok=True)
+        with atomic_write(file, flush=False) as draft:
+            write_npz(draft, dict(arrays))
 
     def _file(self, key: Key) -> Path:
         return Path(self._folder.name) / f"{key}.npz"

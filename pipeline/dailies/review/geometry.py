@@ -17,7 +17,7 @@ from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
-from render.base.atomic_write import appearing
+from render.base.atomic_write import atomic_write
 
 FORMAT = 1
 
@@ -59,7 +59,7 @@ class Models:
                 arrays = readers.arrays(key)(path)
             except (CorruptFileError, OSError):
                 return None
-            with appearing(self.folder / name) as draft:
+            with atomic_write(self.folder / name) as draft:
                 draft.write_text(as_script(name, arrays))
         return name
 

@@ -23,9 +23,8 @@ from pipeline.dailies.review.proxies import Proxies, ProxyWriter
 from pipeline.dailies.review.sequence import Pictures
 from pipeline.dailies.sheets.measures import limits_of, measured
 from pipeline.dailies.sheets.timing import Clocks
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.store import Store
-from render.base.atomic_write import appearing
+from render.base.atomic_write import atomic_write, disk_errors
 
 SOURCES = files("pipeline.dailies.review") / "page"
 
@@ -68,9 +67,9 @@ class Page:
     def write(self, tell: Tell = lambda: None) -> dict[str, int]:
         """Write what is missing and remove what is no more shown; how much of what there is now.
 
-        Raises MachineError or RenderEnvironmentError where the disk refuses.
+        Raises MachineError or MachineError where the disk refuses.
         """
-        with disk_faults(self.folder):
+        with disk_errors(self.folder):
             for name in ("pictures", "models", "page"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         shots = {shown.take.name: self._shot(shown, tell) for shown in self.shots}
@@ -166,7 +165,7 @@ class Page:
 def _write(place: Path, content: bytes) -> None:
     """Unless it is there."""
     if not place.exists() or place.read_bytes() != content:
-        with appearing(place) as draft:
+        with atomic_write(place) as draft:
             draft.write_bytes(content)
 
 

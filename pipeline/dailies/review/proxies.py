@@ -78,9 +78,7 @@ class ProxyWriter:
 
         try:
             self.store.put(self.form, key, write)
-        except RenderError as error:
-            if error.exit_code == 4:
-                raise
+        except RenderError:
             return None
         name = f"{key}{SUFFIXES[self.form]}"
         self.store.link(self.form, key, (self.folder / name).relative_to(self.store.root))

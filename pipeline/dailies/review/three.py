@@ -16,7 +16,7 @@ import tempfile
 from pathlib import Path
 
 from pipeline.errors import MachineError
-from render.base.atomic_write import appearing
+from render.base.atomic_write import atomic_write
 
 REQUIREMENTS = Path(__file__).with_name("requirements.txt")
 
@@ -57,7 +57,7 @@ def fetch() -> None:
         done = subprocess.run([sys.executable, "-m", "pip", *words, "-r", str(REQUIREMENTS)])
         if done.returncode or not (Path(work) / HELD).exists():
             raise MachineError("three.js cannot be fetched, and pip says why; review pages have no 3-D view")
-        with appearing(place()) as draft:
+        with atomic_write(place()) as draft:
             shutil.copyfile(Path(work) / HELD, draft)
 
 

@@ -37,7 +37,7 @@ class Sheet:
         return self.take.folders.home / self.take.quality_name / f"{self.take.name}.sheet.{frames}.png"
 
     def write(self, path: Path) -> None:
-        """Frames that are not there are told to be missing. Raises RenderEnvironmentError."""
+        """Frames that are not there are told to be missing. Raises MachineError."""
         take, numbers = self.take, self.take.requested
         size = take.quality.rendered_size
         columns = min(len(numbers), self.columns or columns_for(len(numbers), size))

@@ -50,7 +50,7 @@ class Sheets:
     def draw(self, bar: Bar = _untold) -> list[Path]:
         """Make what is not there yet; where it is, relative to the root. Nothing if nothing is rendered.
 
-        Raises FrameError for a picture that is damaged; RenderEnvironmentError or MachineError where the disk
+        Raises FrameError for a picture that is damaged; MachineError or MachineError where the disk
         refuses.
         """
         if not any(self._shown(index, n) for index, take in enumerate(self._takes) for n in take.requested):

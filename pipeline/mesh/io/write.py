@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-import os
 import struct
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
@@ -13,10 +12,11 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices
-from pipeline.errors import MachineError, MeshError
+from pipeline.errors import MeshError
 from pipeline.mesh.normals import NORMAL, face_normals, vertex_normals
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh
+from render.base.atomic_write import atomic_write
 
 _PLY_TYPES = {"f8": "double", "f4": "float", "i4": "int", "i2": "short", "i1": "char", "u1": "uchar"}
 _COMPONENTS = {NORMAL: ("nx", "ny", "nz")}
@@ -47,16 +47,8 @@ def write_mesh(mesh: Mesh, path: str | Path) -> None:
             f"{path}: {path.suffix or 'no suffix'} is not a mesh format that can be written; "
             f"use one of {', '.join(WRITERS)}"
         )
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            temporary.write_bytes(writer(mesh))
-            temporary.replace(path)
-        finally:
-            temporary.unlink(missing_ok=True)
-    except OSError as error:
-        raise MachineError(f"{path}: cannot be written: {error.strerror}") from error
+    with atomic_write(path, flush=False) as draft:
+        draft.write_bytes(writer(mesh))
 
 
 def _ply(mesh: Mesh) -> bytes:

@@ -17,10 +17,10 @@ from pipeline.production.execution.watchdog import PATIENCE, watched
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.store import checkpoints
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.paths import EVENTS, MARKS, STATE
 from pipeline.production.store.store import Store
+from render.base.atomic_write import disk_errors
 
 Watcher = AbstractContextManager[object]
 
@@ -86,7 +86,7 @@ def acquire(root: Path) -> filelock.BaseFileLock:
     """The lock of `root`, held. Raises MachineError where another run holds it."""
     path = root / STATE / "lock"
     lock = filelock.FileLock(path, timeout=0)
-    with disk_faults(path):
+    with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         try:
             lock.acquire()

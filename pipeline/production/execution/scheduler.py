@@ -21,8 +21,8 @@ import psutil
 
 from pipeline.errors import MachineError
 from pipeline.production.planning.profile import Profile, shipped
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.paths import LOGS
+from render.base.atomic_write import disk_errors
 
 PATIENCE = 5.0
 """Seconds that processes have to end before they are killed."""
@@ -64,7 +64,7 @@ def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:
     An interrupt ends all jobs, and takes those of a farm back, before it is passed on.
     """
     log = root / log_of(plan)
-    with disk_faults(log):
+    with disk_errors(log):
         log.parent.mkdir(parents=True, exist_ok=True)
         output = log.open("w")
     command = [sys.executable, "-m", "pipeline.production.execution.scheduler", *_words(plan, cores, profile)]

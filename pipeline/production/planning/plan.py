@@ -20,9 +20,9 @@ from typing import TYPE_CHECKING, Any
 from pipeline.frames import FrameRange
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.needs import UNMEASURED, Needs
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.paths import MARKS, PLANS
 from pipeline.production.store.store import Store
+from render.base.atomic_write import disk_errors
 
 if TYPE_CHECKING:
     from pipeline.production.planning.profile import Share
@@ -152,7 +152,7 @@ class Plan:
 
     def write(self, path: Path) -> None:
         """Write the plan to a file, which appears whole or not at all."""
-        with disk_faults(path):
+        with disk_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
             draft = path.with_name(f".{path.stem}.tmp")
             draft.write_text(json.dumps(self._as_data()))

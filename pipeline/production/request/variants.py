@@ -13,8 +13,8 @@ from importlib.metadata import version
 from pathlib import Path
 
 from pipeline.errors import MachineError
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.paths import STATE
+from render.base.atomic_write import disk_errors
 from render.mitsuba.engine import DEFAULT_ORDER, choose, works
 
 ON_GPU = "cuda_ad_rgb"
@@ -25,7 +25,7 @@ def variant_for(root: Path, shot: str, asked: str | None = None, tell: Callable[
 
     tell  is told, in one line, where a GPU was asked for and another variant serves, and why
 
-    Raises RenderEnvironmentError where none works, MachineError where another one asked for has failed.
+    Raises MachineError where none works, MachineError where another one asked for has failed.
     """
     avoided = _avoided(root, shot)
     if asked is None:
@@ -54,7 +54,7 @@ def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
     """Remember that a variant failed on a shot; whether another is left to try."""
     path = _memory(root, shot)
     known = {**_avoided(root, shot), variant: reason}
-    with disk_faults(path):
+    with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps({"mitsuba": version("mitsuba"), "avoid": known}))
     return any(v not in known for v in DEFAULT_ORDER)

@@ -18,8 +18,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from pipeline.production.keys.digest import Key
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.paths import STATE
+from render.base.atomic_write import disk_errors
 
 
 class CorruptFileError(Exception):
@@ -89,7 +89,7 @@ class Store:
         if final.exists():
             return final
         draft = self.draft(SUFFIXES[kind])
-        with disk_faults(final):
+        with disk_errors(final):
             try:
                 draft.parent.mkdir(parents=True, exist_ok=True)
                 final.parent.mkdir(parents=True, exist_ok=True)
@@ -107,7 +107,7 @@ class Store:
             return
         source, place = self.path(kind, key), self.root / target
         draft = self.draft()
-        with disk_faults(place):
+        with disk_errors(place):
             try:
                 place.parent.mkdir(parents=True, exist_ok=True)
                 draft.parent.mkdir(parents=True, exist_ok=True)
@@ -143,7 +143,7 @@ class Store:
 
     def discard(self, kind: str, key: Key) -> None:
         """Forget a file found to be corrupt; it is made anew when next asked for."""
-        with disk_faults(self.path(kind, key)):
+        with disk_errors(self.path(kind, key)):
             self.path(kind, key).unlink(missing_ok=True)
 
     def sweep(self) -> None:

@@ -20,16 +20,13 @@ from pipeline.production.request.planning_cache import Ledger
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import CorruptFileError, Store
-from render.base.errors import CorruptImageError, MissingImageError, RenderError
+from render.base.errors import CorruptImageError, MissingImageError
 
 if TYPE_CHECKING:
     from pipeline.production.request.picture_keys import Keyring
     from pipeline.production.request.render_request import Take
 
 T = TypeVar("T")
-
-REPORTED = (FlowsculptError, RenderError)
-"""What is told in one line; anything else is a bug, and its traceback goes to the log."""
 
 ENVIRONMENT = 4
 """The exit code of the machine's faults, which further frames would meet as well."""
@@ -138,7 +135,7 @@ class Context:
             started = time.perf_counter()
             try:
                 found = work(number)
-            except REPORTED as error:
+            except FlowsculptError as error:
                 self.fail(error, number)
                 well = False
                 if error.exit_code == ENVIRONMENT:
@@ -180,7 +177,7 @@ class Context:
         message = f"the renderer grew to {held:.0f} MiB; a fresh one goes on"
         self._log("renewed", message=message, held_mib=held, most_mib=most)
 
-    def fail(self, error: FlowsculptError | RenderError, number: int | None = None) -> None:
+    def fail(self, error: FlowsculptError, number: int | None = None) -> None:
         print(error, file=sys.stderr)
         self._log("fail", number, message=str(error), exit_code=error.exit_code)
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
-from pipeline.errors import FrameError
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.planner import film_key
@@ -15,7 +15,7 @@ from pipeline.production.request.edit import Cut, movie_bits
 from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
-from pipeline.production.tasks.job import REPORTED, Context
+from pipeline.production.tasks.job import Context
 from render.frame.render_frame import Layers
 from render.graphics.titles import TitleCard, title_frames
 from render.movie.dissolve import Piece, dissolved, mixed
@@ -72,7 +72,7 @@ def _movie(
     bits = movie_bits(quality_name)
     try:
         context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, bits, sound))
-    except REPORTED as error:
+    except FlowsculptError as error:
         context.fail(error)
         return False
     return True

@@ -19,10 +19,10 @@ from pipeline.production.render_inputs.framing import Framing, turned
 from pipeline.production.request.header import raw_header
 from pipeline.production.request.picture_keys import PictureKeys
 from pipeline.production.store import checkpoints, readers
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import Wear
 from pipeline.production.tasks.signals import Stop, stopping
+from render.base.atomic_write import disk_errors
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import Moment, Shutter
 from render.frame.render_frame import Layers, render_frame
@@ -228,7 +228,7 @@ def _tell_statistics(
         "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }
     path = context.root / context.take.folders.statistics(context.take.quality_name, number)
-    with disk_faults(path):
+    with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(told, indent=1) + "\n")
 

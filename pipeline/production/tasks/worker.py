@@ -8,10 +8,10 @@ import traceback
 from collections.abc import Callable
 from importlib import import_module
 
-from pipeline.errors import FrameError
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.request.variants import ON_GPU
-from pipeline.production.tasks.job import REPORTED, Context
+from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import RENEWED, WornOutError
 from pipeline.production.tasks.supervisor import fall_over
 from render.mitsuba.engine import available_cores
@@ -27,7 +27,7 @@ def work(context: Context) -> int:
     except WornOutError as worn:
         context.renewed(worn.held, worn.most)
         return RENEWED
-    except REPORTED as error:
+    except FlowsculptError as error:
         context.fail(error)
         well = False
     except Exception as error:

@@ -8,9 +8,9 @@ import shutil
 import uuid
 from pathlib import Path
 
-from pipeline.production.store.disk import disk_faults
 from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import FILE, Provenance
+from render.base.atomic_write import disk_errors
 
 _DRAFT = ".draft."
 
@@ -25,7 +25,7 @@ def freeze(store: Store, record: Provenance, final: Path, copy: bool = False) ->
     """
     draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
     freeze_one = _copied if copy else _linked
-    with disk_faults(final):
+    with disk_errors(final):
         try:
             for frame in record.frames.values():
                 freeze_one(store.path("frame", frame.frame), draft / frame.file)

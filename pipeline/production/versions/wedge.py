@@ -118,7 +118,7 @@ class Wedge:
     def draw(self) -> list[Path]:
         """The contact sheet, and of several frames its movie; where they are, relative to the root.
 
-        Cells that were not rendered are shown as such. Raises RenderEnvironmentError where the disk refuses.
+        Cells that were not rendered are shown as such. Raises MachineError where the disk refuses.
         """
         root = self.project.root
         header = {

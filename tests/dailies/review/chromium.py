@@ -20,7 +20,7 @@ from pathlib import Path
 from filelock import FileLock
 from playwright.sync_api import Browser, Error, sync_playwright
 
-from render.base.errors import RenderEnvironmentError
+from render.base.errors import MachineError
 from render.mitsuba.apt import PrivateApt
 from render.mitsuba.apt import available as apt_available
 
@@ -89,7 +89,7 @@ def fetch(time_limit: float = 300.0) -> None:
         with FileLock(FETCHED.with_suffix(".lock")):
             if Chromium.found() is None:
                 _unpack(time_limit)
-    except (RenderEnvironmentError, OSError) as error:
+    except (MachineError, OSError) as error:
         raise ChromiumError(f"Chromium cannot be fetched: {error}") from None
 
 
