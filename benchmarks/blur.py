@@ -18,7 +18,8 @@ import numpy as np
 
 from pipeline.mesh.solids.primitives import icosphere
 from render.frame.motion_samples import Moment, Shutter
-from render.frame.render_frame import Layers, render_frame
+from render.frame.render_frame import render_frame
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import choose
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -39,7 +40,7 @@ def main(frequency: int, quality: str) -> None:
     normals, points = ball.vertices.astype(np.float32), ball.vertices + np.array([0.0, 1.0, 0.0])
     surface, engine = Surface(points.astype(np.float32), normals, ball.faces), choose(threads=2)
 
-    def rendered(shutter: Shutter | None) -> tuple[float, Layers]:
+    def rendered(shutter: Shutter | None) -> tuple[float, RenderedFrame]:
         begun = time.perf_counter()
         layers = render_frame(
             surface,

@@ -34,7 +34,8 @@ from benchmarks.errors import put, shown
 from benchmarks.flicker import CAMERA, TURN, moment_of, subject
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
-from render.frame.render_frame import Layers, render_frame
+from render.frame.render_frame import render_frame
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import read_exr
 from render.post.temporal_denoise import Moment, steady
@@ -192,7 +193,7 @@ class Tries:
         return np.array([Best(known, seconds, errors).until(float, wanted) for seconds in by_clock])
 
 
-def ours(surface: Surface, size: tuple[int, int], samples: int, seed: int, engine: Engine) -> Layers:
+def ours(surface: Surface, size: tuple[int, int], samples: int, seed: int, engine: Engine) -> RenderedFrame:
     quality = Quality(*size, samples=samples, depth=DEPTH, auxiliary_samples=16)
     return render_frame(
         surface, LOOK, RIG, STAGE, Placement(), CAMERA, quality, seed, engine, aovs=("before", "after")

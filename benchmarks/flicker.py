@@ -23,7 +23,8 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.solids.primitives import torus
-from render.frame.render_frame import Layers, render_frame
+from render.frame.render_frame import render_frame
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.mitsuba.scene import build_scene
 from render.post.colour import to_display
@@ -68,7 +69,7 @@ def subject(angle: float) -> Surface:
     )
 
 
-def rendered(surface: Surface, samples: int, seed: int, engine: Engine, width: int) -> Layers:
+def rendered(surface: Surface, samples: int, seed: int, engine: Engine, width: int) -> RenderedFrame:
     quality = replace(QUALITY, width=width, height=width * 9 // 16, samples=samples)
     look, lights, stage = LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"]
     aovs = ("before", "after") if samples == QUALITY.samples else ()
@@ -84,7 +85,7 @@ def by_mitsuba(surface: Surface, samples: int, seed: int, width: int) -> AnyArra
     return np.asarray(sum(scene.render(PASS, 1000 * seed + i)[..., :3] for i in passes) / len(passes))
 
 
-def moment_of(layers: Layers) -> Moment:
+def moment_of(layers: RenderedFrame) -> Moment:
     light = denoise(layers)
     known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
     return Moment(light, noise_of(layers["beauty"], light), **known, camera=CAMERA, placement=Placement())

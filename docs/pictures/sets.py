@@ -15,7 +15,8 @@ import numpy as np
 from PIL import Image
 
 from pipeline.production.render_inputs.framing import Framing, with_room
-from render.frame.render_frame import render_frame, seed_of
+from render.frame.render_frame import render_frame
+from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise

@@ -15,7 +15,7 @@ from pipeline.flow.keyframes import Number, number_at
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import MOST_LOOKS, NumberField, number
 from pipeline.shot.documents.fields import DEGREE, Document, one_of
-from render.frame.aovs import AOVS, EXTRA
+from render.scene.aovs import AOVS, EXTRA
 
 TURN = 2.0 * math.pi
 

@@ -8,17 +8,17 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass, field
 from itertools import groupby
 from operator import attrgetter
 from typing import Any
 
 import numpy as np
 
-from render.frame.aovs import marks_of, stage_motion
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import Moment, Shutter, subframes
-from render.frame.sample_batches import Layer, Passes, seed_of, without_sparkles
+from render.frame.rendered_frame import Pixels, RenderedFrame
+from render.frame.sample_batches import Passes
+from render.frame.vertex_aovs import marks_of, stage_motion
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import build_scene
 from render.scene.camera import Camera
@@ -28,44 +28,6 @@ from render.scene.quality import Quality
 from render.scene.spheres import Spheres
 from render.scene.stage import Placement, Stage
 from render.scene.surface import Surface
-
-__all__ = ["Layer", "Layers", "render_frame", "seed_of", "without_sparkles"]
-
-
-@dataclass(frozen=True, eq=False)
-class Layers:
-    """A picture's named float32 arrays, (H, W, 3) or (H, W), and the facts about it.
-
-    `facts` are the same whenever the same frame is rendered; `seconds` say where this rendering's time
-    went.
-
-    beauty    linear Rec.709 radiance
-    albedo    reflectance, within 0 … 1
-    normal    shading normal, scene axes
-    position  scene units
-    depth     distance from the camera, scene units
-    matte     how much of the pixel the subject covers, 0 … 1
-
-    All are averages over the pixel, so at the subject's outline (matte between 0 and 1) position and
-    depth lie between the subject's and the stage's.
-    """
-
-    arrays: Mapping[str, Layer]
-    facts: Mapping[str, Any] = field(default_factory=dict)
-    seconds: Mapping[str, float] = field(default_factory=dict)
-
-    def __getitem__(self, name: str) -> Layer:
-        return self.arrays[name]
-
-    def with_(self, **arrays: Layer) -> Layers:
-        """The same picture with some layers added or replaced."""
-        return Layers({**self.arrays, **arrays}, self.facts, self.seconds)
-
-    @property
-    def size(self) -> tuple[int, int]:
-        """Width and height in pixels."""
-        height, width = next(iter(self.arrays.values())).shape[:2]
-        return width, height
 
 
 def render_frame(
@@ -84,7 +46,7 @@ def render_frame(
     shutter: Shutter | None = None,
     following: Moment | None = None,
     keep: Checkpoint | None = None,
-) -> Layers:
+) -> RenderedFrame:
     """Render one frame with `engine`, which is started here if it was not yet.
 
     aovs       the layers wanted beyond those that all pictures have: names of `aovs.EXTRA`. Velocity takes
@@ -147,7 +109,7 @@ def render_frame(
         **({} if shutter is None else _facts_of(shutter, way, count)),
         **engine.facts(),
     }
-    return Layers(layers, facts, clock.seconds)
+    return RenderedFrame(layers, facts, clock.seconds)
 
 
 class Clock:
@@ -172,7 +134,9 @@ def _facts_of(shutter: Shutter, way: float, count: int) -> dict[str, Any]:
     }
 
 
-def _with_stage(layers: Mapping[str, Layer], own: Moment, following: Moment, size: tuple[int, int]) -> Layer:
+def _with_stage(
+    layers: Mapping[str, Pixels], own: Moment, following: Moment, size: tuple[int, int]
+) -> Pixels:
     """The motion of the subject, and of the stage where it is seen."""
     there = np.clip(1.0 - layers["matte"], 0.0, 1.0) * (layers["depth"] > 0.0)
     motion = stage_motion(layers["position"].astype(np.float64), own, following, size)

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.frame.adaptive_sampling import FEWEST_PASSES, noise_of
-from render.frame.aovs import looked_at
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import batch_of, passes_of, turns_of
+from render.frame.vertex_aovs import looked_at
 from render.mitsuba.scene import DYE, Rendering, Scenes
 from render.scene.quality import Quality
 

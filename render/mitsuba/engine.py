@@ -157,7 +157,7 @@ def _faster(variant: str) -> str:
     if variant != "scalar_rgb":
         return ""
     return (
-        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: `python -m render.mitsuba.llvm` "
+        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: `python -m render.mitsuba.setup` "
         f"on Debian and Ubuntu, else install it and set {llvm.ENVIRONMENT_NAME}"
     )
 

@@ -1,4 +1,4 @@
-"""Find a libLLVM that Dr.Jit can use, and fetch one where there is none: ``python -m render.mitsuba.llvm``.
+"""Find a libLLVM that Dr.Jit can use, and fetch one where there is none.
 
 Left alone, Dr.Jit takes whatever libLLVM it meets first; 15 and 16 end the process with SIGABRT on the
 first render and 14 is refused, so a library is always named to it, and only one of version 17 or later.
@@ -157,23 +157,3 @@ def _loads(path: Path) -> bool:
     except OSError:
         return False
     return True
-
-
-def main() -> None:
-    """Set-up's step: make sure that a working libLLVM is there if that can be had; never fail set-up."""
-    from render.mitsuba.engine import working_llvm  # looks for candidates itself, so it imports this module
-
-    try:
-        if working_llvm() is None:
-            package = provision(provisioned_folder())
-            found = working_llvm()
-            if found is None:
-                shutil.rmtree(provisioned_folder(), ignore_errors=True)
-                raise MachineError(f"{package} does not work here")
-            print(f"libLLVM {found.version or ''} unpacked from {package}: fast rendering on this machine")
-    except MachineError as error:
-        print(f"No libLLVM fetched ({error}): rendering works without, at about half the speed")
-
-
-if __name__ == "__main__":
-    main()

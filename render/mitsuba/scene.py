@@ -12,7 +12,6 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.frame.aovs import MARKS
 from render.integrator.light_sampler import Aim, Lamps, aims
 from render.mitsuba import absorption, gouraud, materials
 from render.mitsuba import emitters as lamps
@@ -21,6 +20,7 @@ from render.mitsuba.mesh import mesh
 from render.mitsuba.sensor import sensor
 from render.mitsuba.texture_coordinates import SUBJECT, marked
 from render.scene import wireframe
+from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
 from render.scene.inside import refuse_inside
 from render.scene.lights import LightRig
@@ -179,7 +179,7 @@ def _scenes(
     return Scenes(
         Rendering(lit, _integrator(beauty)),
         Rendering(bare, _integrator(_aovs())),
-        _dyed(common, surface) if any(name in MARKS for name in aovs) else None,
+        _dyed(common, surface) if any(name in VERTEX_AOVS for name in aovs) else None,
     )
 
 

@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import MachineError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 
 
-def denoise(layers: Layers, effort: str = "high") -> NDArray[np.float32]:
+def denoise(layers: RenderedFrame, effort: str = "high") -> NDArray[np.float32]:
     """The beauty without noise, float32 (H, W, 3). Needs the layers beauty, albedo and normal.
 
     `effort` is a Quality's `denoise`: "balanced" takes half the time of "high" and is hard to tell from it

@@ -19,8 +19,8 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
-from render.frame.aovs import AOVS
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
+from render.scene.aovs import AOVS
 
 Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]
@@ -30,7 +30,9 @@ _LETTERS = {"denoised": "RGB", **{name: aov.letters for name, aov in AOVS.items(
 _PRECISION = {"half": oiio.HALF, "float": oiio.FLOAT}
 
 
-def write_exr(path: Path, layers: Layers, header: Header, precision: Mapping[str, str] | None = None) -> None:
+def write_exr(
+    path: Path, layers: RenderedFrame, header: Header, precision: Mapping[str, str] | None = None
+) -> None:
     """Write all layers into one EXR; `header` becomes `flowsculpt:` entries beside the layers' own facts.
 
     precision  by layer half or float, where it is to be another than `AOVS` says
@@ -57,7 +59,7 @@ def write_exr(path: Path, layers: Layers, header: Header, precision: Mapping[str
     _write(path, "openexr", spec, np.concatenate(planes, axis=2).astype(np.float32))
 
 
-def read_exr(path: Path) -> tuple[Layers, dict[str, Any]]:
+def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
     """All layers and all `flowsculpt:` entries, which are also the layers' facts; every pixel is read.
 
     Raises MissingImageError where there is no such file, CorruptImageError where it ends too early or
@@ -77,7 +79,7 @@ def read_exr(path: Path) -> tuple[Layers, dict[str, Any]]:
         layer: np.ascontiguousarray(pixels[..., indices[0]] if len(indices) == 1 else pixels[..., indices])
         for layer, indices in columns.items()
     }
-    return Layers(arrays, header), header
+    return RenderedFrame(arrays, header), header
 
 
 def read_header(path: Path) -> dict[str, Any]:

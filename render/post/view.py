@@ -8,9 +8,9 @@ from functools import cache
 from typing import Any
 
 from render.base.errors import BadInputError
+from render.scene.textures import DEFAULT_CONFIG
 
 BUILT_IN = "ocio://"
-DEFAULT_CONFIG = "ocio://default"
 
 LINEAR_REC709 = (
     "lin_rec709_scene",

@@ -5,7 +5,7 @@ points do, the first of them or else the sun casts a shadow, and the sky lights 
 """
 
 from render.raster.lines import with_lines
-from render.raster.parts import Set, Shape
-from render.raster.picture import Edges, Preview, prepare, preview
+from render.raster.parts import Preview, Set, Shape
+from render.raster.picture import Edges, prepare, preview
 
 __all__ = ["Edges", "Preview", "Set", "Shape", "prepare", "preview", "with_lines"]

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.raster.kernels.lines import draw_lines
-from render.raster.picture import Preview
+from render.raster.parts import Preview
 from render.scene.camera import Camera
 
 Floats = NDArray[np.float64]

@@ -71,6 +71,19 @@ class Lens(NamedTuple):
         return screen
 
 
+class Preview(NamedTuple):
+    """picture: display values (H, W, 3), 0 … 1; nearness (H, W): one over the depth, 0 where nothing is."""
+
+    picture: NDArray[np.float32]
+    nearness: NDArray[np.float32]
+
+    @property
+    def depth(self) -> Floats:
+        """(H, W) along the lens, next to the middle of pixels; infinite where nothing is."""
+        with np.errstate(divide="ignore"):
+            return 1.0 / self.nearness.astype(np.float64)
+
+
 @lru_cache(maxsize=4)
 def stage_shape(stage: Stage, placement: Placement) -> Shape:
     """The stage where it stands."""

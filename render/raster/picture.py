@@ -15,8 +15,9 @@ from render.raster.kernels.lines import draw_edges
 from render.raster.kernels.projection import LARGE, SMALL
 from render.raster.kernels.shading import keyed
 from render.raster.kernels.triangles import pack, paint, resolve
+from render.raster.lines import with_lines
 from render.raster.lit import Lighting
-from render.raster.parts import Floats, Lens, Set, Shape, stage_shape
+from render.raster.parts import Lens, Preview, Set, Shape, stage_shape
 from render.raster.shadow import Shadow
 from render.raster.sides import Sides
 from render.scene.camera import Camera
@@ -31,19 +32,6 @@ class Edges(NamedTuple):
     colour: Triple = (0.06, 0.07, 0.08)
     opacity: float = 0.55
     width: float = 0.6
-
-
-class Preview(NamedTuple):
-    """picture: display values (H, W, 3), 0 … 1; nearness (H, W): one over the depth, 0 where nothing is."""
-
-    picture: NDArray[np.float32]
-    nearness: NDArray[np.float32]
-
-    @property
-    def depth(self) -> Floats:
-        """(H, W) along the lens, next to the middle of pixels; infinite where nothing is."""
-        with np.errstate(divide="ignore"):
-            return 1.0 / self.nearness.astype(np.float64)
 
 
 def preview(
@@ -72,8 +60,6 @@ def preview(
 
 def prepare() -> None:
     """Compile the kernels, so that the first preview need not wait for it."""
-    from render.raster.lines import with_lines
-
     corners = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
     around = Set(LIGHTS["studio"], STAGES["cyclorama"], Placement())
     camera = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0))

@@ -13,10 +13,12 @@ from numpy.typing import NDArray
 from render.base.errors import BadInputError
 from render.base.finite import require_finite
 from render.base.serialise import NOT_PLAIN
-from render.post.view import DEFAULT_CONFIG
 from render.scene.colour_maps import linear_of_srgb
 
 Pixels = NDArray[np.float32]
+
+DEFAULT_CONFIG = "ocio://default"
+"""OpenColorIO's own config, which names the colour spaces of textures."""
 
 WIDEST = 4096
 """Pixels along a side that are kept of a picture; finer ones are averaged."""

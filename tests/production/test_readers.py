@@ -15,7 +15,7 @@ from pipeline.production.store.npz import write_npz
 from pipeline.production.store.store import CorruptFileError
 from pipeline.shot import read_shot
 from render.base.errors import CorruptImageError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.post.image import write_exr
 
 KEY, OTHER = "0123456789abcdef" * 2, "f" * 32
@@ -26,7 +26,7 @@ BOX = "title: A\nframes: 1-1\nsubject: {solid: box, size: [2, 2, 2]}\nresample: 
 def write_picture(path: Path, key: str = KEY, size: tuple[int, int] = SIZE, value: float = 0.5) -> None:
     beauty = np.random.default_rng(1).random((size[1], size[0], 3), np.float32)
     beauty[3, 4] = value
-    write_exr(path, Layers({"beauty": beauty}), {"key": key})
+    write_exr(path, RenderedFrame({"beauty": beauty}), {"key": key})
 
 
 def cut(path: Path, share: float) -> None:

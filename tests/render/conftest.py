@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from render.frame.render_frame import Layers, render_frame
+from render.frame.render_frame import render_frame
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -56,10 +57,10 @@ def sphere() -> Surface:
 
 
 @pytest.fixture(scope="session")
-def rendered(sphere: Surface, engine: Engine) -> Callable[..., Layers]:
+def rendered(sphere: Surface, engine: Engine) -> Callable[..., RenderedFrame]:
     """The clay sphere in the studio, with any of render_frame's arguments changed."""
 
-    def render(**changes: Any) -> Layers:
+    def render(**changes: Any) -> RenderedFrame:
         arguments: dict[str, Any] = {
             "surface": sphere,
             "look": LOOKS["clay"],
@@ -78,5 +79,5 @@ def rendered(sphere: Surface, engine: Engine) -> Callable[..., Layers]:
 
 
 @pytest.fixture(scope="session")
-def picture(rendered: Callable[..., Layers]) -> Layers:
+def picture(rendered: Callable[..., RenderedFrame]) -> RenderedFrame:
     return rendered()

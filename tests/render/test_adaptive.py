@@ -14,14 +14,14 @@ from hypothesis import strategies as st
 from render.base.errors import BadInputError
 from render.frame.adaptive_sampling import noise_of
 from render.frame.motion_samples import Moment, Shutter
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.stage import Placement
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 MOST = Quality(64, 36, samples=96, depth=3, auxiliary_samples=4, noise_threshold=1e-9)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import icosphere
 from render.base.errors import BadInputError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.emitters import any_in_view
 from render.mitsuba.sensor import sensor
 from render.post.denoise import denoise
@@ -27,7 +27,7 @@ CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))
 SMALL = Quality(64, 36, samples=16, depth=3, auxiliary_samples=16)
 
 
-def width_of_the_outline(layers: Layers) -> float:
+def width_of_the_outline(layers: RenderedFrame) -> float:
     """How many pixels of the middle row the subject covers partly."""
     row = layers["matte"][18]
     return float(((row > 0.02) & (row < 0.98)).sum())
@@ -55,7 +55,7 @@ def test_a_lamp_that_some_part_of_the_lens_sees_is_in_the_picture(
 
 
 def test_what_lies_in_the_plane_of_focus_is_sharp_and_the_rest_is_not(
-    rendered: Callable[..., Layers],
+    rendered: Callable[..., RenderedFrame],
 ) -> None:
     def outline(focus: float) -> float:
         camera = dataclasses.replace(CAMERA, lens_radius=0.4, focus_distance=focus)
@@ -74,7 +74,7 @@ def test_a_lens_of_no_width_is_a_pinhole() -> None:
 
 
 def test_the_denoiser_is_told_that_layers_behind_a_wide_lens_have_noise(
-    rendered: Callable[..., Layers], monkeypatch: pytest.MonkeyPatch
+    rendered: Callable[..., RenderedFrame], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     told = []
     real = pyoidn.denoise
@@ -88,14 +88,14 @@ def test_the_denoiser_is_told_that_layers_behind_a_wide_lens_have_noise(
     ("distance", "message"), [(-2.0, "lies 2 units behind the lens"), (0.0, "lies within")]
 )
 def test_a_focus_that_no_lens_has_is_told(
-    rendered: Callable[..., Layers], distance: float, message: str
+    rendered: Callable[..., RenderedFrame], distance: float, message: str
 ) -> None:
     camera = dataclasses.replace(CAMERA, lens_radius=0.1, focus_distance=distance)
     with pytest.raises(BadInputError, match=message):
         rendered(camera=camera)
 
 
-def test_a_part_shows_what_the_whole_picture_shows_there(rendered: Callable[..., Layers]) -> None:
+def test_a_part_shows_what_the_whole_picture_shows_there(rendered: Callable[..., RenderedFrame]) -> None:
     whole = rendered(camera=CAMERA, quality=SMALL)
     part = rendered(camera=CAMERA, quality=dataclasses.replace(SMALL, crop=(20, 6, 51, 33)))
     assert part.size == (31, 27)
@@ -105,7 +105,7 @@ def test_a_part_shows_what_the_whole_picture_shows_there(rendered: Callable[...,
     assert part["beauty"].mean() == pytest.approx(whole["beauty"][6:33, 20:51].mean(), rel=0.03)
 
 
-def test_a_part_is_the_same_to_the_last_bit_again(rendered: Callable[..., Layers]) -> None:
+def test_a_part_is_the_same_to_the_last_bit_again(rendered: Callable[..., RenderedFrame]) -> None:
     quality = Quality(48, 27, samples=4, depth=3, auxiliary_samples=4, crop=(5, 3, 30, 20))
     one, other = (rendered(quality=quality) for _ in range(2))
     assert all(np.array_equal(one[name], other[name]) for name in one.arrays)
@@ -135,7 +135,7 @@ def test_a_closed_surface_winds_once_around_what_is_inside(point: tuple[float, f
     assert turns(sphere, np.array(point)) == pytest.approx(1.0 if away < 1.0 else 0.0, abs=1e-4)
 
 
-def test_a_camera_inside_of_the_sculpture_is_told(rendered: Callable[..., Layers]) -> None:
+def test_a_camera_inside_of_the_sculpture_is_told(rendered: Callable[..., RenderedFrame]) -> None:
     with pytest.raises(BadInputError, match=r"stands inside of the sculpture, at 0, 1, 0.5"):
         rendered(camera=Camera((0.0, 1.0, 0.5), (0.0, 1.0, 0.0)))
 

@@ -16,14 +16,14 @@ import pytest
 import render
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import Moment, Shutter
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.stage import Placement
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 FINE = Quality(32, 18, samples=48, depth=3, auxiliary_samples=16)
@@ -47,7 +47,7 @@ def unhurried(folder: Path, **changes: Any) -> Checkpoint:
     return Checkpoint(folder / "half" / "a.npz", folder / "draft", **changes)
 
 
-def same(one: Layers, other: Layers) -> bool:
+def same(one: RenderedFrame, other: RenderedFrame) -> bool:
     return one.facts == other.facts and all(np.array_equal(one[name], other[name]) for name in one.arrays)
 
 

@@ -16,7 +16,9 @@ from hypothesis import strategies as st
 
 import render
 from render.base.errors import BadInputError
-from render.frame.render_frame import Layers, render_frame, seed_of, without_sparkles
+from render.frame.render_frame import render_frame
+from render.frame.rendered_frame import RenderedFrame
+from render.frame.sample_batches import seed_of, without_sparkles
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 from render.post.denoise import denoise
 from render.scene.camera import Camera
@@ -27,34 +29,36 @@ from render.scene.quality import QUALITIES, Quality
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 CAMERA_ORIGIN, CAMERA_TARGET = (3.2, 2.9, 8.8), (0.0, 0.95, 0.0)
 
 
-def same_bits(one: Layers, other: Layers) -> bool:
+def same_bits(one: RenderedFrame, other: RenderedFrame) -> bool:
     return one.facts == other.facts and all(
         np.array_equal(one[name].view(np.uint32), other[name].view(np.uint32)) for name in one.arrays
     )
 
 
-def test_rendering_again_gives_the_same_bits(rendered: Rendered, picture: Layers) -> None:
+def test_rendering_again_gives_the_same_bits(rendered: Rendered, picture: RenderedFrame) -> None:
     assert same_bits(rendered(), picture)
 
 
-def test_one_thread_and_two_give_the_same_bits(rendered: Rendered, picture: Layers, engine: Engine) -> None:
+def test_one_thread_and_two_give_the_same_bits(
+    rendered: Rendered, picture: RenderedFrame, engine: Engine
+) -> None:
     alone = rendered(engine=replace(engine, threads=1))
     engine.start()
     assert same_bits(alone, picture)
 
 
-def test_another_seed_gives_another_noise(rendered: Rendered, picture: Layers) -> None:
+def test_another_seed_gives_another_noise(rendered: Rendered, picture: RenderedFrame) -> None:
     other = rendered(seed=8)
     assert not np.array_equal(other["beauty"], picture["beauty"])
     assert abs(other["beauty"].mean() / picture["beauty"].mean() - 1.0) < 0.05
 
 
-def test_the_sphere_is_lit_and_covers_what_the_camera_projects(picture: Layers) -> None:
+def test_the_sphere_is_lit_and_covers_what_the_camera_projects(picture: RenderedFrame) -> None:
     assert np.isfinite(picture["beauty"]).all()
     assert 0.05 < picture["beauty"].mean() < 2.0
     matte = picture["matte"]
@@ -66,7 +70,7 @@ def test_the_sphere_is_lit_and_covers_what_the_camera_projects(picture: Layers) 
     assert matte.sum() == pytest.approx(np.pi * radius**2, rel=0.06)
 
 
-def test_layers_tell_where_the_surface_is(picture: Layers) -> None:
+def test_layers_tell_where_the_surface_is(picture: RenderedFrame) -> None:
     inside = picture["matte"] == 1.0
     centre = picture["position"][inside] - [0.0, 1.0, 0.0]
     assert np.linalg.norm(centre, axis=1) == pytest.approx(1.0, abs=0.05)
@@ -79,7 +83,7 @@ def test_layers_tell_where_the_surface_is(picture: Layers) -> None:
 
 
 def test_an_enlarged_copy_on_an_enlarged_stage_is_the_same_picture(
-    rendered: Rendered, picture: Layers, sphere: Surface
+    rendered: Rendered, picture: RenderedFrame, sphere: Surface
 ) -> None:
     size, origin = 8.0, np.array([16.0, -4.0, 32.0])
     moved = replace(sphere, vertices=(sphere.vertices * size + origin).astype(np.float32))
@@ -115,7 +119,7 @@ def test_the_lens_does_not_see_the_lamps(rendered: Rendered) -> None:
     assert rendered(camera=into_it)["beauty"].max() < min(key.radiance) / 10.0
 
 
-def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: Layers) -> None:
+def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: RenderedFrame) -> None:
     rig = LIGHTS["studio"]
     lamp = replace(rig.softboxes[0], position=(1.2, 1.6, 3.0), width=1.0, height=1.0)
     crowded = rendered(lights=replace(rig, softboxes=(*rig.softboxes, lamp)))
@@ -209,7 +213,7 @@ def test_more_samples_are_less_noisy(rendered: Rendered) -> None:
     assert noise(64) < 0.7 * noise(4)
 
 
-def test_denoising_takes_the_noise_and_leaves_the_light(rendered: Rendered, picture: Layers) -> None:
+def test_denoising_takes_the_noise_and_leaves_the_light(rendered: Rendered, picture: RenderedFrame) -> None:
     truth = rendered(quality=replace(QUALITIES["draft"], width=48, height=27, samples=256, depth=3))["beauty"]
     clean = denoise(picture)
     assert clean.shape == truth.shape
@@ -218,7 +222,7 @@ def test_denoising_takes_the_noise_and_leaves_the_light(rendered: Rendered, pict
     assert clean.mean() == pytest.approx(truth.mean(), rel=0.03)
 
 
-def test_denoising_is_repeatable(picture: Layers) -> None:
+def test_denoising_is_repeatable(picture: RenderedFrame) -> None:
     assert np.array_equal(denoise(picture), denoise(picture))
 
 
@@ -304,7 +308,7 @@ np.savez(sys.argv[3], **layers.arrays)
 
 @pytest.mark.parametrize("variant", DEFAULT_ORDER)
 def test_two_processes_give_the_same_bits(
-    variant: str, sphere: Surface, picture: Layers, engine: Engine, tmp_path: Path
+    variant: str, sphere: Surface, picture: RenderedFrame, engine: Engine, tmp_path: Path
 ) -> None:
     if variant == "llvm_ad_rgb" and engine.variant != variant:
         variant = engine.variant  # no libLLVM here: the scalar variant is asked twice

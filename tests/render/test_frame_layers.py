@@ -1,4 +1,4 @@
-"""Layers say of the subject what its vertices bring along, and how sure the light is."""
+"""RenderedFrame say of the subject what its vertices bring along, and how sure the light is."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.frame.motion_samples import Moment
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.frame.sample_batches import Passes
 from render.mitsuba.engine import Engine
 from render.post.image import read_exr, write_exr
@@ -23,7 +23,7 @@ from render.scene.spheres import Spheres
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 SIZE = (48, 27)
@@ -56,7 +56,7 @@ def test_layers_show_what_vertices_bring_along_and_nothing_beside_the_subject(
 
 
 def test_layers_that_were_asked_for_leave_the_others_as_they_are(
-    rendered: Rendered, marked: Surface, picture: Layers
+    rendered: Rendered, marked: Surface, picture: RenderedFrame
 ) -> None:
     layers = rendered(surface=marked, aovs=("velocity", "rest", "samples"))
     assert set(layers.arrays) == {*picture.arrays, "velocity", "rest", "samples"}

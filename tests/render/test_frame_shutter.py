@@ -20,14 +20,14 @@ from render.frame.motion_samples import (
     passes_of,
     subframes,
 )
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import PASS_SAMPLES, Quality
 from render.scene.stage import Placement
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 FINE = Quality(48, 27, samples=32, depth=3, auxiliary_samples=16)

@@ -15,19 +15,19 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.post.image import lettering, read_exr, read_header, read_png, write_exr, write_png
 
 
 @pytest.fixture
-def layers() -> Layers:
+def layers() -> RenderedFrame:
     rng = np.random.default_rng(3)
     shapes = {"beauty": 3, "albedo": 3, "normal": 3, "position": 3, "depth": 0, "matte": 0}
     arrays = {
         name: rng.random((18, 32, count) if count else (18, 32), dtype=np.float32)
         for name, count in shapes.items()
     }
-    return Layers(arrays, {"seed": 7, "variant": "llvm_ad_rgb"})
+    return RenderedFrame(arrays, {"seed": 7, "variant": "llvm_ad_rgb"})
 
 
 @contextmanager
@@ -41,7 +41,7 @@ def disk_of(size: int) -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
 
 
-def test_layers_come_back_as_they_were(layers: Layers, tmp_path: Path) -> None:
+def test_layers_come_back_as_they_were(layers: RenderedFrame, tmp_path: Path) -> None:
     write_exr(tmp_path / "a.0001.exr", layers, {})
     again, _ = read_exr(tmp_path / "a.0001.exr")
     assert set(again.arrays) == set(layers.arrays)
@@ -51,7 +51,7 @@ def test_layers_come_back_as_they_were(layers: Layers, tmp_path: Path) -> None:
         assert np.array_equal(again[name], array if exact else array.astype(np.float16).astype(np.float32))
 
 
-def test_the_header_comes_back_with_types_and_precision(layers: Layers, tmp_path: Path) -> None:
+def test_the_header_comes_back_with_types_and_precision(layers: RenderedFrame, tmp_path: Path) -> None:
     header: dict[str, Any] = {
         "key": "9f03ab",
         "number_like": "12",
@@ -80,17 +80,19 @@ def test_any_text_survives_the_header(
     tmp_path_factory: pytest.TempPathFactory, header: dict[str, str]
 ) -> None:
     path = tmp_path_factory.mktemp("headers") / "a.exr"
-    write_exr(path, Layers({"beauty": np.zeros((2, 2, 3), np.float32)}), header)
+    write_exr(path, RenderedFrame({"beauty": np.zeros((2, 2, 3), np.float32)}), header)
     assert read_header(path) == header
 
 
 @pytest.mark.parametrize("value", [float("nan"), object(), {1, 2}])
-def test_a_value_that_json_cannot_say_is_refused(value: Any, layers: Layers, tmp_path: Path) -> None:
+def test_a_value_that_json_cannot_say_is_refused(value: Any, layers: RenderedFrame, tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="'odd'"):
         write_exr(tmp_path / "a.exr", layers, {"odd": value})
 
 
-def test_the_same_picture_is_the_same_file_whenever_it_is_written(layers: Layers, tmp_path: Path) -> None:
+def test_the_same_picture_is_the_same_file_whenever_it_is_written(
+    layers: RenderedFrame, tmp_path: Path
+) -> None:
     for name in ("a.exr", "b.exr"):
         write_exr(tmp_path / name, layers, {"frame": 1})
         time.sleep(1.01)  # headers tell seconds
@@ -98,7 +100,7 @@ def test_the_same_picture_is_the_same_file_whenever_it_is_written(layers: Layers
 
 
 @pytest.mark.parametrize("share", [0.99, 0.5, 0.01])
-def test_a_truncated_picture_is_reported(share: float, layers: Layers, tmp_path: Path) -> None:
+def test_a_truncated_picture_is_reported(share: float, layers: RenderedFrame, tmp_path: Path) -> None:
     path = tmp_path / "a.0007.exr"
     write_exr(path, layers, {})
     whole = path.read_bytes()
@@ -123,7 +125,9 @@ def test_a_missing_picture_is_reported(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["a.exr", "a.png"])
-def test_a_full_disk_is_reported_and_keeps_the_old_picture(name: str, layers: Layers, tmp_path: Path) -> None:
+def test_a_full_disk_is_reported_and_keeps_the_old_picture(
+    name: str, layers: RenderedFrame, tmp_path: Path
+) -> None:
     path = tmp_path / name
 
     def write() -> None:
@@ -141,7 +145,7 @@ def test_a_full_disk_is_reported_and_keeps_the_old_picture(name: str, layers: La
     assert [file.name for file in tmp_path.iterdir()] == [name]
 
 
-def test_a_folder_that_cannot_be_made_is_reported(layers: Layers, tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_made_is_reported(layers: RenderedFrame, tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(MachineError, match="cannot be written"):
         write_exr(tmp_path / "file" / "a.exr", layers, {})

@@ -11,14 +11,14 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.bsdf_check import reason, refusal, said_of
 from render.mitsuba.engine import Engine
 from render.scene.bsdf import BSDFS, FORMS, TEXTURES, Bsdf
 from render.scene.look import LOOKS, Look
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 TEXTS = {"material": "Au", "distribution": "ggx", "filter_type": "nearest", "wrap_mode": "repeat"}
 VALUES: dict[str, Any] = {"texture": 0.3, "number": 0.3, "bool": True, "index": 1.6}

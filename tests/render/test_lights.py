@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.base.serialise import to_plain
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.raster import Set, Shape, preview
 from render.scene.camera import Camera
@@ -27,7 +27,7 @@ from render.scene.quality import Quality
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 angles = st.floats(-7.0, 7.0)
 
 

@@ -15,7 +15,7 @@ from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import tessellate
 from pipeline.mesh.solids.primitives import box
 from render.base.errors import BadInputError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba import gouraud
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -26,7 +26,7 @@ from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 from render.scene.wireframe import Wireframe, outlines, ribbons
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 TRIANGLE = Surface(
     np.float32([[-1, 0, 0], [1, 0, 0], [0, 1.5, 0]]), np.float32([[0, 0, 1]] * 3), np.int32([[0, 1, 2]])
@@ -81,7 +81,7 @@ def test_a_crease_is_one_line_though_its_sides_have_vertices_of_their_own() -> N
 
 
 def test_lines_show_in_the_picture_and_in_what_guides_the_denoiser(
-    rendered: Rendered, picture: Layers
+    rendered: Rendered, picture: RenderedFrame
 ) -> None:
     look = replace(LOOKS["clay"], wireframe=Wireframe((0.0, 0.0, 0.0), width=2.0))
     drawn = rendered(look=look)

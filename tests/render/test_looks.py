@@ -10,7 +10,7 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.mitsuba.texture_coordinates import laid_on
 from render.scene.camera import Camera
@@ -21,14 +21,14 @@ from render.scene.quality import Quality
 from render.scene.stage import STAGES
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 WHITE = (1.0, 1.0, 1.0)
 FURNACE = {"lights": LightRig(sky=Sky(WHITE, WHITE, WHITE, visible=True)), "stage": STAGES["none"]}
 """The same light from everywhere: what reflects all of it cannot be told from the sky."""
 
 
-def middle(layers: Layers) -> np.ndarray:
+def middle(layers: RenderedFrame) -> np.ndarray:
     """(3,) light of the picture's middle."""
     height, width = layers["matte"].shape
     part = layers["beauty"][height // 2 - 2 : height // 2 + 2, width // 2 - 2 : width // 2 + 2]

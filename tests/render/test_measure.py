@@ -12,14 +12,14 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.vertex_colours import colours
 from render.scene.colour_maps import COLOUR_MAPS, colour_map
 from render.scene.look import LOOKS, Look
 from render.scene.measure import KINDS, Measure, at_vertices, stretches
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 
 @settings(deadline=None, max_examples=40)

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.integrator.light_sampler import aims
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import Rendering, build_scene
@@ -121,7 +121,7 @@ def test_pixels_know_nothing_of_each_other(built: Callable[..., Rendering]) -> N
         assert abs((one * other).mean()) < 0.03
 
 
-def test_a_part_has_the_noise_of_the_whole(rendered: Callable[..., Layers], engine: Engine) -> None:
+def test_a_part_has_the_noise_of_the_whole(rendered: Callable[..., RenderedFrame], engine: Engine) -> None:
     if engine.variant == "scalar_rgb":
         pytest.skip("there random numbers belong to places in what is rendered")
     whole = rendered(quality=QUALITY)["beauty"]

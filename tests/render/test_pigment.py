@@ -12,13 +12,13 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.scene.look import LOOKS, Look
 from render.scene.noise import fractal_noise
 from render.scene.patterns import PATTERNS, TEXELS, Pigment
 from render.scene.surface import Surface
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 RED, BLUE = (0.7, 0.05, 0.05), (0.05, 0.05, 0.7)
 
@@ -129,7 +129,9 @@ def test_halves_reach_beauty_and_albedo_and_stay_when_the_surface_moves(
     )
 
 
-def test_a_pigment_changes_no_other_layer(rendered: Rendered, sphere: Surface, picture: Layers) -> None:
+def test_a_pigment_changes_no_other_layer(
+    rendered: Rendered, sphere: Surface, picture: RenderedFrame
+) -> None:
     look = replace(LOOKS["clay"], pigment=Pigment("speckles", (RED, BLUE), scale=0.4))
     layers = rendered(surface=replace(sphere, material=sphere.vertices), look=look)
     for name in ("matte", "normal", "depth", "position"):

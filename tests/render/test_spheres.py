@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.spheres import MOST_FACES, TOLERANCE, Spheres
 
@@ -94,7 +94,7 @@ def test_clouds_that_cannot_be_rendered_are_refused(centres: object, radii: obje
 
 
 def test_a_cloud_is_seen_in_every_layer_where_the_camera_projects_it(
-    rendered: Callable[..., Layers], picture: Layers
+    rendered: Callable[..., RenderedFrame], picture: RenderedFrame
 ) -> None:
     """One sphere as a cloud is the picture of the sphere as a surface, but for its facets."""
     cloud = rendered(surface=spheres([[0, 1, 0]], [1]))
@@ -105,7 +105,7 @@ def test_a_cloud_is_seen_in_every_layer_where_the_camera_projects_it(
     assert np.median(np.abs(cloud["beauty"] - picture["beauty"])) < 0.02
 
 
-def test_a_cloud_gives_the_same_bits_again(rendered: Callable[..., Layers]) -> None:
+def test_a_cloud_gives_the_same_bits_again(rendered: Callable[..., RenderedFrame]) -> None:
     cloud = spheres(np.random.default_rng(2).normal(size=(50, 3)), np.full(50, 0.1))
     one, other = (rendered(surface=cloud)["beauty"] for _ in range(2))
     assert np.array_equal(one, other)

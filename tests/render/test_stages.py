@@ -14,21 +14,21 @@ from hypothesis import strategies as st
 from pipeline.production.render_inputs.framing import frame_all, with_room
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Softbox
 from render.scene.quality import Quality
 from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, spots
 from render.scene.stage import STAGES, Placement, Stage
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 ASPECT = 16 / 9
 FRONT = Camera((0.0, 2.4, 7.6), (0.0, 0.7, 0.0))
 
 
 @pytest.mark.parametrize("stage", [*STAGES.values(), Stage("plinth", round=True), Stage(roughness=0.2)])
 def test_every_stage_renders_and_is_no_part_of_the_matte(
-    stage: Stage, rendered: Rendered, picture: Layers
+    stage: Stage, rendered: Rendered, picture: RenderedFrame
 ) -> None:
     layers = rendered(stage=stage)
     assert np.isfinite(layers["beauty"]).all()

@@ -14,7 +14,7 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.vertex_colours import colours
 from render.scene.camera import Camera
 from render.scene.colour_maps import linear_of_srgb
@@ -23,7 +23,7 @@ from render.scene.surface import Surface
 from render.scene.texture_projection import PROJECTIONS, Projection, unwrapped
 from render.scene.textures import Texture
 
-Rendered = Callable[..., Layers]
+Rendered = Callable[..., RenderedFrame]
 
 RED, GREEN, BLUE, WHITE = (0.7, 0.05, 0.05), (0.05, 0.7, 0.05), (0.05, 0.05, 0.7), (0.7, 0.7, 0.7)
 FRONT = Camera((0.0, 1.0, 9.0), (0.0, 1.0, 0.0))
@@ -131,7 +131,9 @@ def test_a_slide_lies_upright_and_moves_with_the_material(
     assert np.abs(white - WHITE).max() < 1e-6
 
 
-def test_the_matte_is_as_it_was(rendered: Rendered, sphere: Surface, picture: Layers, tmp_path: Path) -> None:
+def test_the_matte_is_as_it_was(
+    rendered: Rendered, sphere: Surface, picture: RenderedFrame, tmp_path: Path
+) -> None:
     look = replace(LOOKS["clay"], picture=quarters(tmp_path / "a.exr"))
     found = rendered(surface=looked(sphere), look=look)["matte"]
     assert np.abs(found - picture["matte"]).max() < 0.004

@@ -183,7 +183,7 @@ class Take(Showing):
         return None if cameras is None else Keyring(self, store, cameras)
 
     def seed(self, number: int) -> int:
-        from render.frame.render_frame import seed_of
+        from render.frame.sample_batches import seed_of
 
         return seed_of(self.folders.name, number)
 

@@ -14,7 +14,7 @@ from pipeline.errors import MeshError, UsageError
 from pipeline.production.keys.digest import Key
 from pipeline.production.store.npz import read_npz
 from pipeline.production.store.store import CorruptFileError
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.post.image import read_exr
 
 if TYPE_CHECKING:
@@ -27,10 +27,10 @@ _USED = {"beauty", "albedo", "normal", "position", "matte", "before", "after"}
 """The layers that finished pictures are made of."""
 
 
-def picture(key: Key, size: Size | None = None) -> Callable[[Path], tuple[Layers, dict[str, Any]]]:
+def picture(key: Key, size: Size | None = None) -> Callable[[Path], tuple[RenderedFrame, dict[str, Any]]]:
     """Reads the picture of a key: its layers, and its header. Its size is looked at where one is given."""
 
-    def read(path: Path) -> tuple[Layers, dict[str, Any]]:
+    def read(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
         layers, header = read_exr(path)
         _require_key(path, header.get("key"), key)
         if size is not None and layers.size != size:

@@ -11,7 +11,7 @@ from pipeline.errors import FrameError
 from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.post.denoise import denoise
 from render.post.image import write_exr
 
@@ -55,7 +55,7 @@ class _Desk:
     framings: Mapping[int, Framing]
     _moments: dict[int, Moment] = field(default_factory=dict)
 
-    def finished(self, number: int) -> tuple[Layers, dict[str, Any]]:
+    def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         """The beauty of a picture without noise, and the header of the raw one."""
         layers, header = self._read(number)
         window = self.keys[number].window
@@ -71,9 +71,9 @@ class _Desk:
             corner = quality.crop[:2] if quality.crop else (0, 0)
             light = steady(self._moments, number, (quality.width, quality.height), corner)
             header = {**header, "steadied_with": [n for n in window if n != number]}
-        return Layers({"beauty": light}, layers.facts), header
+        return RenderedFrame({"beauty": light}, layers.facts), header
 
-    def _read(self, number: int) -> tuple[Layers, dict[str, Any]]:
+    def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         take = self.context.take
         place = take.folders.raw(take.quality_name, number)
         key = self.keys[number].raw

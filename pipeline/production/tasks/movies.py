@@ -16,7 +16,7 @@ from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.graphics.titles import TitleCard, title_frames
 from render.movie.dissolve import Piece, dissolved, mixed
 from render.movie.movie import write_movie
@@ -116,7 +116,7 @@ def _shown(context: Context, take: Take, keys: Keyring, numbers: list[int]) -> I
     """Finished frames as a display shows them. A frame that cannot be read to its end is forgotten."""
     picture = take.shot.picture
 
-    def read(number: int) -> Layers:
+    def read(number: int) -> RenderedFrame:
         key, target = keys[number].frame, take.folders.frame(take.quality_name, number)
         return context.read("frame", key, target, readers.picture(key, take.quality.rendered_size))[0]
 

@@ -25,7 +25,8 @@ from pipeline.production.tasks.signals import Stop, stopping
 from render.base.atomic_write import disk_errors
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import Moment, Shutter
-from render.frame.render_frame import Layers, render_frame
+from render.frame.render_frame import render_frame
+from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.camera import Camera
@@ -208,7 +209,7 @@ def _subject(
 
 
 def _tell_statistics(
-    context: Context, number: int, key: Key, layers: Layers, seconds: float, taken_up: int
+    context: Context, number: int, key: Key, layers: RenderedFrame, seconds: float, taken_up: int
 ) -> None:
     """What this picture took: it differs from run to run, and pictures do not, so it stands beside them.
 

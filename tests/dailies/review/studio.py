@@ -22,7 +22,7 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.wedge import Wedge
-from render.frame.render_frame import Layers
+from render.frame.rendered_frame import RenderedFrame
 from render.post.image import write_exr
 from tests.conftest import commanded
 
@@ -103,7 +103,9 @@ def hang(desk: Desk, take: Take, numbers: Iterable[int], paint: Callable[[int], 
     for number in numbers:
         key, pixels = keys[number].frame, paint(number)
         header = {"key": key, "seed": take.seed(number), "samples": 4, "quality": take.quality_name}
-        store.put("frame", key, lambda p, x=pixels, h=header: write_exr(p, Layers({"beauty": x}, {}), h))
+        store.put(
+            "frame", key, lambda p, x=pixels, h=header: write_exr(p, RenderedFrame({"beauty": x}, {}), h)
+        )
         store.link("frame", key, take.folders.frame(take.quality_name, number))
 
 

@@ -8,60 +8,16 @@ without the dye it shows what is not the subject, which is taken away again.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.frame.motion_samples import Moment
+from render.scene.aovs import NEEDED_BY_AOV, VERTEX_AOVS
 
 Array = NDArray[np.float64]
 Dyed = Callable[[NDArray[np.float32]], Array]
-
-
-@dataclass(frozen=True)
-class Aov:
-    """A layer: the letters of its channels, how exactly they are kept (half or float), and what it says."""
-
-    letters: str
-    precision: str
-    sense: str
-
-
-ALWAYS = {
-    "beauty": Aov("RGB", "half", "light"),
-    "albedo": Aov("RGB", "half", "reflectance"),
-    "normal": Aov("XYZ", "half", "shading normal"),
-    "position": Aov("XYZ", "float", "place in the scene"),
-    "depth": Aov("Z", "float", "distance from the lens"),
-    "matte": Aov("A", "half", "how much of the pixel the subject covers"),
-}
-"""What every picture has."""
-
-EXTRA = {
-    "velocity": Aov("XYZ", "half", "of the subject, scene units per second"),
-    "motion": Aov("XY", "half", "pixels right and up from this frame to the next, as the camera sees it"),
-    "before": Aov("XYZ", "half", "of the subject, from here to where it was a frame earlier, scene units"),
-    "after": Aov("XYZ", "half", "of the subject, from here to where it is a frame later, scene units"),
-    "rest": Aov("XYZ", "float", "place before anything moved it"),
-    "noise": Aov("Y", "half", "standard error of the beauty's luminance"),
-    "samples": Aov("N", "float", "paths of light"),
-}
-"""What a picture has where it is asked for."""
-
-AOVS = {**ALWAYS, **EXTRA}
-
-_NEEDED = {
-    "velocity": "velocities",
-    "motion": "the next frame",
-    "before": "the frame before",
-    "after": "the next frame",
-    "rest": "where points were at rest",
-}
-
-MARKS = tuple(_NEEDED)
-"""What the vertices of the subject bring along."""
 
 
 def marks_of(
@@ -76,7 +32,7 @@ def marks_of(
     Raises BadInputError where something is missing.
     """
     found: dict[str, NDArray[np.float32]] = {}
-    for name in [name for name in aovs if name in MARKS]:
+    for name in [name for name in aovs if name in VERTEX_AOVS]:
         if name == "motion" and following is not None:
             there, here = following.pixels(size), moment.pixels(size)
             seen = (there[:, 2] > 0.0) & (here[:, 2] > 0.0)
@@ -85,7 +41,9 @@ def marks_of(
             continue
         given = moment.subject.material if name == "rest" else moment.subject.attributes.get(name)
         if name == "motion" or given is None:
-            raise BadInputError(f"layer {name!r} needs {_NEEDED[name]}, which the surface was not given")
+            raise BadInputError(
+                f"layer {name!r} needs {NEEDED_BY_AOV[name]}, which the surface was not given"
+            )
         found[name] = given
     return found
 
