@@ -51,7 +51,7 @@ flows:
 look: glaze
 camera: {azimuth: -30, elevation: 14}
 shutter: {angle: 180}
-quality: {draft: {samples: 4, guides: 1, denoise: fast, steady: 1}}
+quality: {draft: {samples: 4, auxiliary_samples: 1, denoise: fast, temporal_denoise: 1}}
 """
 FILM = f"""\
 title: Reference

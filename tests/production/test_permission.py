@@ -18,7 +18,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import Take
-from pipeline.production.store.npz import read_npz
+from pipeline.production.store.readers import read_npz
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"

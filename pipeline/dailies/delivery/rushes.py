@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import FrameError
 from pipeline.production.planning.history import History
 from pipeline.production.request.picture_keys import Keyring
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import paths, readers
-from pipeline.production.store.store import CorruptFileError, Store
+from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import Provenance, records
-from render.base.errors import CorruptImageError, MissingImageError
 from render.graphics.slate import failure
 from render.movie.planes import Frame
 from render.post.colour import quantise, to_display
@@ -97,12 +95,7 @@ class Rushes:
 
     def _layer(self, kind: str, number: int, key: str, layer: str) -> NDArray[np.float32]:
         read = readers.picture(key, self.take.quality.rendered_size)
-        try:
-            return read(self._store.path(kind, key))[0][layer]
-        except (CorruptFileError, CorruptImageError, MissingImageError) as error:
-            self._store.discard(kind, key)
-            place = self.take.place(kind, number)
-            raise FrameError(f"{place} cannot be read to its end; run again to make it anew") from error
+        return self._store.read(kind, key, self.take.place(kind, number), read)[0][layer]
 
     def _card(self, number: int, reason: str, look: Look) -> Frame:
         size = self.take.quality.rendered_size

@@ -21,8 +21,8 @@ from pipeline.errors import FrameError
 from pipeline.production.keys.digest import Key
 from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
-from pipeline.production.store.npz import write_npz
-from pipeline.production.store.store import CorruptFileError, Store
+from pipeline.production.store.readers import write_npz
+from pipeline.production.store.store import Store
 
 SLOW = 0.25
 """Seconds of a core from which on a frame is kept in the store."""
@@ -92,8 +92,8 @@ class MeshSource:
         key = self.take.mesh_key(frame.number)
         self.memory.remember(key, frame)
         if seconds > SLOW:
-            arrays = readers.keyed(key, frame.to_arrays())
-            self.store.put("mesh", key, partial(write_npz, arrays=arrays))
+            arrays = readers.with_key(key, frame.to_arrays())
+            self.store.put("mesh", key, partial(write_npz, named=arrays))
 
 
 def _size(frame: MeshFrame) -> int:
@@ -105,14 +105,6 @@ T = TypeVar("T")
 
 
 def stored(take: Take, store: Store, kind: str, number: int, reader: Callable[[Path], T]) -> T:
-    """The `mesh` or the `normals` of a frame. A corrupt one is forgotten, so that it is made anew.
-
-    Raises FrameError.
-    """
+    """Read the `mesh` or the `normals` of a frame. Raises FrameError where the file is damaged."""
     key = take.mesh_key(number) if kind == "mesh" else take.normals_key(number)
-    try:
-        return reader(store.path(kind, key))
-    except (CorruptFileError, FileNotFoundError) as error:
-        store.discard(kind, key)
-        place = take.place(kind, number)
-        raise FrameError(f"{place} cannot be read to its end; run again to make it anew") from error
+    return store.read(kind, key, take.place(kind, number), reader)

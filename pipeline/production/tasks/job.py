@@ -19,8 +19,7 @@ from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.request.planning_cache import Ledger
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import CorruptFileError, Store
-from render.base.errors import CorruptImageError, MissingImageError
+from pipeline.production.store.store import Store
 
 if TYPE_CHECKING:
     from pipeline.production.request.picture_keys import Keyring
@@ -94,7 +93,7 @@ class Context:
         """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
         keys = take.picture_keys(self.store)
         if keys is None:
-            raise FrameError(f"{take.folders.cameras()} is gone; run again to find the cameras anew")
+            raise FrameError(f"{take.folders.cameras()} is gone; run again to frame the shot again")
         return keys
 
     def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
@@ -112,11 +111,10 @@ class Context:
             with suppress(OSError):
                 list(path.parent.iterdir())  # a network file system may remember that it was not there
         try:
-            return reader(path)
-        except (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError) as error:
-            self.store.discard(kind, key)
+            return self.store.read(kind, key, target, reader)
+        except FrameError:
             self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
-            raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
+            raise
 
     def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
         """Once one file was found corrupt, read the others too: the next round makes them all anew."""

@@ -17,7 +17,7 @@ from pipeline.production.render_inputs.framing import frame_all, turned, with_ro
 from pipeline.production.render_inputs.framing_geometry import Balls
 from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.store import readers
-from pipeline.production.store.npz import write_npz
+from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context
 
 
@@ -34,7 +34,7 @@ def simulate(context: Context) -> bool:
             number = frame.number
             key, target = take.mesh_key(number), take.motion_folders.mesh(number)
             found = store.holds("mesh", key)
-            store.put("mesh", key, partial(write_npz, arrays=readers.keyed(key, frame.to_arrays())))
+            store.put("mesh", key, partial(write_npz, named=readers.with_key(key, frame.to_arrays())))
             if number in missing:
                 store.link("mesh", key, target)
                 context.tell(number, found, time.perf_counter() - started)
@@ -69,7 +69,7 @@ def smooth_normals(context: Context) -> bool:
         key, target = take.normals_key(number), take.motion_folders.normals(number)
 
         def write(path: Path) -> None:
-            write_npz(path, readers.keyed(key, shading_of(context, number).arrays()))
+            write_npz(path, readers.with_key(key, shading_of(context, number).arrays()))
 
         return context.make("normals", key, target, write)
 

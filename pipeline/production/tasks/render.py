@@ -73,7 +73,7 @@ class _Room:
         self.wear.heed()
         context, key = self.context, self.keys[number].raw
         target = context.take.folders.raw(context.take.quality_name, number)
-        keep = checkpoints.begun(
+        keep = checkpoints.checkpoint_of(
             context.store, target, key, partial(context.warn, number), lambda: self.stop.asked
         )
         found = context.make("raw", key, target, partial(self._write, number, keep))
