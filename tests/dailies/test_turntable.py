@@ -13,8 +13,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.turntable.request import Turning, key_numbers, named
-from pipeline.dailies.turntable.sheets import Sheets
+from pipeline.dailies.turntable.request import TurntableRequest, key_numbers, named
+from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import Framing, frame_all, turned, with_room
@@ -51,8 +51,8 @@ ASPECT = 16 / 9
 class Desk:
     root: Path
 
-    def turning(self, subject: str = NAME, at: int | None = 2, **asked: object) -> Turning:
-        return Turning(Project(self.root, 2), subject, QUALITY, at, 4, **asked)  # type: ignore[arg-type]
+    def turning(self, subject: str = NAME, at: int | None = 2, **asked: object) -> TurntableRequest:
+        return TurntableRequest(Project(self.root, 2), subject, QUALITY, at, 4, **asked)  # type: ignore[arg-type]
 
     def command(self, *words: str) -> tuple[int, str]:
         return commanded(self.root, "-j", "2", "turntable", *words)
@@ -157,7 +157,7 @@ def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_
     path.write_bytes(whole[:-99])
     try:
         with pytest.raises(FrameError, match=f"{NAME}.0002.0006.exr cannot be read to its end"):
-            Sheets(turning).draw()
+            TurntableSheets(turning).draw()
     finally:
         path.write_bytes(whole)
     assert not (turned_in_two_looks / "clay" / QUALITY / f"{NAME}.0002.lights.png").exists()
@@ -183,7 +183,7 @@ def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> 
 
 def test_settings_count_over_what_turntables_take_for_granted(desk: Desk) -> None:
     project = Project(desk.root, 2, settings=("stage=plinth",))
-    (take,) = Turning(project, NAME, QUALITY, 2, 4, looks=("chrome",)).takes
+    (take,) = TurntableRequest(project, NAME, QUALITY, 2, 4, looks=("chrome",)).takes
     assert take.shot.picture.stage == STAGES["plinth"]
     assert take.movie_path.name == f"{NAME}.0002.mp4"
 

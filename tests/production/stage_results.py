@@ -21,8 +21,8 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from pipeline.dailies.sheets.measures import Measures
-from pipeline.dailies.turntable.request import Turning
-from pipeline.dailies.turntable.sheets import Sheets
+from pipeline.dailies.turntable.request import TurntableRequest
+from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.production.execution.project import Project
 from pipeline.production.keys.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, Stage
 from pipeline.production.planning.plan import Plan
@@ -76,9 +76,9 @@ def results(root: Path) -> dict[str, Arrays]:
         _do(root, project.stills([NAME], stage.name, QUALITY))
     code, said = commanded(root, "deliver", NAME, "--as", "prores4444", "-q", "draft", "--scale", SCALE)
     assert code == 0, said
-    turning = Turning(project, NAME, QUALITY, 2, 4, turn="object")
+    turning = TurntableRequest(project, NAME, QUALITY, 2, 4, turn="object")
     _do(root, turning.plan())
-    (sheet,) = Sheets(turning).draw()
+    (sheet,) = TurntableSheets(turning).draw()
     take, home = project.take(find_shot(NAME), QUALITY), root / "renders"
     keys, numbers = take.picture_keys(project.store), sorted(take.requested)
     assert keys is not None

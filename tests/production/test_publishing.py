@@ -349,7 +349,7 @@ def test_what_is_no_provenance_is_told_in_one_line(
         (("versions", "B999"), 3, f"B999 is not published in .*; published are {NAME}"),
         (("render",), 2, "render needs the name of a shot, or --from"),
         (("render", "--from", "nowhere.json"), 3, "nowhere.json: no such provenance"),
-        (("render", NAME, "--from", "nowhere.json"), 2, "it says itself which shot is rendered"),
+        (("render", NAME, "--from", "nowhere.json"), 2, "the provenance says shot, quality"),
         (
             ("render", "--from", f"renders/published/{NAME}/v001/{FILE}", "-f", "9"),
             2,

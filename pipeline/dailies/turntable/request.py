@@ -24,7 +24,7 @@ STAGE = "turntable"
 
 
 @dataclass(frozen=True)
-class Turning:
+class TurntableRequest:
     """One frame of a shot, or a mesh file, to be turned.
 
     subject  a shot's name or path, or a mesh file's

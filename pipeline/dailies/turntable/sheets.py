@@ -14,7 +14,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.dailies.turntable.request import EIGHTHS, QUARTERS, Turning, key_numbers, named
+from pipeline.dailies.turntable.request import EIGHTHS, QUARTERS, TurntableRequest, key_numbers, named
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import key_of
 from pipeline.production.keys.stages import TURNTABLE_SHEET
@@ -42,10 +42,10 @@ def _untold(name: str, total: int) -> Callable[[], None]:
 
 
 @dataclass(frozen=True, eq=False)
-class Sheets:
+class TurntableSheets:
     """Of a turntable that was made; pictures that are not there are told to be missing."""
 
-    turning: Turning
+    turning: TurntableRequest
 
     def draw(self, bar: Bar = _untold) -> list[Path]:
         """Make what is not there yet; where it is, relative to the root. Nothing if nothing is rendered.
