@@ -17,8 +17,8 @@ import av
 import imageio.v3 as iio
 
 from render.base.atomic_write import atomic_write
-from render.movie.codecs import Encode, require_size
 from render.base.errors import BadInputError, MachineError
+from render.movie.codecs import Encode, require_size
 from render.movie.planes import Frame, pad_to_even, require_frame, to_pixel_format
 from render.movie.sound import AudioTrack, Samples
 
@@ -105,14 +105,8 @@ def _open_movie(
     and the container that it opened.
     """
     kind = encode.container
-    movie: Any = iio.imopen(
-        file,  # type: ignore[arg-type]
-        "w",
-        plugin="pyav",
-        extension=kind.suffix,
-        container=kind.format,
-        options=dict(kind.options),
-    )
+    options: Any = {"container": kind.format, "options": dict(kind.options)}
+    movie: Any = iio.imopen(file, "w", plugin="pyav", extension=kind.suffix, **options)
     try:
         movie.init_video_stream(encode.codec, fps=float(rate), pixel_format=encode.format_of(shape[2]))
         stream, codec = movie._video_stream, movie._video_stream.codec_context

@@ -91,7 +91,7 @@ def _probe(movie: Any) -> MovieFacts:
 
 
 def _probe_webp(path: Path) -> MovieFacts:
-    """Read animated WebP with Pillow, as FFmpeg only writes it. A frame like the one before counts with it."""
+    """Read animated WebP with Pillow: FFmpeg only writes it. Frames like the one before count with it."""
     with iio.imopen(path, "r", plugin="pillow") as file:
         count, duration, shape, alpha = 0, 0.0, (0, 0, 0), False
         for picture in file.iter():

@@ -10,7 +10,7 @@ import pytest
 from pipeline.cli import commands
 from pipeline.cli.app import COMMANDS
 from pipeline.production.execution.watchdog import PATIENCE
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_png
 
 NAME = "T010_tiny"

@@ -22,7 +22,7 @@ from pipeline.production.request.render_request import Take
 from pipeline.production.request.turntable import TURNS, Pose, Turntable, framed_whole
 from pipeline.production.versions.wedge import frames_by_task
 from pipeline.shot.camera import Lens, View
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from render.scene.camera import Camera
 from render.scene.reference_objects import ball, chart, spots

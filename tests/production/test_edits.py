@@ -15,7 +15,7 @@ from pipeline.production.request.edit import Cut
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
 from pipeline.shot.yaml.lookup import is_edit
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 
 REEL = """\
 title: Reel

@@ -19,7 +19,7 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid, Variation
 from pipeline.production.versions.wedge import Wedge, frames_by_task
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from tests.conftest import commanded
 

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -23,7 +22,7 @@ from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
 from render.graphics.slate import Slate
 from render.movie.codecs import Encode
-from render.movie.encode import write_encode
+from render.movie.encode import write_movie
 from render.movie.planes import Frame
 from render.movie.prefetch import ahead
 from render.movie.sound import Samples, blocks
@@ -135,11 +134,8 @@ class Delivery:
         return key_of(
             DELIVER.recipe,
             [what, self.order.slate, list(self.order.burn_in.fields) if self.order.burn_in else None],
-            {
-                name: dict(value) if name in ("options", "container") else value
-                for name, value in _plain(encode)
-            },
-            heard.content if heard and encode.sound else None,
+            {name: value for name, value in asdict(encode).items() if name != "purpose"},
+            heard.content if heard and encode.container.audio_codec else None,
             [str(reel.rate), list(reel.size), reel.start, reel.count, reel.covered, reel.name],
             [reel.title, reel.subtitle, [list(fact) for fact in reel.facts]] if self.order.slate else None,
             reel.content,
@@ -147,11 +143,11 @@ class Delivery:
 
     def _write(self, encode: Encode, what: str, passed: Callable[[], None], path: Path) -> None:
         reel, rate = self.reel, self.reel.rate.fps
-        look = Look(encode.display, encode.covered is not None and reel.covered)
+        look = Look(encode.display, encode.alpha_format is not None and reel.covered)
         frames = self._slates(encode, look) if what == "apart" else self._frames(encode, look)
         first = reel.start - (self._slate_frames if self.order.slate and what == "apart" else self._leader)
-        sound = self._sound() if what == "reel" and encode.sound else None
-        write_encode(path, _told(ahead(frames), passed), rate, encode, timecode(first, rate), sound)
+        sound = self._sound() if what == "reel" and encode.container.audio_codec else None
+        write_movie(path, _told(ahead(frames), passed), rate, encode, timecode(first, rate), sound)
 
     def _frames(self, encode: Encode, look: Look) -> Iterator[Frame]:
         if self._leader:
@@ -185,10 +181,6 @@ class Delivery:
         sound, rate = self._heard.sound(), self.reel.rate.fps
         later = sound.start + float(self._leader / rate)
         return blocks(replace(sound, start=later), Fraction(self.reel.count + self._leader) / rate)
-
-
-def _plain(encode: Encode) -> list[tuple[str, Any]]:
-    return [(name, value) for name, value in asdict(encode).items() if name != "purpose"]
 
 
 def _told(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:

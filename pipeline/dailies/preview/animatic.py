@@ -18,8 +18,8 @@ from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_room
 from pipeline.production.render_inputs.framing_geometry import Balls
 from pipeline.production.request.render_request import Take
-from render.movie.codecs import SKETCH
-from render.movie.encode import write_encode
+from render.movie.codecs import PLAYBLAST
+from render.movie.encode import write_movie
 from render.movie.timecode import timecode
 from render.post.image import write_png
 
@@ -58,7 +58,7 @@ class Animatic:
         take = self.sketch.take
         framed = self._framed(set(take.requested), tell)
         pictures = self._pictures(framed, size_for(take.aspect, SIZES["movie"]), "rec709")
-        return write_movie(path, take, pictures, tell)
+        return write_playblast(path, take, pictures, tell)
 
     def played(self, asked: Set[int]) -> list[int]:
         """The frames that have to be there, so that those asked for can be drawn.
@@ -106,7 +106,7 @@ class Ready:
         """An MP4 of the frames asked for; how many it has."""
         take = self.sketch.take
         pictures = self.pictures(sorted(take.requested), size_for(take.aspect, SIZES["movie"]), "rec709")
-        return write_movie(path, take, pictures, tell)
+        return write_playblast(path, take, pictures, tell)
 
 
 def drawn(
@@ -134,7 +134,7 @@ def drawn(
             yield oldest()
 
 
-def write_movie(path: Path, take: Take, pictures: Iterator[Picture], tell: Tell) -> int:
+def write_playblast(path: Path, take: Take, pictures: Iterator[Picture], tell: Tell) -> int:
     """An MP4 of the frames that a take asks for; how many it has."""
     numbers, rate = sorted(take.requested), take.shot.rate.fps
 
@@ -143,7 +143,7 @@ def write_movie(path: Path, take: Take, pictures: Iterator[Picture], tell: Tell)
             yield picture
             tell("drawing", number)
 
-    return write_encode(path, told(), rate, SKETCH, timecode(numbers[0], rate))
+    return write_movie(path, told(), rate, PLAYBLAST, timecode(numbers[0], rate))
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:

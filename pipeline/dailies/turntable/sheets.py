@@ -26,7 +26,8 @@ from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.production.versions.wedge import shown_picture
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, reduction
-from render.movie.movie import write_movie
+from render.movie.codecs import movie_encode
+from render.movie.encode import write_movie
 from render.movie.prefetch import ahead
 from render.post.image import write_png
 
@@ -128,7 +129,8 @@ class TurntableSheets:
                     yield page(number)
                     shown()
 
-            write_movie(path, ahead(pages()), first.shot.rate.fps, movie_bits(first.quality_name))
+            encode = movie_encode(movie_bits(first.quality_name))
+            write_movie(path, ahead(pages()), first.shot.rate.fps, encode)
 
         cells = [(index, number) for index in every for number in first.requested]
         key = self._key("movie", cells, captions, columns, str(first.script.outline.rate))

@@ -18,7 +18,7 @@ from pipeline.production.request.render_request import Take
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
 from render.base.errors import RenderError
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_png
 
 

@@ -18,8 +18,9 @@ from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
 from render.frame.rendered_frame import RenderedFrame
 from render.graphics.titles import TitleCard, title_frames
+from render.movie.codecs import movie_encode
 from render.movie.dissolve import Piece, dissolved, mixed
-from render.movie.movie import write_movie
+from render.movie.encode import write_movie
 from render.movie.planes import Frame
 from render.movie.prefetch import ahead
 from render.movie.sound import Samples, blocks
@@ -69,9 +70,9 @@ def _movie(
     sound: Iterator[Samples] | None = None,
 ) -> bool:
     counted = _told(context, ahead(frames))
-    bits = movie_bits(quality_name)
+    encode = movie_encode(movie_bits(quality_name))
     try:
-        context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, bits, sound))
+        context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, encode, sound=sound))
     except FlowsculptError as error:
         context.fail(error)
         return False

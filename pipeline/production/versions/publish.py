@@ -38,7 +38,7 @@ from pipeline.production.versions.provenance import (
 )
 from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.errors import CorruptImageError, MissingImageError
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,8 @@ from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
 from pipeline.shot.yaml.lookup import shown
 from render.base.errors import RenderError
 from render.graphics.contact_sheet import ContactSheet, columns_for, reduced, reduction
-from render.movie.movie import write_movie
+from render.movie.codecs import H264_8_BITS
+from render.movie.encode import write_movie
 from render.post.colour import quantise, to_display
 from render.post.image import read_exr, write_png
 
@@ -131,7 +132,7 @@ class Wedge:
             return [self.still_path]
         numbers = sorted(self._first.requested)
         pages: Iterator[NDArray[Any]] = (self._page(number, 16, "rec709") for number in numbers)
-        write_movie(root / self.movie_path, pages, self._first.shot.rate.fps)
+        write_movie(root / self.movie_path, pages, self._first.shot.rate.fps, H264_8_BITS)
         return [self.still_path, self.movie_path]
 
     def _page(self, number: int, bits: int, display: str) -> NDArray[Any]:
