@@ -124,7 +124,7 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 
 CALLS = [
     ("pipeline.flow._kernels_vortex", "pipeline.flow._kernels_program", "pipeline.flow._kernels_velocity"),
-    ("pipeline.resample._kernels_ring", "pipeline.resample._kernels_collapse"),
+    ("pipeline.resample.kernels.ring", "pipeline.resample.kernels.collapse"),
     ("render.raster.compiled", "render.raster.kernels.triangles"),
 ]
 """A module, and kernels that call or use it."""

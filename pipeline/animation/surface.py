@@ -114,7 +114,7 @@ class Carried(Triangular):
         }
         state = self._resampler.state() | {f"attribute.{name}": values for name, values in renewed.items()}
         self._resampler = Resampler.from_state(
-            state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.roundness
+            state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.min_roundness
         )
         return replace(frame, mesh=self._resampler.mesh)
 

@@ -31,7 +31,7 @@ class Resampling:
     placement   where new vertices go: chord, the middle of the edge (P25); curved, on a surface that is
                 smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
     splits      edges: one long edge at a time (P25); faces: one triangle into four (P26)
-    min_roundness  0 to 1: the roundness of triangles below which they are mended (P36; see `Shape`)
+    min_roundness  0 to 1: the roundness of triangles below which they are mended (P36; see `TriangleShape`)
     normals     carried through the flow, where the placement is exact; or of the geometry of each frame
     rest_interval  frames after which the present surface becomes the undeformed one, where placement is exact
     creases     edges that stay hard whatever becomes of their angle (P31): rest, those that are hard in the

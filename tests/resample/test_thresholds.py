@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pipeline.errors import UsageError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
 from pipeline.resample import Curvature, DistanceToCamera, Formula, Resampler, Thresholds, resample
-from pipeline.resample._kernels_density import bend, grade
+from pipeline.resample.kernels.sizing_field import edge_curvature, limit_gradation
 from pipeline.resample.sizing_field import curvature, graded
 
 BALL = icosphere(12)
@@ -149,10 +149,10 @@ def test_kernels_compute_the_same_uncompiled() -> None:
     points, faces = np.array(ball.vertices), np.array(ball.faces)
     wanted = np.linspace(0.05, 2.0, len(points))
     fast, slow = wanted.copy(), wanted.copy()
-    assert grade(points, faces, 0.3, fast) == grade.py_func(points, faces, 0.3, slow)  # type: ignore[attr-defined]
+    assert limit_gradation(points, faces, 0.3, fast) == limit_gradation.py_func(points, faces, 0.3, slow)  # type: ignore[attr-defined]
     assert fast.tobytes() == slow.tobytes()
-    bend(points, faces, points, 0.01, fast)
-    bend.py_func(points, faces, points, 0.01, slow)  # type: ignore[attr-defined]
+    edge_curvature(points, faces, points, 0.01, fast)
+    edge_curvature.py_func(points, faces, points, 0.01, slow)  # type: ignore[attr-defined]
     assert fast.tobytes() == slow.tobytes()
 
 

@@ -8,7 +8,7 @@ from typing import Literal
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import FrameError, UsageError
+from pipeline.errors import UsageError
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.resample.polyhedra.collapse import Collapser
 from pipeline.resample.polyhedra.length_limits import Bracket
@@ -16,12 +16,13 @@ from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
 from pipeline.resample.polyhedra.report import PolyhedralReport
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
 from pipeline.resample.polyhedra.workpiece import Workpiece, inherited
+from pipeline.resample.resample_pass import not_finite
 from pipeline.resample.thresholds import Thresholds
 
 Collapse = Literal["edges", "areas"]
 
 _ATTRIBUTE = "attribute."
-_LARGEST = 1e150  # beyond it squares leave the numbers
+_LARGEST = 1e150  # squares of larger coordinates overflow
 
 
 class PolyhedralResampler:
@@ -122,10 +123,7 @@ class PolyhedralResampler:
     def _require_numbers(self) -> None:
         sound = (np.abs(self._vertices) < _LARGEST).all(axis=1)
         if not sound.all():
-            wild = int(np.argmin(sound))
-            raise FrameError(
-                f"vertex {wild} has left the numbers: {self._vertices[wild]}; calm the flow there"
-            )
+            raise not_finite(self._vertices)
 
 
 class _Frame:

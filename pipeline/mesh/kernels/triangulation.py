@@ -1,4 +1,4 @@
-"""The best triangulation of a polygon, by dynamic programming over its diagonals."""
+"""Find the best triangulation of a polygon by dynamic programming over its diagonals."""
 
 from __future__ import annotations
 
@@ -7,21 +7,21 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, MATRIX, VECTOR
+from pipeline.mesh.kernels.halfedge import INTS, MATRIX, VECTOR
 
 FORBIDDEN = 1e30
-"""What a diagonal costs that is an edge already; it is used where nothing else is left."""
+"""Cost of a diagonal that is an edge already; it is used only if nothing else is left."""
 
-_FLAT = 1e9  # the cost of a triangle without area, worse than any that has one
-_TURNED = 1e13  # the cost of one that lies the wrong way round
+_FLAT = 1e9  # cost of a triangle without area, worse than any with area
+_TURNED = 1e13  # the cost of a triangle that is turned over
 _LEAST = 1e-9  # twice the area over the sum of the squared sides; below it a triangle has no area
 
 
 @kernel(numba.float64(MATRIX, numba.int64, numba.int64, numba.int64, VECTOR))
 def _cost(points: Points, i: int, k: int, j: int, normal: Points) -> float:
-    """The cotangents of a triangle's three angles, added up: a quarter of its squared sides over its area.
+    """Return the sum of the cotangents of a triangle's angles: a quarter of its squared sides over its area.
 
-    It grows without bound as the triangle becomes a sliver. The area is that seen along `normal`.
+    It grows without bound as the triangle becomes a sliver. The area is measured along `normal`.
     """
     area, sides = 0.0, 0.0
     for x in range(3):
@@ -39,7 +39,7 @@ def _cost(points: Points, i: int, k: int, j: int, normal: Points) -> float:
 
 @kernel((MATRIX, VECTOR))
 def _newell(points: Points, normal: Points) -> None:
-    """The unit normal of the plane that fits a polygon best (Newell); zero for one without area."""
+    """Write the unit normal of the plane that fits a polygon best (Newell); zero for one without area."""
     normal[:] = 0.0
     for i in range(1, len(points) - 1):
         for x in range(3):
@@ -54,14 +54,14 @@ def _newell(points: Points, normal: Points) -> None:
 
 @kernel(numba.float64(MATRIX, numba.uint8[:, ::1], numba.int32[:, ::1]))
 def triangulate_polygon(points: Points, taken: AnyArray, triangles: Faces) -> float:
-    """Cut a polygon of n corners, (n, 3), into the n - 2 triangles whose costs add up to the least.
+    """Cut a polygon of n corners, (n, 3), into the n - 2 triangles with the least sum of costs.
 
     taken      (n, n): 1 where corners i < j may not be joined
-    triangles  (n - 2, 3), filled with corner numbers, turning as the polygon does
+    triangles  (n - 2, 3), filled with corner numbers, oriented like the polygon
 
-    Answers the cost: below `FORBIDDEN` where no taken diagonal was used. `best[i, j]` is the least cost
-    of the part of the polygon from corner i to corner j > i, and `tip[i, j]` the third corner of the
-    triangle on its side i-j (Klincsek 1980).
+    Returns the cost: below `FORBIDDEN` if no taken diagonal was used. `best[i, j]` is the least cost of the
+    part of the polygon from corner i to corner j > i, and `tip[i, j]` the third corner of the triangle on its
+    side i-j (Klincsek 1980).
     """
     n = len(points)
     normal = np.empty(3)
@@ -96,7 +96,7 @@ def triangulate_polygon(points: Points, taken: AnyArray, triangles: Faces) -> fl
 
 @kernel((MATRIX, INTS, INTS, numba.int32[:, ::1]))
 def triangulate_all(points: Points, offsets: AnyArray, corners: AnyArray, triangles: Faces) -> None:
-    """The best triangles of every polygon, one polygon after the other, as vertex numbers."""
+    """Compute the best triangles of every polygon, one polygon after the other, as vertex numbers."""
     done = 0
     for f in range(len(offsets) - 1):
         start, n = offsets[f], offsets[f + 1] - offsets[f]

@@ -1,9 +1,9 @@
-"""The faces around a vertex, laid out in a row: what every local decision looks at.
+"""The ring of a vertex: its faces and spokes laid out in rows, as every local decision reads them.
 
 Spoke i runs from the centre to `vertex[i]`; face i lies between spokes i and i + 1. A closed ring has as many
-faces as spokes, and its first spoke stands once more behind its last; an open one has a spoke more. Numbers
-lie in rows of floats, one coordinate a row, so that a processor computes several faces at once: it does as
-many as it has lanes, the entries after the last face among them, which then count for nothing.
+faces as spokes, and repeats its first spoke after the last; an open ring has one spoke more. Coordinates lie
+in rows of floats, one coordinate a row, so that a processor computes several faces at once. It computes as
+many as it has lanes; entries after the last face are ignored.
 """
 
 from __future__ import annotations
@@ -15,54 +15,52 @@ import numpy as np
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import (
+from pipeline.mesh.kernels.halfedge import (
     INTS,
     LEAN,
     MATRIX,
-    SURFACE,
+    MESH_ARRAYS,
     VECTOR,
-    Surface,
+    MeshArrays,
     after,
     before,
     fan_start,
 )
 
-MOST_SPOKES = 512
-UPRIGHT = 0.2  # cosine: a face may turn by 78 degrees in one step, not more
+MAX_SPOKES = 512
+MAX_TURN_COSINE = 0.2  # a face turns by at most 78 degrees in one step
 _THIN = 0.02  # twice the area over the longest side squared; below it a face counts as a sliver
-_LANES = 8  # entries looked at together; a multiple of what any processor does in one go
-_ROW = MOST_SPOKES + 3 * _LANES  # floats from one row to the next; no power of two, for caches' sake
+_LANES = 8  # entries computed together; a multiple of any processor's vector length
+_ROW = MAX_SPOKES + 3 * _LANES  # floats from one row to the next; no power of two, which caches dislike
 _X, _Y, _Z, NX, NY, NZ, _SQUARE = (np.uint64(_ROW * row) for row in range(7))
 _ONE = np.uint64(1)
-
-
 STRETCHED, FOLDED = 1, 2
 
 
 class Ring(NamedTuple):
-    """Scratch for one vertex and its surroundings."""
+    """Scratch arrays for one vertex and its ring."""
 
-    leaving: Indices  # (MOST_SPOKES,) half-edge of spoke i, in face i
-    vertex: Indices  # (MOST_SPOKES + 2 _LANES,) the other end of spoke i
-    rows: Floats  # places of these ends, area vectors of faces (one entry on), and the squares of these
-    hard: Indices  # (MOST_SPOKES + _LANES,) 1 where spoke i is a hard edge
+    leaving: Indices  # (MAX_SPOKES,) half-edge of spoke i, in face i
+    vertex: Indices  # (MAX_SPOKES + 2 _LANES,) the other end of spoke i
+    rows: Floats  # positions of these ends, area vectors of faces (one entry on), their squared lengths
+    hard: Indices  # (MAX_SPOKES + _LANES,) 1 where spoke i is a hard edge
     size: Indices  # (3,) faces, spokes, hard spokes
-    place: Floats  # (3,) where the centre might move
+    place: Floats  # (3,) a position to test for the centre
 
     @property
     def normals(self) -> Vectors:
-        """(faces, 3) the area vectors."""
+        """Return the area vectors (faces, 3)."""
         table: Vectors = self.rows.reshape(-1, _ROW)[3:6, 1 : 1 + self.size[0]].T
         return table
 
 
 def new_ring() -> Ring:
-    """Room for a ring."""
+    """Return an empty ring."""
     return Ring(
-        np.empty(MOST_SPOKES, np.int32),
-        np.zeros(MOST_SPOKES + 2 * _LANES, np.int32),
+        np.empty(MAX_SPOKES, np.int32),
+        np.zeros(MAX_SPOKES + 2 * _LANES, np.int32),
         np.zeros(7 * _ROW),
-        np.zeros(MOST_SPOKES + _LANES, np.int32),
+        np.zeros(MAX_SPOKES + _LANES, np.int32),
         np.zeros(3, np.int32),
         np.zeros(3),
     )
@@ -73,20 +71,21 @@ RING = numba.types.NamedTuple([INTS, INTS, VECTOR, INTS, INTS, VECTOR], Ring)
 
 @kernel((MATRIX, RING, numba.uint64, numba.uint64), **LEAN)
 def _set_spoke(points: Points, ring: Ring, i: np.uint64, v: np.uint64) -> None:
+    """Write vertex v as the end of spoke i."""
     ring.vertex[i] = v
     rows = ring.rows
     rows[_X + i], rows[_Y + i], rows[_Z + i] = points[v, 0], points[v, 1], points[v, 2]
 
 
-@kernel(numba.boolean(SURFACE, numba.int64, RING), **LEAN)
-def walk(surface: Surface, h: int, ring: Ring) -> bool:
-    """Lay out spokes and faces around the start of h; false where there are too many."""
-    points, vert, twin, tagged = surface.points, surface.vert, surface.twin, surface.tagged
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, RING), **LEAN)
+def collect_ring(mesh: MeshArrays, h: int, ring: Ring) -> bool:
+    """Collect spokes and faces around the start of h; return False if there are more than MAX_SPOKES."""
+    points, vert, twin, tagged = mesh.points, mesh.vert, mesh.twin, mesh.tagged
     first = np.uint64(h)
     while True:
         n, k = np.uint64(0), first
         _set_spoke(points, ring, n, np.uint64(vert[after(first)]))
-        while n < np.uint64(MOST_SPOKES - 1):
+        while n < np.uint64(MAX_SPOKES - 1):
             back = before(k)
             ring.leaving[n], ring.hard[n] = k, tagged[k]
             n += _ONE
@@ -102,19 +101,20 @@ def walk(surface: Surface, h: int, ring: Ring) -> bool:
         if twin[first] < 0:
             ring.size[0], ring.size[1] = n, n + _ONE
             return True
-        first = np.uint64(fan_start(twin, h))  # an open fan, to be laid out from its other end
+        first = np.uint64(fan_start(twin, h))  # an open fan: collect it from its other end
 
 
 @kernel(numba.int64(numba.int64), **LEAN)
 def _padded(entries: int) -> int:
+    """Return the number of entries rounded up to whole lanes."""
     return (entries + _LANES - 1) & -_LANES
 
 
-@kernel((SURFACE, numba.int64, RING), **LEAN)
-def weigh_faces(surface: Surface, centre: int, ring: Ring) -> None:
-    """Fill in the area vectors of the faces."""
+@kernel((MESH_ARRAYS, numba.int64, RING), **LEAN)
+def measure_faces(mesh: MeshArrays, centre: int, ring: Ring) -> None:
+    """Compute the area vectors of the ring's faces."""
     rows, v = ring.rows, np.uint64(centre)
-    x, y, z = surface.points[v, 0], surface.points[v, 1], surface.points[v, 2]
+    x, y, z = mesh.points[v, 0], mesh.points[v, 1], mesh.points[v, 2]
     for lane in range(_padded(ring.size[0])):
         i = np.uint64(lane)
         j = i + _ONE
@@ -125,14 +125,14 @@ def weigh_faces(surface: Surface, centre: int, ring: Ring) -> None:
         rows[_SQUARE + j] = nx * nx + ny * ny + nz * nz
 
 
-@kernel((SURFACE, numba.int64, RING, numba.float64), **LEAN)
-def weigh(surface: Surface, centre: int, ring: Ring, cosine: float) -> None:
-    """Fill in the normals and which spokes are hard (P29); tagged edges (P31) and boundaries are.
+@kernel((MESH_ARRAYS, numba.int64, RING, numba.float64), **LEAN)
+def measure_ring(mesh: MeshArrays, centre: int, ring: Ring, cosine: float) -> None:
+    """Compute area vectors and flag hard spokes (P29); tagged edges (P31) and boundaries are hard.
 
-    An edge is hard whose faces meet at more than the angle of that cosine. Faces without area decide nothing.
+    An edge is hard if its faces enclose more than the angle with that cosine. Faces without area are ignored.
     """
     faces, spokes, rows, hard = ring.size[0], ring.size[1], ring.rows, ring.hard
-    weigh_faces(surface, centre, ring)
+    measure_faces(mesh, centre, ring)
     last = np.uint64(faces)
     rows[NX], rows[NY], rows[NZ] = rows[NX + last], rows[NY + last], rows[NZ + last]
     rows[_SQUARE] = rows[_SQUARE + last]
@@ -151,12 +151,12 @@ def weigh(surface: Surface, centre: int, ring: Ring, cosine: float) -> None:
 
 
 @kernel(numba.int64(RING, numba.int64, VECTOR, numba.float64, numba.float64), **LEAN)
-def strained(ring: Ring, other: int, place: Floats, most: float, cosine: float) -> int:
-    """What speaks against a move of the ring's centre to `place`: STRETCHED, else FOLDED, else 0.
+def move_fault(ring: Ring, other: int, place: Floats, max_squared: float, cosine: float) -> int:
+    """Return STRETCHED, else FOLDED, else 0 for a move of the ring's centre to `place`.
 
-    It is stretched if a spoke's square exceeds `most`, folded if a face turns by more than the angle of that
-    cosine or becomes a sliver. Spokes and faces at the vertex `other`, which the centre may merge with, do
-    not count. `weigh_faces` comes first.
+    Stretched: the square of a spoke exceeds `max_squared`. Folded: a face turns by more than the angle with
+    that cosine, or becomes a sliver. Spokes and faces at vertex `other`, which the centre may merge with, are
+    ignored. Needs `measure_faces`.
     """
     faces, spokes, rows, vertex = ring.size[0], ring.size[1], ring.rows, ring.vertex
     x, y, z = place[0], place[1], place[2]
@@ -177,12 +177,12 @@ def strained(ring: Ring, other: int, place: Floats, most: float, cosine: float) 
         turns = (old > 0.0) & (dot * abs(dot) < bar * old * new)
         thin = (new < _THIN * _THIN * side * side) & (new < old)
         here, there = vertex[i] != other, vertex[j] != other
-        stretched |= (near > most) & here & (lane < spokes)
+        stretched |= (near > max_squared) & here & (lane < spokes)
         folded |= (turns | thin) & here & there & (lane < faces)
     return STRETCHED if stretched else (FOLDED if folded else 0)
 
 
 @kernel(numba.boolean(MATRIX, RING, numba.int64, VECTOR, numba.float64), **LEAN)
 def folds(points: Points, ring: Ring, other: int, place: Floats, cosine: float) -> bool:
-    """Whether a face of the ring would turn too far or become a sliver if its centre moved to `place`."""
-    return strained(ring, other, place, np.inf, cosine) > 0
+    """Tell whether a face of the ring would fold or become a sliver if its centre moved to `place`."""
+    return move_fault(ring, other, place, np.inf, cosine) > 0

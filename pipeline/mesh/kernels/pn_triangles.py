@@ -9,15 +9,15 @@ import numpy as np
 
 from pipeline.arrays import Faces, Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, MATRIX, VECTOR, following
-from pipeline.mesh._kernels_normals import FACES
+from pipeline.mesh.kernels.halfedge import INTS, MATRIX, VECTOR, following
+from pipeline.mesh.kernels.normals import FACES
 
 _SHARP = math.sin(math.radians(5.0)) ** 2  # below, the two sides of a crease count as one
 
 
 @kernel(numba.boolean(VECTOR))
 def _normalise(v: Floats) -> bool:
-    """Make it a unit vector; false where it has no length."""
+    """Scale a vector to length 1; return False if it has no length."""
     length = math.sqrt(v[0] * v[0] + v[1] * v[1] + v[2] * v[2])
     if length < 1e-12:
         return False
@@ -30,11 +30,11 @@ def _normalise(v: Floats) -> bool:
 def border_controls(
     points: Points, normals: Vectors, corners: Indices, twin: Indices, controls: Points, axis: Floats
 ) -> None:
-    """The two inner control points of the border curve along every half-edge h: rows 2h and 2h + 1.
+    """Compute the two inner control points of the border curve of every half-edge h: rows 2h and 2h + 1.
 
-    A curve leaves its ends across their normals. At a crease, where the two sides have different normals,
-    it leaves across both, along the crease: whichever side asks, the curve has the same bits. `corners` is
-    the vertex at the start of each half-edge, `axis` three numbers of scratch.
+    A curve leaves its ends orthogonal to their normals. At a crease, where the two sides have different
+    normals, it leaves along the crease; both sides compute the same bits. `corners` is the vertex at the
+    start of each half-edge, `axis` is scratch for three numbers.
     """
     for h in range(len(corners)):
         a, b = corners[h], corners[following(h)]
@@ -62,7 +62,7 @@ def border_controls(
                 continue
             controls[2 * twin[h] + 1, k] = controls[2 * h, k]
     for h in range(len(corners)):
-        if twin[h] < 0:  # nobody has gone this way back
+        if twin[h] < 0:  # no twin has filled in this row
             a, b = corners[h], corners[following(h)]
             along = 0.0
             for k in range(3):
@@ -74,7 +74,7 @@ def border_controls(
 
 @kernel((MATRIX, MATRIX, numba.int64, numba.int64, VECTOR))
 def _middle_normal(points: Points, normals: Vectors, a: int, b: int, out: Floats) -> None:
-    """The normal half way: the mean of both, mirrored in the plane across the edge."""
+    """Write the normal half way: the mean of both, mirrored in the plane across the edge."""
     square, along = 0.0, 0.0
     for k in range(3):
         d = points[b, k] - points[a, k]
@@ -98,7 +98,7 @@ def fill_edges(
     points: Points,
     normals: Vectors,
 ) -> None:
-    """The vertices within the border curves: from row `places[h]` on those of half-edge h, if it is not < 0.
+    """Compute the vertices within the border curves: of half-edge h from row `places[h]` >= 0 on.
 
     Positions are always computed from the lower of the two half-edges of an edge.
     """
@@ -138,7 +138,7 @@ def _evaluate(
     w: Floats,
     row: int,
 ) -> None:
-    """The patch of a face at barycentric weights w, into a row of points and normals.
+    """Evaluate the patch of a face at barycentric weights w into a row of points and normals.
 
     controls (7, 3): two of each border, and the one in the middle; middles (3, 3): the normals half way.
     """
@@ -166,7 +166,7 @@ def _evaluate(
 def fill_faces(
     faces: Faces, controls: Points, pieces: int, first: int, points: Points, normals: Vectors
 ) -> None:
-    """The vertices within the patches, from row `first` on, face after face."""
+    """Compute the vertices within the patches, from row `first` on, face after face."""
     mine, middles, w, row = np.empty((7, 3)), np.empty((3, 3)), np.empty(3), first
     for f in range(len(faces)):
         corners = faces[f]

@@ -1,4 +1,4 @@
-"""Where a surface passes through itself: faces in a hashed grid, tested against their neighbours there."""
+"""Find self-intersections: faces in a hashed grid, each tested against the faces in its cells."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from numba import prange
 
 from pipeline.arrays import AnyArray, Faces, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh._kernels_halfedge import INTS, LEAN, MATRIX
+from pipeline.mesh.kernels.halfedge import INTS, LEAN, MATRIX
 
 _FACES = numba.int32[:, ::1]
 _SPAN = numba.types.UniTuple(numba.int64, 2)
@@ -17,23 +17,23 @@ _AXES = (0, 1, 2)
 
 @kernel(_SPAN(MATRIX, _FACES, numba.int64, numba.int64, numba.float64), **LEAN)
 def _span(points: Points, faces: Faces, f: int, axis: int, cell: float) -> tuple[int, int]:
-    """The first and the last cell that a face reaches along an axis."""
+    """Return the first and the last cell that a face reaches along an axis."""
     a, b, c = points[faces[f, 0], axis], points[faces[f, 1], axis], points[faces[f, 2], axis]
     return int(np.floor(min(a, b, c) / cell)), int(np.floor(max(a, b, c) / cell))
 
 
 @kernel(numba.int64(numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
 def _bucket(i: int, j: int, k: int, mask: int) -> int:
-    """Where a cell's faces are listed; `mask` is one less than a power of two (Teschner et al. 2003)."""
+    """Return the bucket of a cell (Teschner et al. 2003); `mask` is a power of two minus one."""
     return ((i * 73856093) ^ (j * 19349663) ^ (k * 83492791)) & mask
 
 
 @kernel((MATRIX, _FACES, numba.float64, numba.int64[::1], INTS))
 def fill_grid(points: Points, faces: Faces, cell: float, start: AnyArray, listed: Indices) -> None:
-    """List every face in each cell that its box touches, by a counting sort over the hashed cells.
+    """List every face in each cell that its bounding box touches, by a counting sort over the hashed cells.
 
-    With an empty `listed` only the lengths of the buckets are counted, into `start[1:]`; the second time
-    `start` holds where each bucket begins, and is left holding where it ends.
+    With an empty `listed` it only counts the lengths of the buckets into `start[1:]`. On the second call
+    `start` holds where each bucket begins, and afterwards where it ends.
     """
     mask = len(start) - 2
     for f in range(len(faces)):
@@ -53,7 +53,7 @@ def fill_grid(points: Points, faces: Faces, cell: float, start: AnyArray, listed
 
 @kernel(numba.float64(MATRIX, numba.int64, numba.int64, numba.int64, numba.int64), **LEAN)
 def _side(points: Points, a: int, b: int, c: int, p: int) -> float:
-    """Six times the volume of a tetrahedron: on which side of the face abc the point p lies."""
+    """Return six times the signed volume of tetrahedron abcp: the side of face abc that p lies on."""
     total = 0.0
     for x in _AXES:
         y, z = (x + 1) % 3, (x + 2) % 3
@@ -65,7 +65,7 @@ def _side(points: Points, a: int, b: int, c: int, p: int) -> float:
 
 @kernel(numba.boolean(MATRIX, _FACES, numba.int64, numba.int64, numba.int64), **LEAN)
 def _pierces(points: Points, faces: Faces, p: int, q: int, f: int) -> bool:
-    """Whether the segment from p to q passes through the inside of a face that has neither."""
+    """Tell whether the segment from p to q passes through the inside of face f; neither end is its corner."""
     a, b, c = faces[f, 0], faces[f, 1], faces[f, 2]
     if _side(points, a, b, c, p) * _side(points, a, b, c, q) >= 0.0:
         return False
@@ -75,6 +75,7 @@ def _pierces(points: Points, faces: Faces, p: int, q: int, f: int) -> bool:
 
 @kernel(numba.int64(_FACES, numba.int64, numba.int64), **LEAN)
 def _shared(faces: Faces, f: int, g: int) -> int:
+    """Return the number of corners that two faces share."""
     count = 0
     for i in _AXES:
         for j in _AXES:
@@ -84,7 +85,7 @@ def _shared(faces: Faces, f: int, g: int) -> int:
 
 @kernel(numba.boolean(MATRIX, _FACES, numba.int64, numba.int64), **LEAN)
 def _one_pierces(points: Points, faces: Faces, f: int, g: int) -> bool:
-    """Whether an edge of f passes through g; edges that end in g do not."""
+    """Tell whether an edge of f passes through g; edges with an end in g are left out."""
     for i in _AXES:
         p, q = faces[f, i], faces[f, (i + 1) % 3]
         touches = False
@@ -97,7 +98,7 @@ def _one_pierces(points: Points, faces: Faces, f: int, g: int) -> bool:
 
 @kernel(numba.boolean(MATRIX, _FACES, numba.int64, numba.int64), **LEAN)
 def _apart(points: Points, faces: Faces, f: int, g: int) -> bool:
-    """Whether the boxes of two faces do not meet."""
+    """Tell whether the bounding boxes of two faces are disjoint."""
     for x in _AXES:
         a, b, c = points[faces[f, 0], x], points[faces[f, 1], x], points[faces[f, 2], x]
         u, v, w = points[faces[g, 0], x], points[faces[g, 1], x], points[faces[g, 2], x]
@@ -110,9 +111,9 @@ def _apart(points: Points, faces: Faces, f: int, g: int) -> bool:
 def count_crossings(
     points: Points, faces: Faces, cell: float, start: AnyArray, listed: Indices, crossings: Indices
 ) -> None:
-    """How many faces of a higher number each face crosses; every pair is looked at in one common cell only.
+    """Count the faces with a higher number that each face crosses, each pair in one common cell only.
 
-    Neighbours across an edge are left out: they cannot cross but along it.
+    Neighbours across an edge are left out: they can only meet along it.
     """
     mask = len(start) - 2
     for f in prange(len(faces)):
@@ -126,9 +127,8 @@ def count_crossings(
                     bucket = _bucket(i, j, k, mask)
                     for at in range(start[bucket], start[bucket + 1]):
                         g = listed[at]
-                        twice = (
-                            at > start[bucket] and listed[at - 1] == g
-                        )  # two of its cells share the bucket
+                        # a face is listed twice where two of its cells share the bucket
+                        twice = at > start[bucket] and listed[at - 1] == g
                         if g <= f or twice or _apart(points, faces, f, g):
                             continue
                         first = (

@@ -1,7 +1,7 @@
 """Kernels of the corner table: half-edge ``3f + i`` runs from corner ``i`` of face ``f`` to the next.
 
-`vert[h]` is where half-edge h starts, `twin[h]` the half-edge that runs back along the same edge, or
--1 on a boundary. A face that has been removed has `vert` -1 until the table is compacted.
+`vert[h]` is the start of half-edge h, `twin[h]` the half-edge that runs back along the same edge, or -1 on a
+boundary. A removed face has `vert` -1 until the table is compacted.
 """
 
 from __future__ import annotations
@@ -15,60 +15,59 @@ from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.kernels import kernel, only_read
 
 SOUND, CROWDED, DISAGREEING = 0, 1, 2
-_BLOCK, _PART = 48, 48 << 12  # half-edges: looked at in one go, and by one thread
+_BLOCK, _PART = 48, 48 << 12  # half-edges in one block, and per thread
 
 LEAN: dict[str, Any] = {"_nrt": False, "error_model": "numpy", "forceinline": True}
-"""Options for kernels that allocate nothing. Without numba's run-time system no call counts references
-to its arrays, which for helpers this small costs several times their own work."""
+"""Options for kernels that allocate nothing.
+
+Without numba's run-time system no call counts references to its arrays, which costs small helpers several
+times their own work.
+"""
 
 
-class Surface(NamedTuple):
+class MeshArrays(NamedTuple):
     """The arrays of a half-edge mesh, with room to grow, as kernels take them."""
 
     points: Floats  # (V, 3)
-    carried: Floats  # (V, K): the vertex attributes, side by side
-    blends: Floats  # (K,): 1 where an attribute mixes its parents' values, 0 where it inherits the nearer one
-    vert: Indices  # (3F,)
-    twin: Indices  # (3F,)
+    attributes: Floats  # (V, K): the vertex attributes, side by side
+    blends: Floats  # (K,): 1 where a column mixes its parents' values, 0 where it inherits one of them
+    vert: Indices  # (3F,) vertex at the start of each half-edge
+    twin: Indices  # (3F,) half-edge back along the same edge, -1 on a boundary
     tagged: AnyArray  # (3F,) uint8: 1 at both half-edges of an edge that is hard whatever its angle
 
 
-_NONE, _ONE, _TWO, _THREE = (
-    np.uint64(0),
-    np.uint64(1),
-    np.uint64(2),
-    np.uint64(3),
-)  # unsigned: their remainder costs half
+# unsigned: a remainder costs half as much
+_ZERO, _ONE, _TWO, _THREE = np.uint64(0), np.uint64(1), np.uint64(2), np.uint64(3)
 INTS = numba.int32[::1]
 MATRIX = numba.float64[:, ::1]
 VECTOR = numba.float64[::1]
 BYTES = numba.uint8[::1]
-SEEN_INTS, SEEN_MATRIX, SEEN_VECTOR = (only_read(kind) for kind in (INTS, MATRIX, VECTOR))
-SURFACE = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS, BYTES], Surface)
+CONST_INTS, CONST_MATRIX, CONST_VECTOR = (only_read(kind) for kind in (INTS, MATRIX, VECTOR))
+MESH_ARRAYS = numba.types.NamedTuple([MATRIX, MATRIX, VECTOR, INTS, INTS, BYTES], MeshArrays)
 
 
 @kernel("int64(int64)", **LEAN)
 def following(h: int) -> int:
-    """The half-edge after h in its face."""
+    """Return the half-edge after h in its face."""
     return h - 2 if np.uint64(h) % _THREE == _TWO else h + 1
 
 
 @kernel("int64(int64)", **LEAN)
 def preceding(h: int) -> int:
-    """The half-edge before h in its face."""
-    return h + 2 if np.uint64(h) % _THREE == _NONE else h - 1
+    """Return the half-edge before h in its face."""
+    return h + 2 if np.uint64(h) % _THREE == _ZERO else h - 1
 
 
 @kernel("uint64(uint64)", **LEAN)
 def after(h: np.uint64) -> np.uint64:
-    """`following`, unsigned: an index that need not be asked for its sign."""
+    """Return `following(h)`, unsigned: as an index it needs no test for negative values."""
     return h - _TWO if h % _THREE == _TWO else h + _ONE
 
 
 @kernel("uint64(uint64)", **LEAN)
 def before(h: np.uint64) -> np.uint64:
-    """`preceding`, unsigned."""
-    return h + _TWO if h % _THREE == _NONE else h - _ONE
+    """Return `preceding(h)`, unsigned."""
+    return h + _TWO if h % _THREE == _ZERO else h - _ONE
 
 
 @kernel("void(int32[::1], int64, int64)", **LEAN)
@@ -80,12 +79,13 @@ def join(twin: Indices, h: int, k: int) -> None:
         twin[k] = h
 
 
-@kernel(numba.types.UniTuple(numba.int64, 2)(SEEN_INTS, numba.int64, INTS))
+@kernel(numba.types.UniTuple(numba.int64, 2)(CONST_INTS, numba.int64, INTS))
 def match_twins(vert: Indices, vertices: int, twin: Indices) -> tuple[int, int]:
-    """Fill `twin` from `vert`; answers (SOUND, -1), or what is wrong and a half-edge where it is.
+    """Fill `twin` from `vert`; return (SOUND, -1), or the fault and a half-edge with it.
 
-    Half-edges are dropped into one bucket per lower vertex (a counting sort), each with the higher one, so
-    that an edge only has to be looked for among the few that share that vertex.
+    CROWDED: an edge has more than two faces. DISAGREEING: its two faces are oriented differently. A counting
+    sort puts the half-edges into one bucket per lower vertex, each with its higher one, so that an edge is
+    only searched among the few that share that vertex.
     """
     start = np.zeros(vertices + 1, np.int32)
     for h in range(len(vert)):
@@ -121,7 +121,7 @@ def match_twins(vert: Indices, vertices: int, twin: Indices) -> tuple[int, int]:
 
 @kernel("int64(int32[::1], int64)", **LEAN)
 def fan_start(twin: Indices, h: int) -> int:
-    """Of the half-edges that leave the vertex of h, the most clockwise one; h itself in a closed fan."""
+    """Return the most clockwise half-edge that leaves the vertex of h; h itself in a closed fan."""
     k = h
     while twin[k] >= 0:
         k = following(twin[k])
@@ -131,8 +131,8 @@ def fan_start(twin: Indices, h: int) -> int:
 
 
 @kernel("int64(int32[::1], int32[::1], int64)")
-def second_fan(vert: Indices, twin: Indices, vertices: int) -> int:
-    """The first vertex whose corners form more than one fan, or -1 where all are manifold."""
+def find_nonmanifold_vertex(vert: Indices, twin: Indices, vertices: int) -> int:
+    """Return the first vertex whose corners form more than one fan, or -1."""
     corners = np.zeros(vertices, np.int32)
     for h in range(len(vert)):
         corners[vert[h]] += 1
@@ -154,10 +154,10 @@ def second_fan(vert: Indices, twin: Indices, vertices: int) -> int:
 
 
 @kernel((INTS, numba.int64, numba.int64, numba.int64, INTS), **LEAN)
-def _rename(vert: Indices, first: int, last: int, vertices: int, renamed: Indices) -> None:
-    """Give vertices from `vertices` on their new numbers, in vert[first:last].
+def _renumber(vert: Indices, first: int, last: int, vertices: int, new_numbers: Indices) -> None:
+    """Replace vertices from `vertices` on by their new numbers in vert[first:last].
 
-    Few are, so a whole block is asked first whether it holds any: that needs no branches.
+    Few change, so a whole block is tested first, which takes no branches.
     """
     for start in range(first, last, _BLOCK):
         block = vert[start : min(start + _BLOCK, last)]
@@ -167,34 +167,34 @@ def _rename(vert: Indices, first: int, last: int, vertices: int, renamed: Indice
         if any_moved:
             for i in range(len(block)):
                 if block[i] >= vertices:
-                    block[i] = renamed[block[i] - vertices]
+                    block[i] = new_numbers[block[i] - vertices]
 
 
 @kernel((INTS, numba.int64, numba.int64, INTS))
-def rename(vert: Indices, halfedges: int, vertices: int, renamed: Indices) -> None:
-    """Give the vertices from `vertices` on their new numbers, `renamed`, wherever they are named."""
-    _rename(vert, 0, halfedges, vertices, renamed)
+def renumber(vert: Indices, halfedges: int, vertices: int, new_numbers: Indices) -> None:
+    """Replace the vertices from `vertices` on by their new numbers in all faces."""
+    _renumber(vert, 0, halfedges, vertices, new_numbers)
 
 
 @kernel((INTS, numba.int64, numba.int64, INTS), parallel=True)
-def rename_together(vert: Indices, halfedges: int, vertices: int, renamed: Indices) -> None:
-    """The same by several threads."""
+def renumber_parallel(vert: Indices, halfedges: int, vertices: int, new_numbers: Indices) -> None:
+    """Run `renumber` on several threads."""
     for part in numba.prange(-(-halfedges // _PART)):
-        _rename(vert, _PART * part, min(_PART * (part + 1), halfedges), vertices, renamed)
+        _renumber(vert, _PART * part, min(_PART * (part + 1), halfedges), vertices, new_numbers)
 
 
-@kernel(numba.boolean(SURFACE, numba.int64[::1], INTS, INTS, INTS))
-def fill_holes(
-    surface: Surface, sizes: Indices, dead_faces: Indices, dead_vertices: Indices, renamed: Indices
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64[::1], INTS, INTS, INTS))
+def compact(
+    mesh: MeshArrays, sizes: Indices, dead_faces: Indices, dead_vertices: Indices, new_numbers: Indices
 ) -> bool:
-    """Close the gaps that removed faces and vertices left, by moving the last ones into them.
+    """Close the gaps of removed faces and vertices by moving the last ones into them.
 
-    `sizes` holds the numbers of vertices and faces, dead ones included, and is brought up to date. The
-    cost is that of the gaps, not of the mesh. The lists of the dead are sorted. Answers whether vertices
-    have moved: `rename` then has to go over the faces with `renamed` (as many entries as there are dead
-    vertices), the new numbers of those from the new size on.
+    `sizes` holds the numbers of vertices and faces, removed ones included, and is updated. The cost depends
+    on the gaps only, not on the mesh. The lists of removed elements must be sorted. Returns whether vertices
+    have moved: `renumber` then has to update the faces with `new_numbers`, which has an entry for each vertex
+    from the new size on.
     """
-    points, carried, _, vert, twin, tagged = surface
+    points, attributes, _, vert, twin, tagged = mesh
     vertices, faces = sizes[0] - len(dead_vertices), sizes[1] - len(dead_faces)
     last = sizes[1] - 1
     for f in dead_faces:
@@ -214,10 +214,10 @@ def fill_holes(
             continue
         target = dead_vertices[hole]
         hole += 1
-        renamed[v - vertices] = target
+        new_numbers[v - vertices] = target
         for k in range(3):
             points[target, k] = points[v, k]
-        for k in range(carried.shape[1]):
-            carried[target, k] = carried[v, k]
+        for k in range(attributes.shape[1]):
+            attributes[target, k] = attributes[v, k]
     sizes[0], sizes[1] = vertices, faces
     return hole > 0
