@@ -93,7 +93,7 @@ class Curvature:
 
 
 @dataclass(frozen=True)
-class Formula:
+class ThresholdFormula:
     """A threshold as a formula over position and time: `0.02 + 0.01 * abs(y)`.
 
     text         see `pipeline.formula`; raises FormulaError for a wrong one
@@ -114,7 +114,7 @@ class Formula:
     def expression(self) -> Expression:
         return self._expression
 
-    def at(self, frame: int, time: float) -> Formula:
+    def at(self, frame: int, time: float) -> ThresholdFormula:
         """Return the formula with its frame and time filled in; itself if it uses neither."""
         used = self.expression.uses
         now = replace(

@@ -23,8 +23,16 @@ from pipeline.mesh import (
     torus,
 )
 from pipeline.mesh.control_net import Lattice
-from pipeline.mesh.solids.analytic_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
-from pipeline.mesh.solids.bars import Bars, lattice
+from pipeline.mesh.solids.analytic_surfaces import (
+    AnalyticSurface,
+    BoxSurface,
+    CapsuleSurface,
+    CylinderSurface,
+    SheetSurface,
+    SphereSurface,
+    TorusSurface,
+)
+from pipeline.mesh.solids.bars import BarLattice, lattice
 from pipeline.mesh.solids.primitives import one_sided_sheet, six_sided_box
 from pipeline.shot.data import NOT_DATA
 
@@ -35,7 +43,7 @@ class Subject(ABC):
     """Knows its mesh at rest."""
 
     @property
-    def project(self) -> TrueSurface | None:
+    def project(self) -> AnalyticSurface | None:
         """What the mesh at rest stands for, where it is known: maps points to the nearest on it."""
         return None
 
@@ -74,7 +82,7 @@ class SolidKind:
 
     measures: Mapping[str, Measure]
     make: Callable[..., TriangleMesh]
-    surface: Callable[..., TrueSurface]
+    surface: Callable[..., AnalyticSurface]
     polygons: Callable[..., PolygonMesh] | None = None
 
 
@@ -83,32 +91,34 @@ def _icosphere(edge_length: float, radius: float) -> TriangleMesh:
     return icosphere(max(1, edges), radius)
 
 
-def _rod(length: float, radius: float, caps: str) -> TrueSurface:
-    return Capsule(length, radius) if caps == "round" else Cylinder(length, radius)
+def _rod(length: float, radius: float, caps: str) -> AnalyticSurface:
+    return CapsuleSurface(length, radius) if caps == "round" else CylinderSurface(length, radius)
 
 
-def _box(size: float | tuple[float, float, float]) -> TrueSurface:
-    return Box(size if isinstance(size, tuple) else (size, size, size))
+def _box(size: float | tuple[float, float, float]) -> AnalyticSurface:
+    return BoxSurface(size if isinstance(size, tuple) else (size, size, size))
 
 
 SOLIDS: Mapping[str, SolidKind] = {
     "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge), _box, six_sided_box),
-    "icosphere": SolidKind({"radius": 1.0}, _icosphere, Sphere),
+    "icosphere": SolidKind({"radius": 1.0}, _icosphere, SphereSurface),
     "lattice": SolidKind(
         {"size": (2.0, 2.0, 2.0), "spacing": 0.6, "thickness": 0.15},
         lambda edge, size, spacing, thickness: lattice(size, spacing, thickness, edge),
-        Bars,
+        BarLattice,
     ),
     "rod": SolidKind(
         {"length": 3.0, "radius": 0.5, "caps": "round"},
         lambda edge, length, radius, caps: rod(length, radius, edge, caps),
         _rod,
     ),
-    "sheet": SolidKind({"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge), Sheet, one_sided_sheet),
+    "sheet": SolidKind(
+        {"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge), SheetSurface, one_sided_sheet
+    ),
     "torus": SolidKind(
         {"radius": 1.0, "tube_radius": 0.4},
         lambda edge, radius, tube_radius: torus(radius, tube_radius, edge),
-        Torus,
+        TorusSurface,
     ),
 }
 
@@ -136,7 +146,7 @@ class Solid(Subject):
         return cls(solid, tuple((name, measure(values[name])) for name in SOLIDS[solid].measures))
 
     @property
-    def project(self) -> TrueSurface:
+    def project(self) -> AnalyticSurface:
         return SOLIDS[self.solid].surface(*(value for _, value in self.measures))
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate, at_moment
+from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.mesh.normals import split_at_creases
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import Movement, flowing, framing_at, turning
@@ -74,7 +74,7 @@ def test_what_spins_is_as_fast_as_it_is_far_out(number: int) -> None:
 def test_moments_are_on_the_flow_with_the_points_of_their_frame() -> None:
     shot, frame, moving = movement(BALL + SPINNING, 4)
     for offset in (-0.25, 0.25, 1.0):
-        there = at_moment(shot.motion, frame, 4 + offset).vertices
+        there = mesh_at_subframe(shot.motion, frame, 4 + offset).vertices
         assert moving.at(offset)[0][: len(there)] == pytest.approx(there, abs=1e-12)
 
 

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats
 from pipeline.errors import FrameError, UsageError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
-from pipeline.resample import Curved, Exact, Formula, Resampler, Thresholds, edges_by_angle, resample
+from pipeline.resample import Curved, Exact, Resampler, ThresholdFormula, Thresholds, edges_by_angle, resample
 from pipeline.resample.quadrisection import quadrisect
 
 TRIANGLE = TriangleMesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]])
@@ -117,7 +117,7 @@ def test_a_surface_without_long_edges_is_the_same_mesh() -> None:
 
 
 def test_functions_say_where_faces_are_cut() -> None:
-    thresholds = Thresholds(Formula("0.05 + 0.1 * abs(x)"))
+    thresholds = Thresholds(ThresholdFormula("0.05 + 0.1 * abs(x)"))
     mesh, report = resample(sheet((4.0, 1.0), 0.5), thresholds, splits="faces")
     a, b = mesh.vertices[mesh.faces], mesh.vertices[np.roll(mesh.faces, -1, axis=1)]
     allowed = 0.05 + 0.1 * np.maximum(np.abs(a[..., 0]), np.abs(b[..., 0]))

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate, at_moment
+from pipeline.animation import animate, mesh_at_subframe
 from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.flow import EASINGS, Keyframes, keyed
 from pipeline.flow.formula_curve import Formulated
@@ -192,17 +192,17 @@ def test_between_frames_the_surface_is_where_the_flow_has_it() -> None:
     plain = shot("{keys: {1: 0.5, 25: 2}}")
     frames, raw = list(animate(made)), list(animate(plain))
     for moment in (12.0, 12.5, 13.0, 11.25):
-        mesh: Any = at_moment(plain.motion, raw[11], moment)
+        mesh: Any = mesh_at_subframe(plain.motion, raw[11], moment)
         assert mesh.faces.tobytes() == raw[11].mesh.faces.tobytes()
         if moment == 13.0:
             assert mesh.vertices.tobytes() == raw[12].mesh.vertices.tobytes()
         if moment == 12.0:
             np.testing.assert_array_equal(mesh.vertices, raw[11].mesh.vertices)
-    back = at_moment(plain.motion, raw[11], 11.0)
+    back = mesh_at_subframe(plain.motion, raw[11], 11.0)
     np.testing.assert_allclose(back.vertices, raw[10].mesh.vertices, atol=1e-8)
-    assert len(at_moment(made.motion, frames[4], 5.5).vertices) == len(frames[4].mesh.vertices)
-    with pytest.raises(UsageError, match="moment 14 is more than a frame from frame 12"):
-        at_moment(plain.motion, raw[11], 14)
+    assert len(mesh_at_subframe(made.motion, frames[4], 5.5).vertices) == len(frames[4].mesh.vertices)
+    with pytest.raises(UsageError, match="sub-frame 14 is more than a frame from frame 12"):
+        mesh_at_subframe(plain.motion, raw[11], 14)
 
 
 @pytest.mark.parametrize(

@@ -17,7 +17,7 @@ from pipeline.arrays import AnyArray, Points
 from pipeline.flow.keyframes import Curve, Number, Place, number_at, place_at
 from pipeline.formula import PLACE, Expression
 from pipeline.mesh.pn_triangles import MOST_PIECES
-from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
+from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
 from pipeline.resample.sizing_field import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
@@ -225,7 +225,7 @@ def _length(value: float | Keyed[Any] | ActiveLengthDocument, clock: Clock, hard
     if not isinstance(value, ActiveLengthDocument):
         return _keyed(number(value, clock))
     if value.formula is not None:
-        return Formula(value.formula)
+        return ThresholdFormula(value.formula)
     if value.camera is not None:
         return value.camera.build(clock)
     assert value.curvature is not None, "exactly one is named"
@@ -235,7 +235,7 @@ def _length(value: float | Keyed[Any] | ActiveLengthDocument, clock: Clock, hard
 
 def _angle(value: float | Keyed[Any] | ActiveAngleDocument, clock: Clock) -> Threshold:
     if isinstance(value, ActiveAngleDocument):
-        return Formula(value.formula, unit=DEGREE)
+        return ThresholdFormula(value.formula, unit=DEGREE)
     return _keyed(number(value, clock, DEGREE))
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.normals import vertex_normals
-from pipeline.mesh.solids.analytic_surfaces import Sphere
+from pipeline.mesh.solids.analytic_surfaces import SphereSurface
 from pipeline.resample import Exact, Resampler, Thresholds
 from pipeline.resample.kernels.flip import should_flip
 from pipeline.resample.kernels.limits import Limits
@@ -160,7 +160,7 @@ def test_a_ball_that_flows_there_and_back_comes_back_without_a_fold() -> None:
     def carry(points: Points) -> Points:
         return sheared(points, now[0])
 
-    ball, truth = icosphere(6), Sphere(1.0)
+    ball, truth = icosphere(6), SphereSurface(1.0)
     resampler = Resampler(ball, Thresholds(0.25), Exact(carry, truth))
     for much in [*np.linspace(0, 1, 24), *np.linspace(1, 0, 24)]:
         now[0] = float(much)
