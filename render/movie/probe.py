@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
@@ -52,42 +52,40 @@ def probe_movie(path: Path) -> MovieFacts:
     try:
         if path.suffix == ".webp":
             return _probe_webp(path)
-        with iio.imopen(path, "r", plugin="pyav") as movie:
-            return _probe(movie)
+        return _probe(path)
     except (av.error.FFmpegError, OSError, ValueError, IndexError, TypeError) as error:
         raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); make it again") from None
 
 
-def _probe(movie: Any) -> MovieFacts:
-    """imageio tells neither colours nor sound: they are read from the container that it opened."""
-    container, stream = movie._container, movie._video_stream
-    pixel_format, codec = str(stream.pix_fmt), stream.codec_context
-    tags = {name.lower(): value for name, value in movie.metadata().items()}
-    corner = [("crop", "2:2")]  # which is soon converted to an array
-    frames = sum(1 for _ in movie.iter(format="gray", filter_sequence=corner, thread_type="AUTO"))
-    samples, sound, seconds = 0, "", 0.0
-    if container.streams.audio:
-        container.seek(0)
+def _probe(path: Path) -> MovieFacts:
+    """Read a movie with imageio. It tells no colours: they are read from the stream that it opened."""
+    movie: Any
+    with iio.imopen(path, "r", plugin="pyav") as movie:
+        stream, codec = movie._video_stream, movie._video_stream.codec_context
+        pixel_format = str(stream.pix_fmt)
+        tags = {name.lower(): value for name, value in movie.metadata().items()}
+        corner = [("crop", "2:2")]  # which is soon converted to an array
+        facts = MovieFacts(
+            frames=sum(1 for _ in movie.iter(format="gray", filter_sequence=corner, thread_type="AUTO")),
+            width=codec.width,
+            height=codec.height,
+            rate=Fraction(stream.average_rate),
+            pixel_format=pixel_format,
+            primaries=int(codec.color_primaries),
+            transfer=int(codec.color_trc),
+            matrix=int(codec.colorspace),
+            range=int(codec.color_range),
+            codec=str(codec.codec.canonical_name),
+            tag=str(codec.codec_tag).strip("\0 "),
+            timecode=str(tags.get("timecode", "")),
+            alpha=pixel_format.startswith(("yuva", "gbrap", "rgba", "bgra")),
+        )
+    with av.open(str(path)) as container:
+        if not container.streams.audio:
+            return facts
         samples = sum(frame.samples for frame in container.decode(audio=0))
-        audio = container.streams.audio[0].codec_context
-        sound, seconds = str(audio.codec.canonical_name), samples / audio.sample_rate
-    return MovieFacts(
-        frames=frames,
-        width=codec.width,
-        height=codec.height,
-        rate=Fraction(stream.average_rate),
-        pixel_format=pixel_format,
-        primaries=int(codec.color_primaries),
-        transfer=int(codec.color_trc),
-        matrix=int(codec.colorspace),
-        range=int(codec.color_range),
-        codec=str(codec.codec.canonical_name),
-        tag=str(codec.codec_tag).strip("\0 "),
-        timecode=str(tags.get("timecode", "")),
-        alpha=pixel_format.startswith(("yuva", "gbrap", "rgba", "bgra")),
-        sound=sound,
-        seconds=seconds,
-    )
+        sound = container.streams.audio[0].codec_context
+        return replace(facts, sound=str(sound.codec.canonical_name), seconds=samples / sound.sample_rate)
 
 
 def _probe_webp(path: Path) -> MovieFacts:
