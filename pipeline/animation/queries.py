@@ -92,6 +92,6 @@ def mesh_at_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> Trian
             f"sub-frame {subframe:g} is more than a frame from frame {frame.number}; take a nearer frame"
         )
     time, dt = motion.clock.between(frame.number, subframe)
-    flow = motion.bounded(motion.flow, frame.number + (subframe > frame.number))
+    flow = motion.limit_steps(motion.flow, frame.number + (subframe > frame.number))
     moved = checked_displacement(flow, frame.mesh.vertices, time, dt, frame.number)
     return TriangleMesh(moved, frame.mesh.faces, creases=frame.mesh.creases)

@@ -12,7 +12,7 @@ from pipeline.shot import Motion, Resampling
 
 def step_into(motion: Motion, flow: Flow, frame: int) -> Step:
     """Return the step of the flow that leads into `frame`."""
-    return Step(motion.bounded(flow, frame), *motion.step(frame), frame)
+    return Step(motion.limit_steps(flow, frame), *motion.step(frame), frame)
 
 
 class RestInterval:

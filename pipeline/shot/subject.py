@@ -1,4 +1,4 @@
-"""What the flow works on: a solid by name, or a model from a file. Clouds and nets stand elsewhere."""
+"""Subjects that are surfaces: solids by name and models from files. `point_subjects` has clouds and nets."""
 
 from __future__ import annotations
 
@@ -40,33 +40,33 @@ Measure = float | str | tuple[float, ...]
 
 
 class Subject(ABC):
-    """Knows its mesh at rest."""
+    """The mesh at rest that a flow deforms."""
 
     @property
     def project(self) -> AnalyticSurface | None:
-        """What the mesh at rest stands for, where it is known: maps points to the nearest on it."""
+        """The analytic surface of the mesh at rest, or None; it maps points to the nearest on it."""
         return None
 
     @property
     def is_surface(self) -> bool:
-        """Whether its mesh is what is seen, and can be resampled; else it is points that only move."""
+        """True if its mesh is visible and can be resampled; False for points that only move."""
         return True
 
     @property
     def lattice(self) -> Lattice | None:
-        """How its vertices are laid out as the control points of a net, where they are."""
+        """The layout of its vertices as the control points of a net; None for other subjects."""
         return None
 
     @abstractmethod
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
-        """The surface at rest.
+        """Return the surface at rest.
 
-        A solid is meshed for edges of at most max_edge_length, scene units (a coarse default where it is
-        None). A model is as its file says: long edges are split on the first frame (P20, P25).
+        A solid is meshed for edges of at most max_edge_length, scene units; None is a coarse default. A model
+        is as its file says: long edges are split on the first frame (P20, P25).
         """
 
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
-        """The surface at rest, of its own polygons where it has any (P20), else of what `build` makes."""
+        """Return the surface at rest as polygons of its own if it has any (P20), else as triangles."""
         return PolygonMesh.from_triangles(self.build(max_edge_length))
 
 
@@ -74,10 +74,10 @@ class Subject(ABC):
 class SolidKind:
     """A solid that shots can name.
 
-    measures  what it is measured by, in scene units, and what it measures if nothing is said
+    measures  names and defaults of its measures, scene units
     make      `make(edge_length, *measures)`: its mesh
-    surface   `surface(*measures)`: what the mesh stands for
-    polygons  `polygons(*measures)`: the same of a few polygons, where it has flat sides only
+    surface   `surface(*measures)`: the analytic surface that the mesh approximates
+    polygons  `polygons(*measures)`: the solid as a few polygons, if all its sides are flat
     """
 
     measures: Mapping[str, Measure]
@@ -122,14 +122,14 @@ SOLIDS: Mapping[str, SolidKind] = {
     ),
 }
 
-MIDDLE = 0.62
-"""Solids are meshed near the geometric middle of the bracket from 40% to 100% of the maximum edge."""
+_MESHED = 0.62
+"""Edge length of meshed solids over the maximum: the geometric mean of the limits, 40% and 100%."""
 
-COARSE = 1 / 16
-"""Edge length over size where there is no bracket."""
+_COARSEST = 1 / 16
+"""Edge length over size without a maximum edge length."""
 
-FINE = 1 / 500
-"""Finest edge length over size: beyond, splitting goes on, and stops at the budget of vertices."""
+_FINEST = 1 / 500
+"""Finest edge length over size: splits refine further, up to the budget of vertices."""
 
 
 @dataclass(frozen=True)
@@ -141,7 +141,7 @@ class Solid(Subject):
 
     @classmethod
     def of(cls, solid: str, given: Mapping[str, Any]) -> Solid:
-        """`Solid.of("box", {"size": [2, 2, 1]})`; measures left out take their defaults."""
+        """Return a solid from measures, e.g. `Solid.of("box", {"size": [2, 2, 1]})`; others take defaults."""
         values = {**SOLIDS[solid].measures, **given}
         return cls(solid, tuple((name, measure(values[name])) for name in SOLIDS[solid].measures))
 
@@ -152,8 +152,8 @@ class Solid(Subject):
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         values = [value for _, value in self.measures]
         largest = float(max(np.hstack([value for value in values if not isinstance(value, str)])))
-        edge = MIDDLE * max_edge_length if max_edge_length else COARSE * largest
-        return SOLIDS[self.solid].make(max(edge, FINE * largest), *values)
+        edge = _MESHED * max_edge_length if max_edge_length else _COARSEST * largest
+        return SOLIDS[self.solid].make(max(edge, _FINEST * largest), *values)
 
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
         make = SOLIDS[self.solid].polygons
@@ -184,7 +184,7 @@ class Model(Subject):
 
 
 def measure(value: Any) -> Measure:
-    """A measure as a file has it, as a value."""
+    """Convert a measure of a shot file to a value."""
     if isinstance(value, list | tuple):
         return tuple(float(x) for x in value)
     return value if isinstance(value, str) else float(value)

@@ -72,7 +72,7 @@ def test_dicing_is_said_in_pixels(written: str, pixels: float) -> None:
     [
         ("dicing: 2em", "5:10: smooth.dicing: '2em' is no length"),
         ("dicing: 0px", "5:10: smooth.dicing is 0px; it must be at least 0.25"),
-        ("dicing: 2px, tessellate: 2", "5:1: smooth: two measures"),
+        ("dicing: 2px, tessellate: 2", "5:1: smooth has both tessellate"),
     ],
 )
 def test_dicing_that_cannot_be_is_told_with_its_place(written: str, told: str) -> None:

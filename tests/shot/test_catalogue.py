@@ -19,8 +19,8 @@ from pipeline.flow.parameters import parameters_of, shot_name, summary
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import read_shot
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.flow_catalogue import BEGIN, DOCUMENTS, END, facts, markdown, shown
-from pipeline.shot.yaml.parse_context import Surroundings
+from pipeline.shot.documents.flow_catalogue import BEGIN, DOCUMENTS, END, default_text, facts, markdown
+from pipeline.shot.yaml.parse_context import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
 DOCS = Path(__file__).parents[2] / "docs"
@@ -66,7 +66,7 @@ def needed(name: str, folder: Path) -> dict[str, Any]:
 
 
 def parsed(name: str, said: dict[str, Any], folder: Path) -> Any:
-    document = DOCUMENTS[name].model_validate(said, context={"surroundings": Surroundings(folder)})
+    document = DOCUMENTS[name].model_validate(said, context={"parse_context": ParseContext(folder)})
     return document.build(CLOCK)
 
 
@@ -171,7 +171,7 @@ def test_flows_of_a_shots_own_making_are_listed_too() -> None:
     kinds = [facts(name)["kind"] for name in ("formula", "curl_noise", "python")]
     assert kinds == ["velocity", "velocity", "function"]
     array = next(p for p in facts("sampled")["parameters"] if p["name"] == "array")
-    assert not array["needed"] and array["default"] is None and shown(array) == "none"
+    assert not array["needed"] and array["default"] is None and default_text(array) == "none"
 
 
 def test_a_document_refuses_what_the_flow_does_not_take() -> None:

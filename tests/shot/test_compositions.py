@@ -163,7 +163,8 @@ BAD = [
     ("blend: {weight: 1, flows: [{vortex: }, {vortex: }, {vortex: }]}",
      ["6:24: flows.0.blend.flows has 3 items; it must have at most 2"]),
     ("blend: {weight: {ease: back_out, keys: {1: 0, 40: 1}}, flows: [{vortex: }]}",
-     ["6:13: flows.0.blend.weight is 1.002 at frame 15.5; it must stay from 0 to 1. Mend what leads there."]),
+     ["6:13: flows.0.blend.weight is 1.002 at frame 15.5; it must stay from 0 to 1. "
+      "Correct the curve there."]),
     ("repeated: {period: 0, flows: [{vortex: }]}",
      ["6:16: flows.0.repeated.period: 0 is no duration. "
       "Write frames, such as 24, or seconds, such as 1s."]),

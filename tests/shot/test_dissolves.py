@@ -96,7 +96,7 @@ def test_the_first_shot_may_dissolve_from_the_title(folder: Path) -> None:
         (
             "  - A\n  - {card: Two, seconds: 0.01}",
             "",
-            r"film\.yaml:4:17: the card stands for less than a frame",
+            r"film\.yaml:4:17: the card is shorter than a frame",
         ),
         (
             "  - A",

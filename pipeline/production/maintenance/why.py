@@ -26,7 +26,7 @@ from pipeline.production.request.shot_source import Script
 from pipeline.production.store.event_log import EventReader, logs_of
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Store
-from pipeline.shot.yaml.inheritance import layered
+from pipeline.shot.yaml.inheritance import inherited
 from render.base.errors import RenderError
 from render.post.image import read_header
 
@@ -167,7 +167,7 @@ class Question:
 
 
 def _data_of(script: Script) -> Any:
-    return layered(script.path, script.text, script.settings, dict(script.beside)).data
+    return inherited(script.path, script.text, script.settings, dict(script.beside)).data
 
 
 def _script_in(plan: Path, job: str) -> Script | None:

@@ -100,7 +100,7 @@ def flow_cache_data(motion: Motion, number: int, offsets: tuple[float, ...]) -> 
             if first == last:
                 continue
             offset = 2.0 * STEP if number == first else -2.0 * STEP
-        flow = motion.bounded(motion.flow, number + (offset > 0.0))
+        flow = motion.limit_steps(motion.flow, number + (offset > 0.0))
         found.append(checked_cache_data(flow, *motion.clock.between(*sorted((number, number + offset)))))
     return found
 

@@ -54,7 +54,7 @@ class Take(Showing):
                 "cameras": self._cameras_key(),
                 "reach": self.steadied_over,
                 "quality": to_plain(self.quality_of_shot),
-                "precision": [list(layer) for layer in self.shot.picture.layers.precision],
+                "precision": [list(layer) for layer in self.shot.picture.aovs.precision],
                 "follow_flow": follow_flow,
                 "need_mesh": follow_flow if self.shot.picture.dicing is None else list(self.poses),
             }

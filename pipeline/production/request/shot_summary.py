@@ -47,7 +47,7 @@ class Outline:
             runs_python=any(True for _ in python_flows(shot.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
-            shown_as=shot.picture.shown_as(),
+            shown_as=shot.picture.display_data(),
             meshes=meshes,
             normals=normals_keys(shot, meshes),
         )

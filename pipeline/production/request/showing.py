@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from pipeline.resample import Thresholds
     from pipeline.shot import Clock, Shot
     from pipeline.shot.camera import View
-    from pipeline.shot.shutter import PictureLayers
+    from pipeline.shot.shot import AovSelection
     from render.scene.quality import Quality
 
 
@@ -181,10 +181,10 @@ class Showing:
         return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.temporal_denoise
 
     @cached_property
-    def layers(self) -> PictureLayers:
+    def layers(self) -> AovSelection:
         """Those that the shot asks for, and those that following its pixels to other frames takes."""
-        asked = self.shot.picture.layers
-        return asked.with_("before", "after") if self.steadied_over else asked
+        asked = self.shot.picture.aovs
+        return asked.adding("before", "after") if self.steadied_over else asked
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """When the shutter opens for a picture and closes, in frames from its moment; None: it shows one."""

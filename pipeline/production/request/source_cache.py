@@ -22,7 +22,7 @@ class Texts:
     def script(self, path: Path, settings: tuple[str, ...], allow_code: bool) -> Script:
         """Of the shot file at `path`, its place in full. Raises MissingInputError or UsageError."""
         text = self._own.get(path) or self._own.setdefault(path, _text(path))
-        beside = self._beside.get(path) or self._beside.setdefault(path, _rests_on(path, text))
+        beside = self._beside.get(path) or self._beside.setdefault(path, _inherited_files(path, text))
         return Script(text, path, settings, tuple(beside.items()), allow_code)
 
     def put(self, path: Path, text: str) -> None:
@@ -43,12 +43,12 @@ def shot_around(mesh: Path) -> str:
     return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
 
 
-def _rests_on(path: Path, text: str) -> dict[str, str]:
+def _inherited_files(path: Path, text: str) -> dict[str, str]:
     """The text of all other files that a shot is made of, by their names; most rest on no shot."""
     if "extends" in text:
-        from pipeline.shot.yaml.inheritance import rests_on
+        from pipeline.shot.yaml.inheritance import inherited_files
 
-        return rests_on(path, text)
+        return inherited_files(path, text)
     defaults = path.with_name(DEFAULTS)
     try:
         return {DEFAULTS: defaults.read_text(encoding="utf-8")}
