@@ -104,7 +104,7 @@ WRONG = [
     ("curl_noise: {octaves: 0}", "6:18: flows.0.curl_noise.octaves is 0; it must be at least 1"),
     ("curl_noise: {sede: 1}", "Did you mean 'seed'?"),
     ("attraction: {rate: 2}", "attraction has no target; write one of points, curve and mesh"),
-    ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "attraction has points and mesh; its target is one of"),
+    ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "attraction has points and mesh; its target is"),
     ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
     ("wind: {through: [[0, 0, 0]]}", "has 1 items; it must have at least 2"),
