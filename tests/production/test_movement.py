@@ -14,8 +14,8 @@ from pipeline.mesh.normals import split_at_creases
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import Movement, flowing, framing_at, turning
 from pipeline.production.render_inputs.shading import Shading
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
 from render.scene.camera import Camera
@@ -124,14 +124,14 @@ def test_cameras_go_from_picture_to_picture_and_on_at_the_ends() -> None:
     assert framing_at({3: framing(3.0)}, 3, 0.5) == framing(3.0)
 
 
-def take_of(text: str) -> Take:
-    return Take(Script(text, Path("T010_tiny.yaml")), "preview", "none", (1,))
+def take_of(text: str) -> RenderRequest:
+    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "preview", "none", (1,))
 
 
 def raw_keys(text: str) -> list[str]:
-    take = take_of(text)
-    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in take.poses}
-    return [take.raw_key(n, framings) for n in take.poses]
+    request = take_of(text)
+    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in request.angles}
+    return [request.raw_key(n, framings) for n in request.angles]
 
 
 def test_a_shutter_and_layers_change_pictures_and_nothing_before_them() -> None:

@@ -10,7 +10,7 @@ import pytest
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
 from pipeline.flow.keyframes import number_at
 from pipeline.production.execution.project import Project
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Shot, read_film, read_shot
 from pipeline.shot.yaml.inheritance import inherited_files
 from render.scene.look import LOOKS
@@ -213,19 +213,19 @@ def test_a_plan_goes_by_the_files_as_they_were(folder: Path) -> None:
     """Whatever becomes of the files that a shot rests on, and with its settings, through JSON."""
     (folder / "defaults.yaml").write_text("look: glaze\n")
     project = Project(folder, 1, settings=("camera.margin=0.3",))
-    take = project.take(folder / "C.yaml", "draft", variant="none")
-    expected = take.shot
+    request = project.request(folder / "C.yaml", "draft", variant="none")
+    expected = request.shot
     assert expected.picture.look == LOOKS["glaze"] and expected.picture.camera.margin == 0.3
     assert set(inherited_files(folder / "C.yaml", FILES["C"])) == {"defaults.yaml", "B.yaml", "A.yaml"}
     for file in folder.glob("*.yaml"):
         file.unlink()
-    assert Take.from_data(take.as_data()).shot == expected
+    assert RenderRequest.from_data(request.as_data()).shot == expected
 
 
 def test_another_setting_is_another_mesh_and_the_same_is_none(folder: Path) -> None:
     def keys(*settings: str) -> list[str]:
-        take = Project(folder, 1, settings=settings).take(folder / "A.yaml", "draft", variant="none")
-        return [take.mesh_key(number) for number in take.shot.frames]
+        request = Project(folder, 1, settings=settings).request(folder / "A.yaml", "draft", variant="none")
+        return [request.mesh_key(number) for number in request.shot.frames]
 
     plain, strong, late = keys(), keys("flows.0.vortex.strength=2"), keys("flows.0.vortex.strength.keys.49=1")
     assert plain == keys("camera.margin=0.3") and plain[1] != strong[1]

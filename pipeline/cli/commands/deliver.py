@@ -20,7 +20,7 @@ from pipeline.errors import UsageError, suggestion
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import edit_names, find_edit
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot.yaml.lookup import is_edit
 from render.graphics.burn_in import FIELDS, BurnIn
 from render.movie.codecs import ENCODES, encode_named
@@ -72,7 +72,7 @@ def deliver(
         encodes=tuple(encode_named(word) for word in _words(forms)),
         slate=_slate(slate),
         burn_in=None if burn_in is None else BurnIn.parse(burn_in),
-        heard=None if sound is None else heard_from(sound),
+        audio=None if sound is None else heard_from(sound),
         folder=output,
     )
     wanted = _Wanted(options.project(common), tuple(names), options.quality(quality), frames)
@@ -110,25 +110,25 @@ class _Wanted:
 
     def plan(self) -> Plan:
         """Return the plan that renders what is missing."""
-        takes = [take for name in self.names for take in self._takes(name)]
-        return self.project.frames(takes)
+        requests = [request for name in self.names for request in self._takes(name)]
+        return self.project.frames(requests)
 
     def deliveries(self, order: Order, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
         store, made = self.project.store, []
         for name in self.names:
             if _is_of_edit(name):
-                reel = of_film(*self.project.cut(self.quality, find_edit(name)), store, failed)
+                reel = of_film(*self.project.edit(self.quality, find_edit(name)), store, failed)
             else:
                 reel = of_shot(self._takes(name)[0], store, failed)
             made.append(Delivery(reel, order, store))
         return made
 
-    def _takes(self, name: str) -> list[Take]:
+    def _takes(self, name: str) -> list[RenderRequest]:
         if not _is_of_edit(name):
             return [self.project.asked(name, self.quality, self.frames)]
         if self.frames is not None:
             raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
-        return self.project.cut(self.quality, find_edit(name))[1]
+        return self.project.edit(self.quality, find_edit(name))[1]
 
 
 def _is_of_edit(name: str) -> bool:

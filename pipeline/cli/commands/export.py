@@ -85,9 +85,9 @@ def _timeline(
     place = output or Path(f"{path.stem}.otio")
     if place.suffix != ".otio":
         raise UsageError(f"{place}: a timeline's name ends in .otio; call it {place.stem}.otio")
-    cut, takes = project.cut(quality, path)
+    cut, requests = project.edit(quality, path)
     if not common.dry_run:
-        Timeline(cut, takes, common.root, media, place).write()
+        Timeline(cut, requests, common.root, media, place).write()
     done = f"{place}: {cut.length} frames, {'would be ' if common.dry_run else ''}written."
     answer(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
 

@@ -40,22 +40,22 @@ def publish(
     that. `flowsculpt verify` checks published files.
     """
     project = options.project(common)
-    take = project.take(find_shot(shot), options.quality(quality))
+    request = project.request(find_shot(shot), options.quality(quality))
     given = {"--crop": options.crop, "--scale": options.scale, "--variant": options.variant}
     words = ["flowsculpt", "render", shot, "-q", quality]
     words += [word for option, value in given.items() if value is not None for word in (option, value)]
     words += [word for setting in options.settings or () for word in ("--set", setting)]
     words += ["--allow-code"] * options.allow_code
-    done = Release(take, project.store, shlex.join(words), note, version, copy).publish(common.dry_run)
+    done = Release(request, project.store, shlex.join(words), note, version, copy).publish(common.dry_run)
     facts = {
-        "shot": take.name,
+        "shot": request.name,
         "version": done.version,
         "path": str(done.folder),
         "provenance": str(done.folder / FILE),
-        "frames": len(take.poses),
+        "frames": len(request.angles),
         "published_before": done.before,
     }
-    answer(_published(take.name, len(take.poses), done, common.dry_run), facts, common.json)
+    answer(_published(request.name, len(request.angles), done, common.dry_run), facts, common.json)
 
 
 def _published(shot: str, frames: int, done: Any, dry: bool) -> str:

@@ -61,11 +61,11 @@ def sheet(
     from pipeline.dailies.sheets.sheet import Sheet, spread
 
     project, name = options.project(common), options.quality(quality)
-    take = project.take(find_shot(shot), name, frames)
-    made = Sheet(take if frames is not None else spread(take), project.store, columns)
+    request = project.request(find_shot(shot), name, frames)
+    made = Sheet(request if frames is not None else spread(request), project.store, columns)
 
     def planned() -> Plan:
-        return project.frames([made.take])
+        return project.frames([made.request])
 
     if common.dry_run:
         report_plan(common, planned())
@@ -73,8 +73,8 @@ def sheet(
     outcome = execute(common, planned)
     path = output or common.root / made.place
     made.write(path)
-    many = len(made.take.requested)
-    facts = {"path": str(path), "frames": list(made.take.requested), "rendered": outcome.made("render")}
+    many = len(made.request.requested)
+    facts = {"path": str(path), "frames": list(made.request.requested), "rendered": outcome.made("render")}
     answer(f"{path}: {many} frame{'s' * (many > 1)}, {outcome.made('render')} rendered.", facts, common.json)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)

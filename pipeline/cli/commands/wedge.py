@@ -88,8 +88,8 @@ def _report(common: Common, made: Wedge) -> None:
         "estimate": expected.as_data(),
         "jobs": [{"job": job.name, "task": job.task, "frames": list(job.frames)} for job in plan.jobs],
     }
-    lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.takes]
-    frames = len(made.takes[0][1].requested)
+    lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
+    frames = len(made.requests[0][1].requested)
     lines.append(
         f"{len(lines)} cells of {frames} frame{'s' if frames > 1 else ''}, the sheet at {made.number}."
     )
@@ -102,4 +102,4 @@ def _report(common: Common, made: Wedge) -> None:
 
 
 def _cells(made: Wedge) -> list[dict[str, object]]:
-    return [{"settings": list(cell.settings), "folder": take.home} for cell, take in made.takes]
+    return [{"settings": list(cell.settings), "folder": request.home} for cell, request in made.requests]

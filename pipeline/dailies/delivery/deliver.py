@@ -16,7 +16,7 @@ from pipeline.dailies.delivery.rushes import Look, Shown, opaque
 from pipeline.errors import MachineError
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.keys.stages import DELIVER
-from pipeline.production.request.edit import Heard
+from pipeline.production.request.edit import AudioTrack
 from pipeline.production.store.store import Store
 from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
@@ -51,7 +51,7 @@ class Order:
     encodes: tuple[Encode, ...]
     slate: str | None = None
     burn_in: BurnIn | None = None
-    heard: Heard | None = None
+    audio: AudioTrack | None = None
     folder: Path | None = None
 
 
@@ -125,17 +125,17 @@ class Delivery:
         return self._slate_frames if self.order.slate == "head" else 0
 
     @property
-    def _heard(self) -> Heard | None:
-        return self.order.heard or (self.reel.cut.heard if self.reel.cut else None)
+    def _heard(self) -> AudioTrack | None:
+        return self.order.audio or (self.reel.edit.audio if self.reel.edit else None)
 
     def _key(self, encode: Encode, what: str) -> Key:
         """Of all that a file holds; where it lies is not in it."""
-        reel, heard = self.reel, self._heard
+        reel, audio = self.reel, self._heard
         return key_of(
             DELIVER.recipe,
             [what, self.order.slate, list(self.order.burn_in.fields) if self.order.burn_in else None],
             {name: value for name, value in asdict(encode).items() if name != "purpose"},
-            heard.content if heard and encode.container.audio_codec else None,
+            audio.content if audio and encode.container.audio_codec else None,
             [str(reel.rate), list(reel.size), reel.start, reel.count, reel.covered, reel.name],
             [reel.title, reel.subtitle, [list(fact) for fact in reel.facts]] if self.order.slate else None,
             reel.content,
@@ -189,13 +189,13 @@ def _told(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame
         passed()
 
 
-def heard_from(file: Path) -> Heard:
+def heard_from(file: Path) -> AudioTrack:
     """Sound that a user names. Raises MissingImageError or CorruptImageError."""
     from pipeline.shot.yaml.lookup import digest_of_file
     from render.movie.sound import require_sound
 
     require_sound(file)
-    return Heard(str(file.absolute()), digest_of_file(file))
+    return AudioTrack(str(file.absolute()), digest_of_file(file))
 
 
 def lost_frames(deliveries: Sequence[Delivery]) -> list[str]:

@@ -7,23 +7,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot.yaml.lookup import DEFAULTS
 
 
 @dataclass(frozen=True)
-class Texts:
+class SourceCache:
     """Shot files and those that they rest on, each read once: all of a run goes by one text of each, however
     it is edited meanwhile."""
 
     _own: dict[Path, str] = field(default_factory=dict)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict)
 
-    def script(self, path: Path, settings: tuple[str, ...], allow_code: bool) -> Script:
+    def source(self, path: Path, settings: tuple[str, ...], allow_code: bool) -> ShotSource:
         """Of the shot file at `path`, its place in full. Raises MissingInputError or UsageError."""
         text = self._own.get(path) or self._own.setdefault(path, _text(path))
         beside = self._beside.get(path) or self._beside.setdefault(path, _inherited_files(path, text))
-        return Script(text, path, settings, tuple(beside.items()), allow_code)
+        return ShotSource(text, path, settings, tuple(beside.items()), allow_code)
 
     def put(self, path: Path, text: str) -> None:
         """A text, as if it stood there."""
