@@ -1,4 +1,4 @@
-"""Progress bars: of a run by its event log, and of work in this process."""
+"""Progress of a run, read from its event log: a bar a stage, with the time left."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from types import TracebackType
 
+from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -19,7 +20,6 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
-from pipeline.cli.output import err
 from pipeline.production.execution.poll import every
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Plan
@@ -28,45 +28,49 @@ from pipeline.production.store.event_log import Event, EventReader
 POLL_SECONDS = 0.2
 
 
-def _progress(*more: ProgressColumn) -> Progress:
-    """Return bars on standard error: frames done of all, time elapsed and time left."""
-    return Progress(
+def _columns() -> list[ProgressColumn]:
+    """What is done, and the time left."""
+    return [
         TextColumn("{task.description:>16}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-        *more,
-        console=err,
-    )
+    ]
 
 
 @contextmanager
-def progress_bars(wanted: bool) -> Iterator[Callable[[str, int], Callable[[], None]]]:
-    """Yield a function that adds a bar, by name and total, and returns what advances it by one.
+def counting(console: Console | None) -> Iterator[Callable[[str, int], Callable[[], None]]]:
+    """Bars for work in this process: of a name and a number of frames, what to call after each of them.
 
-    Nothing is drawn unless `wanted`.
+    console  where they are drawn; None draws none
     """
-    if not wanted:
+    if console is None:
         yield lambda name, total: lambda: None
         return
-    with _progress() as progress:
-        yield lambda name, total: partial(progress.advance, progress.add_task(name, total=total))
+    with Progress(*_columns(), console=console) as progress:
+
+        def bar(name: str, total: int) -> Callable[[], None]:
+            return partial(progress.advance, progress.add_task(name, total=total))
+
+        yield bar
 
 
-class StageBars:
-    """A context manager that draws a bar for each stage of a plan while it is executed.
+class Bars:
+    """Shows the stages of a plan while Snakemake works: the context manager that `run` asks for."""
 
-    reader  of the run's event log
-    """
-
-    def __init__(self, plan: Plan, reader: EventReader) -> None:
+    def __init__(self, plan: Plan, reader: EventReader, console: Console) -> None:
         self._reader = reader
-        totals: Counter[str] = Counter()
+        self._console = console
+        totals = Counter({job.task: 0 for job in plan.jobs})
         for job in plan.jobs:
             totals[job.task] += len(job.frames)
-        self._progress = _progress(TextColumn("{task.fields[now]}", style="dim"))
+        self._progress = Progress(
+            *_columns(),
+            TextColumn("{task.fields[now]}", style="dim"),
+            console=console,
+        )
         self._tasks: dict[str, TaskID] = {
             name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")
             for name, stage in STAGES.items()
@@ -76,7 +80,7 @@ class StageBars:
         self._under_way: dict[tuple[str, object], dict[object, float]] = {}
         self._ends = ExitStack()
 
-    def __enter__(self) -> StageBars:
+    def __enter__(self) -> Bars:
         self._progress.start()
         self._ends.callback(self._progress.stop)
         self._ends.callback(self._read)
@@ -95,7 +99,7 @@ class StageBars:
     def _show(self, event: Event) -> None:
         stage, what = event.get("stage", ""), event["event"]
         if what in ("healed", "hung", "killed"):
-            err.print(event["message"], style="yellow", markup=False, highlight=False)
+            self._console.print(event["message"], style="yellow", markup=False, highlight=False)
         if stage not in self._tasks:
             return
         under_way = self._under_way.setdefault((stage, event["job"]), {})
@@ -113,7 +117,7 @@ class StageBars:
         self._draw(stage)
 
     def _draw(self, stage: str) -> None:
-        """Draw the bar of a stage: finished frames and parts of running ones, which are named beside it."""
+        """A bar with what is done of the frames under way, which are named beside it."""
         now = {
             frame: share
             for (of, _), frames in self._under_way.items()

@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -119,13 +120,12 @@ def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = N
 
 
 def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
-    """Return a JPEG of display values (H, W, 3), for a live page: OpenImageIO writes only files."""
-    import imageio.v3 as iio  # takes a moment, and only live pages ask for it
+    """A JPEG of display values (H, W, 3), for a page that is shown now: OpenImageIO writes to files alone."""
+    from PIL import Image as PillowImage  # takes a moment to import, and only live pages show such
 
-    encoded: bytes = iio.imwrite(
-        "<bytes>", picture, extension=".jpeg", plugin="pillow", quality=90, subsampling=0
-    )
-    return encoded
+    buffer = BytesIO()
+    PillowImage.fromarray(picture).save(buffer, "JPEG", quality=90, subsampling=0)
+    return buffer.getvalue()
 
 
 def read_png(path: Path) -> NDArray[Any]:

@@ -26,7 +26,7 @@ AHEAD, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 """Where a point in the middle goes, to which all directions are equal."""
 
 
-class AnalyticSurface(ABC):
+class TrueSurface(ABC):
     """Maps points (N, 3) to the nearest points on it: `surface(points)`."""
 
     @abstractmethod
@@ -43,7 +43,7 @@ class AnalyticSurface(ABC):
 
 
 @dataclass(frozen=True)
-class SphereSurface(AnalyticSurface):
+class Sphere(TrueSurface):
     radius: float
 
     def __call__(self, points: Points) -> Points:
@@ -57,7 +57,7 @@ class SphereSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class TorusSurface(AnalyticSurface):
+class Torus(TrueSurface):
     """Around y; `radius` reaches to the middle of the tube."""
 
     radius: float
@@ -77,7 +77,7 @@ class TorusSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class CapsuleSurface(AnalyticSurface):
+class Capsule(TrueSurface):
     """Along y, with round caps; `length` is over all."""
 
     length: float
@@ -100,7 +100,7 @@ class CapsuleSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class CylinderSurface(AnalyticSurface):
+class Cylinder(TrueSurface):
     """Along y, with flat caps."""
 
     length: float
@@ -136,7 +136,7 @@ class CylinderSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class BoxSurface(AnalyticSurface):
+class Box(TrueSurface):
     """With its sides across the axes; `size` holds the full extents."""
 
     size: tuple[float, float, float]
@@ -159,7 +159,7 @@ class BoxSurface(AnalyticSurface):
 
 
 @dataclass(frozen=True)
-class SheetSurface(AnalyticSurface):
+class Sheet(TrueSurface):
     """In the plane y = 0, facing upwards; `size` is along x and z."""
 
     size: tuple[float, float]

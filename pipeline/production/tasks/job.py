@@ -16,14 +16,15 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.planning_cache import Ledger
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import CorruptFileError, Store
+from render.base.errors import CorruptImageError, MissingImageError
 
 if TYPE_CHECKING:
-    from pipeline.production.request.picture_keys import PictureKeys
-    from pipeline.production.request.render_request import RenderRequest
+    from pipeline.production.request.picture_keys import Keyring
+    from pipeline.production.request.render_request import Take
 
 T = TypeVar("T")
 
@@ -57,7 +58,7 @@ class Context:
 
     def failed(self, stage: str) -> set[int]:
         """The frames of this job's pictures that failed at an earlier stage of this run."""
-        quality = self.plan.requests[self.job.requests[0]]["quality"]
+        quality = self.plan.takes[self.job.takes[0]]["quality"]
         about = {"event": "fail", "stage": stage, "shot": self.subject, "quality": quality}
         told = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new("fail")
         return {e["frame"] for e in told if e.get("frame") is not None and about.items() <= e.items()}
@@ -76,24 +77,24 @@ class Context:
         return Store(self.root)
 
     @cached_property
-    def request(self) -> RenderRequest:
+    def take(self) -> Take:
         """The take of a job that has one."""
-        return self.requests[0]
+        return self.takes[0]
 
     @cached_property
-    def requests(self) -> list[RenderRequest]:
+    def takes(self) -> list[Take]:
         from pipeline.production.request.render_request import (
-            RenderRequest,  # a second's work, which who only watches never needs
+            Take,  # a second's work, which who only watches never needs
         )
 
-        ledger = PlanningCache(self.root)
-        return [RenderRequest.from_data(self.plan.requests[place], ledger) for place in self.job.requests]
+        ledger = Ledger(self.root)
+        return [Take.from_data(self.plan.takes[place], ledger) for place in self.job.takes]
 
-    def picture_keys(self, request: RenderRequest) -> PictureKeys:
+    def picture_keys(self, take: Take) -> Keyring:
         """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
-        keys = request.picture_keys(self.store)
+        keys = take.picture_keys(self.store)
         if keys is None:
-            raise FrameError(f"{request.folders.cameras()} is gone; run again to frame the shot again")
+            raise FrameError(f"{take.folders.cameras()} is gone; run again to find the cameras anew")
         return keys
 
     def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
@@ -111,10 +112,11 @@ class Context:
             with suppress(OSError):
                 list(path.parent.iterdir())  # a network file system may remember that it was not there
         try:
-            return self.store.read(kind, key, target, reader)
-        except FrameError:
+            return reader(path)
+        except (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError) as error:
+            self.store.discard(kind, key)
             self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
-            raise
+            raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
 
     def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
         """Once one file was found corrupt, read the others too: the next round makes them all anew."""
@@ -159,7 +161,7 @@ class Context:
         """The folder of the pictures that the job is about."""
         if self.job.task == "film":
             return None
-        return (self.request.folders.home / self.request.quality_name).as_posix()
+        return (self.take.folders.home / self.take.quality_name).as_posix()
 
     def warn(self, number: int, message: str) -> None:
         """Something that a frame is made in spite of."""
@@ -184,11 +186,11 @@ class Context:
         self._log("killed", message=f"{self.job.task} of {self.subject} was ended by {signal}")
 
     def _log(self, event: str, number: int | None = None, **facts: Any) -> None:
-        quality = self.plan.requests[self.job.requests[0]]["quality"]
+        quality = self.plan.takes[self.job.takes[0]]["quality"]
         about = {"stage": self.job.task, "shot": self.subject, "quality": quality, "frame": number}
         self.log.write(event, **about, **facts)
 
     @property
     def subject(self) -> str:
         """What the job is about: a shot's name, or the film."""
-        return "film" if self.job.task == "film" else self.request.subject
+        return "film" if self.job.task == "film" else self.take.subject

@@ -1,4 +1,4 @@
-"""Types of values in shot files: strict numbers, names of a registry, vectors, colours and formulas."""
+"""What values in shot files look like: strict, with names that are checked against a registry."""
 
 from __future__ import annotations
 
@@ -20,17 +20,14 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.errors import suggestion
-from pipeline.flow.keyframes import Vector
-from pipeline.flow.streamlines import MOST_SUBSTEPS
-from pipeline.flow.vectors import X, Y, Z
+from pipeline.flow.streamlines import MAX_SUBSTEPS
+from pipeline.flow.vectors import Vector, X, Y, Z
 from pipeline.formula import Expression, FormulaError
 
 DEGREE = math.radians(1.0)
 
-ORIGIN = [0.0, 0.0, 0.0]
-
 SMALLEST, LARGEST = 1e-9, 1e12
-"""Bounds of measures and numbers: squares, inverses and differences stay finite."""
+"""Measures and numbers whose squares, inverses and differences stay finite with room to spare."""
 
 
 class Document(BaseModel):
@@ -44,8 +41,8 @@ class Document(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
-class SchemaKeywords:
-    """JSON Schema keywords for the rule of a validator, which pydantic does not see."""
+class Told:
+    """Keywords of a JSON Schema for what validators do, which it does not see: `Told(minimum=0)`."""
 
     def __init__(self, **keywords: Any) -> None:
         self.keywords = keywords
@@ -56,7 +53,7 @@ class SchemaKeywords:
 
 @dataclass(frozen=True)
 class OneOf(AfterValidator):
-    """A validator that tells the JSON Schema the names it accepts."""
+    """A validator that knows what it lets pass."""
 
     names: tuple[str, ...] = ()
 
@@ -64,16 +61,16 @@ class OneOf(AfterValidator):
         return {**handler(core), "enum": list(self.names)}
 
 
-def one_of(names: Iterable[str], kind: str) -> OneOf:
-    """Return a validator of text that must be one of `names`; `kind` is what messages call it."""
+def one_of(names: Iterable[str], what: str) -> OneOf:
+    """A validator: the text must be one of `names`."""
     known = tuple(names)
 
     def check(word: str) -> str:
         if word not in known:
             raise PydanticCustomError(
                 "unknown_name",
-                "{word} is no {kind}. {suggestion}",
-                {"word": repr(word), "kind": kind, "suggestion": suggestion(word, known)},
+                "{word} is no {what}. {suggestion}",
+                {"word": repr(word), "what": what, "suggestion": suggestion(word, known)},
             )
         return word
 
@@ -81,11 +78,11 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
 
 
 def exactly_one(*names: str) -> ConfigDict:
-    """Return the JSON Schema of a document whose validator demands exactly one of these names."""
+    """For documents of which a validator says that: one of these names, and no other."""
     return ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in names]})
 
 
-def _check_largest(value: float) -> float:
+def _computable(value: float) -> float:
     if abs(value) > LARGEST:
         raise PydanticCustomError(
             "too_large",
@@ -95,7 +92,7 @@ def _check_largest(value: float) -> float:
     return value
 
 
-def _check_smallest(value: float) -> float:
+def _not_tiny(value: float) -> float:
     if value < SMALLEST:
         raise PydanticCustomError(
             "too_small",
@@ -105,25 +102,24 @@ def _check_smallest(value: float) -> float:
     return value
 
 
-Real = Annotated[float, AfterValidator(_check_largest), SchemaKeywords(minimum=-LARGEST, maximum=LARGEST)]
+def _form(value: Any) -> str:
+    return "list" if isinstance(value, list) else "plain"
+
+
+Real = Annotated[float, AfterValidator(_computable), Told(minimum=-LARGEST, maximum=LARGEST)]
 Positive = Annotated[
     float,
     Field(gt=0),
-    AfterValidator(_check_smallest),
-    AfterValidator(_check_largest),
-    SchemaKeywords(minimum=SMALLEST, maximum=LARGEST),
+    AfterValidator(_not_tiny),
+    AfterValidator(_computable),
+    Told(minimum=SMALLEST, maximum=LARGEST),
 ]
-ZeroToOne = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1, le=MOST_SUBSTEPS)]
-Degrees = Annotated[float, Field(ge=-3600, le=3600)]
+Count = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
 Triple = Annotated[list[Real], Field(min_length=3, max_length=3)]
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
-AxisVector = Annotated[Triple, SchemaKeywords(**{"not": {"const": [0, 0, 0]}})]
-Axis = Annotated[
-    Annotated[AxisName, Tag("plain")] | Annotated[AxisVector, Tag("list")],
-    Discriminator(lambda value: "list" if isinstance(value, list) else "plain"),
-]
-Colour = Annotated[list[ZeroToOne], Field(min_length=3, max_length=3)]
+Across = Annotated[Triple, Told(**{"not": {"const": [0, 0, 0]}})]
+Axis = Annotated[Annotated[AxisName, Tag("plain")] | Annotated[Across, Tag("list")], Discriminator(_form)]
+Colour = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=3, max_length=3)]
 
 
 def vector(values: list[float]) -> Vector:
@@ -136,45 +132,45 @@ def axis(value: str | list[float]) -> Vector:
 
 
 def is_number(value: Any) -> bool:
-    """Tell whether a value of a file is a number; true and false are none."""
+    """Whether a value of a file is a number; true and false are none."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def formula_error(column: int, message: str) -> PydanticCustomError:
-    """Return a finding about a formula, from its character `column` on."""
+def misread(column: int, message: str) -> PydanticCustomError:
+    """What is wrong with a formula, from the character `column` of it on."""
     return PydanticCustomError("formula", "{message}", {"message": message, "column": column})
 
 
-def parsed_formula(text: str, names: tuple[str, ...]) -> str:
-    """Return a text that is a formula over these names. Raises a finding at the column of the mistake."""
+def readable(text: str, names: tuple[str, ...]) -> str:
+    """A text that is a formula over these names. Raises a finding for pydantic to report at its column."""
     try:
         Expression(text, names)
     except FormulaError as error:
-        raise formula_error(error.column, error.message) from None
+        raise misread(error.column, error.message) from None
     return text
 
 
-def formula_over(names: tuple[str, ...]) -> AfterValidator:
-    """Return a validator of text that must be a formula over these names."""
-    return AfterValidator(lambda text: parsed_formula(text, names))
+def over(names: tuple[str, ...]) -> AfterValidator:
+    """A validator: the text is a formula over these names."""
+    return AfterValidator(lambda text: readable(text, names))
 
 
-def _as_text(value: Any) -> Any:
+def _written(value: Any) -> Any:
     if not is_number(value):
         return value
     if math.isnan(value):
-        raise formula_error(1, "this is no number; write one plainly, such as 0.05")
+        raise misread(1, "this is no number; write one plainly, such as 0.05")
     if math.isinf(value):
-        raise formula_error(1, "this number is too large; 1e100 is the largest")
+        raise misread(1, "this number is too large; 1e100 is the largest")
     return repr(value)
 
 
-class _NumberAsText(BeforeValidator):
-    """A validator that turns numbers into text, and says so in the JSON Schema."""
+class NumberToo(BeforeValidator):
+    """A validator that lets numbers pass as text, and tells so in a schema."""
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {**handler(core), "type": ["string", "number"]}
 
 
-NUMBER_OR_TEXT = _NumberAsText(_as_text)
-"""Lets `0` and `0.5` stand for formulas."""
+A_NUMBER_TOO = NumberToo(_written)
+"""`0` and `0.5` are formulas."""

@@ -1,4 +1,4 @@
-"""The flows that a shot can name, each with its document, and their list for people and programs."""
+"""The flows that a shot can name, each with the document of what it takes: the one list of them."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DOCUMENTS: dict[str, type[FlowParameters]] = {
 
 
 def entries(base: type) -> dict[str, Any]:
-    """Return optional fields of a document, one for each flow that is a `base`."""
+    """Fields of a document, one for each flow that is a `base`, all of them optional."""
     return {
         name: (Annotated[document | None, BARE], Field(None, validate_default=False))
         for name, document in DOCUMENTS.items()
@@ -32,13 +32,13 @@ def entries(base: type) -> dict[str, Any]:
 
 
 BEGIN, END = "<!-- from the code: flowsculpt flows --markdown -->", "<!-- to here -->"
-"""The lines before and after the table in the docs."""
+"""What stands around the table in the docs."""
 
 
 def facts(name: str) -> dict[str, Any]:
-    """Describe a flow of the catalogue as JSON-able data, in the units of shot files.
+    """A flow of the catalogue as JSON-able data, in the units of shot files.
 
-    Raises UsageError for an unknown name.
+    Raises UsageError for a name that is not known.
     """
     if name not in DOCUMENTS:
         raise UsageError(f"there is no flow {name!r} in the catalogue. {suggestion(name, DOCUMENTS)}")
@@ -61,18 +61,18 @@ def _fact(parameter: Parameter) -> dict[str, Any]:
     return {
         "name": parameter.name,
         "form": parameter.form,
-        "keyed": parameter.form in ("number", "place"),
+        "keyed": parameter.form in ("number", "vector"),
         "above_nought": parameter.positive,
         "choices": list(parameter.choices),
-        "unit": parameter.sense.unit,
+        "unit": parameter.doc.unit,
         "needed": parameter.needed,
         "default": parameter.default_in_file,
-        "sense": parameter.sense.text,
+        "sense": parameter.doc.text,
     }
 
 
-def default_text(fact: dict[str, Any]) -> str:
-    """Return the default of a parameter as a shot file writes it, or that it is needed."""
+def shown(fact: dict[str, Any]) -> str:
+    """The default of a parameter, as one would write it; where it has none, that it is needed."""
     value = fact["default"]
     if fact["needed"]:
         return "needed"
@@ -86,16 +86,16 @@ def default_text(fact: dict[str, Any]) -> str:
 
 
 def markdown() -> str:
-    """Return the table of the docs, one line a flow."""
+    """The table of the docs, one line a flow."""
     lines = [BEGIN, "| | in a shot | what it does | parameters |", "|---|---|---|---|"]
     for name in DOCUMENTS:
         fact = facts(name)
-        parameters = ", ".join(_short(parameter) for parameter in fact["parameters"])
+        parameters = ", ".join(_in_a_word(parameter) for parameter in fact["parameters"])
         picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""
         lines.append(f"| {picture} | `{name}` | {fact['sense']} | {parameters} |")
     return "\n".join([*lines, END])
 
 
-def _short(fact: dict[str, Any]) -> str:
+def _in_a_word(fact: dict[str, Any]) -> str:
     unit = f" {fact['unit']}" if fact["unit"] else ""
-    return f"`{fact['name']}` {default_text(fact)}{unit}"
+    return f"`{fact['name']}` {shown(fact)}{unit}"

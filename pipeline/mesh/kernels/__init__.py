@@ -1,1 +1,0 @@
-"""Compiled kernels of meshes: arrays in, arrays or counts out."""

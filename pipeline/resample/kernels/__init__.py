@@ -1,1 +1,0 @@
-"""Compiled kernels of resampling: arrays in, arrays or counts out."""
