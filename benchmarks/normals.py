@@ -19,13 +19,12 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import Floats, Points, Vectors
 from pipeline.flow import Flow, Streamlines
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.cellular import Enright
-from pipeline.flow.flow_map import FrameStep
+from pipeline.flow.catalogue import Enright, Lorenz
+from pipeline.flow.flow_map import Step
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases
 from pipeline.mesh.normals import trusted_normals
-from pipeline.mesh.solids.analytic_surfaces import Sphere, TrueSurface
+from pipeline.mesh.solids.analytic_surfaces import AnalyticSurface, SphereSurface
 from pipeline.mesh.tangents import carried_normals, tangents, unit
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling
@@ -43,7 +42,7 @@ Row = dict[str, float | str]
 
 
 @dataclass(frozen=True)
-class Ball(Subject, TrueSurface):
+class Ball(Subject, AnalyticSurface):
     """A geodesic sphere about a centre, which is also its own true surface."""
 
     frequency: int
@@ -54,12 +53,12 @@ class Ball(Subject, TrueSurface):
         return icosphere(self.frequency, self.radius, self.centre)
 
     @property
-    def project(self) -> TrueSurface:
+    def project(self) -> AnalyticSurface:
         return self
 
     @cached_property
-    def _sphere(self) -> Sphere:
-        return Sphere(self.radius)
+    def _sphere(self) -> SphereSurface:
+        return SphereSurface(self.radius)
 
     def __call__(self, points: Points) -> Points:
         on: Points = self._sphere(points - np.array(self.centre)) + np.array(self.centre)
@@ -155,7 +154,7 @@ def resamples(motion: Motion) -> Iterator[tuple[TriangleMesh, MeshFrame]]:
     last = None
     for frame in animate(motion):
         if last is not None:
-            step = FrameStep(motion.flow, *motion.clock.step(frame.number), frame.number)
+            step = Step(motion.flow, *motion.clock.step(frame.number), frame.number)
             moved, normals = step.apply(last.vertices), last.attributes["normal"]
             normals = carried_normals(step.apply, last.vertices, moved, normals)
             yield last.with_vertices(moved).with_attributes(normal=normals), frame

@@ -31,8 +31,8 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.request.planning_cache import Ledger
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import STATE
 from render.scene.camera import Camera
 from render.scene.stage import Placement
@@ -111,16 +111,16 @@ def fill(plan: Plan) -> None:
     """Put dummies into the store for every file of a plan's takes, and cameras that stand still."""
     framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), Placement((0.0, -1.0, 0.0), 1.0, 0.0))
     store = Project(Path.cwd(), CORES).store
-    for data in plan.takes:
-        take = Take.from_data(data, Ledger(Path.cwd()))
-        cameras = {str(number): framing.as_data() for number in take.poses}
-        store.put("cameras", take.cameras_key, lambda path, data=cameras: _write(path, json.dumps(data)))
-        keys = take.picture_keys(store)
+    for data in plan.requests:
+        request = RenderRequest.from_data(data, PlanningCache(Path.cwd()))
+        cameras = {str(number): framing.as_data() for number in request.angles}
+        store.put("cameras", request.cameras_key, lambda path, data=cameras: _write(path, json.dumps(data)))
+        keys = request.picture_keys(store)
         assert keys is not None
-        files = [("mesh", take.mesh_key(n)) for n in take.requested]
-        files += [("normals", take.normals_key(n)) for n in take.requested]
-        files += [(kind, getattr(keys[n], kind)) for n in take.requested for kind in ("raw", "frame")]
-        files.append(("movie", take.movie_key([keys[n].frame for n in sorted(take.requested)])))
+        files = [("mesh", request.mesh_key(n)) for n in request.requested]
+        files += [("normals", request.normals_key(n)) for n in request.requested]
+        files += [(kind, getattr(keys[n], kind)) for n in request.requested for kind in ("raw", "frame")]
+        files.append(("movie", request.movie_key([keys[n].frame for n in sorted(request.requested)])))
         keys.note()  # as finding cameras does
         for kind, key in files:
             store.put(kind, key, lambda path: _write(path, "a dummy"))

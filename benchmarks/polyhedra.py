@@ -78,7 +78,7 @@ def row(name: str, resampler: Resampler | PolyhedralResampler) -> list[str]:
         f"{last.vertices} {last.faces}",
         sides,
         work,
-        f"{last.in_bracket:.1%}",
+        f"{last.within_limits:.1%}",
         f"{quality(triangles):.2f}",
         f"{np.mean([seconds for _, seconds in frames[1:]]) * 1000:.0f}",
     ]

@@ -108,11 +108,11 @@ def edited(root: Path) -> tuple[float, int]:
     shot, screen = root / "shots" / "ball.yaml", LiveFeed()
     heard = screen.listen()
     with SurfaceStream(Project(root, 2).store) as stream:
-        takes: list[Any] = []
+        requests: list[Any] = []
 
         def sketch() -> Sketch:
-            takes.append(Project(root, 2).take(shot, "preview", None, variant="none"))
-            return Sketch(takes[-1])
+            requests.append(Project(root, 2).request(shot, "preview", None, variant="none"))
+            return Sketch(requests[-1])
 
         session = Session(sketch, screen, stream, lambda ready: None, {shot})
         threading.Thread(target=session.again_and_again, daemon=True).start()
@@ -122,7 +122,7 @@ def edited(root: Path) -> tuple[float, int]:
         _hear(heard, "frame", FIRST_CHANGED)
         seen = time.perf_counter() - started
         _hear(heard, "words", "Save the shot file to see what changes.")
-        return seen, len(stream.arrays(takes[-1], FIRST_CHANGED)["vertices"])
+        return seen, len(stream.arrays(requests[-1], FIRST_CHANGED)["vertices"])
 
 
 def _hear(heard: SimpleQueue[Message], name: str, value: str | int) -> None:

@@ -11,8 +11,8 @@ import numba
 
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.planner import Planner
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
@@ -41,11 +41,11 @@ class Sitting:
         path = root / "shots" / f"{NAME}.yaml"
         path.parent.mkdir(parents=True)
         path.write_text(text)
-        take = Take(Script(text, path).pinned(), quality, engine.variant, tuple(frames))
-        take = take if frames else take.whole()
+        request = RenderRequest(ShotSource(text, path).pinned(), quality, engine.variant, tuple(frames))
+        request = request if frames else request.whole()
         planner = Planner(Store(root), cores)
-        planner.pictures(take)
-        planner.movie(take)
+        planner.pictures(request)
+        planner.movie(request)
         plan = replace(planner.plan(), name=PLAN)
         plan.freeze(root)
         return cls(root, plan)

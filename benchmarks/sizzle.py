@@ -24,10 +24,10 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import AnyArray
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.linear import Rotation
+from pipeline.flow.catalogue import Rotation
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.render_inputs.shading import Shading
-from pipeline.resample import Formula, Report, Thresholds
+from pipeline.resample import Report, ThresholdFormula, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from render.mitsuba import emitters as lamps
 from render.mitsuba import materials as material
@@ -67,7 +67,9 @@ DEPTH, SEED, PASSES = 6, 5, 2
 
 def film(placement: Way, normals: Normals) -> Motion:
     """Of a sphere of radius 1 about the origin, its edges between 0.07 and 0.13."""
-    resampling = Resampling(Thresholds(Formula("0.1 + 0.03 * x")), placement=placement, normals=normals)
+    resampling = Resampling(
+        Thresholds(ThresholdFormula("0.1 + 0.03 * x")), placement=placement, normals=normals
+    )
     flow = Streamlines(Rotation(speed=float(TURN)))
     return Motion(
         FrameRange.parse(f"0-{LAST}"), FrameRate.of(24), Solid.of("icosphere", {}), flow, resampling

@@ -37,7 +37,7 @@ def draw() -> None:
     figure, (panel, cells) = page(("", ""), height=3.3, drawings=True)
     outline(panel, PATCH, linewidths=0.9)
     for h, (start, end) in enumerate(sides(PATCH)):
-        colour = GREY if table.surface.twin[h] < 0 else WARM
+        colour = GREY if table.arrays.twin[h] < 0 else WARM
         panel.annotate(
             "", end, start, arrowprops={"arrowstyle": "-|>", "color": colour, "shrinkA": 3, "shrinkB": 3}
         )
@@ -50,8 +50,8 @@ def draw() -> None:
         write(panel, middle, f"f{f}", COOL)
     rows: dict[str, Indices] = {
         "h": np.arange(9, dtype=np.int32),
-        "vert": table.surface.vert[:9],
-        "twin": table.surface.twin[:9],
+        "vert": table.arrays.vert[:9],
+        "twin": table.arrays.twin[:9],
     }
     for line, (name, values) in enumerate(rows.items()):
         colour = WARM if name == "h" else INK

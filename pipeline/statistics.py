@@ -9,8 +9,8 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Vectors
 from pipeline.mesh import ShadedMesh, TriangleMesh, face_normals, vertex_normals
-from pipeline.mesh._kernels_halfedge import match_twins
-from pipeline.mesh._kernels_intersect import count_crossings, fill_grid
+from pipeline.mesh.kernels.halfedge import match_twins
+from pipeline.mesh.kernels.intersections import count_crossings, fill_grid
 
 
 @dataclass(frozen=True)

@@ -2,6 +2,6 @@
 
 from pipeline.animation.frame import FrameReport, MeshFrame
 from pipeline.animation.loop import animate
-from pipeline.animation.queries import at_moment, descent, material_of
+from pipeline.animation.queries import descent, material_of, mesh_at_subframe
 
-__all__ = ["FrameReport", "MeshFrame", "animate", "at_moment", "descent", "material_of"]
+__all__ = ["FrameReport", "MeshFrame", "animate", "descent", "material_of", "mesh_at_subframe"]

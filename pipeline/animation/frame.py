@@ -1,4 +1,4 @@
-"""MeshFrame: one frame of a shot's surface, as it is kept."""
+"""MeshFrame: one frame of a shot's surface, as it is stored."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ _ATTRIBUTE = "attribute:"
 
 @dataclass(frozen=True)
 class FrameReport:
-    """What happened on the way into a frame, and how its mesh is.
+    """Report of one frame.
 
-    resampling  what the resampler did; None where resampling is off
-    measure     tells its `statistics`
+    resampling  report of the resampler; None where resampling is off
+    measure     computes `statistics`
     """
 
     resampling: Report | None
@@ -33,14 +33,14 @@ class FrameReport:
 
     @cached_property
     def statistics(self) -> MeshStatistics | None:
-        """How mesh-like the result is (P7); None of a cloud of points, which is no mesh.
+        """Statistics of the resulting mesh (P7); None for a point cloud.
 
-        Measured when first asked for, which takes as long as resampling does: previews do not ask.
+        Computed on first use, which takes as long as resampling does; previews do not use it.
         """
         return self.measure()
 
     def as_data(self) -> dict[str, Any]:
-        """JSON-able."""
+        """Return the report as JSON data."""
         resampling = None
         if self.resampling is not None:
             resampling = {**vars(self.resampling), "refused": dict(self.resampling.refused)}
@@ -49,6 +49,7 @@ class FrameReport:
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> FrameReport:
+        """Return the report from its JSON data."""
         resampling, statistics = data["resampling"], data["statistics"]
         kind = PolyhedralReport if resampling and "cuts" in resampling else Report
         return cls(
@@ -63,12 +64,12 @@ class MeshFrame:
 
     mesh        the surface; of a cloud the points, without faces, their radii as the attribute `radius`; of a
                 control net the points, with the net's own cells as faces
-    polygons    where the surface is one of polygons: what `mesh` is, cut into triangles; its vertices are the
-                first of the mesh's
+    polygons    the polygons that `mesh` was triangulated from, if the surface has polygons; their vertices
+                are the first of the mesh's
     births      int64 (N, 3): the `identity` of each vertex born on the way into this frame, and those of its
                 two parents, in order of birth; None where identities are not kept
-    identities  how many have been given since the first frame
-    lattice     where the vertices are the control points of a net: how they are laid out
+    identities  the number of identities given since the first frame
+    lattice     layout of the control points, if the vertices are those of a control net
     """
 
     number: int
@@ -80,20 +81,20 @@ class MeshFrame:
     lattice: Lattice | None = None
 
     def to_arrays(self) -> dict[str, AnyArray]:
-        """The frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
+        """Return the frame as named arrays, as ``numpy.savez(file, **arrays)`` takes them.
 
         vertices float64 (V, 3), faces int32 (F, 3), creases int32 (K, 2), `attribute:<name>` (V, …), number
-        () and report (): a string of JSON; where identities are kept births int64 (N, 3) and identities ();
-        of polygons offsets int32 (P + 1,) and corners int32 (C,); of a control net, net int32 (4,): rows,
-        columns, and 1 for each way that is closed.
+        () and report (): a string of JSON. With identities also births int64 (N, 3) and identities (). With
+        polygons also offsets int32 (P + 1,) and corners int32 (C,). With a control net also net int32 (4,):
+        rows, columns, and 1 for each closed direction.
         """
         attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
         return {
             "vertices": self.mesh.vertices,
             "faces": self.mesh.faces,
             "creases": self.mesh.creases,
-            **_sides(self.polygons),
-            **self._lineage(),
+            **_polygon_arrays(self.polygons),
+            **self._identity_arrays(),
             **({} if self.lattice is None else {"net": self.lattice.as_array()}),
             **attributes,
             "number": np.array(self.number),
@@ -102,10 +103,10 @@ class MeshFrame:
 
     @classmethod
     def from_arrays(cls, arrays: Mapping[str, AnyArray]) -> MeshFrame:
-        """The frame that `to_arrays` was called on, bit for bit. Raises UsageError for a missing name."""
+        """Return the frame of these arrays, bit for bit. Raises UsageError for a missing name."""
         missing = sorted({"vertices", "faces", "number", "report"} - set(arrays))
         if missing:
-            raise UsageError(f"the arrays hold no {' and no '.join(missing)}; they are no frame of ours")
+            raise UsageError(f"the arrays hold no {' and no '.join(missing)}; they are not a stored frame")
         names = [name for name in arrays if name.startswith(_ATTRIBUTE)]
         attributes = {name.removeprefix(_ATTRIBUTE): arrays[name] for name in names}
         mesh = TriangleMesh(arrays["vertices"], arrays["faces"], attributes, arrays.get("creases"))
@@ -119,30 +120,30 @@ class MeshFrame:
             lattice=_lattice(mesh, arrays),
         )
 
-    def _lineage(self) -> dict[str, AnyArray]:
+    def _identity_arrays(self) -> dict[str, AnyArray]:
         return {} if self.births is None else {"births": self.births, "identities": np.array(self.identities)}
 
 
-def _sides(polygons: PolygonMesh | None) -> dict[str, AnyArray]:
+def _polygon_arrays(polygons: PolygonMesh | None) -> dict[str, AnyArray]:
     return {} if polygons is None else {"offsets": polygons.offsets, "corners": polygons.corners}
 
 
 def _lattice(mesh: TriangleMesh, arrays: Mapping[str, AnyArray]) -> Lattice | None:
-    """How the vertices are laid out, where the arrays say so."""
+    """Return the layout of the control points, if the arrays hold one."""
     if "net" not in arrays:
         return None
     lattice = Lattice.from_array(arrays["net"])
     if len(lattice) != len(mesh.vertices):
-        raise UsageError(f"a net of {len(lattice)} points has {len(mesh.vertices)}; it is no frame of ours")
+        raise UsageError(f"a net of {len(lattice)} points has {len(mesh.vertices)}; it is not a stored frame")
     return lattice
 
 
 def _polygons(mesh: TriangleMesh, arrays: Mapping[str, AnyArray]) -> PolygonMesh | None:
-    """The polygons that the mesh was cut from, where the arrays name their corners."""
+    """Return the polygons that the mesh was triangulated from, if the arrays hold their corners."""
     if "corners" not in arrays or "offsets" not in arrays:
         return None
-    many = int(arrays["corners"].max()) + 1  # every vertex of a surface is a corner of it
-    attributes = {name: values[:many] for name, values in mesh.attributes.items()}
+    count = int(arrays["corners"].max()) + 1  # a surface has no vertex without a face
+    attributes = {name: values[:count] for name, values in mesh.attributes.items()}
     return PolygonMesh.from_arrays(
-        mesh.vertices[:many], arrays["offsets"], arrays["corners"], attributes, mesh.creases
+        mesh.vertices[:count], arrays["offsets"], arrays["corners"], attributes, mesh.creases
     )

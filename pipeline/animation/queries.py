@@ -1,4 +1,4 @@
-"""Of which vertices of an earlier frame those of a later one descend."""
+"""Queries on frames: ancestors of vertices, material positions, and the surface between two frames."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from pipeline.shot import Motion
 
 
 def descent(frames: Sequence[MeshFrame]) -> Ancestry:
-    """How the vertices of the last of these frames descend from those of the first.
+    """Return how the vertices of the last of these frames descend from those of the first.
 
-    frames  one after the other, none left out; of those between only the births are looked at
+    frames  consecutive, none left out; of those in between only the births are read
 
-    `descent(frames).mixed(frames[0].mesh.vertices)` is where the present vertices would have been then, and
-    what moved since is their motion.
+    `descent(frames).mixed(frames[0].mesh.vertices)` are the positions that the present vertices would have
+    had then; what moved since is their motion.
 
-    Raises UsageError where there are no frames or one is left out, and where identities are not kept.
+    Raises UsageError where frames are missing or identities are not kept.
     """
     numbers = [frame.number for frame in frames]
     if not numbers or numbers != list(range(numbers[0], numbers[0] + len(numbers))):
-        raise UsageError(f"frames {numbers} are not one after the other; give all from the first to the last")
+        raise UsageError(f"frames {numbers} are not consecutive; give all from the first to the last")
     births = [_births(frame) for frame in frames]
     now, then = (frame.mesh.attributes[IDENTITY] for frame in (frames[-1], frames[0]))
     return ancestry(now, then, np.concatenate(births))
@@ -38,58 +38,60 @@ def descent(frames: Sequence[MeshFrame]) -> Ancestry:
 def _births(frame: MeshFrame) -> AnyArray:
     if frame.births is None or IDENTITY not in frame.mesh.attributes:
         raise UsageError(
-            f"frame {frame.number} has no identities, so nobody knows whose its vertices are; method "
+            f"frame {frame.number} has no identities, so the ancestors of its vertices are unknown; method "
             "polyhedra keeps none"
         )
     return frame.births
 
 
 MATERIAL = "material"
-"""The vertex attribute (V, 3) of those places, where `rest` does not tell them: with exact placement it does
-until the surface at rest is renewed."""
+"""Vertex attribute (V, 3): the material position, where `rest` does not hold it.
+
+With exact placement `rest` holds it until the surface at rest is renewed.
+"""
 
 Mesh = TypeVar("Mesh", TriangleMesh, PolygonMesh)
 
 
-def marked(mesh: Mesh) -> Mesh:
-    """The undeformed surface, whose vertices from here on remember where they are now."""
+def with_material(mesh: Mesh) -> Mesh:
+    """Return the undeformed surface with its present positions as material positions."""
     return mesh.with_attributes(**{MATERIAL: mesh.vertices})
 
 
 def material_of(mesh: TriangleMesh) -> Points:
-    """(V, 3) scene units: where the vertices of a frame of a shot were in its undeformed subject.
+    """Return the positions (V, 3), scene units, that a frame's vertices had in the undeformed subject.
 
-    With exact placement that is exact until the surface at rest is renewed. From then on, and with other
-    placements, a new vertex is taken to come from the middle between its parents.
+    With exact placement it is exact until the surface at rest is renewed. From then on, and with other
+    placements, a new vertex is taken to come from the midpoint of its parents.
 
-    Raises UsageError where the mesh is no frame of a shot.
+    Raises UsageError where the mesh is not from a frame of a shot.
     """
     for name in (MATERIAL, REST):
         if name in mesh.attributes:
             return mesh.attributes[name]
     raise UsageError(
-        f"the mesh has neither vertex attribute {MATERIAL!r} nor {REST!r}; it is no frame of a shot"
+        f"the mesh has neither vertex attribute {MATERIAL!r} nor {REST!r}; it is not from a frame of a shot"
     )
 
 
-FURTHEST = 1.0
-"""Frames: beyond, the surface has been resampled, and another frame is nearer."""
+MAX_DISTANCE = 1.0
+"""Frames: farther away another frame is nearer, and the surface has been resampled since."""
 
 
-def at_moment(motion: Motion, frame: MeshFrame, moment: float) -> TriangleMesh:
-    """The mesh of a frame, where the flow has it at a moment: 12.5 lies between the frames 12 and 13.
+def mesh_at_subframe(motion: Motion, frame: MeshFrame, subframe: float) -> TriangleMesh:
+    """Return the mesh of a frame moved to a sub-frame: 12.5 lies between the frames 12 and 13.
 
-    The vertices and faces are those of `frame`, in their order, moved by the very flow for the exact time,
-    speed curves included. At the moment of the next frame they are where the simulation has them before it
-    resamples. A moment before the frame runs the flow backwards.
+    Vertices and faces are those of `frame`, in their order, moved by the shot's flow for the exact time,
+    speed curves included. At the next frame's time they are where the simulation has them before it
+    resamples. An earlier time runs the flow backwards.
 
-    Raises UsageError where the moment is more than FURTHEST from the frame, FrameError where the flow fails.
+    Raises UsageError for a sub-frame more than MAX_DISTANCE from the frame, FrameError where the flow fails.
     """
-    if not abs(moment - frame.number) <= FURTHEST:
+    if not abs(subframe - frame.number) <= MAX_DISTANCE:
         raise UsageError(
-            f"moment {moment:g} is more than a frame from frame {frame.number}; take a nearer one"
+            f"sub-frame {subframe:g} is more than a frame from frame {frame.number}; take a nearer frame"
         )
-    time, dt = motion.clock.between(frame.number, moment)
-    flow = motion.bounded(motion.flow, frame.number + (moment > frame.number))
+    time, dt = motion.clock.between(frame.number, subframe)
+    flow = motion.limit_steps(motion.flow, frame.number + (subframe > frame.number))
     moved = checked_displacement(flow, frame.mesh.vertices, time, dt, frame.number)
     return TriangleMesh(moved, frame.mesh.faces, creases=frame.mesh.creases)

@@ -8,9 +8,9 @@ from typing import Generic, TypeVar
 
 from pipeline.animation.frame import FrameReport, MeshFrame
 from pipeline.animation.queries import MATERIAL, material_of
-from pipeline.animation.rest_interval import Epoch
+from pipeline.animation.rest_interval import RestInterval
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.flow.flow_map import FrameStep
+from pipeline.flow.flow_map import Step
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.identity import Register
@@ -25,19 +25,22 @@ R = TypeVar("R", Resampler, PolyhedralResampler)
 
 
 def thresholds_at(motion: Motion, resampling: Resampling, frame: int) -> Thresholds:
+    """Return the thresholds of a frame."""
     return resampling.thresholds.at(frame, motion.clock.time(frame))
 
 
-class Surface:
-    """A surface, a cloud of points or a control net whose vertices only move."""
+class MovingSurface:
+    """A surface, point cloud or control net whose vertices only move."""
 
     def __init__(self, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
         self._mesh, self._register, self._lattice = mesh, Register.of(mesh), lattice
 
-    def move(self, step: FrameStep) -> None:
+    def move(self, step: Step) -> None:
+        """Move the vertices by one step of the flow."""
         self._mesh = self._mesh.with_vertices(step.apply(self._mesh.vertices))
 
     def frame(self, number: int) -> MeshFrame:
+        """Return the surface as frame `number`."""
         report = FrameReport(None, partial(_statistics, self._mesh))
         frame = MeshFrame(number, self._mesh, report, lattice=self._lattice)
         if self._register is None:
@@ -45,18 +48,18 @@ class Surface:
         return replace(frame, births=self._register.births, identities=self._register.given)
 
 
-class _Resampled(Surface, Generic[R]):
+class _ResampledSurface(MovingSurface, Generic[R]):
     """A surface that is resampled when its frame is taken."""
 
     def __init__(self, motion: Motion, resampling: Resampling, resampler: R) -> None:
         self._thresholds = partial(thresholds_at, motion, resampling)
         self._resampler: R = resampler
 
-    def move(self, step: FrameStep) -> None:
+    def move(self, step: Step) -> None:
         self._resampler.vertices[:] = step.apply(self._resampler.vertices)
 
     def _resample(self, number: int) -> Report:
-        """Once; errors say in which frame."""
+        """Resample once; errors name the frame."""
         try:
             self._resampler.thresholds = self._thresholds(number)
             return self._resampler.resample()
@@ -66,46 +69,49 @@ class _Resampled(Surface, Generic[R]):
             raise FrameError(str(error), number) from error
 
 
-class Sliced(_Resampled[PolyhedralResampler]):
-    """A surface of polygons (P16), which frames show as triangles."""
+class PolygonSurface(_ResampledSurface[PolyhedralResampler]):
+    """A surface of polygons (P16); frames show it as triangles."""
 
     def frame(self, number: int) -> MeshFrame:
-        done, polygons = self._resample(number), self._resampler.mesh
+        report, polygons = self._resample(number), self._resampler.mesh
         mesh = polygons.triangulated()
-        return MeshFrame(number, mesh, FrameReport(done, partial(_statistics, mesh)), polygons)
+        return MeshFrame(number, mesh, FrameReport(report, partial(_statistics, mesh)), polygons)
 
 
-class Triangular(_Resampled[Resampler]):
+class TriangleSurface(_ResampledSurface[Resampler]):
     """A surface of triangles."""
 
     def frame(self, number: int) -> MeshFrame:
-        done, mesh, now = self._resample(number), self._resampler.mesh, self._resampler
-        report = FrameReport(done, partial(_statistics, mesh))
-        return MeshFrame(number, mesh, report, births=now.births, identities=now.identities)
+        report, resampler = self._resample(number), self._resampler
+        mesh = resampler.mesh
+        frame_report = FrameReport(report, partial(_statistics, mesh))
+        return MeshFrame(number, mesh, frame_report, births=resampler.births, identities=resampler.identities)
 
 
-class Carried(Triangular):
-    """A surface that knows where its vertices were at rest, and whose normals go with the flow."""
+class ExactSurface(TriangleSurface):
+    """A surface with rest positions, whose normals are carried by the flow."""
 
-    def __init__(self, motion: Motion, resampling: Resampling, resampler: Resampler, epoch: Epoch) -> None:
+    def __init__(
+        self, motion: Motion, resampling: Resampling, resampler: Resampler, interval: RestInterval
+    ) -> None:
         super().__init__(motion, resampling, resampler)
-        self._epoch = epoch
+        self._interval = interval
 
-    def move(self, step: FrameStep) -> None:
+    def move(self, step: Step) -> None:
         before = self._resampler.vertices.copy()
         super().move(step)
         normals = self._resampler.vectors(NORMAL)
         if normals is not None:
             normals[:] = carried_normals(step.apply, before, self._resampler.vertices, normals)
-        self._epoch.history.add(step)
+        self._interval.history.add(step)
 
     def frame(self, number: int) -> MeshFrame:
         frame = super().frame(number)
-        return self._renewed(frame) if number == self._epoch.over else frame
+        return self._renewed(frame) if number == self._interval.end else frame
 
     def _renewed(self, frame: MeshFrame) -> MeshFrame:
-        """The same frame, from here on the surface at rest."""
-        self._epoch = self._epoch.next()
+        """Return the frame with its surface as the new surface at rest."""
+        self._interval = self._interval.next()
         mesh = frame.mesh
         renewed = {
             REST: mesh.vertices,
@@ -114,7 +120,7 @@ class Carried(Triangular):
         }
         state = self._resampler.state() | {f"attribute.{name}": values for name, values in renewed.items()}
         self._resampler = Resampler.from_state(
-            state, self._resampler.thresholds, self._epoch.placement, self._resampler.shape.roundness
+            state, self._resampler.thresholds, self._interval.placement, self._resampler.shape.min_roundness
         )
         return replace(frame, mesh=self._resampler.mesh)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
 from typing import Any
@@ -12,8 +12,8 @@ from typing import Any
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer, complain, duration, err, size, warn
-from pipeline.cli.progress import Bars
+from pipeline.cli.output import answer, complain, duration, size, warn
+from pipeline.cli.progress import StageBars
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.execution.watchdog import PATIENCE
 from pipeline.production.keys.stages import STAGES
@@ -23,23 +23,23 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
 
 
-def make(
+def execute_and_report(
     common: Common, make_plan: Callable[[], Plan], draw: Callable[[], Sequence[Path]] | None = None
 ) -> None:
-    """Plan, run, and say what became of it.
+    """Execute a plan and report the outcome; with --dry-run report the plan.
 
-    draw  makes more of what is there after the run, and says where that is
+    draw  draws sheets and movies from the results, and returns their paths
     """
     if common.dry_run:
-        tell_plan(common, make_plan())
+        report_plan(common, make_plan())
         return
     started = time.monotonic()
-    outcome = carried_out(common, make_plan)
+    outcome = execute(common, make_plan)
     sheets = [path.as_posix() for path in (draw() if draw else ())]
     seconds = time.monotonic() - started
     words = _achieved(outcome, seconds)
     if sheets:
-        words += f"\nDrawn of it: {', '.join(sheets)}"
+        words += f"\nDrawn from it: {', '.join(sheets)}"
     if outcome.runs:
         spending = Spending.of(common.root, outcome.runs[-1], common.cores)
         words += f"\nWhere the time went: {spending.in_brief()}. flowsculpt report says more."
@@ -49,28 +49,24 @@ def make(
         raise typer.Exit(outcome.exit_code)
 
 
-def tell_plan(common: Common, plan: Plan) -> None:
-    """What would be done, how long it would take and how large it would be."""
-    _tell_notes(plan, set())
+def report_plan(common: Common, plan: Plan) -> None:
+    """Report what a plan would do, how long it takes and how much disk it needs."""
+    _report_notes(plan, set())
     expected = estimate(plan, common.root, common.cores)
     if not expected.fits:
         warn(_too_large(expected))
-    words = _intended(plan) + (f"\n{expected_words(expected)}" if plan.jobs else "")
+    words = _intended(plan) + (f"\n{estimate_words(expected)}" if plan.jobs else "")
     answer(words, {**_plan_facts(plan), "estimate": expected.as_data()}, common.json)
 
 
-def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
-    """Plan and run, with bars, and tell what failed."""
-    watch = (
-        (lambda plan, reader: Bars(plan, reader, err))
-        if common.progress
-        else lambda plan, reader: nullcontext()
-    )
-    told: set[str] = set()
+def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
+    """Execute a plan with progress bars, and report warnings and failures."""
+    watch = StageBars if common.progress else lambda plan, reader: nullcontext()
+    reported: set[str] = set()
 
     def planned() -> Plan:
         plan = make_plan()
-        _tell_notes(plan, told)
+        _report_notes(plan, reported)
         return plan
 
     outcome = run(planned, common.root, common.cores, watch, common.profile, common.patience or PATIENCE)
@@ -81,12 +77,17 @@ def carried_out(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
     return outcome
 
 
-def _tell_notes(plan: Plan, told: set[str]) -> None:
-    """Those not told yet."""
+def made_by_stage(outcome: Outcome) -> dict[str, int]:
+    """Return how many frames of each stage a run computed."""
+    return {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)}
+
+
+def _report_notes(plan: Plan, reported: set[str]) -> None:
+    """Print notes of a plan that are not yet reported."""
     for note in plan.notes:
-        if note not in told:
+        if note not in reported:
             warn(note)
-            told.add(note)
+            reported.add(note)
 
 
 def _intended(plan: Plan) -> str:
@@ -95,12 +96,16 @@ def _intended(plan: Plan) -> str:
     counts: Counter[str] = Counter()
     for job in plan.jobs:
         counts[job.task] += len(job.frames)
-    stages = ", ".join(f"{STAGES[task].doing} {counts[task]} frames" for task in STAGES if counts[task])
-    return f"To be done: {stages}."
+    return f"To be done: {count_words(counts)}."
 
 
-def expected_words(expected: Estimate) -> str:
-    """Time and space, as far as they are known."""
+def count_words(counts: Mapping[str, int]) -> str:
+    """Return frames by stage in words: `simulating 3 frames, rendering 2 frames`."""
+    return ", ".join(f"{STAGES[name].doing} {counts[name]} frames" for name in STAGES if counts.get(name))
+
+
+def estimate_words(expected: Estimate) -> str:
+    """Return time and disk space in words, as far as they are known."""
     told = []
     if expected.core_seconds:
         by = f", by {expected.by}" if expected.by else ""
@@ -133,7 +138,7 @@ def _achieved(outcome: Outcome, seconds: float) -> str:
 
 
 def _folders(targets: Sequence[str]) -> list[str]:
-    """Where stills lie, where they are what was asked for."""
+    """Return the folders of stills, or the file of a single one."""
     stills = [Path(target) for target in targets if Path(target).parent.name in FORMS]
     if len(stills) == 1:
         return [stills[0].as_posix()]
@@ -156,7 +161,7 @@ def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:
         "done": not outcome.unfinished,
         "seconds": round(seconds, 2),
         "runs": list(outcome.runs),
-        "made": {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)},
+        "made": made_by_stage(outcome),
         "links_restored": outcome.restored,
         "warnings": [*outcome.plan.notes, *outcome.warnings],
         "failed": [

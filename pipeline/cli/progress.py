@@ -1,4 +1,4 @@
-"""Progress of a run, read from its event log: a bar a stage, with the time left."""
+"""Progress bars: of a run by its event log, and of work in this process."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from contextlib import ExitStack, contextmanager
 from functools import partial
 from types import TracebackType
 
-from rich.console import Console
 from rich.progress import (
     BarColumn,
     MofNCompleteColumn,
@@ -20,6 +19,7 @@ from rich.progress import (
     TimeRemainingColumn,
 )
 
+from pipeline.cli.output import err
 from pipeline.production.execution.poll import every
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Plan
@@ -28,49 +28,45 @@ from pipeline.production.store.event_log import Event, EventReader
 POLL_SECONDS = 0.2
 
 
-def _columns() -> list[ProgressColumn]:
-    """What is done, and the time left."""
-    return [
+def _progress(*more: ProgressColumn) -> Progress:
+    """Return bars on standard error: frames done of all, time elapsed and time left."""
+    return Progress(
         TextColumn("{task.description:>16}"),
         BarColumn(),
         MofNCompleteColumn(),
         TimeElapsedColumn(),
         TextColumn("left"),
         TimeRemainingColumn(),
-    ]
+        *more,
+        console=err,
+    )
 
 
 @contextmanager
-def counting(console: Console | None) -> Iterator[Callable[[str, int], Callable[[], None]]]:
-    """Bars for work in this process: of a name and a number of frames, what to call after each of them.
+def progress_bars(wanted: bool) -> Iterator[Callable[[str, int], Callable[[], None]]]:
+    """Yield a function that adds a bar, by name and total, and returns what advances it by one.
 
-    console  where they are drawn; None draws none
+    Nothing is drawn unless `wanted`.
     """
-    if console is None:
+    if not wanted:
         yield lambda name, total: lambda: None
         return
-    with Progress(*_columns(), console=console) as progress:
-
-        def bar(name: str, total: int) -> Callable[[], None]:
-            return partial(progress.advance, progress.add_task(name, total=total))
-
-        yield bar
+    with _progress() as progress:
+        yield lambda name, total: partial(progress.advance, progress.add_task(name, total=total))
 
 
-class Bars:
-    """Shows the stages of a plan while Snakemake works: the context manager that `run` asks for."""
+class StageBars:
+    """A context manager that draws a bar for each stage of a plan while it is executed.
 
-    def __init__(self, plan: Plan, reader: EventReader, console: Console) -> None:
+    reader  of the run's event log
+    """
+
+    def __init__(self, plan: Plan, reader: EventReader) -> None:
         self._reader = reader
-        self._console = console
-        totals = Counter({job.task: 0 for job in plan.jobs})
+        totals: Counter[str] = Counter()
         for job in plan.jobs:
             totals[job.task] += len(job.frames)
-        self._progress = Progress(
-            *_columns(),
-            TextColumn("{task.fields[now]}", style="dim"),
-            console=console,
-        )
+        self._progress = _progress(TextColumn("{task.fields[now]}", style="dim"))
         self._tasks: dict[str, TaskID] = {
             name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")
             for name, stage in STAGES.items()
@@ -80,7 +76,7 @@ class Bars:
         self._under_way: dict[tuple[str, object], dict[object, float]] = {}
         self._ends = ExitStack()
 
-    def __enter__(self) -> Bars:
+    def __enter__(self) -> StageBars:
         self._progress.start()
         self._ends.callback(self._progress.stop)
         self._ends.callback(self._read)
@@ -99,7 +95,7 @@ class Bars:
     def _show(self, event: Event) -> None:
         stage, what = event.get("stage", ""), event["event"]
         if what in ("healed", "hung", "killed"):
-            self._console.print(event["message"], style="yellow", markup=False, highlight=False)
+            err.print(event["message"], style="yellow", markup=False, highlight=False)
         if stage not in self._tasks:
             return
         under_way = self._under_way.setdefault((stage, event["job"]), {})
@@ -117,7 +113,7 @@ class Bars:
         self._draw(stage)
 
     def _draw(self, stage: str) -> None:
-        """A bar with what is done of the frames under way, which are named beside it."""
+        """Draw the bar of a stage: finished frames and parts of running ones, which are named beside it."""
         now = {
             frame: share
             for (of, _), frames in self._under_way.items()

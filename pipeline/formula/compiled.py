@@ -1,8 +1,7 @@
-"""Formulas compiled to functions that add a velocity to each point of a block.
+"""Formulas as plain arithmetic on single numbers, one line an operation, for a compiler to read.
 
-A formula becomes Python source of plain arithmetic, one line an operation. Infinities and NaN come out as in
-numpy (see `words`): tests compare the two. The source is compiled on first use and cached with the kernels.
-The values of names are arguments: changing them compiles nothing.
+What is not finite, and which side of a comparison NaN is on, comes out as numpy has it in `words`: the two
+are tested against each other.
 """
 
 from __future__ import annotations
@@ -45,12 +44,12 @@ _COMPARED: dict[type[ast.AST], str] = {
 
 
 class ScalarCode:
-    """Lines of code that compute checked formulas; common subexpressions are computed once.
+    """Lines of code that compute checked formulas; what several of them share is computed once.
 
-    words    the code's name for each name of a formula
-    varying  the code's names whose values differ from point to point
+    words    what the code calls each name that formulas know
+    varying  those of the code's names whose values differ from point to point
 
-    once, each  the lines without varying names, and those with
+    once, each  the lines that need no varying name, and those that do
     """
 
     def __init__(self, words: Mapping[str, str], varying: Iterable[str]) -> None:
@@ -61,7 +60,7 @@ class ScalarCode:
         self._known: dict[str, str] = {}
 
     def value(self, node: ast.expr) -> str:
-        """Add lines that compute a checked tree; return the name or number of its value."""
+        """Has the value of a checked tree computed; returns the name or number that then stands for it."""
         match node:
             case ast.Constant(value=int() | float() as number):
                 return repr(float(number))
@@ -88,7 +87,7 @@ class ScalarCode:
         raise AssertionError(f"{ast.dump(node)} was checked and is known")
 
     def _line(self, form: str, *parts: str) -> str:
-        """Add a line for an operation on names and numbers, unless it exists; return its name."""
+        """A line for an operation on names and numbers, unless there is one already; returns its name."""
         text = form.format(*parts)
         if text not in self._known:
             name = f"r{len(self._known)}"
@@ -103,7 +102,7 @@ class ScalarCode:
         left, right = self.value(node.left), node.right
         power = right.value if isinstance(node.op, ast.Pow) and isinstance(right, ast.Constant) else None
         if isinstance(power, int | float) and power == int(power):
-            return self._line(f"{{}} ** {int(power)}", left)  # compiled to a product
+            return self._line(f"{{}} ** {int(power)}", left)  # which becomes a product
         return self._line(f"{{}} {_BINARY[type(node.op)]} {{}}", left, self.value(right))
 
     def _comparison(self, node: ast.Compare) -> str:
@@ -140,11 +139,11 @@ class ScalarCode:
         return self._line("{0} if {0} >= {1} or {0} != {0} else {1}", a, b)
 
 
-NAMES = (*PLACE, *TIME)
-"""The names that such formulas may always use."""
+KNOWN = (*PLACE, *TIME)
+"""What such formulas may always speak of."""
 
 FRAME = "frame"
-"""The name whose value is an argument: formulas that use it have it among their numbers."""
+"""Its number is handed over: those that speak of it have it among their numbers."""
 
 _MODULE = """\
 def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
@@ -158,15 +157,15 @@ def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
 """
 
 
-def compile_formulas(
+def compiled(
     formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()
 ) -> BlockKernel:
-    """Return the block function of three formulas over x, y, z, t and `numbers`, its first argument."""
+    """The block function of three formulas over x, y, z, t, and `numbers`, in that order in its table."""
     return _loaded(source(formulas, numbers))
 
 
 def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()) -> str:
-    """Return the Python source of the function."""
+    """What is compiled, as Python."""
     words = {name: f"number{k}" for k, name in enumerate(numbers)}
     code = ScalarCode({"x": "x", "y": "y", "z": "z", "t": "t", "time": "t", **words}, PLACE)
     u, v, w = (code.value(formula.tree) for formula in formulas)
@@ -182,7 +181,7 @@ def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[s
 
 @cache
 def _loaded(text: str) -> BlockKernel:
-    """Return the function of a source, kept in a file named by its digest: numba caches by file name."""
+    """The function of a text, which stands in a file named after it: numba files its result under that."""
     folder = cache_folder() / "formulas"
     folder.mkdir(exist_ok=True)
     file = folder / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
@@ -191,6 +190,8 @@ def _loaded(text: str) -> BlockKernel:
             draft.write_text(text)
     module = ModuleType(file.stem)
     vars(module).update(math=math, np=np)
-    sys.modules[file.stem] = module  # where numba looks up cached functions
-    exec(compile(text, str(file), "exec", dont_inherit=True), vars(module))  # generated from a checked tree
+    sys.modules[file.stem] = module  # where numba looks up what it has filed
+    exec(
+        compile(text, str(file), "exec", dont_inherit=True), vars(module)
+    )  # our own words, written from a checked tree
     return BlockKernel(vars(module)["formula"])

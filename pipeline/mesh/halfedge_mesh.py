@@ -1,4 +1,4 @@
-"""HalfedgeMesh: connectivity that stays alive while a surface is cut and mended."""
+"""HalfedgeMesh: connectivity that stays valid while a surface is split, collapsed and flipped."""
 
 from __future__ import annotations
 
@@ -9,32 +9,32 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from pipeline.errors import MeshError
-from pipeline.mesh._kernels_halfedge import (
-    SOUND,
-    Surface,
-    fill_holes,
-    match_twins,
-    rename,
-    rename_together,
-)
 from pipeline.mesh.identity import IDENTITY, Register
+from pipeline.mesh.kernels.halfedge import (
+    SOUND,
+    MeshArrays,
+    compact,
+    match_twins,
+    renumber,
+    renumber_parallel,
+)
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import require
 
 _HEADROOM_AT_FIRST, _HEADROOM = 1.25, 1.5
 WORTH_SHARING = 1 << 19
-"""Half-edges from which on a pass over all of them is worth the start of threads."""
+"""Number of half-edges above which a pass over all of them is worth starting threads."""
 
 
 class HalfedgeMesh:
-    """A corner table over arrays with room to grow; the one mutable thing of the house.
+    """A corner table over arrays with room to grow; the only mutable mesh.
 
-    Half-edge ``3f + i`` leaves corner i of face f. `docs/halfedge.md` tells the invariants. Numbers of
-    vertices and faces are `sizes`; the arrays of `surface` are longer, so that a pass of splits can be
-    given its room beforehand with `reserve`.
+    Half-edge ``3f + i`` leaves corner i of face f. `docs/halfedge.md` states the invariants. `sizes` holds
+    the numbers of vertices and faces; the arrays of `arrays` are longer, so that `reserve` can make room for
+    a round of splits in advance.
 
-    register  where births are entered, if the mesh's identities are to be kept; without it they are an
-              attribute like others
+    register  records births if the mesh's identities are to be kept; without it identities are an attribute
+              like others
 
     Raises MeshError where the mesh is not a finite, oriented manifold, with or without boundary.
     """
@@ -46,7 +46,7 @@ class HalfedgeMesh:
         self._columns = _Columns.of(mesh.attributes)
         self.sizes: AnyArray = np.array([len(mesh.vertices), len(mesh.faces)], np.int64)
         points, corners = (int(_HEADROOM_AT_FIRST * size) for size in (len(mesh.vertices), mesh.faces.size))
-        self.surface = Surface(
+        self.arrays = MeshArrays(
             _grown(mesh.vertices, points),
             _grown(self._columns.pack(mesh.attributes, len(mesh.vertices)), points),
             self._columns.blends,
@@ -60,55 +60,55 @@ class HalfedgeMesh:
     @property
     def vertices(self) -> Points:
         """(V, 3) live view of the positions; write into it to move the surface."""
-        return self.surface.points[: self.sizes[0]]
+        return self.arrays.points[: self.sizes[0]]
 
     @property
     def faces(self) -> Faces:
         """(F, 3) live view of the faces; for reading."""
-        return self.surface.vert[: 3 * self.sizes[1]].reshape(-1, 3)
+        return self.arrays.vert[: 3 * self.sizes[1]].reshape(-1, 3)
 
     @property
     def twins(self) -> Indices:
         """(3F,) live view: the half-edge that runs back along the same edge, -1 on a boundary."""
-        return self.surface.twin[: 3 * self.sizes[1]]
+        return self.arrays.twin[: 3 * self.sizes[1]]
 
     @property
     def edges(self) -> int:
-        """How many edges there are: V + F - the Euler number, which no operation changes."""
+        """Number of edges: V + F - the Euler number, which no operation changes."""
         return int(self.sizes.sum()) - self.euler
 
     def reserve(self, vertices: int, faces: int) -> None:
-        """Make room for that many more; the arrays grow geometrically and keep what they hold."""
-        points, carried, blends, vert, twin, tagged = self.surface
+        """Make room for that many more; the arrays grow geometrically and keep their contents."""
+        points, carried, blends, vert, twin, tagged = self.arrays
         if self.sizes[0] + vertices > len(points):
             room = max(int(self.sizes[0]) + vertices, int(len(points) * _HEADROOM))
             points, carried = _grown(points, room), _grown(carried, room)
         if 3 * (self.sizes[1] + faces) > len(vert):
             room = 3 * max(int(self.sizes[1]) + faces, int(len(vert) * _HEADROOM) // 3)
             vert, twin, tagged = _grown(vert, room), _grown(twin, room), _grown(tagged, room)
-        self.surface = Surface(points, carried, blends, vert, twin, tagged)
+        self.arrays = MeshArrays(points, carried, blends, vert, twin, tagged)
 
     def enter_births(self, parents: Indices) -> None:
-        """Have the last vertices registered, where there is a register; `parents` are (N, 2) vertices."""
+        """Register the last vertices as births, if there is a register; `parents` (N, 2) are vertices."""
         column = self.column(IDENTITY)
         if self.register is not None and column is not None:
-            self.register.enter(self.surface.carried[: self.sizes[0], column], parents)
+            self.register.enter(self.arrays.attributes[: self.sizes[0], column], parents)
 
-    def fill_holes(self, dead_vertices: Indices, dead_faces: Indices) -> None:
-        """Make the arrays gapless again after elements were removed."""
+    def compact(self, dead_vertices: Indices, dead_faces: Indices) -> None:
+        """Close the gaps that removed elements left in the arrays."""
         if not len(dead_vertices) and not len(dead_faces):
             return
-        renamed = np.empty(len(dead_vertices), np.int32)
-        if fill_holes(self.surface, self.sizes, np.sort(dead_faces), np.sort(dead_vertices), renamed):
+        new_numbers = np.empty(len(dead_vertices), np.int32)
+        if compact(self.arrays, self.sizes, np.sort(dead_faces), np.sort(dead_vertices), new_numbers):
             halfedges, vertices = int(3 * self.sizes[1]), int(self.sizes[0])
-            everywhere = rename_together if halfedges > WORTH_SHARING else rename
-            everywhere(self.surface.vert, halfedges, vertices, renamed)
+            everywhere = renumber_parallel if halfedges > WORTH_SHARING else renumber
+            everywhere(self.arrays.vert, halfedges, vertices, new_numbers)
 
     def scratch(self, name: str, room: int, kind: type = np.int32) -> AnyArray:
-        """An array of at least that many entries, kept for the next who asks by this name.
+        """Return an array of at least that many entries, kept for the next call with this name.
 
-        What it holds is what was left there, zero at first: who works with the mesh again and again need not
-        wait for memory every time. Nothing that matters may depend on it.
+        It holds what was left in it, zero at first, so that later passes need not wait for memory. No result
+        may depend on its contents.
         """
         kept = self._scratch.get(name)
         if kept is None or len(kept) < room:
@@ -119,41 +119,41 @@ class HalfedgeMesh:
         return kept
 
     def attributes(self) -> dict[str, AnyArray]:
-        """Copies of the vertex attributes, in their own shapes and types; read-only, as those of meshes."""
-        return self._columns.unpack(self.surface.carried[: self.sizes[0]])
+        """Return read-only copies of the vertex attributes, in their own shapes and types."""
+        return self._columns.unpack(self.arrays.attributes[: self.sizes[0]])
 
     def column(self, name: str) -> int | None:
-        """Where an attribute begins among the columns of `surface.carried`; None where there is none."""
+        """Return the first column of an attribute in `arrays.attributes`; None if it is missing."""
         return self._columns.start(name)
 
-    def steer(self, fields: Floats) -> int:
-        """Lay (V, 3) numbers beside the attributes, mixed like them but no part of the snapshot.
+    def set_fields(self, fields: Floats) -> int:
+        """Store (V, 3) numbers beside the attributes and return their first column.
 
-        Answers the column where they begin.
+        They mix like attributes but are not part of the snapshot.
         """
         start = self._columns.width
-        if self.surface.carried.shape[1] == start:
-            points, carried, blends, *table = self.surface
+        if self.arrays.attributes.shape[1] == start:
+            points, carried, blends, *table = self.arrays
             wider = np.zeros((len(carried), start + fields.shape[1]))
             wider[:, :start] = carried
-            self.surface = Surface(points, wider, np.append(blends, np.ones(fields.shape[1])), *table)
-        self.surface.carried[: self.sizes[0], start:] = fields
+            self.arrays = MeshArrays(points, wider, np.append(blends, np.ones(fields.shape[1])), *table)
+        self.arrays.attributes[: self.sizes[0], start:] = fields
         return start
 
     @property
     def creases(self) -> Indices:
         """(K, 2) the tagged edges, by their vertices; each may appear twice."""
-        tagged = np.flatnonzero(self.surface.tagged[: 3 * self.sizes[1]])
+        tagged = np.flatnonzero(self.arrays.tagged[: 3 * self.sizes[1]])
         after = np.where(tagged % 3 == 2, tagged - 2, tagged + 1)
-        return np.column_stack([self.surface.vert[tagged], self.surface.vert[after]])
+        return np.column_stack([self.arrays.vert[tagged], self.arrays.vert[after]])
 
     def snapshot(self) -> TriangleMesh:
-        """The surface as a value, vertices and faces in the order they have here."""
+        """Return the surface as a value, vertices and faces in the order of the arrays."""
         return TriangleMesh(self.vertices, self.faces, self.attributes(), self.creases)
 
 
 class _Columns:
-    """How named attributes of any shape and type lie side by side in one float64 matrix."""
+    """Layout of named attributes of any shape and type in one float64 matrix."""
 
     def __init__(self, layout: Mapping[str, tuple[tuple[int, ...], np.dtype[Any]]]) -> None:
         self._layout = dict(layout)
@@ -196,7 +196,7 @@ class _Columns:
 
 
 def _tags_of(mesh: TriangleMesh) -> AnyArray:
-    """(3F,) uint8: 1 at the half-edges of the mesh's creases. Raises MeshError where one is no edge."""
+    """Return flags (3F,) uint8 of the creases' half-edges. Raises MeshError for a crease that is no edge."""
     tags = np.zeros(mesh.faces.size, np.uint8)
     if len(mesh.creases):
         ends = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)

@@ -10,8 +10,8 @@ import numpy as np
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import MeshError
 from pipeline.kernels import readable
-from pipeline.mesh._kernels_halfedge import SOUND, match_twins
-from pipeline.mesh._kernels_normals import (
+from pipeline.mesh.kernels.halfedge import SOUND, match_twins
+from pipeline.mesh.kernels.normals import (
     find_hard,
     flag_trusted,
     normals_of_faces,

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices
 from pipeline.errors import UsageError
-from pipeline.mesh._kernels_patches import border_controls, fill_edges, fill_faces
+from pipeline.mesh.kernels.pn_triangles import border_controls, fill_edges, fill_faces
 from pipeline.mesh.normals import ShadedMesh, twins_of
 from pipeline.mesh.triangle_mesh import TriangleMesh
 

@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.arrays import Floats, Points, Vectors
 from pipeline.kernels import readable
-from pipeline.mesh._kernels_tangents import count_known, cross_beside, longest_side, place_beside
+from pipeline.mesh.kernels.normals import count_known, cross_beside, longest_side, place_beside
 
 STEP = 1e-7
 """How far tangent points lie from theirs, in sizes of the surface.

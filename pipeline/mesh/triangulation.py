@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.arrays import Faces, Floats, Indices, Points
-from pipeline.mesh._kernels_triangulate import FORBIDDEN, triangulate_all, triangulate_polygon
+from pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_all, triangulate_polygon
 
 Edge = tuple[int, int]
 

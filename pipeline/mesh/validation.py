@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Indices
 from pipeline.errors import MeshError
-from pipeline.mesh._kernels_halfedge import CROWDED, SOUND, match_twins, second_fan
+from pipeline.mesh.kernels.halfedge import CROWDED, SOUND, find_nonmanifold_vertex, match_twins
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh
 
@@ -118,7 +118,7 @@ def _doubled_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
 
 
 def _fans_problem(mesh: TriangleMesh, twin: Indices) -> str | None:
-    v = second_fan(mesh.faces.reshape(-1).copy(), twin, len(mesh.vertices))
+    v = find_nonmanifold_vertex(mesh.faces.reshape(-1).copy(), twin, len(mesh.vertices))
     if v < 0:
         return None
     return f"vertex {v} joins two parts of the surface by a point only; give each part a vertex of its own"

@@ -6,7 +6,7 @@ from pipeline.resample.placement.exact import Exact
 from pipeline.resample.polyhedra import PolyhedralReport, PolyhedralResampler
 from pipeline.resample.report import Report
 from pipeline.resample.resampler import Resampler, resample
-from pipeline.resample.sizing_field import Curvature, DistanceToCamera, Formula
+from pipeline.resample.sizing_field import Curvature, DistanceToCamera, ThresholdFormula
 from pipeline.resample.thresholds import Thresholds
 
 __all__ = [
@@ -15,12 +15,12 @@ __all__ = [
     "Curved",
     "DistanceToCamera",
     "Exact",
-    "Formula",
     "Placement",
     "PolyhedralReport",
     "PolyhedralResampler",
     "Report",
     "Resampler",
+    "ThresholdFormula",
     "Thresholds",
     "WithinBall",
     "WithinBox",

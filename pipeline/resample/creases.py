@@ -1,4 +1,4 @@
-"""Which edges are hard whatever becomes of them (P31): by their angle at rest, or by where they lie."""
+"""Edges that stay hard whatever becomes of them (P31): by their angle at rest, or by their position."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from pipeline.mesh.validation import twin_corners
 Mesh = TriangleMesh | PolygonMesh
 
 Region = Callable[[Points], AnyArray]
-"""Any callable: points (N, 3) in, (N,) flags out, which of them lie within."""
+"""A callable: points (N, 3) to (N,) flags, True for points inside."""
 
 
 @dataclass(frozen=True)
 class WithinBox:
-    """The box along the axes between two corners, borders included; scene units."""
+    """The axis-aligned box between two corners, borders included; scene units."""
 
     low: tuple[float, float, float]
     high: tuple[float, float, float]
@@ -45,9 +45,9 @@ class WithinBall:
 
 
 def edges_by_angle(mesh: Mesh, hard_angle: float | Floats) -> Indices:
-    """(K, 2) the edges whose faces turn by more than hard_angle (radians), as creases for a mesh.
+    """Return the edges (K, 2) whose faces enclose more than hard_angle (radians), as creases for a mesh.
 
-    With an angle for each vertex, that of an edge is the mean of its ends'.
+    With one angle per vertex, an edge has the mean of its two ends' angles.
 
     Raises MeshError where the mesh is not an oriented manifold.
     """
@@ -57,9 +57,9 @@ def edges_by_angle(mesh: Mesh, hard_angle: float | Floats) -> Indices:
 
 
 def edges_in_region(mesh: Mesh, region: Region) -> Indices:
-    """(K, 2) the edges both of whose ends lie in a region, as creases for a mesh.
+    """Return the edges (K, 2) with both ends in a region, as creases for a mesh.
 
-    Raises UsageError where the region does not answer one flag a vertex.
+    Raises UsageError where the region does not return one flag per vertex.
     """
     within = np.asarray(region(mesh.vertices))
     if within.shape != (len(mesh.vertices),):
@@ -72,14 +72,14 @@ def edges_in_region(mesh: Mesh, region: Region) -> Indices:
 
 
 def _sides(mesh: Mesh) -> Indices:
-    """(C, 2) the vertices that each side of each face runs between."""
+    """Return the two vertices (C, 2) of each side of each face."""
     if isinstance(mesh, PolygonMesh):
         return np.column_stack([mesh.corners, mesh.heads])
     return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
 def _turns(mesh: Mesh) -> Floats:
-    """(C,) the angle between the normals of the two faces at each side, radians; nan on a boundary."""
+    """Return the angle (C,) between the normals of the two faces at each side, radians; nan on a boundary."""
     if isinstance(mesh, TriangleMesh):
         return dihedral_angles(mesh)
     twin, normals = twin_corners(mesh), mesh.normals

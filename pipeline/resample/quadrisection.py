@@ -1,8 +1,8 @@
-"""The other way to split (P26): a face with a long edge into four, all at once.
+"""Split faces with a long edge into four, all at once (P26); the alternative to splitting edges.
 
 After Miller, Breen, Lorensen, O'Bara and Wozny, *Geometrically deformed models: a method for extracting
 closed geometric models from volume data* (1991), and Miller's thesis of 1990, as the paper compares them.
-Splitting edges makes fewer vertices (P25); this keeps the shapes of the faces that it cuts.
+Splitting edges makes fewer vertices (P25); this method keeps the shapes of the faces that it cuts.
 """
 
 from __future__ import annotations
@@ -18,16 +18,16 @@ from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.thresholds import Thresholds
 
 _NONE = np.empty((0, 2), np.int32)
-_AS_GRADED = 1e12  # a gradation that changes nothing: fields have been graded before
+_NO_GRADATION = 1e12  # changes nothing: the fields have been graded before
 
 
-class Quartered(NamedTuple):
+class Quadrisected(NamedTuple):
     """A surface whose faces have been cut.
 
-    mesh        old vertices first; faces in the order of those they are part of
-    thresholds  what it was cut for: functions as they were found, mixed at new vertices
-    parents     (N, 2) of its new vertices, in order: the two that each lies between, earlier ones of them too
-    passes      how many rounds it took
+    mesh        old vertices first; faces in the order of the faces they are parts of
+    thresholds  the thresholds used, with functions replaced by their values; new vertices have mixed values
+    parents     (N, 2) the two parents of each new vertex, in order; may name earlier new vertices
+    passes      rounds of cutting
     """
 
     mesh: TriangleMesh
@@ -36,17 +36,12 @@ class Quartered(NamedTuple):
     passes: int
 
 
-def quartered(mesh: TriangleMesh, thresholds: Thresholds) -> TriangleMesh:
-    """Cut faces with an edge that is too long into four, until there is none; see `quarter`."""
-    return quarter(mesh, thresholds).mesh
+def quadrisect(mesh: TriangleMesh, thresholds: Thresholds) -> Quadrisected:
+    """Cut every face with a long edge into four at the midpoints of its edges, until no edge is too long.
 
-
-def quarter(mesh: TriangleMesh, thresholds: Thresholds) -> Quartered:
-    """Cut every face with an edge that is too long into four at the middles of its edges, again and again.
-
-    Its neighbours are cut into two, three or four at the same middles, so that the surface stays conforming.
-    Attributes mix, integers and flags are those of the parent with the lower number; the two halves of a
-    crease are creases. Active thresholds are asked once, and mix like attributes.
+    Neighbours are cut into two, three or four at the same midpoints, so that the surface stays conforming.
+    Attributes mix; integers and flags are those of the parent with the lower number; the two halves of a
+    crease are creases. Active thresholds are evaluated once and mix like attributes.
 
     Raises FrameError where the vertices would exceed the budget, and UsageError like `Thresholds.fields`.
     """
@@ -57,8 +52,8 @@ def quarter(mesh: TriangleMesh, thresholds: Thresholds) -> Quartered:
         edges = _Edges.of(mesh.faces)
         cut = _to_cut(mesh, edges, thresholds.numbers[0] if longest is None else longest)
         if not cut.any():
-            settled = thresholds if fields is None else _fixed(fields, thresholds)
-            return Quartered(mesh, settled, np.concatenate([_NONE, *parents]), len(parents))
+            fixed = thresholds if fields is None else _fixed(fields, thresholds)
+            return Quadrisected(mesh, fixed, np.concatenate([_NONE, *parents]), len(parents))
         _require_room(mesh, int(cut.sum()), thresholds.max_vertices)
         ends = edges.ends[cut]
         mesh = _cut(mesh, edges, cut)
@@ -69,7 +64,7 @@ def quarter(mesh: TriangleMesh, thresholds: Thresholds) -> Quartered:
 
 
 class _Edges(NamedTuple):
-    """Every edge once, and where faces have them.
+    """Every edge once, and the edges of each face.
 
     ends   (E, 2) their vertices, the lower first, sorted
     sides  (F, 3) int64 of each face: the edges from its corners 0, 1 and 2 to the next
@@ -87,14 +82,14 @@ class _Edges(NamedTuple):
 
 
 def _keys(pairs: Indices) -> AnyArray:
-    """(N,) int64: a number for each pair of vertices, whichever comes first."""
+    """Return an int64 (N,) that identifies each pair of vertices in either order."""
     low, high = np.sort(pairs.astype(np.int64), axis=1).T
     keys: AnyArray = (low << 32) + high
     return keys
 
 
 def _to_cut(mesh: TriangleMesh, edges: _Edges, longest: float | Floats) -> AnyArray:
-    """(E,) booleans: whether an edge is one of a face that has one too long."""
+    """Return flags (E,): True for edges of a face with a long edge."""
     a, b = edges.ends.T
     allowed = longest * longest if isinstance(longest, float) else longest[a] * longest[b]
     apart = mesh.vertices[a] - mesh.vertices[b]
@@ -114,7 +109,7 @@ def _require_room(mesh: TriangleMesh, more: int, budget: int) -> None:
 
 
 def _cut(mesh: TriangleMesh, edges: _Edges, cut: AnyArray) -> TriangleMesh:
-    """Give the edges that are to be cut a vertex in their middle, and their faces new ones."""
+    """Insert a vertex in the middle of each edge to cut, and replace the faces."""
     ends, first = edges.ends[cut], len(mesh.vertices)
     middles = np.full(len(edges.ends), -1, np.int32)
     middles[cut] = np.arange(first, first + len(ends), dtype=np.int32)
@@ -125,14 +120,14 @@ def _cut(mesh: TriangleMesh, edges: _Edges, cut: AnyArray) -> TriangleMesh:
 
 
 def _mixed(values: AnyArray, ends: Indices) -> AnyArray:
-    """(V + N, …): values with those of new vertices, one for each of the (N, 2) ends, after them."""
+    """Append one value for each pair of `ends` (N, 2) to values (V, …)."""
     low, high = values[ends[:, 0]], values[ends[:, 1]]
     between = (0.5 * (low + high)).astype(values.dtype) if values.dtype.kind == "f" else low
     return np.concatenate([values, between])
 
 
 def _halved(creases: Indices, edges: _Edges, middles: Indices) -> Indices:
-    """(K, 2): creases, those that are cut as their halves."""
+    """Return creases (K, 2) with cut edges replaced by their halves."""
     if not len(creases):
         return creases
     middle = middles[np.searchsorted(_keys(edges.ends), _keys(creases))]
@@ -142,11 +137,11 @@ def _halved(creases: Indices, edges: _Edges, middles: Indices) -> Indices:
 
 
 _TURNED = [[0, 1, 2, 3, 4, 5], [1, 2, 0, 4, 5, 3], [2, 0, 1, 5, 3, 4]]
-"""Slots of a face, corners and then the middles of its sides, as seen from each of its corners."""
+"""Slots of a face, its corners and the midpoints of its sides, as seen from each of its corners."""
 
 
 def _patterns() -> tuple[AnyArray, AnyArray]:
-    """Pieces of a face by its case, and how many there are: (16, 4, 3) slots and (16,).
+    """Return the pieces of a face by case, (16, 4, 3) slots, and their number (16,).
 
     A case is the sum of 1, 2 and 4 for the sides 0, 1 and 2 that are cut, and of 8 where two are and the
     piece between them is cut along its second diagonal.
@@ -171,7 +166,7 @@ _PIECES, _COUNTS = _patterns()
 
 
 def _pieces(points: Points, faces: Faces, middles: Indices) -> Faces:
-    """(F', 3): faces cut at the (F, 3) middles of their sides, -1 where a side is whole."""
+    """Return faces (F', 3) cut at the midpoints (F, 3) of their sides, -1 where a side is whole."""
     slots = np.concatenate([faces, middles], axis=1)
     case = (middles >= 0) @ np.array([1, 2, 4])
     for turn, turned in enumerate(_TURNED):
@@ -186,15 +181,15 @@ def _pieces(points: Points, faces: Faces, middles: Indices) -> Faces:
 
 
 def _distances(points: Points, a: Indices, b: Indices) -> Floats:
-    """(N,) squared."""
+    """Return squared distances (N,)."""
     squares: Floats = ((points[a] - points[b]) ** 2).sum(axis=1)
     return squares
 
 
 def _fixed(fields: Floats, thresholds: Thresholds) -> Thresholds:
-    """Thresholds that are these (V, 3) fields, whatever the mesh; whose functions were asked for them."""
+    """Return thresholds with these (V, 3) fields on any mesh."""
     longest, shortest, angle = (_given(values) for values in fields.T)
-    return Thresholds(longest, shortest, angle, thresholds.max_vertices, _AS_GRADED)
+    return Thresholds(longest, shortest, angle, thresholds.max_vertices, _NO_GRADATION)
 
 
 def _given(values: Floats) -> Callable[[TriangleMesh], Floats]:

@@ -1,4 +1,4 @@
-"""What one resampling did and what it left."""
+"""Report of one resample pass."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ class Report:
                                fold       a face would turn over or become a sliver
                                shape      the tip of something thin would be lost
                                crowded    an end has more than 500 neighbours
-    vertices, faces, edges     what there is now
-    too_long, too_short        edges out of the bracket; too_long is always 0, too_short the sum of `refused`
+    vertices, faces, edges     counts after the pass
+    too_long, too_short        edges outside their limits; too_long is 0, too_short the sum of `refused`
     shortest, longest          edge lengths, scene units
     relaxed                    vertices moved within the surface for the shape of their triangles
-    on_chord                   new vertices that the placement left at the middle of their edge, because
-                               the surface would have folded where they belong
+    on_chord                   new vertices left at the middle of their edge, because the surface would have
+                               folded at their proper place
     """
 
     splits: int
@@ -48,6 +48,23 @@ class Report:
         object.__setattr__(self, "refused", MappingProxyType(dict(self.refused)))
 
     @property
-    def in_bracket(self) -> float:
-        """Share of the edges whose length is in the bracket, 0 to 1."""
+    def within_limits(self) -> float:
+        """Share of the edges within their length limits, 0 to 1."""
         return 1.0 - (self.too_long + self.too_short) / self.edges
+
+
+@dataclass(frozen=True)
+class PolyhedralReport(Report):
+    """Counts of one frame of a polyhedron.
+
+    splits           vertices inserted into edges
+    cuts             faces cut in two
+    average_sides    mean number of sides a face: the drift towards triangles (P21)
+    widest           the longest side of any face's bounding box, scene units
+    refused          besides the reasons of `Report`, `area`: where faces collapse instead of edges, an edge
+                     whose faces are large enough
+    """
+
+    cuts: int = 0
+    average_sides: float = 3.0
+    widest: float = 0.0

@@ -1,4 +1,4 @@
-"""One resampling of a surface: the work lists, the steps and the counts of a frame."""
+"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact."""
 
 from __future__ import annotations
 
@@ -6,152 +6,164 @@ import math
 
 import numpy as np
 
-from pipeline.arrays import Floats, Indices
+from pipeline.arrays import Indices, Points
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
-from pipeline.resample._kernels_collapse import collapse_due
-from pipeline.resample._kernels_flip import MOST_AGAIN
-from pipeline.resample._kernels_judge import REASONS, TOO_LONG
-from pipeline.resample._kernels_lists import DUE, REFUSED, Changes
-from pipeline.resample._kernels_place import MOST_AROUND, long_around
-from pipeline.resample._kernels_ring import MOST_SPOKES, new_ring
-from pipeline.resample._kernels_scan import (
+from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
+from pipeline.resample.kernels.collapse import collapse_and_flip, collapse_queued
+from pipeline.resample.kernels.flip import MAX_STACK
+from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.place import MAX_SPOKES_OF_NEW, classify_around
+from pipeline.resample.kernels.relax import list_poor_vertices
+from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
+from pipeline.resample.kernels.scan import (
     BLOCK,
     CHUNK,
-    extent,
-    find_odd,
-    find_odd_together,
-    list_long,
-    list_odd,
+    flag_faces,
+    flag_faces_parallel,
+    length_range,
+    list_flagged_edges,
+    list_long_edges,
 )
-from pipeline.resample._kernels_shape import list_poor
-from pipeline.resample._kernels_split import BIRTH, LEAVING, longest_first, split_pass
-from pipeline.resample._kernels_tidy import tidy
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
+from pipeline.resample.kernels.work_lists import QUEUED, REFUSED, Changes
 from pipeline.resample.placement.base import Placement
 from pipeline.resample.report import Report
 from pipeline.resample.thresholds import Thresholds
-from pipeline.resample.triangle_shape import Shape
+from pipeline.resample.triangle_shape import TriangleShape
 
-_MOST_PLACED = 16  # passes; an edge halved that often has been stretched 65,000-fold in one frame
-_ALLOWANCE = 1.2  # times the maximum: how long an edge may be for a moment, so that a short one can go
+_MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
+_SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
 _RINGS = (new_ring(), new_ring())
-_AGAIN: Indices = np.empty(MOST_AGAIN + 1, np.int32)
+_STACK: Indices = np.empty(MAX_STACK + 1, np.int32)
 
 
-class Frame:
-    """A surface while its edges are brought into the bracket, step after step."""
+class ResamplePass:
+    """A surface while one pass brings its edges within their length limits."""
 
     def __init__(
-        self, mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, shape: Shape
+        self, mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, shape: TriangleShape
     ) -> None:
         self.mesh, self.thresholds, self.placement, self.shape = mesh, thresholds, placement, shape
         self.limits = _limits(mesh, thresholds, placement, shape)
         self.splits = self.collapses = self.flips = self.passes = self.relaxed = self.on_chord = 0
         self.changes = changes_of(mesh)
-        wipe(self.changes)
-        self.faces = int(mesh.sizes[1])  # how many there were
+        reset(self.changes)
+        self.faces = int(mesh.sizes[1])  # before this pass
 
-    def scan(self) -> None:
-        """Find the edges out of the bracket, and those of clearly obtuse triangles."""
+    def find_edges(self) -> None:
+        """Find the edges outside their limits, and those opposite clearly obtuse corners."""
         faces, mesh = self.faces, self.mesh
         chunks, blocks = -(-faces // CHUNK), -(-faces // BLOCK)
-        odd, counts = mesh.scratch("odd", faces + chunks), np.empty(chunks, np.int32)
-        self.extents = mesh.scratch("extents", 2 * blocks, np.float64)[: 2 * blocks].reshape(-1, 2)
-        look = find_odd_together if 3 * faces > WORTH_SHARING else find_odd
-        total = look(mesh.surface, faces, self.limits, odd, counts, self.extents)
+        flagged, counts = mesh.scratch("flagged", faces + chunks), np.empty(chunks, np.int32)
+        self.block_ranges = mesh.scratch("ranges", 2 * blocks, np.float64)[: 2 * blocks].reshape(-1, 2)
+        flag = flag_faces_parallel if 3 * faces > WORTH_SHARING else flag_faces
+        total = flag(mesh.arrays, faces, self.limits, flagged, counts, self.block_ranges)
         if not math.isfinite(total):
-            size = np.abs(mesh.vertices).max(axis=1)
-            wild = int(np.argmax(np.where(np.isnan(size), math.inf, size)))
-            raise FrameError(
-                f"vertex {wild} has left the numbers: {mesh.vertices[wild]}; calm the flow there"
-            )
-        many = int(counts.sum())
-        self.longs, self.obtuse = _work_list(3 * many), _work_list(many)
-        list_odd(mesh.surface, self.limits, odd, counts, self.longs, self.obtuse, self.changes)
+            raise not_finite(mesh.vertices)
+        count = int(counts.sum())
+        self.long_edges, self.obtuse_edges = _work_list(3 * count), _work_list(count)
+        list_flagged_edges(
+            mesh.arrays, self.limits, flagged, counts, self.long_edges, self.obtuse_edges, self.changes
+        )
+
+    def run(self) -> Report:
+        """Bring the edges found by `find_edges` within their limits.
+
+        Raises FrameError where the vertices would exceed the budget.
+        """
+        self.split_long_edges()
+        self.collapse_short_edges()
+        self.relax_vertices()
+        self.make_room()
+        self.compact()
+        return self._report()
 
     def split_long_edges(self) -> None:
-        """Pass after pass until none is too long; every pass takes the longest first (P25)."""
-        while self.longs[0]:
-            room, first = int(self.longs[0]), int(self.mesh.sizes[0])
+        """Split, longest edges first, until no edge is too long (P25)."""
+        while self.long_edges[0]:
+            room, first = int(self.long_edges[0]), int(self.mesh.sizes[0])
             self._keep_to_budget(room)
             self.mesh.reserve(room, 2 * room)
             self.changes = changes_of(self.mesh)
-            later, births = _work_list(10 * room), _work_list(BIRTH * room)
-            order = longest_first(self.mesh.surface, self.longs, self.limits, later)
-            split_pass(self.mesh.surface, self.mesh.sizes, self.limits, order, later, births, self.changes)
+            arrays, remaining, births = self.mesh.arrays, _work_list(10 * room), _work_list(BIRTH_SIZE * room)
+            order = longest_edges_first(arrays, self.long_edges, self.limits, remaining)
+            split_edges(arrays, self.mesh.sizes, self.limits, order, remaining, births, self.changes)
             self.splits += int(self.mesh.sizes[0]) - first
             self.passes += 1
-            born = _items(births).reshape(-1, BIRTH)
-            self.mesh.enter_births(born[:, :LEAVING])
-            self.longs = self._placed(born, later)
+            born = _items(births).reshape(-1, BIRTH_SIZE)
+            self.mesh.enter_births(born[:, :BIRTH_HALFEDGE])
+            self.long_edges = self._place(born, remaining)
 
-    def _placed(self, births: Indices, later: Indices) -> Indices:
-        """Let the placement have the new vertices; answers which edges are then too long."""
-        if not self.placement.leaves_chord or not len(births) or self.passes > _MOST_PLACED:
-            return later
+    def _place(self, births: Indices, remaining: Indices) -> Indices:
+        """Move the new vertices to where the placement has them; return the edges that are then too long."""
+        if not self.placement.leaves_chord or not len(births) or self.passes > _MAX_PLACED:
+            return remaining
         self.on_chord += self.placement.place(self.mesh, births, self.limits)
-        around = _work_list(int(later[0]) + MOST_AROUND * len(births))
-        long_around(self.mesh.surface, births, self.limits, later, around, self.changes)
-        return around
+        long_edges = _work_list(int(remaining[0]) + MAX_SPOKES_OF_NEW * len(births))
+        classify_around(self.mesh.arrays, births, self.limits, remaining, long_edges, self.changes)
+        return long_edges
 
     def collapse_short_edges(self) -> None:
-        """Collapse, flip and mend, until every edge that is still short has a reason to be (P9)."""
-        self.dead = (
+        """Collapse short edges and flip badly shaped ones, until no short edge can collapse (P9)."""
+        self._dead = (
             _emptied(self.mesh.scratch("dead faces", 1 + int(self.mesh.sizes[1]))),
             _emptied(self.mesh.scratch("dead vertices", 1 + int(self.mesh.sizes[0]))),
         )
-        self._tidy()
-        self._mend()
-        if self._refused(TOO_LONG).any():
-            self._make_room()
-            self._mend()
-        low, high = extent(self.mesh.surface, self.faces, self.changes, self.extents)
-        self.shortest, self.longest = math.sqrt(low), math.sqrt(high)
-        self.mesh.fill_holes(_items(self.dead[1]), _items(self.dead[0]))
+        self._collapse_and_flip()
 
-    def _tidy(self) -> None:
-        """Collapse and flip until nothing more can be done."""
-        surface = self.mesh.surface
-        collapses, flips = tidy(surface, self.limits, _RINGS, self.changes, self.dead, self.obtuse, _AGAIN)
+    def _collapse_and_flip(self) -> None:
+        collapses, flips = collapse_and_flip(
+            self.mesh.arrays, self.limits, _RINGS, self.changes, self._dead, self.obtuse_edges, _STACK
+        )
         self.collapses += collapses
         self.flips += flips
 
-    def _mend(self) -> None:
-        """Move the vertices of badly shaped triangles within the surface (P36), where that is possible."""
-        for _ in range(self.shape.rounds if self.placement.knows_surroundings else 0):
+    def relax_vertices(self) -> None:
+        """Move the vertices of badly shaped triangles within the surface (P36), if the placement can."""
+        for _ in range(self.shape.rounds if self.placement.can_relax else 0):
             spokes, seen = (
                 _work_list(3 * int(self.changes.changed[0])),
                 np.zeros(self.mesh.sizes[0], np.uint8),
             )
-            list_poor(self.mesh.surface, self.shape.roundness, self.changes, seen, spokes)
+            list_poor_vertices(self.mesh.arrays, self.shape.min_roundness, self.changes, seen, spokes)
             if not spokes[0]:
                 return
             moved = self.placement.relax(self.mesh, spokes, self.limits, self.changes)
             self.relaxed += moved
             if not moved:
                 return
-            self._tidy()
+            self._collapse_and_flip()
 
-    def _make_room(self) -> None:
-        """Let go short edges that only a too long one keeps, and split that one instead."""
-        self.changes.notes[self._refused(TOO_LONG)] = DUE
-        self.limits[6] = _ALLOWANCE**2
-        self.collapses += collapse_due(self.mesh.surface, self.limits, _RINGS, self.changes, *self.dead)
-        self.limits[6] = 1.0
-        self.longs = _work_list(3 * int(self.changes.fresh[0]))
-        list_long(self.mesh.surface, self.limits, self.changes, self.longs)
+    def make_room(self) -> None:
+        """Collapse short edges that only a long edge would forbid, then split that one."""
+        refused = self._refused(TOO_LONG)
+        if not refused.any():
+            return
+        self.changes.edge_states[refused] = QUEUED
+        slack = self.limits._replace(squared_slack=_SLACK**2)
+        self.collapses += collapse_queued(self.mesh.arrays, slack, _RINGS, self.changes, *self._dead)
+        self.long_edges = _work_list(3 * int(self.changes.fresh[0]))
+        list_long_edges(self.mesh.arrays, self.limits, self.changes, self.long_edges)
         self.split_long_edges()
-        more_faces, more_vertices = (int(size) for size in self.mesh.sizes[::-1])
-        self.dead = (
-            self.mesh.scratch("dead faces", 1 + more_faces),
-            self.mesh.scratch("dead vertices", 1 + more_vertices),
+        vertices, faces = (int(size) for size in self.mesh.sizes)
+        self._dead = (
+            self.mesh.scratch("dead faces", 1 + faces),
+            self.mesh.scratch("dead vertices", 1 + vertices),
         )
-        self._tidy()
+        self._collapse_and_flip()
+        self.relax_vertices()
+
+    def compact(self) -> None:
+        """Measure the edges and close the gaps that removed faces and vertices left in the arrays."""
+        low, high = length_range(self.mesh.arrays, self.faces, self.changes, self.block_ranges)
+        self.shortest, self.longest = math.sqrt(low), math.sqrt(high)
+        self.mesh.compact(_items(self._dead[1]), _items(self._dead[0]))
 
     def _refused(self, reason: int) -> Indices:
-        """The short edges that were refused for that reason, each by a half-edge."""
-        waiting = _items(self.changes.shorts)
-        chosen: Indices = waiting[self.changes.notes[waiting] == REFUSED + reason]
+        """Return a half-edge of each short edge that was refused for that reason."""
+        waiting = _items(self.changes.short_edges)
+        chosen: Indices = waiting[self.changes.edge_states[waiting] == REFUSED + reason]
         return chosen
 
     def _keep_to_budget(self, more: int) -> None:
@@ -161,12 +173,12 @@ class Frame:
             longest = float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
             raise FrameError(
                 f"{vertices} vertices and {more} edges to split exceed the budget of {budget} vertices "
-                f"(longest edge {longest:g}, allowed {math.sqrt(self.limits[0]):g}); "
+                f"(longest edge {longest:g}, allowed {self.limits.max_edge_length:g}); "
                 "raise max_vertices or max_edge_length"
             )
 
-    def report(self) -> Report:
-        waiting = self.changes.notes[_items(self.changes.shorts)]
+    def _report(self) -> Report:
+        waiting = self.changes.edge_states[_items(self.changes.short_edges)]
         refused = np.bincount(waiting, minlength=REFUSED + len(REASONS))[REFUSED:]
         return Report(
             splits=self.splits,
@@ -176,7 +188,7 @@ class Frame:
             vertices=int(self.mesh.sizes[0]),
             faces=int(self.mesh.sizes[1]),
             edges=self.mesh.edges,
-            too_long=int(self.longs[0]),
+            too_long=int(self.long_edges[0]),
             too_short=len(waiting),
             relaxed=self.relaxed,
             on_chord=self.on_chord,
@@ -187,44 +199,61 @@ class Frame:
 
 
 def changes_of(mesh: HalfedgeMesh) -> Changes:
-    """The notes of a frame, with room for all faces that the mesh has room for."""
-    halfedges = len(mesh.surface.vert)
+    """Return the mesh's record of changes, with room for all faces that the mesh has room for."""
+    halfedges = len(mesh.arrays.vert)
     faces = halfedges // 3
     return Changes(
-        mesh.scratch("marks", faces, np.uint8),
+        mesh.scratch("face states", faces, np.uint8),
         mesh.scratch("changed", faces + 1),
         mesh.scratch("fresh", faces + 1),
-        mesh.scratch("notes", halfedges, np.uint8),
-        mesh.scratch("shorts", halfedges + 8 * MOST_SPOKES),
+        mesh.scratch("edge states", halfedges, np.uint8),
+        mesh.scratch("short edges", halfedges + 8 * MAX_SPOKES),
     )
 
 
-def wipe(changes: Changes) -> None:
-    """Begin anew: no face has changed, and no edge is listed."""
-    for work_list in (changes.changed, changes.fresh, changes.shorts):
+def reset(changes: Changes) -> None:
+    """Clear the record: no face has changed, and no edge is listed."""
+    for work_list in (changes.changed, changes.fresh, changes.short_edges):
         work_list[0] = 0
-    changes.marks.fill(0)
-    changes.notes.fill(0)
+    changes.face_states.fill(0)
+    changes.edge_states.fill(0)
 
 
-def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, shape: Shape) -> Floats:
-    """The numbers that kernels go by (see `_kernels_lists`)."""
-    midpoint, column = float(placement.merges_at_midpoint), -1
+def not_finite(vertices: Points) -> FrameError:
+    """Return the error for the first vertex that is NaN or infinite, or the one farthest out."""
+    size = np.abs(vertices).max(axis=1)
+    worst = int(np.argmax(np.where(np.isnan(size), math.inf, size)))
+    return FrameError(
+        f"vertex {worst} is at {vertices[worst]}, which is not finite or too far out to compute with; "
+        "weaken the flow there or raise its substeps"
+    )
+
+
+def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, shape: TriangleShape) -> Limits:
+    column = -1
     if thresholds.active:
         fields = thresholds.fields(mesh.snapshot())
-        longest, shortest = float(fields[:, 0].max()), float(fields[:, 1].min())
+        max_edge_length, min_edge_length = float(fields[:, 0].max()), float(fields[:, 1].min())
         hard_angle = float(np.median(fields[:, 2]))
         fields[:, 2] = np.cos(fields[:, 2])
-        column = mesh.steer(fields)
+        column = mesh.set_fields(fields)
     else:
-        longest, shortest, hard_angle = thresholds.numbers
-    cosine, obtuse = math.cos(hard_angle), shape.longest_share
-    at_rest = placement.at_rest(mesh)
-    return np.array([longest * longest, shortest * shortest, cosine, midpoint, column, obtuse, 1.0, *at_rest])
+        max_edge_length, min_edge_length, hard_angle = thresholds.numbers
+    rest_column, rest_normal_column = placement.rest_columns(mesh)
+    return Limits(
+        max_edge_length,
+        min_edge_length,
+        math.cos(hard_angle),
+        placement.merges_at_midpoint,
+        column,
+        shape.longest_share,
+        rest_column=rest_column,
+        rest_normal_column=rest_normal_column,
+    )
 
 
 def _work_list(room: int) -> Indices:
-    """An empty list for kernels: the first entry counts those that follow."""
+    """Return an empty work list with room for that many items (see `kernels.work_lists`)."""
     items = np.empty(room + 1, np.int32)
     items[0] = 0
     return items

@@ -1,4 +1,4 @@
-"""Functions for thresholds: edge length by distance to a camera, by curvature, by a formula (P26, P35)."""
+"""Sizing fields: edge length by distance to a camera, by curvature, or by a formula (P26, P35)."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import numpy as np
 from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.formula import PLACE, TIME, Expression
-from pipeline.formula.words import time_values
+from pipeline.formula.words import moment
 from pipeline.mesh.normals import NORMAL, split_at_creases
 from pipeline.mesh.triangle_mesh import TriangleMesh
-from pipeline.resample._kernels_density import bend, grade
+from pipeline.resample.kernels.sizing_field import edge_curvature, limit_gradation
 
 SHORT = 0.4
-"""Of the finest edge: what is shorter collapses (P12), and its curvature is that of noise."""
+"""Share of the finest edge: shorter edges collapse (P12), and their curvature is noise."""
 
 FORMULA_NAMES = (*PLACE, *TIME)
-"""What a formula may speak of."""
+"""Names that a formula may use."""
 
 
 @dataclass(frozen=True)
 class DistanceToCamera:
-    """Edges of a constant size in the picture: their length grows with the distance from the camera.
+    """Edges of constant size in the picture: their length grows with the distance from the camera.
 
-    position          the camera's, scene units
-    pixels            how long an edge is that lies across the line of sight
+    position          of the camera, scene units
+    pixels            length of an edge across the line of sight, in the picture
     field_of_view     radians, horizontal
     width             of the picture, in pixels
     finest, coarsest  bounds, scene units
 
-    At a distance d an edge covers them where it is 2 d tan(field_of_view / 2) / width × pixels long.
+    At distance d the edge length is 2 d tan(field_of_view / 2) / width × pixels.
     """
 
     position: tuple[float, float, float]
@@ -50,7 +50,7 @@ class DistanceToCamera:
             raise UsageError(f"{self.pixels:g} pixels of {self.width:g} are no size; both must be above 0")
 
     def __call__(self, mesh: TriangleMesh) -> Floats:
-        """(V,) scene units."""
+        """Return edge lengths (V,), scene units."""
         distance = np.linalg.norm(mesh.vertices - np.array(self.position), axis=1)
         pixel = 2.0 * math.tan(0.5 * self.field_of_view) / self.width
         lengths: Floats = np.clip(self.pixels * pixel * distance, self.finest, self.coarsest)
@@ -59,18 +59,18 @@ class DistanceToCamera:
 
 @dataclass(frozen=True)
 class Curvature:
-    """Edges as long as the surface is flat: none leaves it by more than a tolerance (Herzen & Barr 1987).
+    """Edges that leave the surface by no more than a tolerance (Herzen & Barr 1987).
 
-    tolerance         the chord height, scene units: how far the middle of an edge may lie beside the surface
+    tolerance         the chord height, scene units: distance of an edge's middle from the surface
     finest, coarsest  bounds for the edges, scene units
-    hard_angle        radians: an edge that turns by more is a crease, no curvature, where exact normals do
-                      not say otherwise; pi for surfaces without creases
+    hard_angle        radians: an edge that turns by more is a crease, not curvature, unless exact normals
+                      say otherwise; pi for surfaces without creases
 
     A chord of length h under an arc of curvature κ has the height κh²/8, so h = sqrt(8 tolerance / κ). κ is
-    taken along edges, from the change of the normal between their ends: of the exact normals where the mesh
-    has them (attribute `normal`), else of means over the faces around, apart for each side of a crease.
-    Around the rim of a thin sheet the normal turns within an edge, whose length then is the thickness: the
-    rim is refined however thin it becomes, down to `finest`.
+    measured along edges, from the change of the normal between their ends: exact normals if the mesh has them
+    (attribute `normal`), else means over the surrounding faces, separate for each side of a crease. At the
+    rim of a thin sheet the normal turns within an edge as long as the sheet is thick: the rim is refined
+    however thin it becomes, down to `finest`.
     """
 
     tolerance: float
@@ -86,19 +86,19 @@ class Curvature:
             raise UsageError(f"hard_angle {self.hard_angle:g} must lie between 0 and pi radians")
 
     def __call__(self, mesh: TriangleMesh) -> Floats:
-        """(V,) scene units."""
+        """Return edge lengths (V,), scene units."""
         bent = curvature(mesh, self.hard_angle, SHORT * self.finest)
         flat = 8.0 * self.tolerance / self.coarsest**2
         return np.maximum(np.sqrt(8.0 * self.tolerance / np.maximum(bent, flat)), self.finest)
 
 
 @dataclass(frozen=True)
-class Formula:
-    """A threshold as a formula over places and moments: `0.02 + 0.01 * abs(y)`.
+class ThresholdFormula:
+    """A threshold as a formula over position and time: `0.02 + 0.01 * abs(y)`.
 
-    text         see `pipeline.formula`; FormulaError for what is none
+    text         see `pipeline.formula`; raises FormulaError for a wrong one
     unit         factor on its value: radians a degree, for angles written in degrees
-    frame, time  those of the moment (time in seconds), where the formula speaks of them
+    frame, time  the current frame and its time in seconds, if the formula uses them
     """
 
     text: str
@@ -114,8 +114,8 @@ class Formula:
     def expression(self) -> Expression:
         return self._expression
 
-    def at(self, frame: int, time: float) -> Formula:
-        """The formula with its frame and time filled in; itself where it speaks of neither."""
+    def at(self, frame: int, time: float) -> ThresholdFormula:
+        """Return the formula with its frame and time filled in; itself if it uses neither."""
         used = self.expression.uses
         now = replace(
             self, frame=frame if "frame" in used else None, time=float(time) if {"t", "time"} & used else None
@@ -123,8 +123,8 @@ class Formula:
         return self if now == self else now
 
     def __call__(self, mesh: TriangleMesh) -> Floats:
-        """(V,) Raises UsageError where the formula is not finite, or speaks of a time that is not known."""
-        now = time_values(self.frame, self.time)
+        """Return values (V,). Raises UsageError where a value is not finite, or the time is not known."""
+        now = moment(self.frame, self.time)
         missing = [name for name in now if name in self.expression.uses and now[name] is None]
         if missing:
             raise UsageError(f"formula {self.text!r} needs a {missing[0]}; ask for it `at` a frame first")
@@ -134,14 +134,14 @@ class Formula:
 
 
 def curvature(mesh: TriangleMesh, hard_angle: float = math.radians(40), shortest: float = 0.0) -> Floats:
-    """(V,) the sharpest curvature along the edges at every vertex, 1 / scene units; 0 where it is flat.
+    """Return the largest curvature (V,) along the edges at every vertex, 1 / scene units; 0 where flat.
 
-    hard_angle and shortest are as in `Curvature` and `pipeline.resample._kernels_density.bend`.
+    For hard_angle and shortest see `Curvature` and `pipeline.resample.kernels.sizing_field.edge_curvature`.
     Raises MeshError where the mesh is not an oriented manifold.
     """
     points, faces, normals, source = _shaded(mesh, hard_angle)
     apart = np.empty(len(points))
-    bend(points, faces, normals, max(shortest, np.finfo(np.float64).tiny), apart)
+    edge_curvature(points, faces, normals, max(shortest, np.finfo(np.float64).tiny), apart)
     if source is None:
         return apart
     joined = np.zeros(len(mesh.vertices))
@@ -150,14 +150,14 @@ def curvature(mesh: TriangleMesh, hard_angle: float = math.radians(40), shortest
 
 
 def graded(mesh: TriangleMesh, lengths: Floats, gradation: float) -> Floats:
-    """(V,) lengths, lowered until they differ along every edge by at most gradation × its length."""
+    """Return lengths (V,), lowered until they differ along every edge by at most gradation × its length."""
     result = np.array(lengths)
-    grade(_own(mesh.vertices), _own(mesh.faces), gradation, result)
+    limit_gradation(_own(mesh.vertices), _own(mesh.faces), gradation, result)
     return result
 
 
 def _shaded(mesh: TriangleMesh, hard_angle: float) -> tuple[Points, Faces, Vectors, AnyArray | None]:
-    """Vertices, faces, unit normals and, where vertices are split at creases, which vertex each is of."""
+    """Return vertices, faces, unit normals and, if vertices are split at creases, their source vertices."""
     exact = mesh.attributes.get(NORMAL)
     known = None if exact is None else np.linalg.norm(exact, axis=1) > 0.5
     if exact is not None and known is not None and known.all():
@@ -177,5 +177,5 @@ def _require_order(finest: float, coarsest: float) -> None:
 
 
 def _own(array: AnyArray) -> AnyArray:
-    """A writable copy, as compiled kernels declare their arguments."""
+    """Return a writable copy, as compiled kernels declare their arguments."""
     return np.array(array)

@@ -1,4 +1,4 @@
-"""What steers resampling: three thresholds, each a number or a function over the surface (P35)."""
+"""Thresholds of resampling: three of them, each a number or a function over the surface (P35)."""
 
 from __future__ import annotations
 
@@ -24,38 +24,40 @@ HIGHEST_RATIO = 0.5
 DEFAULT_HARD_ANGLE = math.radians(40)
 
 DEFAULT_GRADATION = 0.3
-"""Scene units by which lengths grow per scene unit along the surface: an edge is at most about a third
-longer than the one before it, which the triangles between can follow without becoming thin."""
+"""Growth of edge lengths per scene unit along the surface.
+
+An edge is at most about a third longer than the one before it; the triangles between stay well shaped.
+"""
 
 
 @runtime_checkable
 class Timed(Protocol):
-    """A threshold that changes in time."""
+    """A threshold that changes over time."""
 
     def at(self, frame: int, time: float) -> Threshold:
-        """What it is in a frame, `time` seconds from the start of the shot; itself where nothing changes."""
+        """Return the threshold of a frame, `time` seconds from the start of the shot; itself if constant."""
 
 
 ActiveFunction = Callable[[TriangleMesh], ArrayLike]
-"""Any callable: a mesh in, one number for each of its vertices out, (V,)."""
+"""A callable: a mesh to one number for each of its vertices, (V,)."""
 
 Threshold = float | ActiveFunction | Timed
 
 
 @dataclass(frozen=True, init=False)
 class Thresholds:
-    """The bracket for edge lengths and the angle that makes an edge hard.
+    """Length limits for edges, and the angle that makes an edge hard.
 
-    max_edge_length   scene units; afterwards no edge is longer (P8)
-    min_edge_length   scene units; shorter edges collapse where they may (P9); 40% of the maximum by
-                      default, which is kept as None where the maximum is no number
+    max_edge_length   scene units; after a pass no edge is longer (P8)
+    min_edge_length   scene units; shorter edges collapse where they may (P9); by default 40% of the maximum,
+                      and None while the maximum is a function
     hard_angle        radians between the normals of two faces; an edge that turns more is hard (P29); 40°
     max_vertices      a frame that would need more stops with an error instead of filling the memory
-    gradation         where lengths are functions: how much they may differ between two ends of an edge,
-                      as a share of its length
+    gradation         for lengths that are functions: their largest difference between two ends of an edge, as
+                      a share of its length
 
-    The first three are numbers, or callables `mesh -> (V,)` in the same units: those of
-    `pipeline.resample.sizing_field`, or any other. Raises UsageError for numbers that cannot be.
+    The first three are numbers, or callables `mesh -> (V,)` in the same units, such as those of
+    `pipeline.resample.sizing_field`. Raises UsageError for impossible numbers.
     """
 
     max_edge_length: Threshold
@@ -88,19 +90,19 @@ class Thresholds:
 
     @property
     def active(self) -> bool:
-        """Whether any of the three is a function and no number."""
+        """True if any of the three is a function instead of a number."""
         three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
         return not all(isinstance(threshold, float) for threshold in three)
 
     @property
     def numbers(self) -> tuple[float, float, float]:
-        """Maximum, minimum (scene units) and hard angle (radians). Raises UsageError where one is active."""
+        """Maximum, minimum (scene units), hard angle (radians). Raises UsageError where one is a function."""
         if self.active:
             raise UsageError("active thresholds are no three numbers; ask for their fields over a mesh")
         return cast(tuple[float, float, float], (self.max_edge_length, self.min_edge_length, self.hard_angle))
 
     def hard_angles(self, mesh: TriangleMesh) -> float | Floats:
-        """Radians: the one hard angle, or (V,) where it is a function. Raises UsageError like `fields`."""
+        """Return the hard angle, radians; (V,) for a function. Raises UsageError like `fields`."""
         if isinstance(self.hard_angle, float):
             return self.hard_angle
         angles = _over("hard_angle", self.hard_angle, mesh)
@@ -109,9 +111,9 @@ class Thresholds:
         return angles
 
     def at(self, frame: int, time: float) -> Thresholds:
-        """The thresholds of one frame, `time` seconds from the start of the shot.
+        """Return the thresholds of one frame, `time` seconds from the start of the shot.
 
-        These thresholds themselves where nothing depends on time.
+        Returns itself if nothing depends on time.
         """
         three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
         if all(
@@ -126,12 +128,12 @@ class Thresholds:
         return Thresholds(longest, shortest, angle, self.max_vertices, self.gradation)
 
     def fields(self, mesh: TriangleMesh) -> Floats:
-        """(V, 3): maximum and minimum edge length, scene units, and hard angle, radians, at every vertex.
+        """Return maximum and minimum edge length, scene units, and hard angle, radians, per vertex: (V, 3).
 
         Lengths that are functions are graded: between two ends of an edge the maximum differs by at most
         `gradation` times its length, and the minimum by half of that, so that it stays below.
 
-        Raises UsageError, naming the vertex, where a value is not finite or cannot be.
+        Raises UsageError, naming the vertex, where a value is not finite or impossible.
         """
         out = np.empty((len(mesh.vertices), 3))
         out[:, 0] = _over("max_edge_length", self.max_edge_length, mesh)
@@ -151,13 +153,13 @@ class Thresholds:
 
 
 def _plain(threshold: Any) -> Any:
-    """A function as it is, anything else as a float."""
+    """Return a function as it is, anything else as a float."""
     active = threshold is None or callable(threshold) or isinstance(threshold, Timed)
     return threshold if active else float(threshold)
 
 
 def _check_numbers(longest: Any, shortest: Any, angle: Any) -> None:
-    """Everything that can be wrong with those that are numbers."""
+    """Raise UsageError for impossible numbers."""
     if isinstance(longest, float) and not (math.isfinite(longest) and longest > 0):
         raise UsageError(f"max_edge_length {longest:g} must be a positive length in scene units")
     if isinstance(shortest, float) and not (math.isfinite(shortest) and shortest >= 0):
@@ -177,7 +179,7 @@ def _too_close(longest: float, shortest: float, where: str = "") -> str:
 
 
 def _over(name: str, threshold: Threshold, mesh: TriangleMesh) -> Floats:
-    """(V,): a threshold at every vertex."""
+    """Return a threshold at every vertex, (V,)."""
     if isinstance(threshold, float):
         return np.full(len(mesh.vertices), threshold)
     if not callable(threshold):
@@ -192,14 +194,14 @@ def _over(name: str, threshold: Threshold, mesh: TriangleMesh) -> Floats:
 
 
 def _refuse(name: str, values: Floats, wrong: Any, mesh: TriangleMesh, rule: str) -> None:
-    """An error for the first vertex that has no number, or a wrong one."""
+    """Raise UsageError for the first vertex with no number, or a wrong one."""
     bad = np.flatnonzero(wrong | ~np.isfinite(values))
     if bad.size:
         raise UsageError(f"{name} is {values[bad[0]]:g} at {_vertex(mesh, int(bad[0]))}; it must be {rule}")
 
 
 def _require_ratio(fields: Floats, mesh: TriangleMesh) -> None:
-    """P13, everywhere."""
+    """Raise UsageError where the minimum is too close to the maximum (P13)."""
     bad = np.flatnonzero(fields[:, 1] >= HIGHEST_RATIO * fields[:, 0])
     if bad.size:
         longest, shortest, _ = fields[bad[0]]

@@ -1,7 +1,7 @@
-"""Shots: what a shot file says, as values.
+"""Shots: the contents of a shot file as values, and how they are read.
 
-What is asked for is imported then: reading shots takes more than half a second to get ready for, and much of
-what has to do with shots reads none.
+Names are imported on first use: reading shots takes half a second of imports, which many users of this
+package do not need.
 """
 
 from importlib import import_module
@@ -32,22 +32,18 @@ __all__ = [
 ]
 
 _MODULES = {
-    "CameraPath": "camera",
-    "Clock": "clock",
-    "Film": "shot",
-    "Model": "subject",
-    "Motion": "motion",
-    "Picture": "shot",
-    "Resampling": "motion",
-    "Shot": "shot",
-    "Solid": "subject",
-    "Subject": "subject",
-    "read_film": "film_reader",
-    "read_shot": "shot_reader",
+    "camera": ("CameraPath",),
+    "clock": ("Clock",),
+    "film_reader": ("read_film",),
+    "motion": ("Motion", "Resampling"),
+    "shot": ("Film", "Picture", "Shot"),
+    "shot_reader": ("read_shot",),
+    "subject": ("Model", "Solid", "Subject"),
 }
 
 
 def __getattr__(name: str) -> Any:
-    if name not in _MODULES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f"{__name__}.{_MODULES[name]}"), name)
+    for module, names in _MODULES.items():
+        if name in names:
+            return getattr(import_module(f"{__name__}.{module}"), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -1,4 +1,4 @@
-"""Where a camera is in the course of a shot, and how it looks. Angles are radians, lenses in millimetres."""
+"""The camera of a shot over time, and its shutter. Angles are radians, lenses in millimetres."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
+from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
 from pipeline.flow.retiming import elapsed
-from pipeline.flow.vectors import Vector
 
 FULL_FRAME = 36.0
-"""Millimetres across the picture of a still camera's film."""
+"""Width of a full-frame sensor, millimetres."""
+
+TURN = 2.0 * math.pi
 
 
 class Lens(NamedTuple):
-    """A lens that blurs what is out of focus.
+    """A lens with depth of field.
 
     focal_length  millimetres
-    aperture      its f-number: the focal length over the width of the opening
-    unit          millimetres in a scene unit; None where the sculpture's size says it
+    aperture      f-number: the focal length over the diameter of the opening
+    unit          millimetres in a scene unit; None derives it from the sculpture's size
     focus         what is sharp: None, the target; a distance along the lens, scene units; or a place
     """
 
@@ -30,15 +31,15 @@ class Lens(NamedTuple):
 
 
 class View(NamedTuple):
-    """From where a frame is seen. Angles in radians; azimuth 0 looks from +z, a quarter turn from +x.
+    """The camera at one time. Angles in radians; azimuth 0 looks from +z, a quarter turn from +x.
 
-    margin    the part of the picture's width or height kept free at every side
-    roll      of the camera, clockwise as it looks
+    margin    the fraction of the picture's width or height kept free at every side
+    roll      about the lens, clockwise as the camera looks
     orbit     how far the camera has gone around from the azimuth, which the stage faces
     dolly     factor on the distance that framing finds
-    distance  from the target, scene units; None where framing finds it
-    target    what is looked at; None where framing finds it
-    position  of the camera; None where all this says it
+    distance  from the target, scene units; None lets framing find it
+    target    the point that the camera looks at; None lets framing find it
+    position  of the camera; None derives it from the other values
     """
 
     azimuth: float
@@ -56,12 +57,12 @@ class View(NamedTuple):
 
 @dataclass(frozen=True)
 class CameraPath:
-    """Where the camera is in the course of the shot; framing finds what is None here.
+    """The camera over the course of a shot; framing finds what is None.
 
     azimuth, elevation  radians, constant or keyed: 0 looks along −z, positive azimuth from the right
     field_of_view       radians, horizontal; acts where there is no focal length
-    margin              share of the picture left empty on each side
-    focal_length        millimetres, on a picture `sensor_width` of them wide
+    margin              fraction of the picture left empty on each side
+    focal_length        millimetres, before a sensor `sensor_width` millimetres wide
     orbit               radians a second around the set; the azimuth turns the set along
     follow              1 goes along with the sculpture, 0 stands as the whole shot needs it
     aperture            f-number; None is sharp everywhere
@@ -78,15 +79,15 @@ class CameraPath:
     orbit: Number = 0.0
     dolly: Number = 1.0
     distance: Number | None = None
-    target: VectorParameter | None = None
-    position: VectorParameter | None = None
+    target: Place | None = None
+    position: Place | None = None
     follow: float = 1.0
     aperture: Number | None = None
-    focus: Number | VectorParameter | None = None
+    focus: Number | Place | None = None
     unit: float | None = None
 
     def at(self, time: float) -> View:
-        """What is seen at a time in seconds."""
+        """Return the view at a time in seconds."""
         return View(
             number_at(self.azimuth, time),
             number_at(self.elevation, time),
@@ -96,8 +97,8 @@ class CameraPath:
             orbit=elapsed(self.orbit, time),
             dolly=number_at(self.dolly, time),
             distance=None if self.distance is None else number_at(self.distance, time),
-            target=None if self.target is None else vector_at(self.target, time),
-            position=None if self.position is None else vector_at(self.position, time),
+            target=None if self.target is None else place_at(self.target, time),
+            position=None if self.position is None else place_at(self.position, time),
             lens=self._lens(time),
         )
 
@@ -119,4 +120,24 @@ class CameraPath:
         if self.focus is None or isinstance(self.focus, float | tuple):
             return self.focus
         values = self.focus.at(time)
-        return values[0] if len(values) == 1 else vector_at(self.focus, time)
+        return values[0] if len(values) == 1 else place_at(self.focus, time)
+
+
+@dataclass(frozen=True)
+class Shutter:
+    """A rotating shutter, open for a part of each turn; a turn is a frame.
+
+    angle  radians that it is open, 0 to 2π, constant or keyed; 0 shows one moment
+    phase  radians from the moment of the frame at which it opens, -2π to 0; None opens half the angle before
+    """
+
+    angle: Number = 0.0
+    phase: Number | None = None
+
+    def open_at(self, time: float) -> tuple[float, float] | None:
+        """Return opening and closing in frames from the frame at `time` seconds; None if it stays shut."""
+        angle = number_at(self.angle, time)
+        if not angle > 0.0:
+            return None
+        opens = -0.5 * angle if self.phase is None else number_at(self.phase, time)
+        return max(opens / TURN, -1.0), min((opens + angle) / TURN, 1.0)

@@ -1,4 +1,4 @@
-"""When things happen: the keys of a shot file, as seconds from its start."""
+"""The clock of a shot: frames, frame rate and speed, and the times of keys in seconds from its start."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from pipeline.frames import FrameRange, FrameRate
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")
 
-A_LENGTH = r"^\s*[+-]?(\d+\.?\d*|\.\d+)\s*s\s*$"
-"""What is seconds in a shot file, for JSON Schemas; numbers are frames."""
+SECONDS_PATTERN = r"^\s*[+-]?(\d+\.?\d*|\.\d+)\s*s\s*$"
+"""JSON Schema pattern of seconds in a shot file; plain numbers are frames."""
 
-A_TIME = rf"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|{A_LENGTH}"
-"""Frames or seconds, where numbers are written too as text: the names of a mapping."""
+TIME_PATTERN = rf"^[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?$|{SECONDS_PATTERN}"
+"""JSON Schema pattern of a key's time: frames or seconds, both as text since names of a mapping are text."""
 
-FAR = 10**12
-"""Frames from here on are at infinity, and so in no shot; and seconds of the flow."""
+FURTHEST = 10**12
+"""Frames beyond this number count as infinite; the flow's time may reach as many seconds."""
 
 
 @dataclass(frozen=True)
 class Clock:
     """Frames and their rate. The first frame of the shot is at 0 seconds.
 
-    speed  at which time runs for the flow; all keys but those of the flow go by the time of the frames
+    speed  rate of the flow's time; all keys but those of flows go by the time of the frames
     """
 
     frames: FrameRange
@@ -35,19 +35,19 @@ class Clock:
     speed: Number = 1.0
 
     def time(self, frame: float) -> float:
-        """Seconds from the start of the shot; frames may have fractions."""
+        """Return seconds from the start of the shot; frames may have fractions."""
         return self.rate.seconds(frame - self.frames.first)
 
     def flow_time(self, frame: float) -> float:
-        """Seconds that have passed for the flow by a frame: the integral of the speed."""
+        """Return the flow's time at a frame, in seconds: the integral of the speed."""
         return elapsed(self.speed, self.time(frame))
 
     def step(self, frame: int) -> tuple[float, float]:
-        """When the step that leads into `frame` starts for the flow, and how long it lasts, in seconds."""
+        """Return start and duration, in seconds of the flow, of the step that leads into `frame`."""
         return self.between(frame - 1, frame)
 
     def between(self, frame: float, other: float) -> tuple[float, float]:
-        """The step of the flow from one moment to another, which may lie before it: its start and length."""
+        """Return start and duration, in seconds of the flow, of a step between frames, maybe backwards."""
         start = self.flow_time(frame)
         return start, self.flow_time(other) - start
 
@@ -57,29 +57,29 @@ class Clock:
         return self.time(self.frames.last)
 
     def seconds(self, key: object) -> float | None:
-        """A key of a shot file: numbers are frames, "0.5s" is seconds; None for anything else.
+        """Return the time of a key of a shot file: numbers are frames, "0.5s" is seconds.
 
-        What is too far away for a number is at infinity.
+        None for anything else; frames beyond FURTHEST are infinite.
         """
         length = self.length(key)
         numbered = isinstance(key, int | float) and length is not None and math.isfinite(length)
         return self.time(key) if numbered else length  # type: ignore[arg-type]  # a number, as it says
 
     def length(self, value: object) -> float | None:
-        """How long something of a shot file lasts, in seconds: numbers are frames, "0.5s" is seconds."""
+        """Return a duration of a shot file in seconds: numbers are frames, "0.5s" is seconds; else None."""
         if isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value):
-            return self.rate.seconds(value) if abs(value) < FAR else math.copysign(math.inf, value)
+            return self.rate.seconds(value) if abs(value) < FURTHEST else math.copysign(math.inf, value)
         match = _SECONDS.fullmatch(value) if isinstance(value, str) else None
         return float(match[1]) if match else None
 
     def speed_fault(self) -> str | None:
-        """What is wrong with the speed on the way to the last frame; None if nothing."""
+        """Return the message about a speed that fails before the last frame; None if it is good."""
         for frame in range(self.frames.first + 1, self.frames.last + 1):
             try:
                 reached = self.flow_time(frame)
             except UsageError as error:
-                return f"speed has a value that is none: {error}"
-            if not abs(reached) <= FAR:
+                return f"speed is not finite: {error}"
+            if not abs(reached) <= FURTHEST:
                 return (
                     f"speed takes the flow to {reached:.3g} s by frame {frame}; its time goes up to 1e12 s. "
                     "Lower it."
@@ -87,15 +87,30 @@ class Clock:
         return None
 
     def holds(self, seconds: float) -> bool:
-        """Whether a time lies within the shot."""
-        return _within(seconds, self.duration)
+        """Tell whether a time lies within the shot."""
+        return _is_within(seconds, self.duration)
 
     def flow_holds(self, seconds: float) -> bool:
-        """Whether a time of the flow lies within the shot, or would at a speed of 1."""
-        fastest = max(self.flow_time(frame) for frame in range(self.frames.first, self.frames.last + 1))
-        return _within(seconds, max(self.duration, fastest))
+        """Tell whether a time of the flow lies within the shot, at its speed or at a speed of 1."""
+        furthest = max(self.flow_time(frame) for frame in range(self.frames.first, self.frames.last + 1))
+        return _is_within(seconds, max(self.duration, furthest))
 
 
-def _within(seconds: float, duration: float) -> bool:
+def parse_frames(text: str) -> FrameRange:
+    """Parse the frames of a shot, such as 1-96. Raises UsageError where they have gaps or no form."""
+    frames = FrameRange.parse(text)
+    if frames.numbers != tuple(range(frames.first, frames.last + 1)):
+        raise UsageError(f"frames {text} skip or turn back; a shot plays all. Write 1-96.")
+    return frames
+
+
+def parse_rate(value: object) -> FrameRate:
+    """Parse a frame rate, 24 for None. Raises UsageError where it is none."""
+    if isinstance(value, bool | list | dict):
+        raise UsageError(f"rate is {value!r}; it must be frames per second. Write 24 or 24000/1001.")
+    return FrameRate.of(24 if value is None else value)  # type: ignore[arg-type]  # of() refuses the rest
+
+
+def _is_within(seconds: float, duration: float) -> bool:
     slack = 1e-9
     return -slack <= seconds <= duration + slack and math.isfinite(seconds)

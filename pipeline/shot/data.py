@@ -1,4 +1,4 @@
-"""Values as JSON-able data: what keys are hashed from. Equal values give equal data on every machine."""
+"""Values as JSON-able data, which keys are hashed from. Equal values give equal data on every machine."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange, FrameRate
 
 NOT_DATA = {"as_data": False}
-"""`field(metadata=NOT_DATA)`: something a value remembers that changes nothing."""
+"""`field(metadata=NOT_DATA)`: a field that changes no result, and stands in no key."""
 
 
 def as_data(value: Any) -> Any:
-    """Dataclasses as dicts with their class under `is`; tuples as lists; numbers and text as they are.
+    """Return dataclasses as dicts with their class under `is`, tuples as lists, numbers and text unchanged.
 
-    What a dataclass works out from its other fields (`init=False`) says nothing new and is left out.
+    Fields that a dataclass computes from others (`init=False`) are left out.
 
-    Raises UsageError for a value that has no such form, a Python function for one.
+    Raises UsageError for a value without such a form, a Python function for one.
     """
     if value is None or isinstance(value, str | bool | int | float):
         return value
@@ -33,5 +33,5 @@ def as_data(value: Any) -> Any:
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = [f for f in dataclasses.fields(value) if f.init and f.metadata.get("as_data", True)]
         return {"is": type(value).__name__, **{f.name: as_data(getattr(value, f.name)) for f in fields}}
-    what = "function" if callable(value) else type(value).__name__
-    raise UsageError(f"a {what} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")
+    kind = "function" if callable(value) else type(value).__name__
+    raise UsageError(f"a {kind} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")

@@ -1,56 +1,47 @@
-"""From a file to a film, with all its shots: everything wrong with any of them is told at once."""
+"""Reading a film file with all its shots: all mistakes in any of them are reported at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.checks import file_checks as checks
-from pipeline.shot.checks.dissolves import dissolves, sound
+from pipeline.shot.checks.timing import read_rate
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.shot import FilmDocument, SoundDocument
+from pipeline.shot.documents.film import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.shot_reader import read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file, is_edit, is_there, shown
-from pipeline.shot.yaml.messages import parsed
-from pipeline.shot.yaml.source import Source, Where
+from pipeline.shot.yaml.messages import validated
+from pipeline.shot.yaml.source import Problem, Where, YamlSource
+
+SOUNDS = (".wav", ".flac", ".aif", ".aiff", ".mp3", ".m4a", ".ogg", ".opus")
+"""Usual endings of sound files, for suggestions; any file that FFmpeg reads will do."""
 
 
 def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None = None) -> Film:
-    """The film of a YAML file, or of a text as if it stood there, with all its shots read, and settings put
-    in each of them.
+    """Read the film of a YAML file, or of a text in its place, with all its shots; each takes the settings.
 
-    Raises ShotError with everything wrong in all of the files, and MissingInputError where one is not there.
+    Raises ShotError with all mistakes in all of the files, and MissingInputError where one is not there.
     """
     path, settings = Path(path), tuple(settings)
-    source = Source.read(path, text)
-    problems: list[tuple[Where, str]] = []
+    source = YamlSource.read(path, text)
+    rate, problems = read_rate(source)
     failed: list[FlowsculptError] = []
-    rate, found = checks.read_rate(source)
-    problems += found
     entries: list[Clip | Card | None] = []
-    listed = source.get("shots")
-    for index, entry in enumerate(listed if isinstance(listed, list) else []):
+    written = source.get("shots")
+    for index, entry in enumerate(written if isinstance(written, list) else []):
         if isinstance(entry, dict) and "card" in entry:
             entries.append(_card(entry))
             continue
         entries.append(None)
-        name, where = _named(entry, ("shots", index))
+        name, where = _shot_name(entry, ("shots", index))
         if not isinstance(name, str):
             continue
-        file = path.parent / f"{name}.yaml"
-        if not is_there(file):
-            known = sorted(
-                f.stem for f in path.parent.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS
-            )
-            hint = suggestion(name, known) if known else "There are none."
-            failed.append(MissingInputError(f"{source.place(where)}: there is no shot {shown(file)}. {hint}"))
-            continue
         try:
-            shot = read_shot(file, settings=settings)
+            shot = _shot(path.parent / f"{name}.yaml", source.place(where), settings)
         except (ShotError, MissingInputError) as error:
             failed.append(error)
             continue
@@ -66,13 +57,12 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
             entries[-1] = _clip(shot, entry)
         except UsageError as error:
             problems.append((("shots", index, "frames"), str(error)))
-    title = Card(str(source.get("title") or ""), seconds=_seconds(source.get("title_seconds")))
+    title = Card(str(source.get("title") or ""), seconds=_title_seconds(source.get("title_seconds")))
     if rate:
-        problems += dissolves(entries, title.length(rate) if title.title else 0, rate)
-    missing: list[tuple[Where, str]] = []
-    for is_missing, problem in sound(source, path.parent):
-        (missing if is_missing else problems).append(problem)
-    document = parsed(source, FilmDocument, problems, missing, failed)
+        problems += _dissolves(entries, title.length(rate) if title.title else 0, rate)
+    missing = list(_missing_sound(source, path.parent))
+    problems += [] if missing else _unreadable_sound(source, path.parent)
+    document = validated(source, FilmDocument, problems, missing, failed)
     return Film(
         title=document.title,
         subtitle=document.subtitle,
@@ -81,19 +71,28 @@ def read_film(path: str | Path, settings: Iterable[str] = (), text: str | None =
         rate=FrameRate.of(document.rate),
         title_seconds=float(document.title_seconds),
         credits_seconds=float(document.credits_seconds),
-        sound=_sound(document.sound, path.parent),
+        sound=_sound_track(document.sound, path.parent),
         path=path,
     )
 
 
-def _named(entry: Any, where: Where) -> tuple[Any, Where]:
-    """The shot that an entry of an edit names, and where."""
+def _shot(file: Path, place: str, settings: tuple[str, ...]) -> Shot:
+    """Read a shot of an edit. Raises ShotError, and MissingInputError with its place in the edit."""
+    if is_there(file):
+        return read_shot(file, settings=settings)
+    known = sorted(f.stem for f in file.parent.glob("*.yaml") if not is_edit(f) and f.name != DEFAULTS)
+    hint = suggestion(file.stem, known) if known else "There are none."
+    raise MissingInputError(f"{place}: there is no shot {shown(file)}. {hint}")
+
+
+def _shot_name(entry: Any, where: Where) -> tuple[Any, Where]:
+    """Return the shot that an entry of an edit names, and the place of the name."""
     return (entry.get("shot"), (*where, "shot")) if isinstance(entry, dict) else (entry, where)
 
 
 def _clip(shot: Shot, entry: Any) -> Clip:
-    """Raises UsageError where the entry's frames are no range, or not in the shot."""
-    dissolve = _whole(entry.get("dissolve")) if isinstance(entry, dict) else 0
+    """Return the clip of an entry. Raises UsageError for frames that are no range or not in the shot."""
+    dissolve = _frame_count(entry.get("dissolve")) if isinstance(entry, dict) else 0
     if not isinstance(entry, dict) or not isinstance(entry.get("frames"), str):
         return Clip(shot, shot.frames, dissolve)
     frames = FrameRange.parse(entry["frames"])
@@ -106,16 +105,16 @@ def _clip(shot: Shot, entry: Any) -> Clip:
 
 
 def _card(entry: dict[str, Any]) -> Card | None:
-    """None where its form is wrong, which the document tells."""
+    """Return the card of an entry; None if its form is wrong, which the document reports."""
     title, subtitle, seconds = entry["card"], entry.get("subtitle", ""), entry.get("seconds", 2.0)
     if not (
         isinstance(title, str) and isinstance(subtitle, str) and is_number(seconds) and 0 < seconds <= 60
     ):
         return None
-    return Card(title, subtitle, float(seconds), _whole(entry.get("dissolve")))
+    return Card(title, subtitle, float(seconds), _frame_count(entry.get("dissolve")))
 
 
-def _sound(document: SoundDocument | None, folder: Path) -> SoundTrack | None:
+def _sound_track(document: SoundDocument | None, folder: Path) -> SoundTrack | None:
     if document is None:
         return None
     file = (folder / document.file).absolute()
@@ -123,11 +122,72 @@ def _sound(document: SoundDocument | None, folder: Path) -> SoundTrack | None:
     return SoundTrack(file, digest_of_file(file), **{name: float(value) for name, value in values.items()})
 
 
-def _whole(value: Any) -> int:
-    """A count as it is; what is none counts nothing here, and the document tells."""
+def _frame_count(value: Any) -> int:
+    """Return a positive count, or 0 for values that the document reports."""
     return value if isinstance(value, int) and not isinstance(value, bool) and value > 0 else 0
 
 
-def _seconds(value: Any) -> float:
+def _title_seconds(value: Any) -> float:
     default: float = FilmDocument.model_fields["title_seconds"].default
     return float(value) if is_number(value) and 0 <= value <= 60 else default
+
+
+def _dissolves(
+    entries: Sequence[Clip | Card | None], title_frames: int, rate: FrameRate
+) -> Iterator[Problem]:
+    """Check that each dissolve has enough frames before it and in its entry, and that two do not overlap.
+
+    entries  in the order of the edit; None for one with problems
+    """
+    for index, entry in enumerate(entries):
+        if entry is None:
+            continue
+        following = entries[index + 1] if index + 1 < len(entries) else None
+        length, after = entry.length(rate), following.dissolve if following is not None else 0
+        where = ("shots", index)
+        if length == 0:
+            yield (*where, "seconds"), "the card is shorter than a frame; give it more seconds."
+        elif entry.dissolve and index == 0 and not title_frames:
+            yield (
+                (*where, "dissolve"),
+                "there is nothing before the first entry to dissolve from. Take the dissolve out, or give "
+                "the film a title.",
+            )
+        elif entry.dissolve and index == 0 and entry.dissolve > title_frames:
+            yield (
+                (*where, "dissolve"),
+                f"a dissolve of {entry.dissolve} frames needs as many of the title, which has "
+                f"{title_frames}. Shorten it, or raise title_seconds.",
+            )
+        elif entry.dissolve + after > length:
+            both = f"{entry.dissolve} in and {after} out" if entry.dissolve and after else ""
+            name = f"the card {entry.title!r}" if isinstance(entry, Card) else entry.shot.name
+            yield (
+                ("shots", index if entry.dissolve else index + 1, "dissolve"),
+                f"{name} shows {length} frames, and {both or entry.dissolve or after} are to dissolve. "
+                "Shorten that, or show more frames.",
+            )
+
+
+def _missing_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
+    name = source.get("sound", "file")
+    if isinstance(name, str) and not is_there(folder / name):
+        known = sorted(file.name for file in folder.glob("*") if file.suffix.lower() in SOUNDS)
+        hint = suggestion(name, known) if known else "There are none."
+        yield (
+            ("sound", "file"),
+            f"there is no sound {shown(folder / name)}; it is looked for beside the edit. {hint}",
+        )
+
+
+def _unreadable_sound(source: YamlSource, folder: Path) -> Iterator[Problem]:
+    name = source.get("sound", "file")
+    if not isinstance(name, str):
+        return
+    from render.base.errors import RenderError
+    from render.movie.sound import require_sound  # imports PyAV, which takes time
+
+    try:
+        require_sound(folder / name)
+    except RenderError as error:
+        yield ("sound", "file"), f"{error}"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,20 +17,19 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple, curve_of
 from pipeline.shot.documents.fields import vector
 from pipeline.shot.documents.shot import ShotDocument
-from pipeline.shot.hints import hint
 from pipeline.shot.shot_reader import read_shot
-from pipeline.shot.yaml.inheritance import layered
-from pipeline.shot.yaml.parse_context import Surroundings
+from pipeline.shot.yaml.inheritance import inherited
+from pipeline.shot.yaml.parse_context import ParseContext
 
-FINELY = 16
-"""Looks at a curve for each frame."""
+SAMPLES = 16
+"""Samples of a curve in a frame."""
 
 
 @dataclass(frozen=True)
 class KeyedCurve:
     """One parameter over the frames of its shot.
 
-    name    the way to it in the file: `flows.0.sum.1.vortex.strength`
+    name    its path in the file: `flows.0.sum.1.vortex.strength`
     unit    of its values in the file
     frames  (T,) from the first to the last, with fractions
     values  (T, K), three of them for a place
@@ -44,41 +44,47 @@ class KeyedCurve:
 
 
 def curves_of(path: str | Path, settings: Iterable[str] = ()) -> list[KeyedCurve]:
-    """In the order of the file. Raises what `read_shot` raises."""
+    """Return the curves of a shot in the order of its file. Raises what `read_shot` raises."""
     path, settings = Path(path), tuple(settings)
     shot = read_shot(path, settings=settings)
     clock = shot.motion.clock
-    source = layered(path, None, settings, None)
-    context = {"clock": clock, "surroundings": Surroundings(path.parent)}
+    source = inherited(path, None, settings, None)
+    context = {"clock": clock, "parse_context": ParseContext(path.parent)}
     document = ShotDocument.model_validate(source.data, context=context)
     order = list(source.data)
-    found = [(names, unit, value) for names, unit, value in _changing(document, (), "")]
-    found.sort(key=lambda each: order.index(each[0][0]))
-    return [_curve(names, unit, value, clock) for names, unit, value in found]
+    curves = sorted(_changing(document, (), ""), key=lambda curve: order.index(curve[0][0]))
+    return [_curve(names, unit, value, clock) for names, unit, value in curves]
 
 
 def _changing(value: Any, names: tuple[str, ...], unit: str) -> Iterator[tuple[tuple[str, ...], str, Any]]:
-    """What has keys or a formula over time within a part of a document, with its unit."""
+    """Yield path, unit and value of what has keys or a formula over time within a part of a document."""
     if isinstance(value, Keyed | OverTime | OverTimeTriple):
         yield names, unit, value
     elif isinstance(value, BaseModel):
+        units = {p.name: p.sense.unit for p in getattr(value, "own", ())}
         for name, field in type(value).model_fields.items():
             if name in value.model_fields_set:
-                sense = hint(type(value), field.alias or name)
-                inner = (*names, field.alias or name)
-                yield from _changing(getattr(value, name), inner, sense.unit if sense else "")
+                word = field.alias or name
+                inner = units.get(word) or _unit_of(field.description)
+                yield from _changing(getattr(value, name), (*names, word), inner)
     elif isinstance(value, dict):
-        for name, each in value.items():
-            yield from _changing(each, (*names, str(name)), unit)
+        for name, item in value.items():
+            yield from _changing(item, (*names, str(name)), unit)
     elif isinstance(value, list):
-        for i, each in enumerate(value):
-            yield from _changing(each, (*names, str(i)), unit)
+        for i, item in enumerate(value):
+            yield from _changing(item, (*names, str(i)), unit)
+
+
+def _unit_of(description: str | None) -> str:
+    """Return the unit that stands in parentheses at the end of a description."""
+    match = re.search(r"\(([^()]*)\)$", description or "")
+    return match[1] if match else ""
 
 
 def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> KeyedCurve:
     curve = curve_of(value, clock, lambda item: vector(item) if isinstance(item, list) else (float(item),))
     first, last = clock.frames.first, clock.frames.last
-    frames = np.linspace(first, last, FINELY * (last - first) + 1)
+    frames = np.linspace(first, last, SAMPLES * (last - first) + 1)
     time_of = clock.flow_time if names[0] == "flows" else clock.time
     times = np.array([time_of(float(frame)) for frame in frames])
     values = np.array([curve.at(float(time)) for time in times])
@@ -86,13 +92,13 @@ def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> Keyed
 
 
 def _keys(curve: Curve, frames: Floats, times: Floats) -> Floats:
-    """Where keys are met: at a frame, at several where the flow's time turns back, or never."""
+    """Return the frames at which keys are reached: one, several where the flow's time turns back, or none."""
     if not isinstance(curve, Keyframes):
         return np.empty((0, 2))
     rows = []
     for time, value in zip(curve.times, curve.values, strict=True):
         for i in np.flatnonzero((times[:-1] - time) * (times[1:] - time) <= 0.0):
             step = times[i + 1] - times[i]
-            share = (time - times[i]) / step if step else 0.0
-            rows.append((round(float(frames[i] + share / FINELY), 6), *value))
+            fraction = (time - times[i]) / step if step else 0.0
+            rows.append((round(float(frames[i] + fraction / SAMPLES), 6), *value))
     return np.array(sorted(set(rows))) if rows else np.empty((0, 2))

@@ -1,4 +1,4 @@
-"""Motion: all that decides the meshes of a shot, and what of it decides one of them."""
+"""Motion: everything that decides the meshes of a shot, and the part that decides one of them."""
 
 from __future__ import annotations
 
@@ -24,21 +24,20 @@ from pipeline.shot.subject import Solid, Subject
 
 @dataclass(frozen=True)
 class Resampling:
-    """How a surface is resampled, once a frame.
+    """The resampling of a surface, once a frame.
 
-    thresholds  the bracket for edge lengths and the angle that makes an edge hard
-    method      triangles: split and collapse edges (P23–P30); polyhedra: slice arbitrary faces (P16–P21)
-    placement   where new vertices go: chord, the middle of the edge (P25); curved, on a surface that is
-                smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
-    splits      edges: one long edge at a time (P25); faces: one triangle into four (P26)
-    min_roundness  0 to 1: the roundness of triangles below which they are mended (P36; see `Shape`)
-    normals     carried through the flow, where the placement is exact; or of the geometry of each frame
+    thresholds     limits of edge lengths, and the angle that makes an edge hard
+    method         triangles: split and collapse edges (P23–P30); polyhedra: slice any faces (P16–P21)
+    placement      position of new vertices: chord, the middle of the edge (P25); curved, on a surface that is
+                   smooth except at creases (P37); exact, on the undeformed surface, carried through the flow
+    splits         edges: one long edge at a time (P25); faces: one triangle into four (P26)
+    min_roundness  0 to 1: the roundness of triangles below which they are repaired (P36)
+    normals        carried through the flow, where the placement is exact; or of the geometry of each frame
     rest_interval  frames after which the present surface becomes the undeformed one, where placement is exact
-    creases     edges that stay hard whatever becomes of their angle (P31): rest, those that are hard in the
-                undeformed surface; model, those that the model's file names; a region, those with
-                both ends in it at rest; none
-    cutting     of polyhedra: slice, by all parallel planes at once; recurse, in two and again (P18)
-    collapse    of polyhedra: edges, those that are short (P9); areas, faces that are small (P22)
+    creases        edges that stay hard at any angle (P31): rest, edges hard in the undeformed surface; model,
+                   edges that the model's file names; a region, edges with both ends in it at rest; none
+    cutting        of polyhedra: slice, by all parallel planes at once; recurse, in two and again (P18)
+    collapse       of polyhedra: edges, short ones (P9); areas, small faces (P22)
     """
 
     thresholds: Thresholds
@@ -53,23 +52,23 @@ class Resampling:
     collapse: Literal["edges", "areas"] = "edges"
 
     def settings(self) -> dict[str, Any]:
-        """Every setting that acts by its name in the shot file, JSON-able; functions as their parameters."""
+        """Return the settings in effect by their names in the shot file, as JSON-able data."""
         settings = self._without(as_data(self), self._idle)
         every = {**settings.pop("thresholds"), **settings}
         del every["is"]
         return every
 
     def data(self) -> dict[str, Any]:
-        """What decides meshes, as JSON-able data: thresholds, and the settings that the others let matter.
+        """Return thresholds and the settings in effect, which decide meshes, as JSON-able data.
 
-        When the surface at rest is renewed is said by the frames in which it is: see `Motion.step_data`.
+        The rest interval stands in the data of the frames that begin one: see `Motion.step_data`.
         """
         settings = {**as_data(self), "thresholds": thresholds_data(self.thresholds)}
         return self._without(settings, (*self._idle, "rest_interval"))
 
     @property
     def _idle(self) -> tuple[str, ...]:
-        """Names of the settings that cannot act beside the others."""
+        """Names of the settings that have no effect beside the others."""
         if self.method == "polyhedra":
             return ("placement", "splits", "min_roundness", "normals", "rest_interval")
         if self.placement == "exact":
@@ -82,10 +81,10 @@ class Resampling:
 
 
 def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
-    """Thresholds as JSON-able data, without what changes no mesh.
+    """Return the thresholds that change meshes as JSON-able data.
 
-    The budget of vertices moves none of them, and raising it goes on from the last frame that fitted;
-    gradation is for lengths that are functions.
+    The budget of vertices moves none of them: a raised one resumes at the last frame that fitted. Gradation
+    acts on lengths that are functions only.
     """
     data: dict[str, Any] = as_data(thresholds)
     del data["max_vertices"]
@@ -95,16 +94,16 @@ def thresholds_data(thresholds: Thresholds) -> dict[str, Any]:
 
 
 DEFAULT_MAX_STEP = 0.5
-"""Of an edge: what lies between two ends of it is not stepped over."""
+"""Edge lengths: a sub-step does not skip detail between the ends of an edge."""
 
 
 @dataclass(frozen=True)
 class Motion:
-    """All that decides the mesh of every frame.
+    """Everything that decides the mesh of every frame.
 
-    resampling  None: it is off, and vertices only move
-    speed       at which time runs for the flow, over the time of the frames
-    max_step    how far a sub-step along velocities may take a vertex, in edges of the maximum length
+    resampling  None is off: vertices only move
+    speed       rate of the flow's time over the time of the frames
+    max_step    longest move of a vertex in a sub-step along velocities, in edges of the maximum length
     """
 
     frames: FrameRange
@@ -120,17 +119,17 @@ class Motion:
         return Clock(self.frames, self.rate, self.speed)
 
     def step(self, frame: int) -> tuple[float, float]:
-        """When the step that leads into `frame` starts for the flow, and how long it lasts, in seconds.
+        """Return start and duration, in seconds of the flow, of the step that leads into `frame`.
 
-        Raises FrameError where the speed is no number on the way.
+        Raises FrameError where the speed is not finite.
         """
         try:
             return self.clock.step(frame)
         except UsageError as error:
-            raise FrameError(f"speed has a value that is none: {error}", frame) from error
+            raise FrameError(f"speed is not finite: {error}", frame) from error
 
     def resampling_at(self, frame: int) -> Resampling | None:
-        """How the surface is resampled in that frame: what depends on time is settled."""
+        """Return the resampling of that frame: keyed and formula thresholds are evaluated."""
         if self.resampling is None:
             return None
         now = self.resampling.thresholds.at(frame, self.clock.time(frame))
@@ -138,11 +137,11 @@ class Motion:
             self.resampling if now is self.resampling.thresholds else replace(self.resampling, thresholds=now)
         )
 
-    def bounded(self, flow: Flow, frame: int) -> Flow:
-        """A flow as it moves the surface into that frame: its sub-steps are no longer than `max_step`.
+    def limit_steps(self, flow: Flow, frame: int) -> Flow:
+        """Return a flow whose sub-steps into that frame are no longer than `max_step`.
 
-        The maximum length is that of the frame; where it depends on curvature or the camera, the coarsest. Of
-        a formula none is known: it bounds nothing, and nothing does without resampling.
+        The maximum length is that of the frame; the coarsest where it depends on curvature or the camera. A
+        formula bounds nothing, and so does a motion without resampling.
         """
         resampling = self.resampling_at(frame)
         longest = None if resampling is None else resampling.thresholds.max_edge_length
@@ -151,10 +150,10 @@ class Motion:
         return flow.with_max_step(self.max_step * longest) if isinstance(longest, float) else flow
 
     def mesh_at_rest(self) -> TriangleMesh:
-        """The subject's mesh, as fine as the first frame is to be.
+        """Return the subject's mesh, as fine as the first frame needs it.
 
-        Where edge lengths vary, solids are meshed for the finest, which the first resampling thins out; but
-        not for lengths below a third of the usual one, which it splits.
+        Where edge lengths vary, solids are meshed for the finest, and the first resampling collapses edges.
+        Lengths below a third of the median are left to its splits.
         """
         resampling = self.resampling_at(self.frames.first)
         if resampling is None:
@@ -169,38 +168,43 @@ class Motion:
         return self.subject.build(max(float(lengths.min()), float(np.median(lengths)) / 3.0))
 
     def polygons_at_rest(self) -> PolygonMesh:
-        """The subject's polygons. Where lengths are functions, a solid is as `mesh_at_rest` has it, for a
-        few corners could not tell them how it is between."""
+        """Return the subject's polygons.
+
+        Where lengths are functions, a solid is its mesh at rest: a few corners sample them too coarsely.
+        """
         resampling = self.resampling_at(self.frames.first)
         longest = None if resampling is None else resampling.thresholds.max_edge_length
         if longest is None or isinstance(longest, float) or not isinstance(self.subject, Solid):
             return self.subject.polygons(longest if isinstance(longest, float) else None)
         return PolygonMesh.from_triangles(self.mesh_at_rest())
 
-    def renews_rest(self, frame: int) -> bool:
-        """Whether the surface of that frame becomes the undeformed one."""
+    def begins_rest_interval(self, frame: int) -> bool:
+        """Tell whether a rest interval begins: the surface of that frame becomes the one at rest."""
         resampling, since = self.resampling, frame - self.frames.first
         if resampling is None or resampling.method != "triangles" or resampling.placement != "exact":
             return False
         return since > 0 and since % resampling.rest_interval == 0
 
     def start_data(self) -> dict[str, Any]:
-        """What decides the first frame, as JSON-able data: equal data, equal mesh."""
+        """Return what decides the first frame as JSON-able data: equal data, equal mesh."""
         return {
             "subject": as_data(self.subject),
             "resampling": now.data() if (now := self.resampling_at(self.frames.first)) else None,
         }
 
     def step_data(self, frame: int) -> Any:
-        """What acts on the way into `frame`, JSON-able. A changed key tells from the key before it on."""
+        """Return what acts on the way into `frame` as JSON-able data.
+
+        A changed key of a curve changes the data from the key before it on.
+        """
         try:
-            data = checked_cache_data(self.bounded(self.flow, frame), *self.step(frame))
+            data = checked_cache_data(self.limit_steps(self.flow, frame), *self.step(frame))
         except FrameError as error:  # of the speed
             data = {"fails": str(error)}
         now = self.resampling_at(frame)
         changes: dict[str, Any] = {}
         if now is not None and now is not self.resampling:
             changes["thresholds"] = thresholds_data(now.thresholds)
-        if self.renews_rest(frame):
+        if self.begins_rest_interval(frame):
             changes["renewed"] = True
         return {"flow": data, **changes} if changes else data

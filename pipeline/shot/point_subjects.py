@@ -1,4 +1,4 @@
-"""Clouds: subjects that are points, drawn as spheres."""
+"""Subjects that are points: clouds, drawn as spheres, and control nets of smooth surfaces."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ RADIUS = "radius"
 
 MOST_POINTS = 2_000_000
 
-_ROOM = 2.45
-"""Edges of the mesh that points are strewn on, in distances between points: about a face for each."""
+_EDGE = 2.45
+"""Edge length of the mesh that points are scattered on, in distances between points: about a face a point."""
 
 
 class Cloud(Subject):
-    """Points that move, each for itself: nothing is between them to resample."""
+    """Points that move independently; they have no edges to resample."""
 
     @property
     def is_surface(self) -> bool:
@@ -37,19 +37,19 @@ class Cloud(Subject):
 
     @abstractmethod
     def points(self) -> tuple[Points, Floats]:
-        """Places (N, 3) and radii (N,) at rest."""
+        """Return positions (N, 3) and radii (N,) at rest."""
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
-        """The points as the vertices of a mesh without faces, their radii as the attribute `radius`."""
+        """Return a mesh of the points without faces, with their radii as the attribute `radius`."""
         points, radii = self.points()
         return TriangleMesh(points, [], {RADIUS: radii})
 
 
 @dataclass(frozen=True)
 class CloudInSolid(Cloud):
-    """Points strewn evenly in a solid, or on its surface.
+    """Points scattered evenly in a solid, or on its surface.
 
-    radius  of each, scene units
+    radius  of each sphere, scene units
     """
 
     solid: Solid
@@ -59,13 +59,13 @@ class CloudInSolid(Cloud):
     radius: float
 
     def points(self) -> tuple[Points, Floats]:
-        """Raises UsageError for the volume of a solid that encloses none."""
+        """Return positions and radii. Raises UsageError for the volume of a sheet, which encloses none."""
         mesh, surface = self.solid.build(), self.solid.project
         if self.fill == "surface":
             corners = mesh.vertices[mesh.faces]
             sides = corners[:, 1:] - corners[:, :1]
             area = 0.5 * float(np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1).sum())
-            fine = self.solid.build(_ROOM * (area / self.count) ** 0.5)
+            fine = self.solid.build(_EDGE * (area / self.count) ** 0.5)
             places = surface(on_surface(fine, self.count, self.seed))
         elif self.solid.solid == "sheet":
             raise UsageError("a sheet encloses no volume to fill; write fill: surface")
@@ -76,11 +76,11 @@ class CloudInSolid(Cloud):
 
 @dataclass(frozen=True)
 class CloudOfFile(Cloud):
-    """The points of a file, known by its contents.
+    """The points of a file, identified by its contents.
 
     digest  SHA-256 of the file
-    radius  of each, scene units; or the name of the attribute of the file that says it, in the file's units
-    scale   factor on all coordinates, and on radii that the file says
+    radius  of each sphere, scene units; or the name of an attribute of the file, in the file's units
+    scale   factor on all coordinates, and on radii from the file
     """
 
     digest: str
@@ -89,40 +89,37 @@ class CloudOfFile(Cloud):
     path: Path = field(default=Path(), metadata=NOT_DATA)
 
     def points(self) -> tuple[Points, Floats]:
-        """Raises what `read_points` and `radii_of` raise."""
-        found = read_points(self.path)
-        radii = radii_of(found, self.radius, str(self.path))
-        return self.scale * found.points, radii if isinstance(self.radius, float) else self.scale * radii
+        """Return positions and radii. Raises what `read_points` and `radii_of` raise."""
+        file = read_points(self.path)
+        radii = radii_of(file, self.radius, str(self.path))
+        return self.scale * file.points, radii if isinstance(self.radius, float) else self.scale * radii
 
 
-def radii_of(found: PointSet, radius: float | str, name: str) -> Floats:
-    """(N,) the radius of each point of a file: one for all, or those of an attribute.
+def radii_of(file: PointSet, radius: float | str, name: str) -> Floats:
+    """Return the radii (N,) of the points of a file: one number for all, or an attribute.
 
-    Raises MeshError, which begins with `name`, where there are too many points, no such attribute, or a value
-    of it is not above 0.
+    Raises MeshError, which begins with `name`, for too many points, an unknown attribute, or a value of it
+    that is not above 0.
     """
-    if len(found.points) > MOST_POINTS:
-        raise MeshError(f"{name}: it holds {len(found.points)} points; {MOST_POINTS} are the most")
+    if len(file.points) > MOST_POINTS:
+        raise MeshError(f"{name}: it holds {len(file.points)} points; it may hold {MOST_POINTS}. Thin it out")
     if not isinstance(radius, str):
-        return np.full(len(found.points), radius)
-    if radius not in found.attributes:
-        hint = suggestion(radius, found.attributes) if found.attributes else "It has none; write a number."
+        return np.full(len(file.points), radius)
+    if radius not in file.attributes:
+        hint = suggestion(radius, file.attributes) if file.attributes else "It has none; write a number."
         raise MeshError(f"{name}: its points have no attribute {radius!r} for a radius. {hint}")
-    radii = found.attributes[radius].astype(np.float64)
+    radii = file.attributes[radius].astype(np.float64)
     bad = np.flatnonzero(~(np.isfinite(radii) & (radii > 0)))
     if len(bad):
         raise MeshError(
             f"{name}: {radius} of point {bad[0]} is {radii[bad[0]]:g} (and {len(bad) - 1} more); radii must "
-            "be above 0"
+            "be above 0. Correct them in the file"
         )
     return radii
 
 
-MOST_POINTS = 1_000_000
-
-
 class ControlNet(Subject):
-    """Points in rows that move; what is seen is the bicubic B-spline surface of where they are."""
+    """Control points in rows that move; visible is the bicubic B-spline surface that they control."""
 
     @property
     def is_surface(self) -> bool:
@@ -134,10 +131,10 @@ class ControlNet(Subject):
 
     @abstractmethod
     def net(self) -> Net:
-        """The points (N, 3) at rest, row by row, and how they are laid out."""
+        """Return the points (N, 3) at rest, row by row, and their layout."""
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
-        """The net itself, its cells cut into triangles."""
+        """Return the control net as a mesh, its cells cut into triangles."""
         points, lattice = self.net()
         return TriangleMesh(points, lattice.faces())
 
@@ -146,8 +143,8 @@ class ControlNet(Subject):
 class NetKind:
     """A net that shots can name.
 
-    measures       what it is measured by, in scene units, and what it measures if nothing is said
-    rows, columns  of how many points it is if nothing is said
+    measures       names and defaults of its measures, scene units
+    rows, columns  default numbers of points
     make           `make(*measures, rows, columns)`
     """
 
@@ -177,7 +174,7 @@ class NetOfSolid(ControlNet):
     def of(
         cls, solid: str, given: Mapping[str, Any], rows: int | None = None, columns: int | None = None
     ) -> NetOfSolid:
-        """`NetOfSolid.of("tube", {"length": 4})`; what is left out takes its default."""
+        """Return a net from measures, e.g. `NetOfSolid.of("tube", {"length": 4})`; others take defaults."""
         kind = NETS[solid]
         values = {**kind.measures, **given}
         measures = tuple((name, measure(values[name])) for name in kind.measures)
@@ -189,7 +186,7 @@ class NetOfSolid(ControlNet):
 
 @dataclass(frozen=True)
 class NetOfRows(ControlNet):
-    """A net whose points stand in the shot file, in rows of equally many."""
+    """A net whose points stand in the shot file, in rows of equal length."""
 
     rows: tuple[tuple[tuple[float, ...], ...], ...]
     closed: tuple[bool, bool] = (False, False)
@@ -200,10 +197,10 @@ class NetOfRows(ControlNet):
 
 @dataclass(frozen=True)
 class NetOfFile(ControlNet):
-    """The net of a file, known by its contents.
+    """The net of a file, identified by its contents.
 
     digest   SHA-256 of the file
-    columns  how many of its points make a row; None where the file says it
+    columns  points in a row; None takes the rows of the file
     scale    factor on all coordinates
     """
 
@@ -214,7 +211,7 @@ class NetOfFile(ControlNet):
     path: Path = field(default=Path(), metadata=NOT_DATA)
 
     def net(self) -> Net:
-        """Raises what `read_net` raises, and MeshError for a net that is too small."""
+        """Return points and layout. Raises what `read_net` raises, and MeshError for too few points."""
         return _net(self.scale * read_net(self.path, self.columns), self.closed)
 
 

@@ -1,6 +1,6 @@
-"""Shot = motion + picture, and the film they are cut into.
+"""Shot = motion + picture, and the film that shots are cut into.
 
-Meshes depend on the motion alone, pictures on both: relighting never moves a vertex again.
+Meshes depend on the motion alone, pictures on both: relighting never moves a vertex.
 """
 
 from __future__ import annotations
@@ -11,11 +11,11 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.camera import CameraPath
+from pipeline.shot.camera import CameraPath, Shutter
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.motion import Motion
-from pipeline.shot.shutter import PictureLayers, Shutter
 from render.post.view import ACES, ColourView
+from render.scene.aovs import AOVS, EXTRA
 from render.scene.lights import LightRig
 from render.scene.look import Look
 from render.scene.quality import QUALITIES, Quality
@@ -23,14 +23,37 @@ from render.scene.stage import Stage
 
 
 @dataclass(frozen=True)
+class AovSelection:
+    """The AOVs that a shot names, with their precision, half or float, in the order of `AOVS`."""
+
+    precision: tuple[tuple[str, str], ...] = ()
+
+    @classmethod
+    def of(cls, written: Mapping[str, str] | list[str]) -> AovSelection:
+        """Return the selection of names in their usual precision, or of a mapping of names to precisions."""
+        usual = {name: AOVS[name].precision for name in written}
+        precision = written if isinstance(written, Mapping) else usual
+        return cls(tuple((name, precision[name]) for name in AOVS if name in precision))
+
+    def adding(self, *names: str) -> AovSelection:
+        """Return the selection with more AOVs, those in their usual precision."""
+        return AovSelection.of({**{name: AOVS[name].precision for name in names}, **dict(self.precision)})
+
+    @property
+    def extra(self) -> tuple[str, ...]:
+        """The names of the AOVs that a frame has only on request."""
+        return tuple(name for name, _ in self.precision if name in EXTRA)
+
+
+@dataclass(frozen=True)
 class Picture:
     """All that decides how the meshes of a shot look.
 
-    view        how its light is shown
-    tessellate  into how many pieces every edge is cut, on curved patches over the triangles (P37); 1: not
-    dicing      how many pixels a piece of an edge spans at most, instead; None: as many pieces as said
-    qualities   those of `render.scene.quality.QUALITIES`, as this shot needs them
-    layers      what comes with the beauty beyond what the denoiser needs
+    view        the colour view that shows its light
+    tessellate  segments that every edge is cut into, on curved patches over the triangles (P37); 1 is off
+    dicing      longest segment of an edge in pixels, in place of `tessellate`; None is off
+    qualities   `render.scene.quality.QUALITIES` with the shot's own settings
+    aovs        the AOVs that the shot names
     """
 
     look: Look
@@ -42,10 +65,10 @@ class Picture:
     dicing: float | None = None
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
     shutter: Shutter = field(default_factory=Shutter)
-    layers: PictureLayers = field(default_factory=PictureLayers)
+    aovs: AovSelection = field(default_factory=AovSelection)
 
-    def shown_as(self) -> dict[str, Any]:
-        """Plain data of what is between its light and the pictures of a display."""
+    def display_data(self) -> dict[str, Any]:
+        """Return what maps rendered light to display colours, as plain data."""
         return {"exposure": self.lights.exposure, "view": self.view.recipe}
 
 
@@ -53,7 +76,7 @@ class Picture:
 class Shot:
     """One shot of a film. `name` is the file's, without its ending.
 
-    files  those that it was made of beside shot files, and the SHA-256 of their contents
+    files  the files that it was read from except shot files, and the SHA-256 of their contents
     """
 
     name: str
@@ -75,9 +98,9 @@ class Shot:
 
 @dataclass(frozen=True)
 class Clip:
-    """A shot as an edit shows it: those of its frames, in that order.
+    """A shot in an edit: frames of it, in order.
 
-    dissolve  over how many frames it comes through what is before it
+    dissolve  frames of the dissolve from the entry before it
     """
 
     shot: Shot
@@ -85,13 +108,13 @@ class Clip:
     dissolve: int = 0
 
     def length(self, rate: FrameRate) -> int:
-        """Frames, at the film's rate, which is the shot's too."""
+        """Return the length in frames at the film's rate, which is the shot's too."""
         return len(self.frames)
 
 
 @dataclass(frozen=True)
 class Card:
-    """Words between shots; `dissolve` as of a clip."""
+    """A title card between shots; `dissolve` as of a clip."""
 
     title: str
     subtitle: str = ""
@@ -99,16 +122,16 @@ class Card:
     dissolve: int = 0
 
     def length(self, rate: FrameRate) -> int:
-        """Frames, the nearest to its seconds."""
+        """Return the length in frames at the film's rate, rounded."""
         return round(self.seconds * float(rate.fps))
 
 
 @dataclass(frozen=True)
 class SoundTrack:
-    """What is heard with a film.
+    """The sound file of a film.
 
     digest             SHA-256 of the file
-    start              second of the film at which it begins; before 0, so much of its beginning is left out
+    start              second of the film at which it begins; a negative start cuts its beginning
     gain               decibels
     fade_in, fade_out  seconds
     """
@@ -123,9 +146,9 @@ class SoundTrack:
 
 @dataclass(frozen=True)
 class Film:
-    """The edit: clips of shots and cards in order, the words around them, and what is heard.
+    """An edit: clips of shots and cards in order, a title, credits and sound.
 
-    title_seconds, credits_seconds  how long those cards stand; 0 leaves them out
+    title_seconds, credits_seconds  duration of those cards; 0 leaves them out
     """
 
     title: str
@@ -144,13 +167,12 @@ class Film:
 
     @property
     def shots(self) -> tuple[Shot, ...]:
-        """Those of the clips, one each."""
+        """The shot of each clip."""
         return tuple(clip.shot for clip in self.clips)
 
     @property
     def seconds(self) -> float:
-        """How long the film is, cards included; what dissolves overlaps."""
-        shown = self.rate.seconds(sum(e.length(self.rate) - e.dissolve for e in self.entries))
-        return (
-            shown + (self.title_seconds if self.title else 0) + (self.credits_seconds if self.credits else 0)
-        )
+        """Duration of the film with its cards; dissolves overlap."""
+        entries = self.rate.seconds(sum(e.length(self.rate) - e.dissolve for e in self.entries))
+        title = self.title_seconds if self.title else 0
+        return entries + title + (self.credits_seconds if self.credits else 0)

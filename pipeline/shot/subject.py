@@ -1,4 +1,4 @@
-"""What the flow works on: a solid by name, or a model from a file. Clouds and nets stand elsewhere."""
+"""Subjects that are surfaces: solids by name and models from files. `point_subjects` has clouds and nets."""
 
 from __future__ import annotations
 
@@ -23,8 +23,16 @@ from pipeline.mesh import (
     torus,
 )
 from pipeline.mesh.control_net import Lattice
-from pipeline.mesh.solids.analytic_surfaces import Box, Capsule, Cylinder, Sheet, Sphere, Torus, TrueSurface
-from pipeline.mesh.solids.bars import Bars, lattice
+from pipeline.mesh.solids.analytic_surfaces import (
+    AnalyticSurface,
+    BoxSurface,
+    CapsuleSurface,
+    CylinderSurface,
+    SheetSurface,
+    SphereSurface,
+    TorusSurface,
+)
+from pipeline.mesh.solids.bars import BarLattice, lattice
 from pipeline.mesh.solids.primitives import one_sided_sheet, six_sided_box
 from pipeline.shot.data import NOT_DATA
 
@@ -32,33 +40,33 @@ Measure = float | str | tuple[float, ...]
 
 
 class Subject(ABC):
-    """Knows its mesh at rest."""
+    """The mesh at rest that a flow deforms."""
 
     @property
-    def project(self) -> TrueSurface | None:
-        """What the mesh at rest stands for, where it is known: maps points to the nearest on it."""
+    def project(self) -> AnalyticSurface | None:
+        """The analytic surface of the mesh at rest, or None; it maps points to the nearest on it."""
         return None
 
     @property
     def is_surface(self) -> bool:
-        """Whether its mesh is what is seen, and can be resampled; else it is points that only move."""
+        """True if its mesh is visible and can be resampled; False for points that only move."""
         return True
 
     @property
     def lattice(self) -> Lattice | None:
-        """How its vertices are laid out as the control points of a net, where they are."""
+        """The layout of its vertices as the control points of a net; None for other subjects."""
         return None
 
     @abstractmethod
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
-        """The surface at rest.
+        """Return the surface at rest.
 
-        A solid is meshed for edges of at most max_edge_length, scene units (a coarse default where it is
-        None). A model is as its file says: long edges are split on the first frame (P20, P25).
+        A solid is meshed for edges of at most max_edge_length, scene units; None is a coarse default. A model
+        is as its file says: long edges are split on the first frame (P20, P25).
         """
 
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
-        """The surface at rest, of its own polygons where it has any (P20), else of what `build` makes."""
+        """Return the surface at rest as polygons of its own if it has any (P20), else as triangles."""
         return PolygonMesh.from_triangles(self.build(max_edge_length))
 
 
@@ -66,15 +74,15 @@ class Subject(ABC):
 class SolidKind:
     """A solid that shots can name.
 
-    measures  what it is measured by, in scene units, and what it measures if nothing is said
+    measures  names and defaults of its measures, scene units
     make      `make(edge_length, *measures)`: its mesh
-    surface   `surface(*measures)`: what the mesh stands for
-    polygons  `polygons(*measures)`: the same of a few polygons, where it has flat sides only
+    surface   `surface(*measures)`: the analytic surface that the mesh approximates
+    polygons  `polygons(*measures)`: the solid as a few polygons, if all its sides are flat
     """
 
     measures: Mapping[str, Measure]
     make: Callable[..., TriangleMesh]
-    surface: Callable[..., TrueSurface]
+    surface: Callable[..., AnalyticSurface]
     polygons: Callable[..., PolygonMesh] | None = None
 
 
@@ -83,43 +91,45 @@ def _icosphere(edge_length: float, radius: float) -> TriangleMesh:
     return icosphere(max(1, edges), radius)
 
 
-def _rod(length: float, radius: float, caps: str) -> TrueSurface:
-    return Capsule(length, radius) if caps == "round" else Cylinder(length, radius)
+def _rod(length: float, radius: float, caps: str) -> AnalyticSurface:
+    return CapsuleSurface(length, radius) if caps == "round" else CylinderSurface(length, radius)
 
 
-def _box(size: float | tuple[float, float, float]) -> TrueSurface:
-    return Box(size if isinstance(size, tuple) else (size, size, size))
+def _box(size: float | tuple[float, float, float]) -> AnalyticSurface:
+    return BoxSurface(size if isinstance(size, tuple) else (size, size, size))
 
 
 SOLIDS: Mapping[str, SolidKind] = {
     "box": SolidKind({"size": (2.0, 2.0, 2.0)}, lambda edge, size: box(size, edge), _box, six_sided_box),
-    "icosphere": SolidKind({"radius": 1.0}, _icosphere, Sphere),
+    "icosphere": SolidKind({"radius": 1.0}, _icosphere, SphereSurface),
     "lattice": SolidKind(
         {"size": (2.0, 2.0, 2.0), "spacing": 0.6, "thickness": 0.15},
         lambda edge, size, spacing, thickness: lattice(size, spacing, thickness, edge),
-        Bars,
+        BarLattice,
     ),
     "rod": SolidKind(
         {"length": 3.0, "radius": 0.5, "caps": "round"},
         lambda edge, length, radius, caps: rod(length, radius, edge, caps),
         _rod,
     ),
-    "sheet": SolidKind({"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge), Sheet, one_sided_sheet),
+    "sheet": SolidKind(
+        {"size": (2.0, 2.0)}, lambda edge, size: sheet(size, edge), SheetSurface, one_sided_sheet
+    ),
     "torus": SolidKind(
         {"radius": 1.0, "tube_radius": 0.4},
         lambda edge, radius, tube_radius: torus(radius, tube_radius, edge),
-        Torus,
+        TorusSurface,
     ),
 }
 
-MIDDLE = 0.62
-"""Solids are meshed near the geometric middle of the bracket from 40% to 100% of the maximum edge."""
+_MESHED = 0.62
+"""Edge length of meshed solids over the maximum: the geometric mean of the limits, 40% and 100%."""
 
-COARSE = 1 / 16
-"""Edge length over size where there is no bracket."""
+_COARSEST = 1 / 16
+"""Edge length over size without a maximum edge length."""
 
-FINE = 1 / 500
-"""Finest edge length over size: beyond, splitting goes on, and stops at the budget of vertices."""
+_FINEST = 1 / 500
+"""Finest edge length over size: splits refine further, up to the budget of vertices."""
 
 
 @dataclass(frozen=True)
@@ -131,19 +141,19 @@ class Solid(Subject):
 
     @classmethod
     def of(cls, solid: str, given: Mapping[str, Any]) -> Solid:
-        """`Solid.of("box", {"size": [2, 2, 1]})`; measures left out take their defaults."""
+        """Return a solid from measures, e.g. `Solid.of("box", {"size": [2, 2, 1]})`; others take defaults."""
         values = {**SOLIDS[solid].measures, **given}
         return cls(solid, tuple((name, measure(values[name])) for name in SOLIDS[solid].measures))
 
     @property
-    def project(self) -> TrueSurface:
+    def project(self) -> AnalyticSurface:
         return SOLIDS[self.solid].surface(*(value for _, value in self.measures))
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         values = [value for _, value in self.measures]
         largest = float(max(np.hstack([value for value in values if not isinstance(value, str)])))
-        edge = MIDDLE * max_edge_length if max_edge_length else COARSE * largest
-        return SOLIDS[self.solid].make(max(edge, FINE * largest), *values)
+        edge = _MESHED * max_edge_length if max_edge_length else _COARSEST * largest
+        return SOLIDS[self.solid].make(max(edge, _FINEST * largest), *values)
 
     def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
         make = SOLIDS[self.solid].polygons
@@ -174,7 +184,7 @@ class Model(Subject):
 
 
 def measure(value: Any) -> Measure:
-    """A measure as a file has it, as a value."""
+    """Convert a measure of a shot file to a value."""
     if isinstance(value, list | tuple):
         return tuple(float(x) for x in value)
     return value if isinstance(value, str) else float(value)

@@ -1,183 +1,151 @@
-"""Frames and sound into a file, by one of the named encodes, as they come. Knows av."""
+"""Write frames and sound into a movie, frame by frame, with imageio's pyav plugin."""
 
 from __future__ import annotations
 
-import itertools
+import io
 import os
+from collections import deque
 from collections.abc import Iterator
-from contextlib import closing, contextmanager
-from dataclasses import dataclass
+from contextlib import closing, contextmanager, suppress
 from fractions import Fraction
 from functools import cache
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 import av
-import numpy as np
-from numpy.typing import NDArray
+import imageio.v3 as iio
 
-from render.base.atomic_write import atomic_write, cannot_write
+from render.base.atomic_write import atomic_write
 from render.base.errors import BadInputError, MachineError
 from render.movie.codecs import Encode, require_size
-from render.movie.planes import Frame, bgra, even, gbr, require_frame, ycbcr
-from render.movie.sink import Sink
-from render.movie.sound import Samples
-from render.movie.track import Track
+from render.movie.planes import Frame, pad_to_even, require_frame, to_pixel_format
+from render.movie.sound import AudioTrack, Samples
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
-_REORDERED = 3
-"""The fewest frames of which one can be encoded before one that is shown earlier: I, P, B."""
-_FORMATS = {".mp4": "mp4", ".mov": "mov", ".mkv": "matroska", ".webp": "webp"}
+_REORDER = 3
+"""The fewest frames that an encoder can reorder: I, P, B."""
 
 
-def write_encode(
+def write_movie(
     path: Path,
     frames: Iterator[Frame],
     rate: Fraction,
     encode: Encode,
-    start: str = "",
+    timecode: str = "",
     sound: Iterator[Samples] | None = None,
 ) -> int:
     """Encode display frames (H, W, 3) or (H, W, 4) as they come; return how many there were.
 
-    start  the timecode of the first frame; the file gets none where it is empty
-    sound  what is heard under the frames, as `render.movie.sound.blocks` tells it; WebP leaves it out
+    rate      frames per second
+    timecode  of the first frame; empty for none
+    sound     blocks from `render.movie.sound.blocks`; dropped where the file can hold no sound
 
-    uint8 frames count 0 … 255, uint16 frames 0 … 65535; a fourth channel is coverage, kept where the encode
-    can. The file appears under its name only when complete, and the same input is the same bytes.
+    Where colour has half the resolution, an odd last column or row is repeated once. The movie appears under
+    its name only when complete, and the same input gives the same bytes.
     Raises BadInputError for no frames, frames of different sizes or too small; MissingImageError or
     CorruptImageError for sound that cannot be read; MachineError where the encoder fails, the disk
     is full or the folder cannot be written.
     """
     frames = iter(frames)
-    first = next(frames, None)
-    if first is None:
+    first = deque(islice(frames, _REORDER))
+    if not first:
         raise BadInputError(f"{path}: a movie of no frames is not possible")
-    require_frame(first, (3, 4))
-    require_size(encode, first.shape[1], first.shape[0])
-    with atomic_write(path) as temporary, _quiet(), closing(Sink(temporary)) as sink:
-        try:
-            return _write(sink, path, itertools.chain([first], frames), rate, encode, start, sound)
-        except av.error.FFmpegError as error:
-            if sink.error is not None:
-                raise cannot_write(path, str(sink.error.strerror)) from None
-            raise _encoder_failed(path, encode, first, error) from None
-
-
-def _encoder_failed(path: Path, encode: Encode, first: Frame, error: av.error.FFmpegError) -> MachineError:
-    return MachineError(
-        f"{path}: the encoder {encode.codec} failed on frames of {_size(first.shape)} ({error.strerror}); "
-        "the frames are untouched: choose another encode, such as ffv1, or another size"
-    )
-
-
-def _write(
-    sink: Sink,
-    path: Path,
-    frames: Iterator[Frame],
-    rate: Fraction,
-    encode: Encode,
-    start: str,
-    sound: Iterator[Samples] | None,
-) -> int:
-    options = dict(encode.container)
-    count, first = 0, (0, 0, 0)
-    with av.open(sink, "w", format=_FORMATS[encode.suffix], options=options) as container:
-        if start and encode.has_timecode:
-            container.metadata["timecode"] = start
-        picture: _Picture | None = None
-        track: Track | None = None
-        for frame in frames:
-            if picture is None:
-                first = frame.shape
-                picture = _Picture.begun(container, encode, frame, rate)
-                track = Track.begun(container, encode, sound) if sound is not None else None
-            require_frame(frame, (3, 4))
-            if frame.shape != first:
+    require_frame(first[0])
+    shape, can_reorder, count = first[0].shape, len(first) == _REORDER, 0
+    require_size(encode, shape[1], shape[0])
+    with (
+        _movie_file(path, encode, shape) as file,
+        _open_movie(file, encode, shape, rate, can_reorder) as (movie, container),
+    ):
+        if timecode and encode.has_timecode:
+            movie.container_metadata["timecode"] = timecode
+        codec = encode.container.audio_codec
+        track = AudioTrack(container, codec, sound) if sound is not None and codec else None
+        for frame in _chain(first, frames):
+            require_frame(frame)
+            if frame.shape != shape:
                 raise BadInputError(
-                    f"{path}: frame {count} has {_size(frame.shape)} where the first has {_size(first)}; all "
+                    f"{path}: frame {count} has {_size(frame.shape)} where the first has {_size(shape)}; all "
                     "must have the same"
                 )
-            picture.write(frame, count)
+            _write_frame(movie, frame, encode)
             count += 1
             if track is not None:
                 track.write_until(count / rate)
-            sink.check()
-        assert picture is not None, "there is a first frame"
-        picture.end()
+            file.require_written()
         if track is not None:
-            track.end()
-        sink.check()
-    sink.check()
+            track.finish()
     return count
 
 
-@dataclass(eq=False)
-class _Picture:
-    """The stream of pictures of a file being written."""
+@contextmanager
+def _movie_file(path: Path, encode: Encode, shape: tuple[int, ...]) -> Iterator[_MovieFile]:
+    """Open the file of a movie. Raises MachineError where the disk or the encoder fails."""
+    with atomic_write(path) as temporary, _quiet_svt(), closing(_MovieFile(temporary)) as file:
+        try:
+            yield file
+        except av.error.FFmpegError as error:
+            file.require_written()
+            raise MachineError(
+                f"{path}: the encoder {encode.codec} failed on frames of {_size(shape)} ({error.strerror}); "
+                "choose another encode, such as ffv1, or another size"
+            ) from None
+        file.require_written()
 
-    container: Any
-    stream: Any
-    encode: Encode
-    given: str
-    stored: str
-    rate: Fraction
-    count: int = 0
 
-    @classmethod
-    def begun(cls, container: Any, encode: Encode, frame: Frame, rate: Fraction) -> _Picture:
-        covered = encode.covered if frame.shape[2] == 4 else None
-        given, stored = covered or (encode.given, encode.stored)
-        stream = container.add_stream(encode.codec, rate=rate, options=_settled(encode))
-        height, width = (even(frame) if encode.halves_colour else frame).shape[:2]
-        stream.width, stream.height, stream.pix_fmt = width, height, stored
+@contextmanager
+def _open_movie(
+    file: _MovieFile, encode: Encode, shape: tuple[int, ...], rate: Fraction, can_reorder: bool
+) -> Iterator[tuple[Any, Any]]:
+    """Open a movie for frames of one shape; yield imageio's plugin and FFmpeg's container.
+
+    imageio has no arguments for options of the codec, for colours and for sound: they are set on the stream
+    and the container that it opened.
+    """
+    kind = encode.container
+    options: Any = {"container": kind.format, "options": dict(kind.options)}
+    movie: Any = iio.imopen(file, "w", plugin="pyav", extension=kind.suffix, **options)
+    try:
+        movie.init_video_stream(encode.codec, fps=float(rate), pixel_format=encode.format_of(shape[2]))
+        stream, codec = movie._video_stream, movie._video_stream.codec_context
         stream.time_base = 1 / rate
-        codec = stream.codec_context
+        codec.options = _codec_options(encode, can_reorder)
+        if encode.is_subsampled:
+            # Frames are converted by as many threads; the options say how many encode. FFmpeg's threads write
+            # over the first pixels of each other's rows where the width is no multiple of 16.
+            codec.thread_count = 1
         codec.color_primaries = codec.color_trc = _BT709
         codec.colorspace, codec.color_range = (_RGB, _FULL) if encode.is_rgb else (_BT709, _LIMITED)
-        if encode.tag:
-            codec.codec_tag = encode.tag
-        return cls(container, stream, encode, given, stored, rate)
-
-    def write(self, frame: Frame, number: int) -> None:
-        picture = _filled(self.given, self._planes(frame))
-        if self.stored != self.given:
-            picture = picture.reformat(format=self.stored)
-        picture.pts, picture.time_base = number, 1 / self.rate
-        picture.color_primaries = picture.color_trc = _BT709
-        picture.colorspace, picture.color_range = (_RGB, _FULL) if self.encode.is_rgb else (_BT709, _LIMITED)
-        self.count += 1
-        self._mux(picture)
-
-    def end(self) -> None:
-        self._mux(None)
-
-    def _mux(self, picture: Any) -> None:
-        for packet in self.stream.encode(picture):
-            if self.count < _REORDERED and self.encode.codec == "libx265":
-                # x265 4.2 subtracts a delay from these decoding times that it sets at the third frame only;
-                # before, it is whatever the memory held.
-                packet.dts = packet.pts
-            packet.duration = packet.duration or round(1 / self.rate / packet.time_base)
-            self.container.mux(packet)
-
-    def _planes(self, frame: Frame) -> NDArray[Any]:
-        kept = frame if self.given.startswith("yuva") else frame[..., :3]
-        if self.encode.is_rgb:
-            return bgra(kept) if self.given == "bgra" else gbr(kept)
-        return ycbcr(even(kept) if self.encode.halves_colour else kept, self.encode.bits)
+        if encode.codec_tag:
+            codec.codec_tag = encode.codec_tag
+        if encode.codec == "prores_ks":  # it writes the colours of frames, not of the stream
+            stream.height, stream.width = shape[:2]
+            colours = "color_primaries=bt709:color_trc=bt709:colorspace=bt709:range=limited"
+            movie.set_video_filter([("setparams", colours)])
+        yield movie, movie._container
+        movie.close()
+    except BaseException:
+        movie._video_stream = None  # or closing would encode the frames that the encoder still holds
+        with suppress(Exception):
+            movie.close()
+        raise
 
 
-def _settled(encode: Encode) -> dict[str, str]:
-    """The codec's options on this machine.
+def _codec_options(encode: Encode, can_reorder: bool) -> dict[str, str]:
+    """Return the options of the codec on this machine, for a movie long enough to reorder frames or not.
 
-    What x264 does with AVX-512 in its look-ahead is not the same every time: sixty encodes of eight frames of
-    192 × 108 were nine different files. By AVX2 they are one.
+    With AVX-512, x264's look-ahead is not deterministic: sixty encodes of eight frames of 192 × 108 gave nine
+    different files. With AVX2 they give one.
+    x265 4.2 subtracts a delay from decoding times that it sets when the third frame arrives. In a shorter
+    movie the delay is what the memory held, and the muxer refuses the times. Without B frames there is none.
     """
     options = dict(encode.options)
     if encode.codec == "libx264" and _has_avx512():
         options["x264-params"] += ":asm=AVX2"
+    if encode.codec == "libx265" and not can_reorder:
+        options["x265-params"] += ":bframes=0"
     return options
 
 
@@ -188,15 +156,18 @@ def _has_avx512() -> bool:
     return bool(get_host_cpu_features().get("avx512f"))
 
 
-def _filled(kind: str, planes: NDArray[Any]) -> Any:
-    """An FFmpeg frame of planes (P, H, W)."""
-    packed = kind == "bgra"
-    width = planes.shape[2] // 4 if packed else planes.shape[2]
-    frame = av.VideoFrame(width, planes.shape[1], kind)
-    for place, plane in zip(frame.planes, planes, strict=True):
-        rows = np.frombuffer(place, dtype=planes.dtype).reshape(plane.shape[0], -1)
-        rows[:, : plane.shape[1]] = plane
-    return frame
+def _write_frame(movie: Any, frame: Frame, encode: Encode) -> None:
+    """Convert a frame at full resolution of colour, which FFmpeg halves where the encode asks for it."""
+    full = encode.format_of(frame.shape[2]).replace("420", "444")
+    padded = pad_to_even(frame) if encode.is_subsampled else frame
+    movie.write_frame(to_pixel_format(padded, full), pixel_format=full)
+
+
+def _chain(first: deque[Frame], rest: Iterator[Frame]) -> Iterator[Frame]:
+    """Yield the first frames, letting go of each, then the rest."""
+    while first:
+        yield first.popleft()
+    yield from rest
 
 
 def _size(shape: tuple[int, ...]) -> str:
@@ -204,8 +175,8 @@ def _size(shape: tuple[int, ...]) -> str:
 
 
 @contextmanager
-def _quiet() -> Iterator[None]:
-    """SVT-AV1 talks to the terminal unless its environment says otherwise."""
+def _quiet_svt() -> Iterator[None]:
+    """Keep SVT-AV1 from writing to the terminal."""
     before = os.environ.get("SVT_LOG")
     os.environ.setdefault("SVT_LOG", "1")
     try:
@@ -213,3 +184,30 @@ def _quiet() -> Iterator[None]:
     finally:
         if before is None:
             del os.environ["SVT_LOG"]
+
+
+class _MovieFile(io.FileIO):
+    """The file that FFmpeg writes. It keeps the disk's first error for `require_written`.
+
+    FFmpeg calls `write` from C, where exceptions are printed and lost. It reads the file to move a movie's
+    index to the beginning.
+    """
+
+    error: OSError | None = None
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(str(path), "w+")
+
+    def write(self, data: Any) -> int:
+        rest = memoryview(data)
+        while len(rest) and self.error is None:
+            try:
+                rest = rest[super().write(rest) :]
+            except OSError as error:
+                self.error = error
+        return len(data)
+
+    def require_written(self) -> None:
+        """Raises the first OSError of the disk."""
+        if self.error is not None:
+            raise self.error

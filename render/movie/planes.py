@@ -1,4 +1,4 @@
-"""Display pictures as the planes of samples that encoders take: colours by BT.709, rounded with grain."""
+"""Convert display frames to the pixel formats that encoders take."""
 
 from __future__ import annotations
 
@@ -13,20 +13,19 @@ from render.movie.kernels.planes import to_ycbcr
 from render.post.dither import dither_pattern
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
-"""A display picture (H, W, 3), or (H, W, 4) with its coverage; uint8 counts 0 … 255, uint16 0 … 65535."""
+"""A display frame (H, W, 3), or (H, W, 4) with coverage; uint8 counts 0 … 255, uint16 0 … 65535."""
 
 
-def require_frame(frame: NDArray[Any], channels: tuple[int, ...] = (3,)) -> None:
-    """Raises BadInputError for what is no display picture of so many channels."""
-    kinds = (np.uint8, np.uint16)
-    if frame.ndim != 3 or frame.shape[2] not in channels or frame.dtype not in kinds:
-        shapes = " or ".join(f"(H, W, {count})" for count in channels)
-        raise BadInputError(f"a frame is {frame.dtype} {frame.shape}; it must be uint8 or uint16 {shapes}")
+def require_frame(frame: NDArray[Any]) -> None:
+    """Raises BadInputError for an array that is no display frame."""
+    if frame.ndim != 3 or frame.shape[2] not in (3, 4) or frame.dtype not in (np.uint8, np.uint16):
+        raise BadInputError(
+            f"a frame is {frame.dtype} {frame.shape}; it must be uint8 or uint16 (H, W, 3) or (H, W, 4)"
+        )
 
 
-def even(frame: Frame) -> Frame:
-    """The frame, an odd last column or row repeated once: where colour has half the resolution, sizes are
-    even."""
+def pad_to_even(frame: Frame) -> Frame:
+    """Repeat an odd last column or row once."""
     height, width = frame.shape[:2]
     if height % 2 == width % 2 == 0:
         return frame
@@ -34,11 +33,28 @@ def even(frame: Frame) -> Frame:
     return padded
 
 
-def ycbcr(frame: Frame, bits: int) -> NDArray[Any]:
-    """Full-range RGB as limited-range BT.709 Y, Cb, Cr planes (3, H, W) of so many bits; dithered.
+def to_pixel_format(frame: Frame, pixel_format: str) -> NDArray[Any]:
+    """Return a frame in FFmpeg's pixel format yuv444p, yuv444p10le, yuva444p10le, gbrp16le or bgra.
 
-    A coverage becomes a fourth plane, full range.
+    Planar formats give (planes, H, W), bgra (H, W, 4). Coverage is dropped where the format has none.
     """
+    if pixel_format == "bgra":
+        return _bgra(frame)
+    if pixel_format == "gbrp16le":
+        return _gbr(frame)
+    kept = frame if pixel_format.startswith("yuva") else frame[..., :3]
+    return _ycbcr(kept, 10 if "p10" in pixel_format else 8)
+
+
+def prepare() -> None:
+    """Compile the kernel, so that the first movie need not wait for it."""
+    for bits in (8, 10):
+        _ycbcr(np.zeros((2, 2, 3), np.uint8), bits)
+        _ycbcr(np.zeros((2, 2, 3), np.uint16), bits)
+
+
+def _ycbcr(frame: Frame, bits: int) -> NDArray[Any]:
+    """Convert full-range RGB to limited-range BT.709 planes, dithered; coverage keeps its full range."""
     height, width, channels = frame.shape
     top, scale = np.float32(np.iinfo(frame.dtype).max), np.float32(2 ** (bits - 8))
     noise = dither_pattern(height, width) if frame.dtype == np.uint16 else _half(height, width)
@@ -49,33 +65,25 @@ def ycbcr(frame: Frame, bits: int) -> NDArray[Any]:
     return planes
 
 
-def prepare() -> None:
-    """Compile the kernel, so that the first movie need not wait for it."""
-    for bits in (8, 10):
-        ycbcr(np.zeros((2, 2, 3), np.uint8), bits)
-        ycbcr(np.zeros((2, 2, 3), np.uint16), bits)
-
-
 @lru_cache(maxsize=4)
 def _half(height: int, width: int) -> NDArray[np.float32]:
-    """(H, W) of a half: what is 8 bits already was dithered then."""
+    """(H, W) filled with a half: frames of 8 bits were dithered when they were quantised."""
     noise = np.full((height, width), 0.5, np.float32)
-    noise.setflags(write=False)  # everyone is given this one
+    noise.setflags(write=False)  # shared by all callers
     return noise
 
 
-def gbr(frame: Frame) -> NDArray[np.uint16]:
-    """G, B, R planes (3, H, W) of 16 bits, without any loss."""
+def _gbr(frame: Frame) -> NDArray[np.uint16]:
+    """Return G, B, R planes of 16 bits, lossless."""
     sixteen = frame.astype(np.uint16) * 257 if frame.dtype == np.uint8 else frame
     return np.asarray(np.moveaxis(sixteen[..., [1, 2, 0]], 2, 0), dtype=np.uint16)
 
 
-def bgra(frame: Frame) -> NDArray[np.uint8]:
-    """B, G, R and a coverage of 1 side by side, (1, H, 4 · W), of 8 bits; dithered."""
+def _bgra(frame: Frame) -> NDArray[np.uint8]:
+    """Return B, G, R of 8 bits, dithered, and an opaque alpha."""
     height, width = frame.shape[:2]
     if frame.dtype == np.uint16:
         noise = dither_pattern(height, width)[..., None]
         frame = np.floor(frame.astype(np.float32) * np.float32(255 / 65535) + noise).astype(np.uint8)
     opaque = np.full((height, width, 1), 255, dtype=np.uint8)
-    pixels = np.concatenate([frame[..., 2::-1], opaque], axis=2)
-    return np.asarray(pixels.reshape(1, height, 4 * width), dtype=np.uint8)
+    return np.concatenate([frame[..., 2::-1], opaque], axis=2)

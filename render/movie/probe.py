@@ -1,18 +1,19 @@
-"""Facts about a movie, found by decoding it to its end. Knows av, and imageio for animated WebP."""
+"""Facts about a movie, found by decoding it to its end, with imageio's plugins."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from pathlib import Path
 from typing import Any
 
 import av
+import imageio.v3 as iio
 
 from render.base.errors import CorruptImageError, MissingImageError
 
-_UNTOLD = 2
-"""H.273 for a colour that nothing is said of."""
+_UNSPECIFIED = 2
+"""H.273 for a colour that is not specified."""
 
 
 @dataclass(frozen=True)
@@ -22,9 +23,9 @@ class MovieFacts:
     range     1 is limited, 2 full
     tag       the codec's name in the container, such as hvc1
     timecode  of the first frame; empty where there is none
-    alpha     whether pictures bring their coverage
+    alpha     True where frames bring their coverage
     sound     the codec of sound; empty where there is none
-    seconds   how long the sound lasts
+    seconds   the length of the sound
     """
 
     frames: int
@@ -32,10 +33,10 @@ class MovieFacts:
     height: int
     rate: Fraction
     pixel_format: str
-    primaries: int
-    transfer: int
-    matrix: int
-    range: int
+    primaries: int = _UNSPECIFIED
+    transfer: int = _UNSPECIFIED
+    matrix: int = _UNSPECIFIED
+    range: int = 2
     codec: str = ""
     tag: str = ""
     timecode: str = ""
@@ -45,75 +46,62 @@ class MovieFacts:
 
 
 def probe_movie(path: Path) -> MovieFacts:
-    """Decode every frame and tell what is there. Raises MissingImageError or CorruptImageError."""
+    """Decode every frame of a movie and return its facts. Raises MissingImageError or CorruptImageError."""
     if not path.is_file():
         raise MissingImageError(f"{path}: there is no such movie")
     try:
         if path.suffix == ".webp":
-            return _of_webp(path)
-        with av.open(str(path)) as container:
-            return _of(container)
+            return _probe_webp(path)
+        return _probe(path)
     except (av.error.FFmpegError, OSError, ValueError, IndexError, TypeError) as error:
         raise CorruptImageError(f"{path}: cannot be decoded to its end ({error}); make it again") from None
 
 
-def _of(container: Any) -> MovieFacts:
-    stream = container.streams.video[0]
-    heard = container.streams.audio[0] if container.streams.audio else None
-    count, samples = 0, 0
-    for frame in container.decode(*[stream, heard][: 1 if heard is None else 2]):
-        if isinstance(frame, av.VideoFrame):
-            count += 1
-        else:
-            samples += frame.samples
-    codec = stream.codec_context
-    pixels = str(codec.pix_fmt)
-    return MovieFacts(
-        frames=count,
-        width=codec.width,
-        height=codec.height,
-        rate=Fraction(stream.average_rate),
-        pixel_format=pixels,
-        primaries=int(codec.color_primaries),
-        transfer=int(codec.color_trc),
-        matrix=int(codec.colorspace),
-        range=int(codec.color_range),
-        codec=str(codec.codec.canonical_name),
-        tag=str(codec.codec_tag).strip("\0 "),
-        timecode=_timecode(container, stream),
-        alpha=pixels.startswith(("yuva", "gbrap", "rgba", "bgra")),
-        sound=str(heard.codec_context.codec.canonical_name) if heard is not None else "",
-        seconds=samples / heard.codec_context.sample_rate if heard is not None else 0.0,
-    )
+def _probe(path: Path) -> MovieFacts:
+    """Read a movie with imageio. It tells no colours: they are read from the stream that it opened."""
+    movie: Any
+    with iio.imopen(path, "r", plugin="pyav") as movie:
+        stream, codec = movie._video_stream, movie._video_stream.codec_context
+        pixel_format = str(stream.pix_fmt)
+        tags = {name.lower(): value for name, value in movie.metadata().items()}
+        corner = [("crop", "2:2")]  # which is soon converted to an array
+        facts = MovieFacts(
+            frames=sum(1 for _ in movie.iter(format="gray", filter_sequence=corner, thread_type="AUTO")),
+            width=codec.width,
+            height=codec.height,
+            rate=Fraction(stream.average_rate),
+            pixel_format=pixel_format,
+            primaries=int(codec.color_primaries),
+            transfer=int(codec.color_trc),
+            matrix=int(codec.colorspace),
+            range=int(codec.color_range),
+            codec=str(codec.codec.canonical_name),
+            tag=str(codec.codec_tag).strip("\0 "),
+            timecode=str(tags.get("timecode", "")),
+            alpha=pixel_format.startswith(("yuva", "gbrap", "rgba", "bgra")),
+        )
+    with av.open(str(path)) as container:
+        if not container.streams.audio:
+            return facts
+        samples = sum(frame.samples for frame in container.decode(audio=0))
+        sound = container.streams.audio[0].codec_context
+        return replace(facts, sound=str(sound.codec.canonical_name), seconds=samples / sound.sample_rate)
 
 
-def _timecode(container: Any, stream: Any) -> str:
-    """In QuickTime it is a track of its own that the pictures name; Matroska has a tag."""
-    tags = {name.lower(): value for of in (container, stream) for name, value in of.metadata.items()}
-    return str(tags.get("timecode", ""))
-
-
-def _of_webp(path: Path) -> MovieFacts:
-    """FFmpeg makes animated WebP but does not read it. Frames like the one before are not kept there."""
-    import imageio.v3 as iio
-
+def _probe_webp(path: Path) -> MovieFacts:
+    """Read animated WebP with Pillow: FFmpeg only writes it. Frames like the one before count with it."""
     with iio.imopen(path, "r", plugin="pillow") as file:
         count, duration, shape, alpha = 0, 0.0, (0, 0, 0), False
         for picture in file.iter():
             duration += float(file.metadata(index=count).get("duration", 0.0))
             count, shape = count + 1, picture.shape
             alpha = alpha or bool(shape[2] == 4 and picture[..., 3].min() < 255)
-    rate = Fraction(count * 1000) / Fraction(round(duration)) if duration else Fraction(0)
     return MovieFacts(
         frames=count,
         width=shape[1],
         height=shape[0],
-        rate=rate,
+        rate=Fraction(count * 1000, round(duration)) if duration else Fraction(0),
         pixel_format="rgba" if shape[2] == 4 else "rgb24",
-        primaries=_UNTOLD,
-        transfer=_UNTOLD,
-        matrix=_UNTOLD,
-        range=2,
         codec="webp",
         alpha=alpha,
     )

@@ -1,4 +1,4 @@
-"""Sound laid under pictures: read, made stereo of 48 kHz, moved, faded, cut or padded to length. Knows av."""
+"""Sound under pictures: read as stereo of 48 kHz, placed, faded, cut to length, and written into a movie."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import lru_cache
 from pathlib import Path
+from typing import Any
 
 import av
 import numpy as np
@@ -16,19 +17,20 @@ from numpy.typing import NDArray
 from render.base.errors import CorruptImageError, MissingImageError
 
 RATE = 48_000
-"""Samples per second, what film sound has."""
+"""Samples per second, as film sound has."""
 BLOCK = 1024
-"""Samples handed on at a time: what an AAC encoder takes."""
+"""Samples per block, as an AAC encoder takes them."""
 
 Samples = NDArray[np.float32]
+"""Stereo samples (2, N), −1 … 1."""
 
 
 @dataclass(frozen=True)
 class Sound:
-    """A file of sound and how it lies under a film.
+    """A sound file and its place under a film.
 
-    start     second of the film at which it begins; before 0, so much of its beginning is left out
-    gain      decibels; 0 is as it is in the file
+    start     second of the film at which it begins; below 0, so much of its beginning is left out
+    gain      decibels; 0 leaves it as it is in the file
     fade_in   seconds, from where it is first heard
     fade_out  seconds, to where it is last heard
     """
@@ -41,7 +43,7 @@ class Sound:
 
 
 def require_sound(file: Path) -> float:
-    """How many seconds it lasts, found by reading all of it.
+    """Read a sound to its end and return its length in seconds.
 
     Raises MissingImageError where there is no such file, CorruptImageError where it holds no sound that can
     be read to its end.
@@ -49,47 +51,48 @@ def require_sound(file: Path) -> float:
     if not file.is_file():
         raise MissingImageError(f"{file}: there is no such sound")
     facts = file.stat()
-    return _length(file, facts.st_mtime_ns, facts.st_size) / RATE
+    return _count_samples(file, facts.st_mtime_ns, facts.st_size) / RATE
 
 
 def blocks(sound: Sound, seconds: Fraction) -> Iterator[Samples]:
-    """What is heard under pictures of that length, (2, ≤ BLOCK) at a time: silence where the sound is not.
+    """Yield the sound under pictures of that length, in blocks; silence before its start and after its end.
 
     Raises as `require_sound` does.
     """
     total = round(seconds * RATE)
     length = round(require_sound(sound.file) * RATE)
-    first = round(sound.start * RATE)
-    heard = max(0, first), min(total, first + length)
+    start = round(sound.start * RATE)
+    first, last = max(0, start), min(total, start + length)
     position = 0
-    for block in _exactly(_placed(sound.file, first), total):
-        yield block * _loudness(sound, np.arange(position, position + block.shape[1]), heard)
+    for block in _in_blocks(_placed(sound.file, start), total):
+        at = np.arange(position, position + block.shape[1])
+        yield block * _gain(sound, at, first, last)
         position += block.shape[1]
 
 
-def _loudness(sound: Sound, at: NDArray[np.int64], heard: tuple[int, int]) -> NDArray[np.float32]:
-    """(N,) by which samples are multiplied."""
-    level = np.full(len(at), 10.0 ** (sound.gain / 20.0))
+def _gain(sound: Sound, at: NDArray[np.int64], first: int, last: int) -> NDArray[np.float32]:
+    """Return the factors (N,) of the samples at these places; sound is heard from `first` to `last`."""
+    gain = np.full(len(at), 10.0 ** (sound.gain / 20.0))
     if sound.fade_in > 0:
-        level *= np.clip((at - heard[0] + 0.5) / (sound.fade_in * RATE), 0.0, 1.0)
+        gain *= np.clip((at - first + 0.5) / (sound.fade_in * RATE), 0.0, 1.0)
     if sound.fade_out > 0:
-        level *= np.clip((heard[1] - at - 0.5) / (sound.fade_out * RATE), 0.0, 1.0)
-    return level.astype(np.float32)
+        gain *= np.clip((last - at - 0.5) / (sound.fade_out * RATE), 0.0, 1.0)
+    return gain.astype(np.float32)
 
 
-def _placed(file: Path, first: int) -> Iterator[Samples]:
-    """The samples of a file, from sample `first` of the film on."""
-    if first > 0:
-        yield from (np.zeros((2, min(BLOCK, first - n)), np.float32) for n in range(0, first, BLOCK))
-    skipped = max(0, -first)
+def _placed(file: Path, start: int) -> Iterator[Samples]:
+    """Yield silence up to sample `start` of the film, then the file; below 0, leave out its beginning."""
+    if start > 0:
+        yield from (np.zeros((2, min(BLOCK, start - n)), np.float32) for n in range(0, start, BLOCK))
+    skip = max(0, -start)
     for samples in _read(file):
-        kept = samples[:, skipped:]
-        skipped -= samples.shape[1] - kept.shape[1]
+        kept = samples[:, skip:]
+        skip -= samples.shape[1] - kept.shape[1]
         yield kept
 
 
-def _exactly(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
-    """The same samples in blocks, `total` of them, silence at the end where there are fewer."""
+def _in_blocks(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
+    """Cut the samples into blocks, `total` samples in all; pad the end with silence."""
     held = np.zeros((2, 0), np.float32)
     while total:
         size = min(BLOCK, total)
@@ -101,7 +104,7 @@ def _exactly(parts: Iterator[Samples], total: int) -> Iterator[Samples]:
 
 
 def _read(file: Path) -> Iterator[Samples]:
-    """All of a file, stereo of 48 kHz, (2, N) as it comes."""
+    """Decode a sound file as stereo of 48 kHz. imageio reads no files without pictures, so FFmpeg does."""
     try:
         with av.open(str(file)) as container:
             stream = container.streams.audio[0]
@@ -119,9 +122,44 @@ def _read(file: Path) -> Iterator[Samples]:
 
 
 @lru_cache(maxsize=16)
-def _length(file: Path, _time: int, _size: int) -> int:
-    """Samples; asked of a file that nobody has changed."""
-    length: int = sum(part.shape[1] for part in _read(file))
-    if not length:
+def _count_samples(file: Path, _modified: int, _size: int) -> int:
+    """Return the number of samples of a file, counted once for each content."""
+    count: int = sum(part.shape[1] for part in _read(file))
+    if not count:
         raise CorruptImageError(f"{file}: cannot be read as sound (it holds none); save it as WAV or FLAC")
-    return length
+    return count
+
+
+class AudioTrack:
+    """The sound of a movie that is being written to one of FFmpeg's containers."""
+
+    def __init__(self, container: Any, codec: str, samples: Iterator[Samples]) -> None:
+        self._container = container
+        self._stream = container.add_stream(codec, rate=RATE, layout="stereo")
+        if codec == "aac":
+            self._stream.bit_rate = 320_000
+        self._samples = samples
+        self._is_float = codec == "aac"
+        self._written = 0
+
+    def write_until(self, seconds: Fraction) -> None:
+        """Write the sound up to a time, so that pictures and sound lie side by side in the file."""
+        while self._written < seconds * RATE and (block := next(self._samples, None)) is not None:
+            frame = _float_frame(block) if self._is_float else _integer_frame(block)
+            frame.sample_rate, frame.pts, frame.time_base = RATE, self._written, Fraction(1, RATE)
+            self._written += block.shape[1]
+            self._container.mux(self._stream.encode(frame))
+
+    def finish(self) -> None:
+        """Write what the encoder still holds."""
+        self._container.mux(self._stream.encode(None))
+
+
+def _float_frame(block: Samples) -> av.AudioFrame:
+    return av.AudioFrame.from_ndarray(np.ascontiguousarray(block), format="fltp", layout="stereo")
+
+
+def _integer_frame(block: Samples) -> av.AudioFrame:
+    """Return samples of 24 bits, in the upper bits of 32."""
+    steps = np.rint(np.clip(block.T.astype(np.float64), -1.0, 1.0) * (2**23 - 1)).astype(np.int32) << 8
+    return av.AudioFrame.from_ndarray(steps.reshape(1, -1), format="s32", layout="stereo")

@@ -9,7 +9,6 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
-from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -120,12 +119,13 @@ def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = N
 
 
 def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
-    """A JPEG of display values (H, W, 3), for a page that is shown now: OpenImageIO writes to files alone."""
-    from PIL import Image as PillowImage  # takes a moment to import, and only live pages show such
+    """Return a JPEG of display values (H, W, 3), for a live page: OpenImageIO writes only files."""
+    import imageio.v3 as iio  # takes a moment, and only live pages ask for it
 
-    buffer = BytesIO()
-    PillowImage.fromarray(picture).save(buffer, "JPEG", quality=90, subsampling=0)
-    return buffer.getvalue()
+    encoded: bytes = iio.imwrite(
+        "<bytes>", picture, extension=".jpeg", plugin="pillow", quality=90, subsampling=0
+    )
+    return encoded
 
 
 def read_png(path: Path) -> NDArray[Any]:

@@ -15,9 +15,7 @@ from pipeline.animation import MeshFrame, animate, descent
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Sequence, Streamlines, Sum, keyed
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.catalogue import Lorenz, Twist, Vortex
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, validate
 from pipeline.resample import Resampler, Thresholds
@@ -272,7 +270,7 @@ def test_the_ancestors_of_a_wild_film_are_near_at_rest(motion: Motion) -> None:
 
 def test_frames_that_are_left_out_leave_no_lineage(motion: Motion) -> None:
     frames = list(animate(motion))
-    with pytest.raises(UsageError, match=r"frames \[5, 7\] are not one after the other"):
+    with pytest.raises(UsageError, match=r"frames \[5, 7\] are not consecutive"):
         descent([frames[0], frames[2]])
     with pytest.raises(UsageError, match=r"frames \[\] are not"):
         descent([])

@@ -76,5 +76,5 @@ def test_what_vertices_have_is_spread_linearly_over_the_pieces_of_their_faces() 
 
 
 def test_a_mesh_from_elsewhere_is_told() -> None:
-    with pytest.raises(UsageError, match="no frame of a shot"):
+    with pytest.raises(UsageError, match="not from a frame of a shot"):
         material_of(icosphere(2))

@@ -10,7 +10,7 @@ import pytest
 from pipeline.cli import commands
 from pipeline.cli.app import COMMANDS
 from pipeline.production.execution.watchdog import PATIENCE
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_png
 
 NAME = "T010_tiny"
@@ -256,7 +256,7 @@ def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(project):
         'speed: {formula: "1 + sqrt(abs(t - 0.03) - 0.002)"}\n'
     )
     done = project.run("--json", "status")
-    assert done.code == 2 and "T020_wrong.yaml:6:1: speed has a value that is none: formula" in done.err
+    assert done.code == 2 and "T020_wrong.yaml:6:1: speed is not finite: formula" in done.err
     assert [row["shot"] for row in json.loads(done.out)] == [NAME]
 
 

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.cli.commands.resample import REFUSALS
 from pipeline.mesh import TriangleMesh, box, icosphere, read_mesh, read_polygons, require, write_mesh
-from pipeline.resample._kernels_judge import REASONS
+from pipeline.resample.kernels.can_collapse import REASONS
 
 
 def lengths(mesh: TriangleMesh):

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 
 NAME = "T010_tiny"
 SMALL = ("-q", "preview", "--scale", "10%")

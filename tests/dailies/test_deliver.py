@@ -14,7 +14,7 @@ from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.dailies.delivery.rushes import Look
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from render.graphics.burn_in import BurnIn
 from render.movie.codecs import ENCODES
 from render.movie.probe import probe_movie
@@ -31,7 +31,7 @@ def there(finished, monkeypatch):
     return finished
 
 
-def taken(there, frames: str | None = None) -> tuple[Project, Take]:
+def taken(there, frames: str | None = None) -> tuple[Project, RenderRequest]:
     project = Project(there.path, cores=1)
     return project, project.asked(NAME, "preview", frames)
 
@@ -85,17 +85,17 @@ def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
     assert (facts.frames, facts.timecode, facts.sound) == (48 + 9, "00:59:58:00", "pcm_s24le")
     assert facts.seconds == pytest.approx((48 + 9) / 24)
     with av.open(str(home / "reel.prores4444.mov")) as movie:
-        heard = np.concatenate([f.to_ndarray().reshape(-1, 2)[:, 0] for f in movie.decode(audio=0)])
-    assert np.flatnonzero(heard)[0] == 2 * 48000  # it begins with the film, not with the slate
+        audio = np.concatenate([f.to_ndarray().reshape(-1, 2)[:, 0] for f in movie.decode(audio=0)])
+    assert np.flatnonzero(audio)[0] == 2 * 48000  # it begins with the film, not with the slate
     assert probe_movie(home / "reel.h265.mp4").sound == "aac"
 
 
 def test_frames_that_failed_are_cards_that_say_why(there):
-    project, take = taken(there)
-    keys = take.picture_keys(project.store)
-    whole = of_shot(take, project.store, {})
+    project, request = taken(there)
+    keys = request.picture_keys(project.store)
+    whole = of_shot(request, project.store, {})
     project.store.discard("frame", keys[3].frame)
-    reel = of_shot(take, project.store, {(NAME, 3): "frame 3: the surface is torn"})
+    reel = of_shot(request, project.store, {(NAME, 3): "frame 3: the surface is torn"})
     assert reel.lost == (f"{NAME} frames 3",)
     shown = [frame for frame, _ in reel.frames(QUIET)]
     same = [bool((a == b[0]).all()) for a, b in zip(shown, whole.frames(QUIET), strict=True)]
@@ -109,11 +109,11 @@ def test_frames_that_failed_are_cards_that_say_why(there):
 
 
 def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered(there):
-    project, take = taken(there)
-    key = take.picture_keys(project.store)[3].frame
+    project, request = taken(there)
+    key = request.picture_keys(project.store)[3].frame
     project.store.discard("frame", key)
     project.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
-    reel = of_shot(take, project.store, {})
+    reel = of_shot(request, project.store, {})
     with pytest.raises(FrameError, match=r"0003\.exr cannot be read to its end; run again"):
         Delivery(reel, Order((ENCODES["review"],)), project.store).make(silent)
     assert not project.store.holds("frame", key)
@@ -121,15 +121,15 @@ def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered
 
 
 def test_the_coverage_of_the_subject_is_the_alpha(there):
-    project, take = taken(there, "2-3")
-    reel = of_shot(take, project.store, {})
+    project, request = taken(there, "2-3")
+    reel = of_shot(request, project.store, {})
     assert reel.covered
     frame, _ = next(reel.frames(Look("rec709", covered=True)))
     assert frame.shape == (270, 480, 4)
     assert frame[135, 240, 3] == 65535 and frame[5, 5, 3] == 0
-    for number in take.requested:
-        project.store.discard("raw", take.picture_keys(project.store)[number].raw)
-    assert not of_shot(take, project.store, {}).covered
+    for number in request.requested:
+        project.store.discard("raw", request.picture_keys(project.store)[number].raw)
+    assert not of_shot(request, project.store, {}).covered
 
 
 def test_nothing_to_deliver_is_told(project, monkeypatch):
@@ -140,10 +140,10 @@ def test_nothing_to_deliver_is_told(project, monkeypatch):
 
 
 def test_a_published_version_is_named(there):
-    project, take = taken(there)
-    assert dict(of_shot(take, project.store, {}).facts)["version"] == "in work"
+    project, request = taken(there)
+    assert dict(of_shot(request, project.store, {}).facts)["version"] == "in work"
     assert there.run("publish", NAME, "-q", "preview").code == 0
-    assert dict(of_shot(take, project.store, {}).facts)["version"] == "v001"
+    assert dict(of_shot(request, project.store, {}).facts)["version"] == "v001"
 
 
 def test_a_film_says_of_every_frame_where_it_comes_from(there):
@@ -152,7 +152,7 @@ def test_a_film_says_of_every_frame_where_it_comes_from(there):
         f"title: R\nshots: [{{shot: {NAME}, frames: 1-3}}, {{shot: {NAME}, frames: 4-6, dissolve: 2}}]\n"
         "title_seconds: 0.125\n"
     )
-    reel = of_film(*project.cut("preview", Path("shots/reel.yaml")), project.store, {})
+    reel = of_film(*project.edit("preview", Path("shots/reel.yaml")), project.store, {})
     told = [values.get("frame") for _, values in reel.frames(QUIET)]
     assert told == [None, None, None, 1, 2, 5, 6]
     assert reel.count == len(told)

@@ -47,7 +47,7 @@ class Follower:
         return messages
 
     def _sketch(self) -> Sketch:
-        return Sketch(Project(self.root, 2).take(self.shot, "preview", None, variant="none"))
+        return Sketch(Project(self.root, 2).request(self.shot, "preview", None, variant="none"))
 
     def _done(self, ready: object) -> None:
         self.movies += 1
@@ -115,8 +115,8 @@ def test_a_save_ends_what_is_being_shown(follower: Follower) -> None:
 
 def test_browsers_on_this_machine_are_served_and_no_others() -> None:
     screen = LiveFeed()
-    take = screen.begin("A", 1, 2, 24.0, (8, 4))
-    screen.show(take, 1, b"picture")
+    request = screen.begin("A", 1, 2, 24.0, (8, 4))
+    screen.show(request, 1, b"picture")
     with serving(screen) as address:
         assert fetched(address + "frames/1/1.jpg?1") == b"picture"
         assert b"page.js" in fetched(address)
@@ -136,21 +136,21 @@ def test_browsers_on_this_machine_are_served_and_no_others() -> None:
 
 def test_a_page_hears_of_all_that_it_missed_and_of_what_comes() -> None:
     screen = LiveFeed()
-    take = screen.begin("A", 1, 2, 24.0, (8, 4))
-    screen.show(take, 1, b"picture")
+    request = screen.begin("A", 1, 2, 24.0, (8, 4))
+    screen.show(request, 1, b"picture")
     with serving(screen) as address, urllib.request.urlopen(address + "events", timeout=PATIENCE) as stream:
         assert next_message(stream)["shot"] == "A"
         assert next_message(stream) == {"event": "frame", "take": 1, "frame": 1, "drawn": 1}
-        screen.show(take, 2, b"another")
+        screen.show(request, 2, b"another")
         assert next_message(stream)["frame"] == 2
 
 
 def test_pictures_of_the_last_take_stay_until_the_next_but_one() -> None:
     screen = LiveFeed()
-    for take in (1, 2, 3):
+    for request in (1, 2, 3):
         screen.begin("A", 1, 2, 24.0, (8, 4))
-        screen.show(take, 1, bytes([take]))
-    assert [screen.picture(take, 1) for take in (1, 2, 3)] == [None, b"\x02", b"\x03"]
+        screen.show(request, 1, bytes([request]))
+    assert [screen.picture(request, 1) for request in (1, 2, 3)] == [None, b"\x02", b"\x03"]
 
 
 def fetched(address: str) -> bytes:

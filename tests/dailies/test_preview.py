@@ -19,7 +19,7 @@ from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
 from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import AHEAD, frame_all
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from render.post.image import read_png
 from tests.conftest import TINY, ProjectFolder
 
@@ -30,9 +30,9 @@ def quiet(stage: str, number: int) -> None:
     """Nobody listens."""
 
 
-def take_of(root: Path, *settings: str) -> Take:
+def take_of(root: Path, *settings: str) -> RenderRequest:
     project = Project(root, 2, settings=settings)
-    return project.take(root / "shots" / f"{NAME}.yaml", "preview", None, variant="none")
+    return project.request(root / "shots" / f"{NAME}.yaml", "preview", None, variant="none")
 
 
 @pytest.fixture
@@ -46,10 +46,10 @@ def test_frames_come_in_order_and_nothing_is_left_in_the_store(
     root: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(mesh_source, "SLOW", 60.0)
-    take = take_of(root)
+    request = take_of(root)
     with SurfaceStream(Project(root, 2).store) as stream:
-        assert list(stream.play(take, [5, 2, 3])) == [2, 3, 5]
-        assert stream.arrays(take, 3)["normals"].shape == stream.arrays(take, 3)["vertices"].shape
+        assert list(stream.play(request, [5, 2, 3])) == [2, 3, 5]
+        assert stream.arrays(request, 3)["normals"].shape == stream.arrays(request, 3)["vertices"].shape
         assert not list(stream.store.entries())
 
 
@@ -71,33 +71,33 @@ def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> No
 
 def test_frames_that_took_long_are_kept_for_the_render(root: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(mesh_source, "SLOW", -1.0)
-    take = take_of(root)
+    request = take_of(root)
     with SurfaceStream(Project(root, 2).store) as stream:
-        list(stream.play(take, range(1, 7)))
-        assert all(stream.store.holds("mesh", take.mesh_key(n)) for n in range(1, 7))
+        list(stream.play(request, range(1, 7)))
+        assert all(stream.store.holds("mesh", request.mesh_key(n)) for n in range(1, 7))
     plan = Project(root, 2).meshes([f"{root}/shots/{NAME}.yaml"], None)
     assert not plan.jobs
 
 
 def test_cameras_are_those_of_the_render(root: Path) -> None:
-    take = take_of(root)
-    points = {frame.number: frame.mesh.vertices for frame in animate(take.shot)}
+    request = take_of(root)
+    points = {frame.number: frame.mesh.vertices for frame in animate(request.shot)}
     numbers = sorted(points)
-    views = [take.view(n) for n in numbers]
-    expected = frame_all(views, lambda i: points[numbers[i]], take.aspect, take.follow)
+    views = [request.view(n) for n in numbers]
+    expected = frame_all(views, lambda i: points[numbers[i]], request.aspect, request.follow)
     with SurfaceStream(Project(root, 2).store) as stream:
-        list(stream.play(take, numbers))
-        found = aims(take, stream, numbers)
+        list(stream.play(request, numbers))
+        found = aims(request, stream, numbers)
     for number, framing in zip(numbers, expected, strict=True):
         np.testing.assert_allclose(found[number].camera.origin, framing.camera.origin, atol=1e-5)
         np.testing.assert_allclose(found[number].placement.origin, framing.placement.origin, atol=1e-5)
 
 
 def test_a_frame_that_fails_is_named_and_those_before_it_have_come(root: Path) -> None:
-    take = take_of(root, "flows.0={vortex: {strength: {keys: {1: 0, 3: 0, 4: 1.0e+12}}}}")
+    request = take_of(root, "flows.0={vortex: {strength: {keys: {1: 0, 3: 0, 4: 1.0e+12}}}}")
     came = []
     with SurfaceStream(Project(root, 2).store) as stream, pytest.raises(FrameError, match="frame 4"):
-        for number in stream.play(take, range(1, 7)):
+        for number in stream.play(request, range(1, 7)):
             came.append(number)
     assert came == [1, 2, 3]
 
@@ -134,11 +134,11 @@ def test_the_inside_is_left_out_only_where_nobody_can_see_it() -> None:
 
 
 def test_edges_are_drawn_where_they_are_asked_for(root: Path) -> None:
-    take = take_of(root)
+    request = take_of(root)
     with SurfaceStream(Project(root, 2).store) as stream:
         plain, edged = root / "plain.png", root / "edged.png"
-        Animatic(Sketch(take), stream).still(3, plain, quiet)
-        Animatic(Sketch(take, edges=True), stream).still(3, edged, quiet)
+        Animatic(Sketch(request), stream).still(3, plain, quiet)
+        Animatic(Sketch(request, edges=True), stream).still(3, edged, quiet)
     first, second = (read_png(path).astype(float) for path in (plain, edged))
     assert first.shape == second.shape == (540, 960, 3) and size_for(1.0, (960, 540)) == (720, 720)
     darker = (first - second).max(axis=2)
@@ -158,24 +158,28 @@ LONG = ("frames=1-80", "flows.0.twist.amount={ease: linear, keys: {1: 0, 80: 90}
 
 
 def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(root: Path) -> None:
-    take, told = take_of(root, *LONG), []
+    request, told = take_of(root, *LONG), []
     with SurfaceStream(Project(root, 2).store, once=True) as stream:
-        assert Animatic(Sketch(take), stream).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
+        assert (
+            Animatic(Sketch(request), stream).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
+        )
         assert told.index(("drawing", 1)) < told.index(("simulating", 80))
         assert not stream.memory.frames
         with pytest.raises(FileNotFoundError):
-            stream.arrays(take, 1)
+            stream.arrays(request, 1)
     assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
 
 
 def test_a_still_waits_for_no_more_frames_than_its_camera_depends_on(root: Path) -> None:
-    take, told = take_of(root, *LONG), []
+    request, told = take_of(root, *LONG), []
     with SurfaceStream(Project(root, 2).store) as stream:
-        Animatic(Sketch(take), stream).still(20, root / "early.png", lambda *what: told.append(what))
+        Animatic(Sketch(request), stream).still(20, root / "early.png", lambda *what: told.append(what))
         assert told == [*(("simulating", n) for n in range(1, 20 + AHEAD + 1)), ("drawing", 20)]
-        list(stream.play(take, range(1, 81)))
-        framing = aims(take, stream, list(range(1, 81)))[20]
-        expected = Sketch(take, closed=True).picture(20, stream.arrays(take, 20), framing, (960, 540), "srgb")
+        list(stream.play(request, range(1, 81)))
+        framing = aims(request, stream, list(range(1, 81)))[20]
+        expected = Sketch(request, closed=True).picture(
+            20, stream.arrays(request, 20), framing, (960, 540), "srgb"
+        )
     np.testing.assert_array_equal(read_png(root / "early.png"), expected)
 
 
@@ -191,9 +195,9 @@ def test_speeds_shown_as_colours_are_found_again_after_an_edit(root: Path) -> No
     fastest = []
     with SurfaceStream(Project(root, 2).store) as stream:
         for settings in ((), (speed,), (speed, twist)):
-            take = take_of(root, *settings)
-            list(stream.play(take, [1]))
-            arrays = stream.arrays(take, 1)
+            request = take_of(root, *settings)
+            list(stream.play(request, [1]))
+            arrays = stream.arrays(request, 1)
             fastest.append(float(arrays["speed"].max()) if "speed" in arrays else 0.0)
     assert fastest[0] == 0.0 < fastest[1] and fastest[2] == pytest.approx(2.0 * fastest[1], rel=0.01)
 

@@ -116,7 +116,7 @@ def test_the_same_edit_is_the_same_file(there):
         (("otio", "rel"), 3, "shots/rel.yaml: no such edit; did you mean reel?"),
         (("otio", "reel", "--media", "prores"), 2, "Did you mean 'prores4444'?"),
         (("otio", "reel", "-o", "reel.xml"), 2, "a timeline's name ends in .otio"),
-        (("otio", "reel", "-f", "1-3"), 2, "an edit says itself what it shows"),
+        (("otio", "reel", "-f", "1-3"), 2, "an edit names its own"),
         (("otoi", "reel"), 2, "Did you mean 'otio'?"),
         (("openjd",), 2, "export openjd needs the name of a shot"),
     ],

@@ -13,16 +13,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.turntable.request import Turning, key_numbers, named
-from pipeline.dailies.turntable.sheets import Sheets
+from pipeline.dailies.turntable.request import TurntableRequest, key_numbers, named
+from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import Framing, frame_all, turned, with_room
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.turntable import TURNS, Pose, Turntable, framed_whole
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.turntable import TURNS, Turntable, TurntableAngle, framed_whole
 from pipeline.production.versions.wedge import frames_by_task
 from pipeline.shot.camera import Lens, View
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from render.scene.camera import Camera
 from render.scene.reference_objects import ball, chart, spots
@@ -51,8 +51,8 @@ ASPECT = 16 / 9
 class Desk:
     root: Path
 
-    def turning(self, subject: str = NAME, at: int | None = 2, **asked: object) -> Turning:
-        return Turning(Project(self.root, 2), subject, QUALITY, at, 4, **asked)  # type: ignore[arg-type]
+    def turning(self, subject: str = NAME, at: int | None = 2, **asked: object) -> TurntableRequest:
+        return TurntableRequest(Project(self.root, 2), subject, QUALITY, at, 4, **asked)  # type: ignore[arg-type]
 
     def command(self, *words: str) -> tuple[int, str]:
         return commanded(self.root, "-j", "2", "turntable", *words)
@@ -87,21 +87,24 @@ def seen(folder: Path, kind: str, layer: str) -> list[np.ndarray]:
     return [read_exr(path)[0][layer] for path in sorted((folder / QUALITY / kind).glob("*.exr"))]
 
 
-def raw_keys(take: Take) -> dict[int, str]:
+def raw_keys(request: RenderRequest) -> dict[int, str]:
     framing = Framing(Camera((0, 1, 9), (0, 1, 0)), Placement())
-    return {number: take.raw_key(number, dict.fromkeys(take.poses, framing)) for number in take.requested}
+    return {
+        number: request.raw_key(number, dict.fromkeys(request.angles, framing))
+        for number in request.requested
+    }
 
 
 def test_the_object_turns_first_and_then_the_lights_each_without_its_end_point() -> None:
-    poses = Turntable(at=7, frames=4).poses()
+    angles = Turntable(at=7, frames=4).angles()
     quarters = [0.0, math.pi / 2, math.pi, 3 * math.pi / 2]
-    assert list(poses) == list(range(1, 9))
-    assert [poses[n] for n in range(1, 5)] == [Pose(7, spin=angle) for angle in quarters]
-    assert [poses[n] for n in range(5, 9)] == [Pose(7, lights=angle) for angle in quarters]
+    assert list(angles) == list(range(1, 9))
+    assert [angles[n] for n in range(1, 5)] == [TurntableAngle(7, spin=angle) for angle in quarters]
+    assert [angles[n] for n in range(5, 9)] == [TurntableAngle(7, lights=angle) for angle in quarters]
 
 
 def test_pictures_are_the_same_whichever_turns_are_asked_for(desk: Desk) -> None:
-    both, *alone = (raw_keys(desk.turning(turn=turn).takes[0]) for turn in ("both", *TURNS))
+    both, *alone = (raw_keys(desk.turning(turn=turn).requests[0]) for turn in ("both", *TURNS))
     assert alone[0] | alone[1] == both
     assert len(set(both.values())) == 8
 
@@ -148,8 +151,8 @@ def test_looks_share_what_they_have_in_common_and_have_a_movie_side_by_side(
 
 def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_looks: Path) -> None:
     turning = desk.turning(turn="lights", looks=("clay", "glaze"))
-    take = turning.takes[0]
-    keys = take.picture_keys(turning.project.store)
+    request = turning.requests[0]
+    keys = request.picture_keys(turning.project.store)
     assert keys is not None
     path = turning.project.store.path("frame", keys[6].frame)
     whole = path.read_bytes()
@@ -157,7 +160,7 @@ def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_
     path.write_bytes(whole[:-99])
     try:
         with pytest.raises(FrameError, match=f"{NAME}.0002.0006.exr cannot be read to its end"):
-            Sheets(turning).draw()
+            TurntableSheets(turning).draw()
     finally:
         path.write_bytes(whole)
     assert not (turned_in_two_looks / "clay" / QUALITY / f"{NAME}.0002.lights.png").exists()
@@ -173,19 +176,19 @@ def test_a_mesh_file_in_several_looks_is_read_once(desk: Desk) -> None:
 
 
 def test_balls_and_chart_stand_beside_it_unless_it_is_to_be_bare(desk: Desk) -> None:
-    (take,), (bare,) = desk.turning().takes, desk.turning(bare=True).takes
-    assert take.shot.picture.stage == STAGES["turntable"]
+    (request,), (bare,) = desk.turning().requests, desk.turning(bare=True).requests
+    assert request.shot.picture.stage == STAGES["turntable"]
     assert bare.shot.picture.stage == STAGES["cyclorama"]
-    assert take.view(1).roll == 0.0 and take.view(1).position is None
-    assert take.view(1).azimuth == pytest.approx(math.pi / 2)
+    assert request.view(1).roll == 0.0 and request.view(1).position is None
+    assert request.view(1).azimuth == pytest.approx(math.pi / 2)
     assert bare.view(1).roll != 0.0 and bare.view(1).position is not None
 
 
 def test_settings_count_over_what_turntables_take_for_granted(desk: Desk) -> None:
     project = Project(desk.root, 2, settings=("stage=plinth",))
-    (take,) = Turning(project, NAME, QUALITY, 2, 4, looks=("chrome",)).takes
-    assert take.shot.picture.stage == STAGES["plinth"]
-    assert take.movie_path.name == f"{NAME}.0002.mp4"
+    (request,) = TurntableRequest(project, NAME, QUALITY, 2, 4, looks=("chrome",)).requests
+    assert request.shot.picture.stage == STAGES["plinth"]
+    assert request.movie_path.name == f"{NAME}.0002.mp4"
 
 
 @pytest.mark.parametrize(
@@ -228,11 +231,11 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
     view: View, size: tuple[float, ...]
 ) -> None:
     box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
-    poses = [turned(box, angle) for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)]
-    (framing, *_) = frame_all([framed_whole(view)] * 12, poses.__getitem__, ASPECT, follow=0.0)
+    angles = [turned(box, angle) for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)]
+    (framing, *_) = frame_all([framed_whole(view)] * 12, angles.__getitem__, ASPECT, follow=0.0)
     framing = with_room(framing, STAGES["turntable"])
     camera = framing.camera
-    object_ = np.concatenate([camera.project(pose, ASPECT) for pose in poses])
+    object_ = np.concatenate([camera.project(angle, ASPECT) for angle in angles])
     grey, chrome, board = spots(camera, framing.placement, ASPECT)
     pieces: list[Surface] = [ball(grey), ball(chrome), chart(board, camera)]
     projected = [camera.project(piece.vertices, ASPECT) for piece in pieces]

@@ -44,4 +44,4 @@ def test_the_corner_table_that_is_drawn_keeps_its_invariants() -> None:
     h = np.flatnonzero(table.twins >= 0)
     following = np.where(h % 3 == 2, h - 2, h + 1)
     assert (table.twins[table.twins[h]] == h).all()
-    assert (table.surface.vert[table.twins[h]] == table.surface.vert[following]).all()
+    assert (table.arrays.vert[table.twins[h]] == table.arrays.vert[following]).all()

@@ -8,7 +8,7 @@ import pytest
 from ruamel.yaml import YAML
 
 from pipeline.cli.commands import export
-from pipeline.cli.options import Common
+from pipeline.cli.options import Common, PictureOptions
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.openjd import _written
@@ -91,4 +91,4 @@ def test_a_template_is_called_as_one(tmp_path):
         profile=Profile.local(),
     )
     with pytest.raises(UsageError, match=r"job\.yaml"):
-        export.export(common, "openjd", NAME, Path("job.txt"))
+        export.export(common, "openjd", PictureOptions(), NAME, Path("job.txt"))

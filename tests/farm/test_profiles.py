@@ -137,7 +137,7 @@ def test_what_earlier_pictures_took_is_asked_for(tmp_path):
 def context(tmp_path):
     """A job that waits for another."""
     jobs = Job("simulate_1", "simulate", (), (1,)), Job("render_1", "render", (), (1,), after=("simulate_1",))
-    plan = Plan(takes=(), film=None, jobs=jobs, links=(), targets=())
+    plan = Plan(requests=(), film=None, jobs=jobs, links=(), targets=())
     return Context.of(tmp_path, plan, "render_1")
 
 
@@ -171,7 +171,7 @@ def test_inputs_from_the_future_are_given_the_present_time(context):
 
 
 def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
-    plan = Plan(takes=(), film=None, jobs=(), links=(), targets=())
+    plan = Plan(requests=(), film=None, jobs=(), links=(), targets=())
     reader = EventReader(tmp_path / EVENTS / f"{plan.name}.jsonl")
     EventLog(tmp_path / EVENTS / plan.log_name, "a").write("begin")
     assert [event["job"] for event in reader.new()] == ["a"]
@@ -189,8 +189,8 @@ def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
     (job,) = plan.jobs
     context = Context.of(folder, plan, job.name)
     assert simulate(context)
-    store, take = Store(folder), context.take
-    store.discard("mesh", take.mesh_key(3))
+    store, request = Store(folder), context.request
+    store.discard("mesh", request.mesh_key(3))
     for output in job.outputs:
         (folder / output).unlink()
     again = EventReader(context.log.path)

@@ -120,7 +120,7 @@ class TestFilms:
         )
         assert slurm.jobs()[-1]["JobState"] == "CANCELLED"
         assert not list(Path(on_slurm.path, STATE, "tmp").glob("*"))
-        assert list((on_slurm.path / STATE / "half").glob("*"))
+        assert list((on_slurm.path / STATE / "checkpoints").glob("*"))
 
     def test_who_kills_the_command_leaves_no_job_behind(self, on_slurm, slurm):
         process = start(on_slurm, "render", NAME, "-q", QUALITY, *SLOW)

@@ -10,11 +10,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import MeshFrame, animate, at_moment, descent
+from pipeline.animation import MeshFrame, animate, descent, mesh_at_subframe
 from pipeline.errors import UsageError
 from pipeline.flow import Flow, Sequence, Streamlines, keyed
-from pipeline.flow.catalogue.attractors import Lorenz
-from pipeline.flow.catalogue.deformations import Twist
+from pipeline.flow.catalogue import Lorenz, Twist
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.bspline import bspline_surface
 from pipeline.mesh.control_net import Lattice
@@ -117,7 +116,9 @@ def test_a_net_under_an_affine_flow_has_the_moved_surface() -> None:
 def test_points_between_frames_are_where_the_flow_has_them() -> None:
     shot = motion(CLOUD)
     frames = list(animate(shot))
-    assert at_moment(shot, frames[2], 6.0).vertices == pytest.approx(frames[3].mesh.vertices, abs=1e-12)
+    assert mesh_at_subframe(shot, frames[2], 6.0).vertices == pytest.approx(
+        frames[3].mesh.vertices, abs=1e-12
+    )
 
 
 @pytest.mark.parametrize("subject", [CLOUD, NET])

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import MeshError
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
-from pipeline.mesh._kernels_halfedge import CROWDED, DISAGREEING, SOUND, match_twins
+from pipeline.mesh.kernels.halfedge import CROWDED, DISAGREEING, SOUND, match_twins
 
 MENAGERIE = [box(edge_length=0.7), icosphere(3), sheet(edge_length=0.5), torus(1, 0.4, 0.3)]
 
@@ -57,7 +57,7 @@ def test_room_grows_and_keeps_what_is_there() -> None:
     mesh = icosphere(3)
     live = HalfedgeMesh(mesh)
     live.reserve(10_000, 20_000)
-    assert len(live.surface.points) >= 10_000 + len(mesh.vertices)
+    assert len(live.arrays.points) >= 10_000 + len(mesh.vertices)
     assert np.array_equal(live.vertices, mesh.vertices)
     assert np.array_equal(live.faces, mesh.faces)
     assert live.twins.tolist() == slow_twins(mesh)

@@ -21,7 +21,7 @@ from pipeline.mesh import (
     validate,
     validate_polygons,
 )
-from pipeline.mesh._kernels_triangulate import FORBIDDEN, triangulate_polygon
+from pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_polygon
 
 POINTS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
 CUBE = PolygonMesh(

@@ -38,7 +38,7 @@ def test_a_snapshot_stays_what_it_was() -> None:
     live = HalfedgeMesh(ball.with_attributes(rest=ball.vertices, heat=np.zeros(len(ball.vertices))))
     before = live.snapshot()
     live.vertices[:] = 7.0
-    live.surface.carried[:] = 7.0
+    live.arrays.attributes[:] = 7.0
     assert np.array_equal(before.vertices, ball.vertices)
     assert np.array_equal(before.attributes["rest"], ball.vertices)
     assert not before.attributes["heat"].any()

@@ -21,8 +21,8 @@ import llvmlite.binding as llvm
 import numpy as np
 
 from pipeline.dailies.sheets.measures import Measures
-from pipeline.dailies.turntable.request import Turning
-from pipeline.dailies.turntable.sheets import Sheets
+from pipeline.dailies.turntable.request import TurntableRequest
+from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.production.execution.project import Project
 from pipeline.production.keys.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, Stage
 from pipeline.production.planning.plan import Plan
@@ -51,7 +51,7 @@ flows:
 look: glaze
 camera: {azimuth: -30, elevation: 14}
 shutter: {angle: 180}
-quality: {draft: {samples: 4, guides: 1, denoise: fast, steady: 1}}
+quality: {draft: {samples: 4, auxiliary_samples: 1, denoise: fast, temporal_denoise: 1}}
 """
 FILM = f"""\
 title: Reference
@@ -76,13 +76,13 @@ def results(root: Path) -> dict[str, Arrays]:
         _do(root, project.stills([NAME], stage.name, QUALITY))
     code, said = commanded(root, "deliver", NAME, "--as", "prores4444", "-q", "draft", "--scale", SCALE)
     assert code == 0, said
-    turning = Turning(project, NAME, QUALITY, 2, 4, turn="object")
+    turning = TurntableRequest(project, NAME, QUALITY, 2, 4, turn="object")
     _do(root, turning.plan())
-    (sheet,) = Sheets(turning).draw()
-    take, home = project.take(find_shot(NAME), QUALITY), root / "renders"
-    keys, numbers = take.picture_keys(project.store), sorted(take.requested)
+    (sheet,) = TurntableSheets(turning).draw()
+    request, home = project.request(find_shot(NAME), QUALITY), root / "renders"
+    keys, numbers = request.picture_keys(project.store), sorted(request.requested)
     assert keys is not None
-    meshes = {n: readers.mesh_frame(take.mesh_key(n))(root / take.place("mesh", n)) for n in numbers}
+    meshes = {n: readers.mesh_frame(request.mesh_key(n))(root / request.place("mesh", n)) for n in numbers}
     gathered: dict[str, Arrays] = {
         "simulate": {
             f"{name}.{n}": array
@@ -92,18 +92,20 @@ def results(root: Path) -> dict[str, Arrays]:
         "smooth_normals": {
             f"{name}.{n}": array
             for n in numbers
-            for name, array in readers.arrays(take.normals_key(n))(root / take.place("normals", n)).items()
+            for name, array in readers.arrays(request.normals_key(n))(
+                root / request.place("normals", n)
+            ).items()
             if name != "key"
         },
-        "frame_camera": _numbers(json.loads((root / take.folders.cameras()).read_text())),
+        "frame_camera": _numbers(json.loads((root / request.folders.cameras()).read_text())),
         "render": {
             f"{name}.{n}": array
             for n in numbers
-            for name, array in read_exr(root / take.place("raw", n))[0].arrays.items()
+            for name, array in read_exr(root / request.place("raw", n))[0].arrays.items()
         },
-        "finish": {f"{n}": read_exr(root / take.place("frame", n))[0]["beauty"] for n in numbers},
-        **{s.name: {f"{n}": read_png(root / take.place(s.name, n)) for n in numbers} for s in STILLS},
-        "assemble": _decoded(root / take.movie_path),
+        "finish": {f"{n}": read_exr(root / request.place("frame", n))[0]["beauty"] for n in numbers},
+        **{s.name: {f"{n}": read_png(root / request.place(s.name, n)) for n in numbers} for s in STILLS},
+        "assemble": _decoded(root / request.movie_path),
         "film": _decoded(root / "renders" / "film" / QUALITY / "film.mp4"),
         "deliver": _decoded(next(home.rglob("*.mov"))),
         "turntable_sheet": {"sheet": read_png(root / sheet)},
@@ -117,7 +119,7 @@ def environment() -> dict[str, Any]:
     packages = sorted({name for stage in EVERY_STAGE for name in stage.packages})
     root = Path.cwd()
     return {
-        "variant": Project(root, 1).take(find_shot(NAME), QUALITY).variant,
+        "variant": Project(root, 1).request(find_shot(NAME), QUALITY).variant,
         "features": sorted(name for name, has in llvm.get_host_cpu_features().items() if has),
         "packages": {name: version(name) for name in packages},
     }

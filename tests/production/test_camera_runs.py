@@ -2,7 +2,7 @@
 
 import re
 
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"

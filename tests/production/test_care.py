@@ -62,18 +62,18 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
     store, text = Store(finished.path), finished.shot.read_text()
     everything = {path for _, _, path in store.entries()}
 
-    def takes() -> list[Any]:
-        return [Project(finished.path, 2).take(find_shot(NAME), "preview")]
+    def requests() -> list[Any]:
+        return [Project(finished.path, 2).request(find_shot(NAME), "preview")]
 
     def gone_but_films(keep: int) -> list[Path]:
         """Those are no shot's, and stay for being shown."""
-        return [p for p in sweep(store, takes(), keep, only_tell=True).gone if p.suffix != ".mp4"]
+        return [p for p in sweep(store, requests(), keep, only_tell=True).gone if p.suffix != ".mp4"]
 
     assert not gone_but_films(0)
     finished.shot.write_text(text.replace("6: 60}", "6: 90}"))
     assert not gone_but_films(2)
-    gone = sweep(store, takes(), 0, only_tell=True)
+    gone = sweep(store, requests(), 0, only_tell=True)
     meshes = [path for path in gone.gone if "/mesh/" in str(path)]
     assert len(meshes) == 2 and gone.freed > 0 and {p for _, _, p in store.entries()} == everything
-    sweep(store, takes(), 0, only_tell=False)
+    sweep(store, requests(), 0, only_tell=False)
     assert {p for _, _, p in store.entries()} == everything - set(gone.gone)

@@ -11,11 +11,11 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import plan_of
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.edit import Cut
+from pipeline.production.request.edit import Edit
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
 from pipeline.shot.yaml.lookup import is_edit
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 
 REEL = """\
 title: Reel
@@ -92,7 +92,7 @@ def test_only_the_part_that_an_edit_shows_is_rendered(there):
 def test_an_edit_of_another_name_and_the_same_cut_has_the_same_key(there):
     Path("shots/other.yaml").write_text(Path("shots/film.yaml").read_text())
     films = [read_film(path) for path in ("shots/film.yaml", "shots/other.yaml")]
-    keys = {Cut.of(film, name).key("draft", ["a"], [0.0]) for film, name in zip(films, "ab", strict=True)}
+    keys = {Edit.of(film, name).key("draft", ["a"], [0.0]) for film, name in zip(films, "ab", strict=True)}
     assert len(keys) == 1
 
 

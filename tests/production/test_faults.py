@@ -40,7 +40,7 @@ def same_pixels(one: Any, other: Any) -> bool:
 
 def left_over(project: Any) -> list[Path]:
     state = project.path / ".flowsculpt"
-    return [*project.path.rglob("*.tmp"), *(state / "tmp").glob("*"), *(state / "half").glob("*")]
+    return [*project.path.rglob("*.tmp"), *(state / "tmp").glob("*"), *(state / "checkpoints").glob("*")]
 
 
 @pytest.mark.soak

@@ -19,7 +19,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.store import checkpoints
 from pipeline.production.store.event_log import EventLog, EventReader
-from pipeline.production.store.paths import EVENTS, HALVES
+from pipeline.production.store.paths import CHECKPOINTS, EVENTS
 from pipeline.production.store.store import Store
 from pipeline.production.tasks import memory_guard
 from pipeline.production.tasks.job import Context
@@ -55,7 +55,7 @@ class Bench:
         return [e for e in EventReader(self.root / EVENTS / f"{plan.name}.jsonl").new() if e["event"] == kind]
 
     def halves(self) -> list[Path]:
-        return sorted((self.root / HALVES).glob("*"))
+        return sorted((self.root / CHECKPOINTS).glob("*"))
 
     def raw(self, number: int) -> dict[str, np.ndarray]:
         path = self.root / "renders" / NAME / QUALITY / "raw" / f"{NAME}.{number:04d}.exr"
@@ -138,7 +138,7 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     store, targets = Store(tmp_path), [Path(f"renders/A/final/raw/A.{n:04d}.exr") for n in range(4)]
 
     def kept(number: int, key: str) -> Path:
-        keep = checkpoints.begun(store, targets[number], key, lambda _: None, lambda: True)
+        keep = checkpoints.checkpoint_of(store, targets[number], key, lambda _: None, lambda: True)
         keep.offer(lambda: {"done": np.array(1)})
         return keep.path
 
@@ -153,7 +153,7 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     checkpoints.forget(tmp_path, targets[1:2])
     assert not anew.exists() and other.exists()
     checkpoints.forget(tmp_path, targets)
-    assert not (tmp_path / HALVES).exists()
+    assert not (tmp_path / CHECKPOINTS).exists()
 
 
 def test_a_renderer_that_has_grown_leaves_its_other_frames_to_a_fresh_one(

@@ -11,9 +11,9 @@ import pytest
 from pipeline.production.execution.project import Project
 from pipeline.production.request import planning_cache, shot_source
 from pipeline.production.request.input_digests import pins_of
-from pipeline.production.request.planning_cache import Ledger
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_summary import Outline
+from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_summary import ShotSummary
 from pipeline.production.request.turntable import Turntable
 from pipeline.shot.yaml.lookup import digest_of_file
 
@@ -43,22 +43,22 @@ def shot(root: Path) -> Path:
     return root / "a.yaml"
 
 
-def take_of(shot: Path, quality: str = "draft") -> Take:
-    return Project(shot.parent, 2).take(shot, quality, variant="none")
+def take_of(shot: Path, quality: str = "draft") -> RenderRequest:
+    return Project(shot.parent, 2).request(shot, quality, variant="none")
 
 
-def keys_of(take: Take) -> list[object]:
+def keys_of(request: RenderRequest) -> list[object]:
     frames = range(1, 6)
-    told = [(take.mesh_key(n), take.normals_key(n), take.follows_flow(n)) for n in frames]
-    return [told, take.cameras_key, take.reach, take.movie_key([]), take.still_key("png", "0")]
+    told = [(request.mesh_key(n), request.normals_key(n), request.follows_flow(n)) for n in frames]
+    return [told, request.cameras_key, request.reach, request.movie_key([]), request.still_key("png", "0")]
 
 
 def never(*arguments: object) -> None:
     raise AssertionError("the shot was read")
 
 
-def forgetful(take: Take) -> Take:
-    return replace(take, script=replace(take.script, ledger=None))
+def forgetful(request: RenderRequest) -> RenderRequest:
+    return replace(request, source=replace(request.source, ledger=None))
 
 
 @pytest.mark.parametrize("quality", ["draft", "final"])
@@ -68,11 +68,11 @@ def test_what_is_remembered_is_what_reading_the_shot_finds(
     turn = Turntable(2, 5)
     first = [keys_of(take_of(shot, quality)), keys_of(replace(take_of(shot, quality), turntable=turn))]
     read = [forgetful(take_of(shot, quality)), replace(forgetful(take_of(shot, quality)), turntable=turn)]
-    assert [keys_of(take) for take in read] == first
-    assert [take.quality for take in read] == [take.quality_of_shot for take in read]
+    assert [keys_of(request) for request in read] == first
+    assert [request.quality for request in read] == [request.quality_of_shot for request in read]
     monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
     again = [take_of(shot, quality), replace(take_of(shot, quality), turntable=turn)]
-    assert [keys_of(take) for take in again] == first
+    assert [keys_of(request) for request in again] == first
 
 
 def test_an_edit_of_the_shot_or_of_a_file_that_it_reads_is_seen(shot: Path) -> None:
@@ -88,14 +88,14 @@ def test_an_edit_of_the_shot_or_of_a_file_that_it_reads_is_seen(shot: Path) -> N
 
 
 def test_a_file_that_comes_to_lie_beside_those_that_were_read_has_the_shot_read_again(shot: Path) -> None:
-    outline = Outline.from_data(take_of(shot).script.outline.as_data())
-    assert outline.holds
+    summary = ShotSummary.from_data(take_of(shot).source.summary.as_data())
+    assert summary.holds
     (shot.parent / "wedge2.obj").write_text(WEDGE)
-    assert not outline.holds
+    assert not summary.holds
 
 
 def test_other_code_knows_nothing_of_it(shot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    book = Ledger(shot.parent)
+    book = PlanningCache(shot.parent)
     book.note({"a": 1}, "of this")
     assert book.recall("of this") == {"a": 1}
     assert book.recall("of that") is None
@@ -115,13 +115,13 @@ def test_a_damaged_entry_counts_as_none(shot: Path, damage: bytes) -> None:
 
 def test_a_disk_that_refuses_hinders_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
-    book = Ledger(tmp_path / "file")
+    book = PlanningCache(tmp_path / "file")
     book.note({"a": 1}, "of this")
     assert book.recall("of this") is None
 
 
 def test_entries_that_nobody_asks_for_go(root: Path) -> None:
-    book = Ledger(root)
+    book = PlanningCache(root)
     book.note({}, "old")
     (entry,) = (root / ".flowsculpt/ledger").iterdir()
     os.utime(entry, (0.0, 0.0))
@@ -134,8 +134,8 @@ def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) ->
     planned = take_of(shot)
     (shot.parent / "wedge.obj").write_text(WEDGE.replace("v 2 0 0", "v 3 0 0"))
     take_of(shot)
-    late = shot_source.Script.from_data(planned.script.as_data(), Ledger(shot.parent))
-    assert late.pins == pins_of([(shot.parent / "wedge.obj", planned.script.pins[0][1])])
+    late = shot_source.ShotSource.from_data(planned.source.as_data(), PlanningCache(shot.parent))
+    assert late.pins == pins_of([(shot.parent / "wedge.obj", planned.source.pins[0][1])])
     assert late.pins[0][1] != digest_of_file(shot.parent / "wedge.obj")
     with pytest.raises(Exception, match="changed since the work was planned"):
-        assert late.outline
+        assert late.summary

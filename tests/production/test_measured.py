@@ -13,8 +13,8 @@ from pipeline.dailies.preview.sketch import shape_of
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import speeds
 from pipeline.production.render_inputs.shading import Shading
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
@@ -28,13 +28,13 @@ SPINNING = "flows:\n  - rotation: {axis: y, speed: 120}\n"
 LATE = "flows:\n  - translation: {rate: {ease: linear, keys: {1: [0, 0, 0], 3: [0, 0, 0], 6: [8, 0, 0]}}}\n"
 
 
-def take_of(text: str, turntable: Turntable | None = None) -> Take:
-    return Take(Script(text, Path("T010_tiny.yaml")), "preview", "none", (1,), turntable)
+def take_of(text: str, turntable: Turntable | None = None) -> RenderRequest:
+    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "preview", "none", (1,), turntable)
 
 
-def raw_keys(take: Take) -> list[str]:
-    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in take.poses}
-    return [take.raw_key(n, framings) for n in take.poses]
+def raw_keys(request: RenderRequest) -> list[str]:
+    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in request.angles}
+    return [request.raw_key(n, framings) for n in request.angles]
 
 
 def changed(look: str, turntable: Turntable | None = None) -> list[bool]:

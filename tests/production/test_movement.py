@@ -9,13 +9,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.animation import MeshFrame, animate, at_moment
+from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.mesh.normals import split_at_creases
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import Movement, flowing, framing_at, turning
 from pipeline.production.render_inputs.shading import Shading
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
 from render.scene.camera import Camera
@@ -74,7 +74,7 @@ def test_what_spins_is_as_fast_as_it_is_far_out(number: int) -> None:
 def test_moments_are_on_the_flow_with_the_points_of_their_frame() -> None:
     shot, frame, moving = movement(BALL + SPINNING, 4)
     for offset in (-0.25, 0.25, 1.0):
-        there = at_moment(shot.motion, frame, 4 + offset).vertices
+        there = mesh_at_subframe(shot.motion, frame, 4 + offset).vertices
         assert moving.at(offset)[0][: len(there)] == pytest.approx(there, abs=1e-12)
 
 
@@ -124,14 +124,14 @@ def test_cameras_go_from_picture_to_picture_and_on_at_the_ends() -> None:
     assert framing_at({3: framing(3.0)}, 3, 0.5) == framing(3.0)
 
 
-def take_of(text: str) -> Take:
-    return Take(Script(text, Path("T010_tiny.yaml")), "preview", "none", (1,))
+def take_of(text: str) -> RenderRequest:
+    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "preview", "none", (1,))
 
 
 def raw_keys(text: str) -> list[str]:
-    take = take_of(text)
-    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in take.poses}
-    return [take.raw_key(n, framings) for n in take.poses]
+    request = take_of(text)
+    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in request.angles}
+    return [request.raw_key(n, framings) for n in request.angles]
 
 
 def test_a_shutter_and_layers_change_pictures_and_nothing_before_them() -> None:

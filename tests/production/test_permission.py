@@ -17,8 +17,8 @@ from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.render_request import Take
-from pipeline.production.store.npz import read_npz
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.readers import read_npz
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"
@@ -41,12 +41,12 @@ def test_without_permission_nothing_is_planned(shot: str, tmp_path: Path) -> Non
 def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_path: Path) -> None:
     plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
-    (take,) = (Take.from_data(data) for data in json.loads(json.dumps(thawed.takes)))
-    frames = list(animate(take.shot))
+    (request,) = (RenderRequest.from_data(data) for data in json.loads(json.dumps(thawed.requests)))
+    frames = list(animate(request.shot))
     lifted = frames[-1].mesh.vertices - frames[0].mesh.vertices
     np.testing.assert_allclose(lifted, np.tile([0.0, 2 / 24, 0.0], (len(lifted), 1)), atol=1e-12)
-    forbidden = Project(tmp_path, 1).take(Path(shot), "draft", variant="none")
-    assert [forbidden.mesh_key(n) for n in (1, 2, 3)] == [take.mesh_key(n) for n in (1, 2, 3)]
+    forbidden = Project(tmp_path, 1).request(Path(shot), "draft", variant="none")
+    assert [forbidden.mesh_key(n) for n in (1, 2, 3)] == [request.mesh_key(n) for n in (1, 2, 3)]
 
 
 def test_a_shot_that_no_file_can_be_called_is_not_there() -> None:
@@ -74,7 +74,10 @@ def test_a_job_has_the_permission(shot: str, tmp_path: Path) -> None:
 def test_a_job_without_the_permission_runs_nothing(shot: str, tmp_path: Path) -> None:
     plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     forbidden = replace(
-        plan, takes=tuple({**take, "script": {**take["script"], "allow_code": False}} for take in plan.takes)
+        plan,
+        requests=tuple(
+            {**request, "script": {**request["script"], "allow_code": False}} for request in plan.requests
+        ),
     )
     done = job_of(forbidden, tmp_path)
     assert done.returncode == 1 and "that needs permission" in done.stderr, done.stderr
@@ -109,8 +112,8 @@ def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: st
     wanted = f"{tmp_path / changed}: it was changed since the work was planned; run again"
     assert done.stderr.strip() == wanted
     (tmp_path / changed).write_bytes(before)
-    (take,) = (Take.from_data(data) for data in plan.takes)
-    assert take.shot.name == "a"
+    (request,) = (RenderRequest.from_data(data) for data in plan.requests)
+    assert request.shot.name == "a"
 
 
 def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> None:
@@ -118,10 +121,10 @@ def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> 
     save = lambda name: np.savez(tmp_path / name, x=axis, y=axis, z=axis, velocity=np.ones((3, 3, 3, 3)))  # noqa: E731
     save("w_1.npz")
     Path(shot).write_text(SHOT.partition("  - ")[0] + "  - sampled: {file: 'w_*.npz'}\n")
-    take = Project(tmp_path, 1).take(Path(shot), "draft", variant="none")
+    request = Project(tmp_path, 1).request(Path(shot), "draft", variant="none")
     save("w_2.npz")
     with pytest.raises(UsageError, match=r"w_2\.npz: it was changed since the work was planned; run again"):
-        Take.from_data(json.loads(json.dumps(take.as_data()))).shot  # noqa: B018
+        RenderRequest.from_data(json.loads(json.dumps(request.as_data()))).shot  # noqa: B018
 
 
 def snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:

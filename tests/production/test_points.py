@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.mesh.bspline import PIECES
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from render.post.image import read_exr, read_header
 
 CLOUD = """\
@@ -23,9 +23,9 @@ NET = CLOUD.replace("cloud: {solid: icosphere, radius: 1}, count: 300, radius: 0
 NAME = "T010_tiny"
 
 
-def take_of(text: str) -> Take:
-    script = Script(text, Path(f"{NAME}.yaml"))
-    return Take(script, quality_name="preview", variant="none", requested=(1,))
+def take_of(text: str) -> RenderRequest:
+    source = ShotSource(text, Path(f"{NAME}.yaml"))
+    return RenderRequest(source, quality_name="preview", variant="none", requested=(1,))
 
 
 def test_a_late_key_leaves_early_frames_of_points_alone() -> None:

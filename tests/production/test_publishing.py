@@ -58,7 +58,7 @@ class Desk:
 
     def release(self, note: str = "", version: str | None = None) -> Release:
         project = Project(self.root, 1)
-        return Release(project.take(self.shot, QUALITY), project.store, RENDER, note, version)
+        return Release(project.request(self.shot, QUALITY), project.store, RENDER, note, version)
 
     def render(self) -> None:
         done(self.root, Project(self.root, 1).pictures([NAME], QUALITY))
@@ -114,8 +114,8 @@ def test_a_version_is_read_only_and_tells_all_that_it_was_made_from(published: D
     folder = published.home / "v001"
     record = Provenance.read(folder / FILE)
     assert (record.note, record.quality, list(record.frames)) == ("first look", QUALITY, [1, 2, 3, 4])
-    assert record.script.text == SHOT and record.script.path == Path(f"shots/{NAME}.yaml")
-    assert record.script.pins == (("models/wedge.obj", digest_of_file(published.root / "models/wedge.obj")),)
+    assert record.source.text == SHOT and record.source.path == Path(f"shots/{NAME}.yaml")
+    assert record.source.pins == (("models/wedge.obj", digest_of_file(published.root / "models/wedge.obj")),)
     assert set(record.packages) >= {"mitsuba", "numba", "flowsculpt"} and record.host["cores"] >= 1
     assert record.timings["render"] > 0.0 and record.timings["simulate"] > 0.0
     for frame in record.frames.values():
@@ -161,8 +161,8 @@ def test_what_was_edited_since_is_stale_until_it_is_rendered_and_then_the_next_v
 def test_a_frame_that_cannot_be_read_is_forgotten_and_not_published(desk: Desk) -> None:
     desk.shot.write_text(SHOT.replace("4: 40", "4: 50"))
     desk.render()
-    take = desk.release().take
-    keys = take.picture_keys(desk.release().store)
+    request = desk.release().request
+    keys = request.picture_keys(desk.release().store)
     assert keys is not None
     stored = desk.release().store.path("frame", keys[3].frame)
     stored.chmod(0o644)
@@ -243,7 +243,7 @@ def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk:
     desk.shot.write_text("title: another shot by now\n")
     shutil.rmtree(desk.root / ".flowsculpt")
     one = desk.repetition("2")
-    assert one.take.requested == (1, 2, 3) and one.notes == []
+    assert one.request.requested == (1, 2, 3) and one.notes == []
     source = str(desk.home / "v001" / FILE)
     done(one.home, one.plan())
     assert [(each.what, each.same) for each in one.comparisons()] == [("frame 2", True)]
@@ -252,7 +252,7 @@ def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk:
     code, said = desk.command("render", "--from", source)
     assert code == 0 and "frames 1-4 and the movie identical" in said
     assert one.home == desk.root / "renders" / "repeated" / f"{NAME}.v001"
-    changed = again.take.picture_keys(again.store)
+    changed = again.request.picture_keys(again.store)
     assert changed is not None
     file = again.store.path("frame", changed[3].frame)
     layers, header = read_exr(file)
@@ -309,8 +309,8 @@ def test_a_provenance_gives_no_leave_to_run_code(desk: Desk) -> None:
     data["script"]["allow_code"] = True
     source.unlink()
     source.write_text(json.dumps(data))
-    assert desk.repetition().take.script.allow_code is False
-    assert desk.repetition(allow_code=True).take.script.allow_code is True
+    assert desk.repetition().request.source.allow_code is False
+    assert desk.repetition(allow_code=True).request.source.allow_code is True
 
 
 @pytest.mark.parametrize(
@@ -349,7 +349,7 @@ def test_what_is_no_provenance_is_told_in_one_line(
         (("versions", "B999"), 3, f"B999 is not published in .*; published are {NAME}"),
         (("render",), 2, "render needs the name of a shot, or --from"),
         (("render", "--from", "nowhere.json"), 3, "nowhere.json: no such provenance"),
-        (("render", NAME, "--from", "nowhere.json"), 2, "it says itself which shot is rendered"),
+        (("render", NAME, "--from", "nowhere.json"), 2, "the provenance says shot, quality"),
         (
             ("render", "--from", f"renders/published/{NAME}/v001/{FILE}", "-f", "9"),
             2,

@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.production.store import readers
-from pipeline.production.store.npz import write_npz
+from pipeline.production.store.readers import write_npz
 from pipeline.production.store.store import CorruptFileError
 from pipeline.shot import read_shot
 from render.base.errors import CorruptImageError
@@ -69,14 +69,14 @@ def test_a_mesh_that_is_another_or_broken_is_found_out(tmp_path: Path) -> None:
     (tmp_path / "a.yaml").write_text(BOX)
     frame = next(iter(animate(read_shot(tmp_path / "a.yaml"))))
     good, path = tmp_path / "good.npz", tmp_path / "a.npz"
-    write_npz(good, readers.keyed(KEY, frame.to_arrays()))
+    write_npz(good, readers.with_key(KEY, frame.to_arrays()))
     assert np.array_equal(readers.mesh_frame(KEY)(good).mesh.vertices, frame.mesh.vertices)
     damages: tuple[Callable[[Path], None], ...] = (
         flip,
         lambda path: cut(path, 0.7),
         lambda path: cut(path, 0.0),
-        lambda path: write_npz(path, readers.keyed(OTHER, frame.to_arrays())),
-        lambda path: write_npz(path, readers.keyed(KEY, {"number": np.array(1)})),
+        lambda path: write_npz(path, readers.with_key(OTHER, frame.to_arrays())),
+        lambda path: write_npz(path, readers.with_key(KEY, {"number": np.array(1)})),
     )
     for damage in damages:
         shutil.copy(good, path)

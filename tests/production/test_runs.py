@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"

@@ -16,8 +16,8 @@ from pipeline.mesh.pn_triangles import tessellate
 from pipeline.mesh.solids.primitives import icosphere
 from pipeline.production.render_inputs.dicing import pieces_for
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot import read_shot
 from render.scene.camera import Camera
 from render.scene.quality import Quality
@@ -31,9 +31,9 @@ resample: {max_edge_length: 0.5}
 """
 
 
-def take_of(text: str) -> Take:
-    script = Script(text, Path("T010_tiny.yaml"))
-    return Take(script, quality_name="preview", variant="none", requested=(1,))
+def take_of(text: str) -> RenderRequest:
+    source = ShotSource(text, Path("T010_tiny.yaml"))
+    return RenderRequest(source, quality_name="preview", variant="none", requested=(1,))
 
 
 def test_patches_change_the_picture_and_no_mesh() -> None:
@@ -72,7 +72,7 @@ def test_dicing_is_said_in_pixels(written: str, pixels: float) -> None:
     [
         ("dicing: 2em", "5:10: smooth.dicing: '2em' is no length"),
         ("dicing: 0px", "5:10: smooth.dicing is 0px; it must be at least 0.25"),
-        ("dicing: 2px, tessellate: 2", "5:1: smooth: two measures"),
+        ("dicing: 2px, tessellate: 2", "5:1: smooth has both tessellate"),
     ],
 )
 def test_dicing_that_cannot_be_is_told_with_its_place(written: str, told: str) -> None:
@@ -84,9 +84,9 @@ def test_dicing_changes_the_picture_and_neither_mesh_nor_normals_nor_cameras() -
     plain, diced = take_of(TINY), take_of(TINY + "smooth: {dicing: 2px}\n")
     assert plain.mesh_key(1) == diced.mesh_key(1) and plain.normals_key(1) == diced.normals_key(1)
     assert plain.cameras_key == diced.cameras_key
-    framings = {n: Framing(Camera((0, 1, 6), (0, 1, 0)), Placement()) for n in plain.poses}
+    framings = {n: Framing(Camera((0, 1, 6), (0, 1, 0)), Placement()) for n in plain.angles}
     other = take_of(TINY + "smooth: {dicing: 3px}\n")
-    assert len({take.raw_key(1, framings) for take in (plain, diced, other)}) == 3
+    assert len({request.raw_key(1, framings) for request in (plain, diced, other)}) == 3
     assert diced.needs_mesh(1) and not plain.needs_mesh(1)
 
 

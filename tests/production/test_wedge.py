@@ -19,7 +19,7 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid, Variation
 from pipeline.production.versions.wedge import Wedge, frames_by_task
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from tests.conftest import commanded
 
@@ -219,7 +219,7 @@ def test_a_wedge_is_rendered_and_drawn_and_leaves_the_shot_alone(desk: Desk) -> 
         for late in (50, 60, 70)
         for stops in (0, 1)
     }
-    places = [home / cell.folder / QUALITY / "frames" / f"{NAME}.0012.exr" for cell, _ in wedge.takes]
+    places = [home / cell.folder / QUALITY / "frames" / f"{NAME}.0012.exr" for cell, _ in wedge.requests]
     pictures = [read_exr(place)[0]["beauty"].tobytes() for place in places]
     assert pictures[::2] == pictures[1::2] and len(set(pictures)) == 3
     still, movie = (desk.root / path for path in wedge.draw())
@@ -227,7 +227,7 @@ def test_a_wedge_is_rendered_and_drawn_and_leaves_the_shot_alone(desk: Desk) -> 
     assert still.name == f"flows.0.twist.amount.keys.12,lights.exposure.{QUALITY}.0012.png"
     facts, sides = probe_movie(movie), (page.shape[1], page.shape[0])
     assert facts.frames == 2 and (facts.width, facts.height) == tuple(side + side % 2 for side in sides)
-    keys = wedge.takes[2][1].picture_keys(wedge.project.store)
+    keys = wedge.requests[2][1].picture_keys(wedge.project.store)
     assert keys is not None
     wedge.project.store.discard("frame", keys[12].frame)
     wedge.draw()
@@ -253,17 +253,17 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
             )
             plan = wedge.plan()
             simulations = [job for job in plan.jobs if job.task == "simulate"]
-            done(root, Plan(plan.takes, None, tuple(simulations), (), ()))
+            done(root, Plan(plan.requests, None, tuple(simulations), (), ()))
             folders.append({path.name: path.read_bytes() for path in root.rglob("store/mesh/*/*.npz")})
     assert len(folders[0]) == 9 + 3 * 3 and folders[0] == folders[1]
 
 
 def test_after_a_crash_all_cells_are_rendered_by_the_next_variant(desk: Desk, tmp_path: Path) -> None:
     wedge = Wedge(Project(tmp_path, 2), desk.root / "shots" / f"{NAME}.yaml", Grid.parse([LOOK]), QUALITY)
-    (before,) = {take["variant"] for take in wedge.plan().takes}
+    (before,) = {request["variant"] for request in wedge.plan().requests}
     if not avoid(tmp_path, NAME, before, f"{before} crashed"):
         pytest.skip("there is only one variant here to choose from")
-    (after,) = {take["variant"] for take in wedge.plan().takes}
+    (after,) = {request["variant"] for request in wedge.plan().requests}
     assert after != before
 
 
@@ -297,7 +297,7 @@ def test_a_dry_run_tells_the_grid_and_what_is_shared(desk: Desk) -> None:
     code, said = desk.command(*words)
     assert code == 0
     assert "stage=none  flows.0.twist.amount.keys.12=50\n" in said
-    assert "6 cells of 1 frame, the sheet at 7." in said and "Shared, and so not done again: " in said
+    assert "6 cells of 1 frame, the sheet at 7." in said and "Shared by cells, and done once: " in said
     facts = json.loads(desk.command("--json", *words)[1])
     assert len(facts["cells"]) == 6 and facts["shared"]["simulate"] > 0 and "estimate" in facts
     assert facts["cells"][0]["folder"].startswith(f"renders/wedge/{NAME}/stage=none,")

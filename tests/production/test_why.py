@@ -36,7 +36,7 @@ def test_a_difference_is_told_as_a_path() -> None:
 
 def ask(project: Any, frame: int) -> Answer:
     there = Project(project.path, 2)
-    return Question(there.take(find_shot(NAME), "preview", str(frame)), frame, there.store).answer()
+    return Question(there.request(find_shot(NAME), "preview", str(frame)), frame, there.store).answer()
 
 
 def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatch) -> None:

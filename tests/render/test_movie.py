@@ -12,7 +12,9 @@ import numpy as np
 import pytest
 
 from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
-from render.movie.movie import probe_movie, write_movie
+from render.movie.codecs import H264, H264_8_BITS, movie_encode
+from render.movie.encode import write_movie
+from render.movie.probe import probe_movie
 
 PATCHES = np.array(
     [
@@ -50,7 +52,7 @@ def decoded(path: Path) -> Iterator[np.ndarray]:
 @pytest.mark.parametrize("bits", [8, 10])
 def test_a_movie_names_its_colours_and_keeps_them(bits: int, tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
-    assert write_movie(path, patches(5), Fraction(24), bits) == 5
+    assert write_movie(path, patches(5), Fraction(24), movie_encode(bits)) == 5
     facts = probe_movie(path)
     assert (facts.frames, facts.width, facts.height, facts.rate) == (5, 128, 64, Fraction(24))
     assert (facts.primaries, facts.transfer, facts.matrix, facts.range) == (1, 1, 1, 1)
@@ -63,7 +65,7 @@ def test_a_movie_names_its_colours_and_keeps_them(bits: int, tmp_path: Path) -> 
 
 def test_an_odd_size_is_padded_by_its_last_row_and_column(tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
-    write_movie(path, patches(2, 33, 65), Fraction(24))
+    write_movie(path, patches(2, 33, 65), Fraction(24), H264_8_BITS)
     facts = probe_movie(path)
     assert (facts.width, facts.height) == (66, 34)
     frame = next(iter(decoded(path)))
@@ -71,14 +73,14 @@ def test_an_odd_size_is_padded_by_its_last_row_and_column(tmp_path: Path) -> Non
 
 
 def test_ntsc_rates_are_exact(tmp_path: Path) -> None:
-    write_movie(tmp_path / "a.mp4", patches(3), Fraction(24000, 1001))
+    write_movie(tmp_path / "a.mp4", patches(3), Fraction(24000, 1001), H264_8_BITS)
     assert probe_movie(tmp_path / "a.mp4").rate == Fraction(24000, 1001)
 
 
 def test_sixteen_bits_keep_a_gradient_that_eight_would_band(tmp_path: Path) -> None:
     ramp = np.linspace(0.20, 0.23, 256) * 65535
     frame = np.repeat(np.tile(ramp, (64, 1))[..., None], 3, axis=2).astype(np.uint16)
-    write_movie(tmp_path / "a.mp4", iter([frame]), Fraction(24), bits=10)
+    write_movie(tmp_path / "a.mp4", iter([frame]), Fraction(24), H264)
     shown = next(iter(decoded(tmp_path / "a.mp4")))[..., 1].mean(axis=0) / 255.0
     assert (
         np.abs(shown.reshape(16, 16).mean(axis=1) - ramp.reshape(16, 16).mean(axis=1) / 65535).max() < 1 / 255
@@ -87,12 +89,12 @@ def test_sixteen_bits_keep_a_gradient_that_eight_would_band(tmp_path: Path) -> N
 
 def test_the_same_frames_are_the_same_file(tmp_path: Path) -> None:
     for name in ("a.mp4", "b.mp4"):
-        write_movie(tmp_path / name, patches(4), Fraction(24))
+        write_movie(tmp_path / name, patches(4), Fraction(24), H264_8_BITS)
     assert (tmp_path / "a.mp4").read_bytes() == (tmp_path / "b.mp4").read_bytes()
 
 
 def test_a_movie_starts_before_it_is_loaded(tmp_path: Path) -> None:
-    write_movie(tmp_path / "a.mp4", patches(4), Fraction(24))
+    write_movie(tmp_path / "a.mp4", patches(4), Fraction(24), H264_8_BITS)
     content = (tmp_path / "a.mp4").read_bytes()
     assert content.index(b"moov") < content.index(b"mdat")
 
@@ -107,24 +109,24 @@ def test_frames_are_taken_one_by_one(tmp_path: Path) -> None:
         raise CorruptImageError("a.0004.exr: cannot be read")
 
     with pytest.raises(CorruptImageError, match="0004"):
-        write_movie(path, failing(), Fraction(24))
+        write_movie(path, failing(), Fraction(24), H264_8_BITS)
     assert path.read_bytes() == b"an older movie"
     assert [file.name for file in tmp_path.iterdir()] == ["a.mp4"]
 
 
 def test_frames_of_two_sizes_are_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="frame 1 has 32×64"):
-        write_movie(tmp_path / "a.mp4", iter([*patches(1), *patches(1, 64, 32)]), Fraction(24))
+        write_movie(tmp_path / "a.mp4", iter([*patches(1), *patches(1, 64, 32)]), Fraction(24), H264_8_BITS)
     assert not list(tmp_path.iterdir())
 
 
 def test_a_movie_of_nothing_is_refused(tmp_path: Path) -> None:
     with pytest.raises(BadInputError, match="no frames"):
-        write_movie(tmp_path / "a.mp4", iter(()), Fraction(24))
+        write_movie(tmp_path / "a.mp4", iter(()), Fraction(24), H264_8_BITS)
     with pytest.raises(BadInputError, match="float64"):
-        write_movie(tmp_path / "a.mp4", iter([np.zeros((4, 4, 3))]), Fraction(24))  # type: ignore[list-item]
+        write_movie(tmp_path / "a.mp4", iter([np.zeros((4, 4, 3))]), Fraction(24), H264_8_BITS)  # type: ignore[list-item]
     with pytest.raises(BadInputError, match="12 bits"):
-        write_movie(tmp_path / "a.mp4", patches(1), Fraction(24), bits=12)
+        movie_encode(12)
 
 
 def test_a_full_disk_is_reported(tmp_path: Path) -> None:
@@ -133,8 +135,8 @@ def test_a_full_disk_is_reported(tmp_path: Path) -> None:
     soft, hard = resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (4000, hard))
     try:
-        with pytest.raises(MachineError, match="free space"):
-            write_movie(tmp_path / "a.mp4", noise, Fraction(24))
+        with pytest.raises(MachineError, match="ulimit"):
+            write_movie(tmp_path / "a.mp4", noise, Fraction(24), H264_8_BITS)
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, (soft, hard))
     assert not list(tmp_path.iterdir())
@@ -150,7 +152,7 @@ def test_a_movie_that_is_none_is_reported(tmp_path: Path) -> None:
 
 def test_a_truncated_movie_is_reported_or_shorter(tmp_path: Path) -> None:
     path = tmp_path / "a.mp4"
-    write_movie(path, patches(8), Fraction(24))
+    write_movie(path, patches(8), Fraction(24), H264_8_BITS)
     whole = path.read_bytes()
     path.write_bytes(whole[: len(whole) * 2 // 3])
     try:
@@ -169,6 +171,6 @@ def test_the_same_frames_are_the_same_file_every_time(tmp_path: Path) -> None:
     made = set()
     for number in range(25):
         movie = tmp_path / f"{number}.mp4"
-        write_movie(movie, iter(frames), Fraction(24))
+        write_movie(movie, iter(frames), Fraction(24), H264_8_BITS)
         made.add(movie.read_bytes())
     assert len(made) == 1

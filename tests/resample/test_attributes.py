@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Points
 from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.mesh.solids.analytic_surfaces import Sphere
+from pipeline.mesh.solids.analytic_surfaces import SphereSurface
 from pipeline.resample import Chord, Curved, DistanceToCamera, Exact, Placement, Resampler, Thresholds
 from pipeline.resample.placement.rest_surface import REST
 
@@ -19,7 +19,7 @@ def pulled(points: Points, frames: int) -> Points:
 
 
 def exact(frames: list[int]) -> Exact:
-    return Exact(lambda points: pulled(points, frames[0]), Sphere(1.0))
+    return Exact(lambda points: pulled(points, frames[0]), SphereSurface(1.0))
 
 
 @settings(max_examples=10, deadline=None)
@@ -65,7 +65,7 @@ def test_an_integer_says_of_which_first_vertex_every_vertex_descends() -> None:
     resampler = Resampler(
         ball.with_attributes(origin=np.arange(len(ball.vertices))),
         Thresholds(0.12),
-        Exact(lambda p: p, Sphere(1.0)),
+        Exact(lambda p: p, SphereSurface(1.0)),
     )
     assert resampler.resample().splits > 100
     after = resampler.mesh

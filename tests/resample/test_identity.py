@@ -13,7 +13,7 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.identity import IDENTITY, ancestry, with_identities
-from pipeline.mesh.solids.analytic_surfaces import Sphere
+from pipeline.mesh.solids.analytic_surfaces import SphereSurface
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 
 MENAGERIE = [box(edge_length=0.5), icosphere(6), sheet((2.0, 2.0), 0.3), torus(1.0, 0.4, 0.3)]
@@ -157,7 +157,7 @@ def test_who_dies_in_the_frame_of_its_birth_is_on_record_too() -> None:
 
 def test_identities_change_nothing_else_and_nobody_needs_them() -> None:
     mesh, carried = icosphere(8), [0]
-    placement = Exact(lambda points: points * [1.06 ** carried[0], 1.0, 1.0], Sphere(1.0))
+    placement = Exact(lambda points: points * [1.06 ** carried[0], 1.0, 1.0], SphereSurface(1.0))
     told, plain = (Resampler(m, Thresholds(0.2), placement) for m in (with_identities(mesh), mesh))
     for _ in range(8):
         carried[0] += 1

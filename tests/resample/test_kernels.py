@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, dihedral_angles, icosphere, rod, sheet, torus
 from pipeline.resample import Thresholds, resample
-from pipeline.resample._kernels_flip import flip_edge, worth_flipping
-from pipeline.resample._kernels_judge import BOUNDARY, CROWDED, LINK, judge
-from pipeline.resample._kernels_ring import MOST_SPOKES, new_ring
+from pipeline.resample.kernels.can_collapse import BOUNDARY, CROWDED, LINK, can_collapse
+from pipeline.resample.kernels.flip import flip_edge, should_flip
+from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 
 TUBE = rod(2.0, 0.1, 0.4)
 MENAGERIE = [
@@ -46,11 +47,11 @@ def may_collapse(mesh: TriangleMesh, a: int, b: int) -> bool:
 
 @pytest.mark.parametrize("mesh", MENAGERIE)
 def test_the_link_condition_is_the_one_of_the_books(mesh: TriangleMesh) -> None:
-    live, limits = HalfedgeMesh(mesh), np.array([math.inf, math.inf, -2.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+    live, limits = HalfedgeMesh(mesh), Limits(math.inf, math.inf, -2.0)
     near, far = new_ring(), new_ring()
     for h in range(3 * len(mesh.faces)):
         a, b = (int(mesh.faces[h // 3, (h + i) % 3]) for i in (0, 1))
-        _, reason = judge(live.surface, h, near, far, limits)
+        _, reason = can_collapse(live.arrays, h, near, far, limits)
         assert (reason not in (LINK, BOUNDARY)) == may_collapse(mesh, a, b), (a, b)
 
 
@@ -141,38 +142,36 @@ def test_a_flip_turns_one_edge_and_a_second_flip_turns_it_back() -> None:
     checked = 0
     for h in np.flatnonzero(HalfedgeMesh(mesh).twins >= 0):
         live = HalfedgeMesh(mesh)
-        flip_edge(live.surface, int(h))
+        flip_edge(live.arrays, int(h))
         edges = {tuple(sorted(pair)) for f in live.faces.tolist() for pair in pairwise([*f, f[0]])}
         if len(edges) == live.edges:
             assert np.array_equal(HalfedgeMesh(live.snapshot()).twins, live.twins)
             checked += 1
-        flip_edge(live.surface, int(h - 2 if h % 3 == 2 else h + 1))
+        flip_edge(live.arrays, int(h - 2 if h % 3 == 2 else h + 1))
         assert soup(live.snapshot()) == soup(mesh)
     assert checked > 50
 
 
 def test_flips_leave_creases_and_good_edges_alone() -> None:
     """The long diagonal of a flat kite is turned; folded along it, it is a crease and stays."""
-    limits = np.array([9.0, 0.0, math.cos(math.radians(40)), 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+    limits = Limits(3.0, 0.0, math.cos(math.radians(40)))
     kite = [(-1, 0, 0), (1, 0, 0), (0, 0.3, 0), (0, -0.3, 0)]
     faces = [(0, 1, 2), (1, 0, 3)]
     flat = HalfedgeMesh(TriangleMesh(kite, faces))
     folded = HalfedgeMesh(TriangleMesh([*kite[:2], (0, 0.2, 0.25), (0, -0.2, 0.25)], faces))
     good = HalfedgeMesh(TriangleMesh([(-0.3, 0, 0), (0.3, 0, 0), (0, 1, 0), (0, -1, 0)], faces))
-    assert worth_flipping(flat.surface, 0, limits)
-    assert not worth_flipping(folded.surface, 0, limits)
-    assert not worth_flipping(good.surface, 0, limits)
-    assert not worth_flipping(flat.surface, 0, np.array([0.2, 0.0, 0.7, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])), (
-        "the new edge would be too long"
-    )
+    assert should_flip(flat.arrays, 0, limits)
+    assert not should_flip(folded.arrays, 0, limits)
+    assert not should_flip(good.arrays, 0, limits)
+    assert not should_flip(flat.arrays, 0, Limits(math.sqrt(0.2), 0.0, 0.7)), "the new edge would be too long"
 
 
 def test_an_end_with_too_many_neighbours_is_left_alone() -> None:
-    turn = 2 * math.pi * np.arange(MOST_SPOKES + 1) / (MOST_SPOKES + 1)
+    turn = 2 * math.pi * np.arange(MAX_SPOKES + 1) / (MAX_SPOKES + 1)
     rim = np.column_stack([np.cos(turn), 0 * turn, -np.sin(turn)])
     n = len(rim)
     faces = [(i, (i + 1) % n, n) for i in range(n)] + [((i + 1) % n, i, n + 1) for i in range(n)]
     top = TriangleMesh([*rim, (0, 1, 0), (0, -1, 0)], faces)
-    limits = np.array([math.inf, math.inf, -2.0, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
-    assert judge(HalfedgeMesh(top).surface, 1, new_ring(), new_ring(), limits)[1] == CROWDED
-    assert judge(HalfedgeMesh(top).surface, 0, new_ring(), new_ring(), limits)[1] != CROWDED
+    limits = Limits(math.inf, math.inf, -2.0)
+    assert can_collapse(HalfedgeMesh(top).arrays, 1, new_ring(), new_ring(), limits)[1] == CROWDED
+    assert can_collapse(HalfedgeMesh(top).arrays, 0, new_ring(), new_ring(), limits)[1] != CROWDED

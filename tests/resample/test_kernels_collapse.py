@@ -9,25 +9,34 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, require, rod, sheet, torus
-from pipeline.resample._kernels_collapse import collapse_edge
-from pipeline.resample._kernels_flip import flip_edge
-from pipeline.resample._kernels_judge import AT_END, AT_START, FEATURE, FREE, SHAPE, judge
-from pipeline.resample._kernels_lost import left_behind, swept
-from pipeline.resample._kernels_ring import Ring, folds, new_ring, walk, weigh
-from pipeline.resample._kernels_split import split_edge
+from pipeline.resample.kernels.can_collapse import (
+    AT_END,
+    AT_START,
+    FEATURE,
+    NONE,
+    SHAPE,
+    can_collapse,
+    removal_distance,
+    swept_volume,
+)
+from pipeline.resample.kernels.collapse import collapse_edge
+from pipeline.resample.kernels.flip import flip_edge
+from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.ring import Ring, collect_ring, folds, measure_ring, new_ring
+from pipeline.resample.kernels.split import split_edge
 
 HARD = math.cos(math.radians(40))
 BALL, CUBE, RING, CLOTH = icosphere(3), box(edge_length=0.5), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.5)
 
 
-def limits(longest: float = math.inf, cosine: float = HARD, midpoints: bool = True) -> AnyArray:
-    return np.array([longest**2, math.inf, cosine, float(midpoints), -1.0, 1.0, 1.0, -1.0, -1.0])
+def limits(longest: float = math.inf, cosine: float = HARD, midpoints: bool = True) -> Limits:
+    return Limits(longest, math.inf, cosine, midpoints)
 
 
 def ring_of(live: HalfedgeMesh, h: int, cosine: float = HARD) -> Ring:
     ring = new_ring()
-    assert walk(live.surface, h, ring)
-    weigh(live.surface, int(live.surface.vert[h]), ring, cosine)
+    assert collect_ring(live.arrays, h, ring)
+    measure_ring(live.arrays, int(live.arrays.vert[h]), ring, cosine)
     return ring
 
 
@@ -75,7 +84,7 @@ def test_how_far_a_vertex_is_left_behind_is_the_least_distance_from_the_new_face
     moved = mesh.with_vertices(mesh.vertices + 0.2 * rng.normal(size=mesh.vertices.shape))
     live, h = HalfedgeMesh(moved), int(rng.integers(3 * len(mesh.faces)))
     a, b = ends_of(mesh, h)
-    left = left_behind(live.surface.points, ring_of(live, h), a, b)
+    left = removal_distance(live.arrays.points, ring_of(live, h), a, b)
     new = [[b if v == a else v for v in f] for f in mesh.faces.tolist() if a in f and b not in f]
     expected = min(slow_distance(moved.vertices[a], moved.vertices[f]) for f in new)
     assert math.sqrt(max(0.0, left)) == pytest.approx(expected, abs=1e-7)
@@ -87,7 +96,7 @@ def test_the_volume_swept_is_that_of_the_tetrahedra_below_the_faces(seed: int) -
     rng = np.random.default_rng(seed)
     live, h = HalfedgeMesh(BALL), int(rng.integers(3 * len(BALL.faces)))
     a, b = ends_of(BALL, h)
-    told = swept(live.surface.points, a, b, ring_of(live, h))
+    told = swept_volume(live.arrays.points, a, b, ring_of(live, h))
     points = np.array(BALL.vertices)
     points[a] = points[b]
     before, after = (six_volumes(p, BALL.faces) for p in (BALL.vertices, points))
@@ -105,18 +114,18 @@ def test_of_two_soft_ends_the_one_goes_that_changes_the_volume_less() -> None:
     mesh = BALL.with_vertices(BALL.vertices * lumps)
     live, near, far, told = HalfedgeMesh(mesh), new_ring(), new_ring(), 0
     for h in range(3 * len(mesh.faces)):
-        where, _ = judge(live.surface, h, near, far, limits(cosine=-1.0, midpoints=False))
+        where, _ = can_collapse(live.arrays, h, near, far, limits(cosine=-1.0, midpoints=False))
         a, b = ends_of(mesh, h)
         volumes = []
         for kept, gone in ((a, b), (b, a)):
             points = np.array(mesh.vertices)
             points[gone] = points[kept]
             volumes.append(abs(six_volumes(points, mesh.faces) - six_volumes(mesh.vertices, mesh.faces)))
-        if where == FREE or abs(volumes[0] - volumes[1]) < 1e-12:
+        if where == NONE or abs(volumes[0] - volumes[1]) < 1e-12:
             continue
         better = AT_START if volumes[0] < volumes[1] else AT_END
         if where != better:  # only because the better one is forbidden
-            forbidden = judge(live.surface, h, near, far, limits(cosine=-1.0, midpoints=True))
+            forbidden = can_collapse(live.arrays, h, near, far, limits(cosine=-1.0, midpoints=True))
             assert forbidden[0] != better
         told += where == better
     assert told > 100
@@ -128,12 +137,12 @@ def test_on_a_cube_more_hard_edges_win_and_a_crease_never_crosses_a_side() -> No
     rank = np.sum(np.abs(CUBE.vertices) == 1, axis=1) - 1  # 0 on a side, 1 on a crease, 2 at a corner
     for h in range(3 * len(CUBE.faces)):
         a, b = ends_of(CUBE, h)
-        where, reason = judge(live.surface, h, near, far, limits(midpoints=False))
+        where, reason = can_collapse(live.arrays, h, near, far, limits(midpoints=False))
         one_line = np.sum((np.abs(CUBE.vertices[[a, b]]) == 1).all(axis=0)) >= 2
         if rank[a] > rank[b] and (rank[b] == 0 or one_line):
-            assert where in (AT_START, FREE) and reason != FEATURE
+            assert where in (AT_START, NONE) and reason != FEATURE
         elif rank[a] and rank[b] and not one_line:
-            assert (where, reason) == (FREE, FEATURE)
+            assert (where, reason) == (NONE, FEATURE)
 
 
 def test_the_tip_of_a_spike_is_not_let_go_where_places_are_exact() -> None:
@@ -143,11 +152,11 @@ def test_the_tip_of_a_spike_is_not_let_go_where_places_are_exact() -> None:
     live, near, far = HalfedgeMesh(BALL.with_vertices(points)), new_ring(), new_ring()
     spokes = [h for h in range(3 * len(BALL.faces)) if ends_of(BALL, h)[0] == tip]
     exactly, halfway = (
-        [judge(live.surface, h, near, far, limits(2.0, -2.0, midpoints)) for h in spokes]
+        [can_collapse(live.arrays, h, near, far, limits(2.0, -2.0, midpoints)) for h in spokes]
         for midpoints in (False, True)
     )
-    assert any(where not in (FREE, AT_START) for where, _ in halfway), "the paper's way would blunt it"
-    assert all(where in (FREE, AT_START) for where, _ in exactly)
+    assert any(where not in (NONE, AT_START) for where, _ in halfway), "the paper's way would blunt it"
+    assert all(where in (NONE, AT_START) for where, _ in exactly)
     assert any(reason == SHAPE for _, reason in exactly)
 
 
@@ -159,7 +168,7 @@ def creases_of(live: HalfedgeMesh) -> set[frozenset[tuple[float, ...]]]:
 def consistent(live: HalfedgeMesh) -> bool:
     """Both half-edges of an edge say the same, and the table is the one built anew."""
     mesh = live.snapshot()
-    twins, tagged = live.twins, live.surface.tagged[: 3 * len(mesh.faces)]
+    twins, tagged = live.twins, live.arrays.tagged[: 3 * len(mesh.faces)]
     paired = twins >= 0
     agree = np.array_equal(tagged[paired], tagged[twins[paired]])
     return bool(agree and np.array_equal(HalfedgeMesh(mesh).twins, twins))
@@ -179,12 +188,12 @@ def test_a_split_tags_both_halves_of_a_tagged_edge_and_neither_median(seed: int,
     live = HalfedgeMesh(tagged_mesh(mesh, seed))
     h = seed % (3 * len(mesh.faces))
     a, b = (tuple(mesh.vertices[v]) for v in ends_of(mesh, h))
-    before, hard = creases_of(live), bool(live.surface.tagged[h])
+    before, hard = creases_of(live), bool(live.arrays.tagged[h])
     live.reserve(1, 2)
     middle = int(live.sizes[0])
-    live.surface.points[middle] = np.add(a, b) / 2
+    live.arrays.points[middle] = np.add(a, b) / 2
     live.sizes[0] += 1
-    live.sizes[1] = split_edge(live.surface, h, middle, int(live.sizes[1]))
+    live.sizes[1] = split_edge(live.arrays, h, middle, int(live.sizes[1]))
     expected = before
     if hard:
         place = tuple(live.vertices[middle])
@@ -197,12 +206,12 @@ def test_a_split_tags_both_halves_of_a_tagged_edge_and_neither_median(seed: int,
 @given(st.integers(0, 2**32 - 1), st.sampled_from([BALL, RING, CLOTH]))
 def test_a_flip_leaves_the_tags_of_the_four_edges_around(seed: int, mesh: TriangleMesh) -> None:
     live = HalfedgeMesh(tagged_mesh(mesh, seed))
-    soft = np.flatnonzero((live.twins >= 0) & (live.surface.tagged[: len(live.twins)] == 0))
+    soft = np.flatnonzero((live.twins >= 0) & (live.arrays.tagged[: len(live.twins)] == 0))
     h = int(soft[seed % len(soft)])
     before = creases_of(live)
-    flip_edge(live.surface, h)
+    flip_edge(live.arrays, h)
     assert creases_of(live) == before
-    tagged, twins = live.surface.tagged[: len(live.twins)], live.twins
+    tagged, twins = live.arrays.tagged[: len(live.twins)], live.twins
     assert np.array_equal(tagged[twins >= 0], tagged[twins[twins >= 0]])
 
 
@@ -212,18 +221,18 @@ def test_a_collapse_joins_the_tags_of_the_edges_that_fall_together(seed: int, me
     live, near, far = HalfedgeMesh(tagged_mesh(mesh, seed)), new_ring(), new_ring()
     h = seed % (3 * len(mesh.faces))
     a, b = ends_of(mesh, h)
-    if judge(live.surface, h, near, far, limits(cosine=-2.0))[0] == FREE:
+    if can_collapse(live.arrays, h, near, far, limits(cosine=-2.0))[0] == NONE:
         return
     before = {frozenset(pair) for pair in live.creases.tolist()}
     expected = {frozenset(a if v == b else v for v in pair) for pair in before}
     dead = np.zeros(3, np.int32)
-    collapse_edge(live.surface, h, far, AT_START, np.array(mesh.vertices[a]), dead)
-    live.fill_holes(np.array([b], np.int32), np.sort(dead[1 : 1 + dead[0]]))
+    collapse_edge(live.arrays, h, far, AT_START, np.array(mesh.vertices[a]), dead)
+    live.compact(np.array([b], np.int32), np.sort(dead[1 : 1 + dead[0]]))
     last = len(mesh.vertices) - 1
-    renamed = {
+    new_numbers = {
         frozenset(b if v == last and b != last else v for v in pair) for pair in expected if len(pair) == 2
     }
-    assert {frozenset(pair) for pair in live.creases.tolist()} == renamed
+    assert {frozenset(pair) for pair in live.creases.tolist()} == new_numbers
     assert consistent(live)
     assert require(live.snapshot(), closed=True).euler == require(mesh).euler
 
@@ -250,9 +259,7 @@ def test_a_fold_is_a_face_that_turns_too_far_or_becomes_a_sliver(
     live, h = HalfedgeMesh(BALL), int(rng.integers(3 * len(BALL.faces)))
     v, _ = ends_of(BALL, h)
     place = BALL.vertices[v] + reach * rng.normal(size=3)
-    assert folds(live.surface.points, ring_of(live, h), -1, place, cosine) == slow_fold(
-        live, v, place, cosine
-    )
+    assert folds(live.arrays.points, ring_of(live, h), -1, place, cosine) == slow_fold(live, v, place, cosine)
 
 
 @settings(max_examples=40, deadline=None)
@@ -260,18 +267,18 @@ def test_a_fold_is_a_face_that_turns_too_far_or_becomes_a_sliver(
 def test_holes_are_filled_with_the_last_ones_and_nothing_else_changes(seed: int, many: int) -> None:
     """Dead faces taken out by many collapses; what is left is the same surface, gapless."""
     rng = np.random.default_rng(seed)
-    marks = {"mark": np.arange(len(RING.vertices))}
-    live = HalfedgeMesh(TriangleMesh(RING.vertices, RING.faces, marks))
+    face_states = {"mark": np.arange(len(RING.vertices))}
+    live = HalfedgeMesh(TriangleMesh(RING.vertices, RING.faces, face_states))
     near, far, gone, dead = new_ring(), new_ring(), [], np.zeros(1 + 2 * many, np.int32)
     for _ in range(many):
         h = int(rng.integers(3 * len(RING.faces)))
-        if live.surface.vert[h] < 0 or judge(live.surface, h, near, far, limits(cosine=-2.0))[0] == FREE:
+        if live.arrays.vert[h] < 0 or can_collapse(live.arrays, h, near, far, limits(cosine=-2.0))[0] == NONE:
             continue
-        a, b = int(live.surface.vert[h]), int(live.surface.vert[h - 2 if h % 3 == 2 else h + 1])
-        collapse_edge(live.surface, h, far, AT_START, np.array(live.vertices[a]), dead)
+        a, b = int(live.arrays.vert[h]), int(live.arrays.vert[h - 2 if h % 3 == 2 else h + 1])
+        collapse_edge(live.arrays, h, far, AT_START, np.array(live.vertices[a]), dead)
         gone.append(b)
     names = {tuple(sorted(face)) for face in live.faces.tolist() if face[0] >= 0}
-    live.fill_holes(np.array(sorted(gone), np.int32), np.sort(dead[1 : 1 + dead[0]]))
+    live.compact(np.array(sorted(gone), np.int32), np.sort(dead[1 : 1 + dead[0]]))
     mesh = live.snapshot()
     kept = mesh.attributes["mark"]
     assert {tuple(sorted(face)) for face in kept[mesh.faces].tolist()} == names

@@ -9,19 +9,20 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Indices, Points, Vectors
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
-from pipeline.resample._kernels_lists import Changes
-from pipeline.resample._kernels_patch import arriving, curved_middles, side_normal
-from pipeline.resample._kernels_place import long_around, settle
-from pipeline.resample._kernels_ring import new_ring
-from pipeline.resample._kernels_split import BIRTH, LEAVING, split_pass
-from pipeline.resample.resample_pass import changes_of
+from pipeline.resample.kernels.curved_patches import curved_midpoints, incoming, side_normal
+from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.place import classify_around, place_vertices
+from pipeline.resample.kernels.ring import new_ring
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, split_edges
+from pipeline.resample.kernels.work_lists import Changes
+from pipeline.resample.resample_pass import changes_of, reset
 
 HARD = math.cos(math.radians(40))
 CUBE, BALL, RING = box(edge_length=0.5), icosphere(4), torus(1.0, 0.4, 0.3)
 
 
-def limits(longest: float = math.inf, shortest: float = 0.0) -> AnyArray:
-    return np.array([longest**2, shortest**2, HARD, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
+def limits(longest: float = math.inf, shortest: float = 0.0) -> Limits:
+    return Limits(longest, shortest, HARD)
 
 
 def work_list(room: int) -> Indices:
@@ -31,10 +32,9 @@ def work_list(room: int) -> Indices:
 
 
 def nothing_changed(live: HalfedgeMesh) -> Changes:
-    """The notes of a frame that has only begun."""
+    """Return the record of a pass that has changed nothing yet."""
     changes = changes_of(live)
-    for notes in changes:
-        notes[: 1 if notes.dtype == np.int32 else None] = 0
+    reset(changes)
     return changes
 
 
@@ -45,10 +45,10 @@ def cut(mesh: TriangleMesh, longest: float) -> tuple[HalfedgeMesh, Indices]:
     lengths = np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2).reshape(-1)
     first = np.flatnonzero((lengths > longest) & (live.twins < np.arange(len(lengths))))
     live.reserve(len(first), 2 * len(first))
-    later, births = work_list(50 * len(first)), work_list(BIRTH * len(first))
+    remaining, births = work_list(50 * len(first)), work_list(BIRTH_SIZE * len(first))
     changes, order = nothing_changed(live), first.astype(np.int32)
-    split_pass(live.surface, live.sizes, limits(longest), order, later, births, changes)
-    return live, births[1 : 1 + births[0]].reshape(-1, BIRTH)
+    split_edges(live.arrays, live.sizes, limits(longest), order, remaining, births, changes)
+    return live, births[1 : 1 + births[0]].reshape(-1, BIRTH_SIZE)
 
 
 def face_normals(points: Points, faces: AnyArray) -> Vectors:
@@ -94,16 +94,16 @@ def test_the_normal_of_a_side_is_that_of_a_flood_up_to_the_creases(mesh: Triangl
         a, b = int(mesh.faces[f, i]), int(mesh.faces[f, (i + 1) % 3])
         if frozenset((a, b)) in creases:
             continue
-        side_normal(live.surface, h, HARD, out, 0)
+        side_normal(live.arrays, h, HARD, out, 0)
         assert np.allclose(out, slow_side_normal(mesh, a, f, creases), atol=1e-9)
 
 
 @pytest.mark.parametrize("mesh", [CUBE, BALL, RING, sheet((2, 2), 0.5)])
 def test_the_births_of_a_pass_name_the_half_edges_of_their_own_edge(mesh: TriangleMesh) -> None:
     live, births = cut(mesh, 0.3)
-    vert, first = live.surface.vert, len(mesh.vertices)
+    vert, first = live.arrays.vert, len(mesh.vertices)
     for i, (a, b, leaving) in enumerate(births.tolist()):
-        into = arriving(live.surface, leaving, a)
+        into = incoming(live.arrays, leaving, a)
         after = into - 2 if into % 3 == 2 else into + 1
         onward = leaving - 2 if leaving % 3 == 2 else leaving + 1
         assert (vert[into], vert[after]) == (a, first + i)
@@ -113,7 +113,7 @@ def test_the_births_of_a_pass_name_the_half_edges_of_their_own_edge(mesh: Triang
 def middles(mesh: TriangleMesh, longest: float) -> tuple[Points, Vectors, Points]:
     live, births = cut(mesh, longest)
     places, normals = np.empty((len(births), 3)), np.empty((len(births), 3))
-    curved_middles(live.surface, births, HARD, np.empty(7), places, normals)
+    curved_midpoints(live.arrays, births, HARD, np.empty(7), places, normals)
     chords = mesh.vertices[births[:, :2]].mean(axis=1)
     return places, normals, chords
 
@@ -127,7 +127,7 @@ def test_on_a_ball_curved_middles_are_the_cubic_of_the_two_normals() -> None:
     creases: set[frozenset[int]] = set()
     for i in range(0, len(births), 7):
         a, b, leaving = births[i].tolist()
-        one = slow_side_normal(surface, a, arriving(live.surface, leaving, a) // 3, creases)
+        one = slow_side_normal(surface, a, incoming(live.arrays, leaving, a) // 3, creases)
         two = slow_side_normal(surface, b, leaving // 3, creases)
         along = ball.vertices[b] - ball.vertices[a]
         expected = chords[i] - ((along @ one) * one - (along @ two) * two) / 8
@@ -193,8 +193,8 @@ def test_settling_moves_all_that_does_not_fold_and_nothing_that_does(seed: int, 
     rng = np.random.default_rng(seed)
     places = live.vertices[first:last] + reach * rng.normal(size=(last - first, 3))
     before, went = live.vertices.copy(), np.zeros(last - first, np.uint8)
-    spokes = np.ascontiguousarray(births[:, LEAVING])
-    done = settle(live.surface, spokes, new_ring(), places, places, limits(0.36), went)
+    spokes = np.ascontiguousarray(births[:, BIRTH_HALFEDGE])
+    done = place_vertices(live.arrays, spokes, new_ring(), places, places, limits(0.36), went)
     assert done == np.count_nonzero(went)
     assert np.array_equal(live.vertices[first:][went > 0], places[went > 0])
     assert np.array_equal(live.vertices[first:][went == 0], before[first:][went == 0])
@@ -210,11 +210,11 @@ def test_after_a_move_all_long_edges_around_are_listed_once(mesh: TriangleMesh) 
     live, births = cut(mesh, 0.33)
     first = len(mesh.vertices)
     live.vertices[first:] += 0.1 * np.random.default_rng(1).normal(size=(len(births), 3))
-    longs = work_list(30 * len(births))
-    long_around(live.surface, births, limits(0.3), work_list(0), longs, nothing_changed(live))
-    found = longs[1 : 1 + longs[0]]
+    long_edges = work_list(30 * len(births))
+    classify_around(live.arrays, births, limits(0.3), work_list(0), long_edges, nothing_changed(live))
+    found = long_edges[1 : 1 + long_edges[0]]
     after = np.where(found % 3 == 2, found - 2, found + 1)
-    ends = live.surface.vert[np.column_stack([found, after])]
+    ends = live.arrays.vert[np.column_stack([found, after])]
     listed = {frozenset(pair) for pair in ends.tolist()}
     expected = set()
     for face in live.faces.tolist():

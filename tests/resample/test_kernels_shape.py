@@ -7,16 +7,17 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.arrays import AnyArray, Floats, Indices
+from pipeline.arrays import Floats, Indices
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.normals import vertex_normals
-from pipeline.resample._kernels_lists import AS_IT_WAS, Changes, bracket, touch
-from pipeline.resample._kernels_ring import new_ring
-from pipeline.resample._kernels_shape import adopt, list_poor, relaxed, roundness
+from pipeline.resample.kernels.limits import Limits, length_limits
+from pipeline.resample.kernels.relax import list_poor_vertices, relax_goals, relax_vertices, roundness
+from pipeline.resample.kernels.ring import new_ring
+from pipeline.resample.kernels.work_lists import UNCHANGED, Changes, touch
 from pipeline.resample.placement.base import Chord
-from pipeline.resample.resample_pass import Frame, changes_of
+from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
 from pipeline.resample.thresholds import Thresholds
-from pipeline.resample.triangle_shape import Shape
+from pipeline.resample.triangle_shape import TriangleShape
 
 HARD = math.cos(math.radians(40))
 BALL, CUBE, RING, CLOTH = icosphere(5), box(edge_length=0.5), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25)
@@ -33,10 +34,9 @@ def items(work: Indices) -> list[int]:
 
 
 def nothing_changed(live: HalfedgeMesh) -> Changes:
-    """The notes of a frame that has only begun."""
+    """Return the record of a pass that has changed nothing yet."""
     changes = changes_of(live)
-    for notes in changes:
-        notes[: 1 if notes.dtype == np.int32 else None] = 0
+    reset(changes)
     return changes
 
 
@@ -75,7 +75,7 @@ def test_poor_triangles_of_changed_faces_list_each_of_their_vertices_once(mesh: 
     for f in range(0, len(mesh.faces), 2):
         touch(changes, f)
     seen, spokes = np.zeros(len(mesh.vertices), np.uint8), work_list(len(mesh.vertices))
-    list_poor(live.surface, 0.7, changes, seen, spokes)
+    list_poor_vertices(live.arrays, 0.7, changes, seen, spokes)
     poor = [
         f for f, face in enumerate(mesh.faces) if f % 2 == 0 and slow_roundness(mesh.vertices[face]) < 0.7
     ]
@@ -97,6 +97,12 @@ def at_rest(mesh: TriangleMesh) -> HalfedgeMesh:
     return HalfedgeMesh(mesh.with_attributes(rest=mesh.vertices, rest_normal=vertex_normals(mesh)))
 
 
+def at_rest_limits(live: HalfedgeMesh) -> Limits:
+    return Limits(
+        2.0, 0.0, HARD, rest_column=live.column("rest"), rest_normal_column=live.column("rest_normal")
+    )
+
+
 @settings(max_examples=20, deadline=None)
 @given(st.integers(0, 2**32 - 1))
 def test_inner_vertices_of_a_plane_go_to_the_mean_of_their_neighbours_if_the_worst_triangle_gains(
@@ -108,38 +114,38 @@ def test_inner_vertices_of_a_plane_go_to_the_mean_of_their_neighbours_if_the_wor
     first = {int(v): h for h, v in reversed(list(enumerate(mesh.faces.ravel())))}
     spokes[0] = len(first)
     spokes[1:] = list(first.values())
-    limits = np.array([4.0, 0.0, HARD, 1.0, -1.0, 1.0, 1.0, live.column("rest"), live.column("rest_normal")])
+    limits = at_rest_limits(live)
     places, normals = np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
-    many = relaxed(live.surface, spokes, limits, ring, False, places, normals)
+    many = relax_goals(live.arrays, spokes, limits, ring, False, places, normals)
     inner = np.abs(mesh.vertices).max(axis=1) < 1
     left = [int(mesh.faces[h // 3, h % 3]) for h in items(spokes)]
     assert set(left) == set(np.flatnonzero(inner).tolist())
     for i, v in enumerate(left):
         assert np.allclose(places[i], mesh.vertices[neighbours(mesh, v)].mean(axis=0))
         assert np.allclose(np.abs(normals[i]), (0, 1, 0))
-    changes, adopted = nothing_changed(live), np.zeros(many, np.uint8)
+    changes, went = nothing_changed(live), np.zeros(many, np.uint8)
     points = np.array(mesh.vertices)
-    adopt(live.surface, spokes, places[:many], places[:many], limits, ring, changes, adopted)
+    relax_vertices(live.arrays, spokes, places[:many], places[:many], limits, ring, changes, went)
     for i, v in enumerate(left):
         before, moved = worst(mesh, points, v), np.array(points)
         moved[v] = places[i]
-        if adopted[i]:
+        if went[i]:
             assert worst(mesh, moved, v) > before
             points = moved
     assert np.array_equal(live.vertices, points)
     assert np.array_equal(live.attributes()["rest"], points), "a flat face cannot turn over"
-    touched = np.isin(mesh.faces, [v for i, v in enumerate(left) if adopted[i]]).any(axis=1)
-    assert np.array_equal(changes.marks[: len(touched)] != AS_IT_WAS, touched)
+    touched = np.isin(mesh.faces, [v for i, v in enumerate(left) if went[i]]).any(axis=1)
+    assert np.array_equal(changes.face_states[: len(touched)] != UNCHANGED, touched)
 
 
 def test_where_the_surface_at_rest_is_not_flat_nothing_moves_unless_it_is_known() -> None:
     live, ring = at_rest(BALL), new_ring()
-    limits = np.array([4.0, 0.0, HARD, 1.0, -1.0, 1.0, 1.0, live.column("rest"), live.column("rest_normal")])
+    limits = at_rest_limits(live)
     for known in (False, True):
         spokes = work_list(20)
         spokes[:21] = [20, *range(0, 60, 3)]
         room = np.empty((20, 3))
-        many = relaxed(live.surface, spokes, limits, ring, known, room, room.copy())
+        many = relax_goals(live.arrays, spokes, limits, ring, known, room, room.copy())
         assert many == (20 if known else 0)
 
 
@@ -148,33 +154,33 @@ def test_where_the_surface_at_rest_is_not_flat_nothing_moves_unless_it_is_known(
 def test_the_scan_lists_what_a_loop_over_edges_finds(mesh: TriangleMesh, active: bool) -> None:
     mesh = jittered(mesh, 2, 0.05)
     longest = np.full(len(mesh.vertices), 0.3) + (0.2 * np.abs(mesh.vertices[:, 0]) if active else 0)
-    shortest, blunt = 0.45 * longest, Shape(0.6).longest_share
+    shortest, blunt = 0.45 * longest, TriangleShape(0.6).longest_share
     given = (lambda m: longest, lambda m: shortest) if active else (0.3, 0.135)
-    frame = Frame(HalfedgeMesh(mesh), Thresholds(*given, gradation=100.0), Chord(), Shape(0.6))
-    frame.scan()
-    longs, shorts, obtuse = frame.longs, frame.changes.shorts, frame.obtuse
+    frame = ResamplePass(HalfedgeMesh(mesh), Thresholds(*given, gradation=100.0), Chord(), TriangleShape(0.6))
+    frame.find_edges()
+    long_edges, short_edges, obtuse_edges = frame.long_edges, frame.changes.short_edges, frame.obtuse_edges
     ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
     squares = np.sum((mesh.vertices[ends[:, 0]] - mesh.vertices[ends[:, 1]]) ** 2, axis=1)
     most, least = (bound[ends].prod(axis=1) for bound in (longest, shortest))
-    for listed, expected in ((longs, squares > most), (shorts, squares < least)):
+    for listed, expected in ((long_edges, squares > most), (short_edges, squares < least)):
         found = [frozenset(ends[h].tolist()) for h in items(listed)]
         assert len(found) == len(set(found)), "each once"
         assert set(found) == {frozenset(pair) for pair in ends[expected].tolist()}
     shares = squares.reshape(-1, 3).max(axis=1) / squares.reshape(-1, 3).sum(axis=1)
-    assert sorted(h // 3 for h in items(obtuse)) == np.flatnonzero(shares > blunt).tolist()
-    assert all(squares[h] == squares.reshape(-1, 3)[h // 3].max() for h in items(obtuse))
+    assert sorted(h // 3 for h in items(obtuse_edges)) == np.flatnonzero(shares > blunt).tolist()
+    assert all(squares[h] == squares.reshape(-1, 3)[h // 3].max() for h in items(obtuse_edges))
 
 
 @settings(max_examples=30, deadline=None)
 @given(st.integers(0, 2**32 - 1))
-def test_the_bracket_of_an_edge_is_the_geometric_mean_of_its_ends(seed: int) -> None:
+def test_the_length_limits_of_an_edge_are_the_geometric_mean_of_its_ends(seed: int) -> None:
     live, rng = HalfedgeMesh(BALL), np.random.default_rng(seed)
     fields = rng.uniform(0.1, 1.0, size=(len(BALL.vertices), 3))
-    limits: AnyArray = np.array([9.0, 1.0, HARD, 1.0, -1.0, 1.0, 1.0, -1.0, -1.0])
-    assert bracket(live.surface, limits, 0, 1) == (9.0, 1.0)
-    limits[4] = live.steer(fields)
+    limits = Limits(3.0, 1.0, HARD)
+    assert length_limits(live.arrays, limits, 0, 1) == (9.0, 1.0)
+    limits = limits._replace(field_column=live.set_fields(fields))
     a, b = rng.integers(len(fields), size=2)
-    most, least = bracket(live.surface, limits, int(a), int(b))
+    most, least = length_limits(live.arrays, limits, int(a), int(b))
     assert math.sqrt(most) == pytest.approx(math.sqrt(fields[a, 0] * fields[b, 0]))
     assert math.sqrt(least) == pytest.approx(math.sqrt(fields[a, 1] * fields[b, 1]))
     assert set(live.snapshot().attributes) == set(), "limits are no attribute"
@@ -192,4 +198,4 @@ def test_a_face_counts_as_obtuse_where_it_is_less_round_than_the_demand() -> Non
                 break
             angle += 1e-3
         squares = [float(np.sum((corners[i] - corners[i - 1]) ** 2)) for i in range(3)]
-        assert Shape(least).longest_share == pytest.approx(max(squares) / sum(squares), abs=2e-3)
+        assert TriangleShape(least).longest_share == pytest.approx(max(squares) / sum(squares), abs=2e-3)

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
-from pipeline.resample import Curvature, DistanceToCamera, Formula, Resampler, Thresholds, resample
-from pipeline.resample._kernels_density import bend, grade
+from pipeline.resample import Curvature, DistanceToCamera, Resampler, ThresholdFormula, Thresholds, resample
+from pipeline.resample.kernels.sizing_field import edge_curvature, limit_gradation
 from pipeline.resample.sizing_field import curvature, graded
 
 BALL = icosphere(12)
@@ -91,7 +91,7 @@ def test_a_minimum_not_given_is_forty_percent_of_the_maximum_everywhere() -> Non
         (Thresholds(1.0, lambda m: -1.0), "min_edge_length is -1 at vertex 0"),
         (Thresholds(1.0, None, lambda m: 4.0), "hard_angle is 4 at vertex 0 .* between 0 and pi radians"),
         (Thresholds(lambda m: np.ones((len(m.vertices), 3))), r"shape \(\d+, 3\) for \d+ vertices"),
-        (Thresholds(Formula("time")), "needs a time"),
+        (Thresholds(ThresholdFormula("time")), "needs a time"),
     ],
 )  # fmt: skip
 def test_what_cannot_be_is_told_with_its_vertex(thresholds: Thresholds, says: str) -> None:
@@ -102,9 +102,9 @@ def test_what_cannot_be_is_told_with_its_vertex(thresholds: Thresholds, says: st
 def test_time_enters_frame_by_frame_and_only_where_something_depends_on_it() -> None:
     moving = Thresholds(Stepped(), 0.001)
     assert moving.at(4, 0.1).max_edge_length == Stepped(0.25)
-    still = Thresholds(Formula("0.1 + 0.01 * x"))
+    still = Thresholds(ThresholdFormula("0.1 + 0.01 * x"))
     assert still.at(4, 0.1) is still
-    timed = Thresholds(Formula("0.1 + time + 0 * frame"))
+    timed = Thresholds(ThresholdFormula("0.1 + time + 0 * frame"))
     now = timed.at(4, 0.5)
     assert now.at(4, 0.5) is now and now != timed
     np.testing.assert_allclose(now.fields(BALL)[:, 0], 0.6)
@@ -149,10 +149,10 @@ def test_kernels_compute_the_same_uncompiled() -> None:
     points, faces = np.array(ball.vertices), np.array(ball.faces)
     wanted = np.linspace(0.05, 2.0, len(points))
     fast, slow = wanted.copy(), wanted.copy()
-    assert grade(points, faces, 0.3, fast) == grade.py_func(points, faces, 0.3, slow)  # type: ignore[attr-defined]
+    assert limit_gradation(points, faces, 0.3, fast) == limit_gradation.py_func(points, faces, 0.3, slow)  # type: ignore[attr-defined]
     assert fast.tobytes() == slow.tobytes()
-    bend(points, faces, points, 0.01, fast)
-    bend.py_func(points, faces, points, 0.01, slow)  # type: ignore[attr-defined]
+    edge_curvature(points, faces, points, 0.01, fast)
+    edge_curvature.py_func(points, faces, points, 0.01, slow)  # type: ignore[attr-defined]
     assert fast.tobytes() == slow.tobytes()
 
 
@@ -225,8 +225,8 @@ def test_edges_keep_their_size_in_pixels_as_the_camera_recedes() -> None:
         lambda: DistanceToCamera((0, 0, 0), 0.0, 0.1, 1.0),
         lambda: DistanceToCamera((0, 0, 0), 3.0, 0.0, 1.0),
         lambda: DistanceToCamera((0, 0, 0), 3.0, 0.1, 1.0, 4.0),
-        lambda: Thresholds(Formula("1"), gradation=0.0),
-        lambda: Formula("1 + q"),
+        lambda: Thresholds(ThresholdFormula("1"), gradation=0.0),
+        lambda: ThresholdFormula("1 + q"),
     ],
 )
 def test_functions_that_cannot_be_are_refused_at_once(make) -> None:  # type: ignore[no-untyped-def]
@@ -237,7 +237,7 @@ def test_functions_that_cannot_be_are_refused_at_once(make) -> None:  # type: ig
 @pytest.mark.parametrize(
     "density",
     [
-        Formula("0.06 + 0.2 * abs(y)"),
+        ThresholdFormula("0.06 + 0.2 * abs(y)"),
         Curvature(1e-3, 0.02, 0.3),
         DistanceToCamera((1.2, 0, 0), 300, 0.02, 0.4),
     ],

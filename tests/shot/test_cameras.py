@@ -107,23 +107,23 @@ def test_a_shot_takes_back_what_it_rests_on_says(tmp_path: Path) -> None:
 
 WRONG = [
     ("{focal_length: 85, field_of_view: 20}",
-     "5:10: focal_length and field_of_view say the same in two ways; a camera has one of them. Take one out, "
-     "or, where it comes from a file that this one rests on, write `field_of_view:` with nothing after it."),
+     "5:10: focal_length and field_of_view set the same thing in two ways; a camera has one of them. Take "
+     "one out, or, if field_of_view is inherited, write `field_of_view:` with nothing after it."),
     ("{position: [0, 0, 1], orbit: 3}",
-     "5:10: position and orbit say the same in two ways; a camera has one of them. Take one out, or, "
-     "where it comes from a file that this one rests on, write `orbit:` with nothing after it."),
+     "5:10: position and orbit set the same thing in two ways; a camera has one of them. Take one out, or, "
+     "if orbit is inherited, write `orbit:` with nothing after it."),
     ("{field_of_view: 180}", "5:10: camera.field_of_view is 180; it must be below 180"),
     ("{field_of_view: {formula: 90 + 90*t}}",
-     "5:10: camera.field_of_view is 180 at frame 25; it must stay above 0 and below 180. Mend what leads "
+     "5:10: camera.field_of_view is 180 at frame 25; it must stay above 0 and below 180. Correct the curve "
      "there."),
     ("{margin: {keys: {1: 0, 49: 0.6}}}", "5:32: camera.margin.keys.49 is 0.6; it must be below 0.5"),
     ("{margin: {formula: t}}",
-     "5:10: camera.margin is 0.5 at frame 13; it must stay at 0 or above and below 0.5. Mend what leads "
+     "5:10: camera.margin is 0.5 at frame 13; it must stay at 0 or above and below 0.5. Correct the curve "
      "there."),
     ("{margin: titles}", "5:10: camera.margin: 'titles' is no safe area. Did you mean 'title'?"),
     ("{aperture: 0}", "5:10: camera.aperture is 0; it must be above 0"),
     ("{aperture: {formula: 1 - t}}",
-     "5:10: camera.aperture is 0 at frame 25; it must stay above 0. Mend what leads there."),
+     "5:10: camera.aperture is 0 at frame 25; it must stay above 0. Correct the curve there."),
     ("{focal_length: {keys: {1: 50, 49: -1}}}",
      "5:39: camera.focal_length.keys.49 is -1; it must be above 0"),
     ("{dolly: 0}", "5:10: camera.dolly is 0; it must be above 0"),

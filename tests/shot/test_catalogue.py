@@ -14,14 +14,13 @@ import pytest
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.flow import Flow, VelocityField
-from pipeline.flow.catalogue.deformations import Bend
-from pipeline.flow.catalogue.vortices import Vortex, VortexRing
+from pipeline.flow.catalogue import Bend, Vortex, VortexRing
 from pipeline.flow.parameters import parameters_of, shot_name, summary
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import read_shot
 from pipeline.shot.clock import Clock
-from pipeline.shot.documents.flow_catalogue import BEGIN, DOCUMENTS, END, facts, markdown, shown
-from pipeline.shot.yaml.parse_context import Surroundings
+from pipeline.shot.documents.flow_catalogue import BEGIN, DOCUMENTS, END, default_text, facts, markdown
+from pipeline.shot.yaml.parse_context import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
 DOCS = Path(__file__).parents[2] / "docs"
@@ -62,12 +61,12 @@ def needed(name: str, folder: Path) -> dict[str, Any]:
     }
     parameters = DOCUMENTS[name].parameters
     return own.get(name, {}) | {
-        p.name: [0.5, 0.0, 0.0] if p.form == "vector" else 0.5 for p in parameters if p.needed
+        p.name: [0.5, 0.0, 0.0] if p.form == "place" else 0.5 for p in parameters if p.needed
     }
 
 
 def parsed(name: str, said: dict[str, Any], folder: Path) -> Any:
-    document = DOCUMENTS[name].model_validate(said, context={"surroundings": Surroundings(folder)})
+    document = DOCUMENTS[name].model_validate(said, context={"parse_context": ParseContext(folder)})
     return document.build(CLOCK)
 
 
@@ -85,7 +84,7 @@ def test_every_parameter_says_what_it_means(name: str) -> None:
     flow = DOCUMENTS[name].flow
     assert summary(flow).endswith(".") and len(summary(flow)) < 100
     for parameter in (*parameters_of(flow), *DOCUMENTS[name].own):
-        assert parameter.doc.text, parameter.name
+        assert parameter.sense.text, parameter.name
         assert parameter.form != "choice" or parameter.choices
     assert "other" not in {parameter.form for parameter in parameters_of(flow)}
     if not DOCUMENTS[name].own:
@@ -172,7 +171,7 @@ def test_flows_of_a_shots_own_making_are_listed_too() -> None:
     kinds = [facts(name)["kind"] for name in ("formula", "curl_noise", "python")]
     assert kinds == ["velocity", "velocity", "function"]
     array = next(p for p in facts("sampled")["parameters"] if p["name"] == "array")
-    assert not array["needed"] and array["default"] is None and shown(array) == "none"
+    assert not array["needed"] and array["default"] is None and default_text(array) == "none"
 
 
 def test_a_document_refuses_what_the_flow_does_not_take() -> None:

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError, ShotError
-from pipeline.production.request.edit import Cut
+from pipeline.production.request.edit import Edit
 from pipeline.shot import read_film
 from pipeline.shot.shot import Film
 
@@ -33,32 +33,32 @@ def film(folder: Path, entries: str, more: str = "title_seconds: 0\n") -> Film:
 
 
 def test_dissolves_overlap_and_shorten_the_film(folder: Path) -> None:
-    cut = Cut.of(
+    edit = Edit.of(
         film(folder, "  - A\n  - {shot: B, frames: 3-10, dissolve: 4}\n  - {shot: A, dissolve: 2}"), "f"
     )
-    assert [(piece.clip, piece.frames, piece.dissolve) for piece in cut.pieces] == [
+    assert [(piece.clip, piece.frames, piece.dissolve) for piece in edit.pieces] == [
         (0, 12, 0),
         (1, 8, 4),
         (2, 12, 2),
     ]
-    assert cut.length == 12 + 8 + 12 - 4 - 2
-    assert cut.firsts == (0, 8, 14)
-    assert Cut.from_data(cut.as_data()) == cut
+    assert edit.length == 12 + 8 + 12 - 4 - 2
+    assert edit.firsts == (0, 8, 14)
+    assert Edit.from_data(edit.as_data()) == edit
 
 
 def test_cards_stand_between_shots(folder: Path) -> None:
     card = '{card: "Part two", subtitle: later, seconds: 0.5, dissolve: 6}'
     entries = f"  - A\n  - {card}\n  - {{shot: B, dissolve: 6}}"
     read = film(folder, entries, "title_seconds: 1\n")
-    cut = Cut.of(read, "f")
-    assert [piece.title for piece in cut.pieces] == ["F", "", "Part two", ""]
-    assert cut.length == 24 + 12 + 12 + 12 - 12
-    assert read.seconds == pytest.approx(cut.length / 24)
+    edit = Edit.of(read, "f")
+    assert [piece.title for piece in edit.pieces] == ["F", "", "Part two", ""]
+    assert edit.length == 24 + 12 + 12 + 12 - 12
+    assert read.seconds == pytest.approx(edit.length / 24)
 
 
 def test_the_first_shot_may_dissolve_from_the_title(folder: Path) -> None:
-    cut = Cut.of(film(folder, "  - {shot: A, dissolve: 6}", "title_seconds: 0.5\n"), "f")
-    assert cut.length == 12 + 12 - 6
+    edit = Edit.of(film(folder, "  - {shot: A, dissolve: 6}", "title_seconds: 0.5\n"), "f")
+    assert edit.length == 12 + 12 - 6
 
 
 @pytest.mark.parametrize(
@@ -96,7 +96,7 @@ def test_the_first_shot_may_dissolve_from_the_title(folder: Path) -> None:
         (
             "  - A\n  - {card: Two, seconds: 0.01}",
             "",
-            r"film\.yaml:4:17: the card stands for less than a frame",
+            r"film\.yaml:4:17: the card is shorter than a frame",
         ),
         (
             "  - A",
@@ -122,17 +122,17 @@ def test_sound_that_is_not_there_is_a_missing_input(folder: Path) -> None:
 
 def test_the_sound_itself_is_in_the_key_of_a_film_and_its_place_is_not(folder: Path) -> None:
     def key(more: str) -> str:
-        return Cut.of(film(folder, "  - A", more), "f").key("draft", ["a"], [{}])
+        return Edit.of(film(folder, "  - A", more), "f").key("draft", ["a"], [{}])
 
-    silent, heard = key(""), key("sound: {file: music.wav}\n")
-    assert silent != heard
-    assert key("sound: {file: music.wav, gain: -3}\n") != heard
+    silent, audio = key(""), key("sound: {file: music.wav}\n")
+    assert silent != audio
+    assert key("sound: {file: music.wav, gain: -3}\n") != audio
     (folder / "same.wav").write_bytes((folder / "music.wav").read_bytes())
-    assert key("sound: {file: same.wav}\n") == heard
+    assert key("sound: {file: same.wav}\n") == audio
     content = bytearray((folder / "music.wav").read_bytes())
     content[-1] = 9
     (folder / "music.wav").write_bytes(bytes(content))
-    assert key("sound: {file: music.wav}\n") != heard
+    assert key("sound: {file: music.wav}\n") != audio
 
 
 def test_dissolves_and_cards_are_in_the_key_of_a_film(folder: Path) -> None:
@@ -143,5 +143,5 @@ def test_dissolves_and_cards_are_in_the_key_of_a_film(folder: Path) -> None:
         "  - A\n  - {card: y}\n  - B",
         "  - A\n  - B\n  - {card: x}",
     ]
-    keys = {Cut.of(film(folder, entries), "f").key("draft", ["a"], [{}]) for entries in edits}
+    keys = {Edit.of(film(folder, entries), "f").key("draft", ["a"], [{}]) for entries in edits}
     assert len(keys) == len(edits)

@@ -9,10 +9,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Sequence, Streamlines
-from pipeline.flow.catalogue.attraction import Attraction, Wind
-from pipeline.flow.catalogue.formula import FormulaField
-from pipeline.flow.catalogue.noise import CurlNoise
-from pipeline.flow.catalogue.sampled import Sampled
+from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, Wind
 from pipeline.flow.python_file import PythonFlow
 from pipeline.shot import Shot, read_shot
 
@@ -56,20 +53,10 @@ def test_every_field_can_be_written(folder: Path) -> None:
             "python: {file: swirl.py, function: swirl}",
         )
     )
-    kinds = [
-        FormulaField,
-        FormulaField,
-        CurlNoise,
-        CurlNoise,
-        *[Attraction] * 3,
-        Wind,
-        Sampled,
-        Sampled,
-        PythonFlow,
-    ]
+    kinds = [Formula, Formula, CurlNoise, CurlNoise, *[Attraction] * 3, Wind, Sampled, Sampled, PythonFlow]
     assert [type(field) for field in found] == kinds
     keyed, sequence = found[1], found[9]
-    assert isinstance(keyed, FormulaField) and keyed.numbers(23 / 24) == (2.0,)
+    assert isinstance(keyed, Formula) and keyed.numbers(23 / 24) == (2.0,)
     assert isinstance(sequence, Sampled) and len(sequence.files.samples.times) == 2
 
 
@@ -84,14 +71,11 @@ WRONG = [
     ("formula: [x, y, 1e400]", "6:21: this number is too large; 1e100 is the largest"),
     ("formula: [x, y, 3 + 1 / 0]", "6:25: 1 / 0 is inf; a formula must be finite. Write another."),
     ("formula: [x, y, x / (2 - 2) + log(0)]", "6:35: log(0) is -inf; a formula must be finite."),
-    (
-        "sampled: {file: w_01.npz, array: u}",
-        "array u does not apply; in .npz it is velocity. Leave array out.",
-    ),
-    ("sampled: {file: fast.npz}", "is 1e+200; samples must be finite, and at most 1e12."),
+    ("sampled: {file: w_01.npz, array: u}", "array u is asked for; in .npz it is velocity. Leave array out."),
+    ("sampled: {file: fast.npz}", "holds 1e+200; samples must be finite, and up to 1e12."),
     (
         "python: {file: broken.py, function: f}",
-        "broken.py: it is no Python (line 2): expected ':'. Mend it there.",
+        "broken.py: this is not Python (line 2): expected ':'. Correct it there.",
     ),
     (
         "within: {region: {mesh: t.obj}, flows: [{vortex: }]}",
@@ -119,14 +103,14 @@ WRONG = [
     ),
     ("curl_noise: {octaves: 0}", "6:18: flows.0.curl_noise.octaves is 0; it must be at least 1"),
     ("curl_noise: {sede: 1}", "Did you mean 'seed'?"),
-    ("attraction: {rate: 2}", "attraction needs a place to go to; write one of points, curve and mesh"),
-    ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "not to points and mesh; write one"),
+    ("attraction: {rate: 2}", "attraction has no target; write one of points, curve and mesh"),
+    ("attraction: {points: [[0, 0, 0]], mesh: t.obj}", "attraction has points and mesh; its target is"),
     ("attraction: {mesh: gone.obj}", "file gone.obj is not there; it is looked for beside the shot file"),
     ("attraction: {mesh: swirl.py}", ".py is not a mesh format"),
     ("wind: {through: [[0, 0, 0]]}", "has 1 items; it must have at least 2"),
     ("wind: {through: [[0, 0, 0], [0, 0, 0]]}", "twice in a row"),
     ("sampled: {file: gone.vti}", "file gone.vti is not there"),
-    ("sampled: {file: gone_*.vti}", "no file fits gone_*.vti"),
+    ("sampled: {file: gone_*.vti}", "no file matches gone_*.vti"),
     ("sampled: {file: t.obj}", ".obj is no format of fields"),
     ("sampled: {file: bad.npz}", "array y is missing"),
     ("sampled: {file: w_01.npz, outside: mirror}", "it must be 'clamp', 'zero' or 'repeat'"),

@@ -10,9 +10,9 @@ import pytest
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
 from pipeline.flow.keyframes import number_at
 from pipeline.production.execution.project import Project
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Shot, read_film, read_shot
-from pipeline.shot.yaml.inheritance import rests_on
+from pipeline.shot.yaml.inheritance import inherited_files
 from render.scene.look import LOOKS
 
 FILES = {
@@ -105,10 +105,10 @@ def test_a_formula_of_another_file_is_told_with_its_column(folder: Path) -> None
 def test_circles_and_missing_parents_are_told(folder: Path) -> None:
     (folder / "D.yaml").write_text("title: D\nextends: E\n")
     (folder / "E.yaml").write_text("extends: D\n")
-    assert told(folder, "D") == ["E.yaml:1:1: D extends E extends D; a shot cannot rest on itself. "
+    assert told(folder, "D") == ["E.yaml:1:1: D extends E extends D; a shot cannot extend itself. "
                                  "Take one of them out."]  # fmt: skip
     (folder / "D.yaml").write_text("extends: D\n")
-    assert told(folder, "D")[0].startswith("D.yaml:1:1: D extends D; a shot cannot rest on itself.")
+    assert told(folder, "D")[0].startswith("D.yaml:1:1: D extends D; a shot cannot extend itself.")
     for parent in ("AA", "../A"):
         (folder / "D.yaml").write_text(f"extends: {parent}\n")
         with pytest.raises(MissingInputError, match=r"D\.yaml:1:1: there is no shot .* to extend\. "):
@@ -197,9 +197,9 @@ SET = [
     (f"{KEYS}.25.5s.ease=linear", f"{KEYS} has no 25.5s. There are: 1, 25, 49. Set a new key as a whole."),
     ("flows.1.twist.amount.keys.0.5s=1",
      "flows.1.twist.amount is 2, which holds no keys. Set flows.1.twist.amount as a whole."),
-    ("title=[", "'[' is no YAML. Quote it for the shell, and look at its brackets."),
+    ("title=[", "'[' is not YAML. Quote it for the shell, and look at its brackets."),
     ("camra.azimuth=2", "camra is not known. Did you mean 'camera'?"),
-    ("extends=B", "what a shot extends is said in its file alone; settings come on top of both. Write "
+    ("extends=B", "only a file can say what its shot extends; settings come on top of both. Write "
                   "extends there, or set the values themselves."),
 ]  # fmt: skip
 
@@ -213,19 +213,19 @@ def test_a_plan_goes_by_the_files_as_they_were(folder: Path) -> None:
     """Whatever becomes of the files that a shot rests on, and with its settings, through JSON."""
     (folder / "defaults.yaml").write_text("look: glaze\n")
     project = Project(folder, 1, settings=("camera.margin=0.3",))
-    take = project.take(folder / "C.yaml", "draft", variant="none")
-    expected = take.shot
+    request = project.request(folder / "C.yaml", "draft", variant="none")
+    expected = request.shot
     assert expected.picture.look == LOOKS["glaze"] and expected.picture.camera.margin == 0.3
-    assert set(rests_on(folder / "C.yaml", FILES["C"])) == {"defaults.yaml", "B.yaml", "A.yaml"}
+    assert set(inherited_files(folder / "C.yaml", FILES["C"])) == {"defaults.yaml", "B.yaml", "A.yaml"}
     for file in folder.glob("*.yaml"):
         file.unlink()
-    assert Take.from_data(take.as_data()).shot == expected
+    assert RenderRequest.from_data(request.as_data()).shot == expected
 
 
 def test_another_setting_is_another_mesh_and_the_same_is_none(folder: Path) -> None:
     def keys(*settings: str) -> list[str]:
-        take = Project(folder, 1, settings=settings).take(folder / "A.yaml", "draft", variant="none")
-        return [take.mesh_key(number) for number in take.shot.frames]
+        request = Project(folder, 1, settings=settings).request(folder / "A.yaml", "draft", variant="none")
+        return [request.mesh_key(number) for number in request.shot.frames]
 
     plain, strong, late = keys(), keys("flows.0.vortex.strength=2"), keys("flows.0.vortex.strength.keys.49=1")
     assert plain == keys("camera.margin=0.3") and plain[1] != strong[1]

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Keyframes
-from pipeline.flow.keyframes import Handle, number_at, vector_at
+from pipeline.flow.keyframes import Handle, number_at, place_at
 from pipeline.shot import read_shot
 
 SHOT = """\
@@ -58,7 +58,7 @@ def test_handles_take_the_unit_of_their_parameter() -> None:
 
 def test_vectors_have_vectors_for_handles() -> None:
     centre = vortex("centre: {keys: {1: {value: [0, 0, 0], right: [8, [0, 3, 0]]}, 25: [1, 0, 0]}}").centre
-    assert vector_at(centre, 0.5)[1] > 0.5 and vector_at(centre, 1.0) == (1.0, 0.0, 0.0)
+    assert place_at(centre, 0.5)[1] > 0.5 and place_at(centre, 1.0) == (1.0, 0.0, 0.0)
 
 
 def test_curves_go_on_as_told() -> None:
@@ -72,7 +72,7 @@ def test_curves_go_on_as_told() -> None:
 def test_parameters_are_formulas_over_time() -> None:
     field = vortex('strength: {formula: "4*sin(2*pi*t)"}, centre: {formula: [cos(t), "0", frame / 49]}')
     assert number_at(field.strength, 0.25) == pytest.approx(4.0)
-    assert vector_at(field.centre, 2.0) == pytest.approx((math.cos(2.0), 0.0, 1.0))
+    assert place_at(field.centre, 2.0) == pytest.approx((math.cos(2.0), 0.0, 1.0))
 
 
 def test_a_camera_and_a_threshold_may_move_the_same_ways() -> None:
@@ -103,7 +103,7 @@ def test_a_key_changed_leaves_the_curve_before_the_key_before_it() -> None:
 
 BAD = [
     ("strength: {keys: {1: 0, 25: 3, 1s: 1}}",
-     "6:45: key 1s is the same moment as key 25; a moment has one value. Remove one of them."),
+     "6:45: key 1s is at the same time as key 25; a time has one value. Remove one of them."),
     ("strength: {keys: {1: 0, 36: 3, 1s: 1}}",
      "6:45: key 1s comes after key 36; keys go forward in time. Sort them."),
     ("strength: {keys: {0.5: 0, 36: 3}}",
@@ -116,12 +116,12 @@ BAD = [
      "6:38: flows.0.vortex.strength.keys.2 is '4s'; it must be a number. "
      "Write it plainly, without quotes or units."),
     ("strength: {keys: {1: 0, 2: 1}, after: pingpong}",
-     "6:45: flows.0.vortex.strength.after: 'pingpong' is no way to go on. Did you mean 'ping_pong'?"),
+     "6:45: flows.0.vortex.strength.after: 'pingpong' is no extrapolation. Did you mean 'ping_pong'?"),
     ("strength: {keys: {1: 0, 9: {value: 2, left: [-2, 1]}}}",
-     "6:52: left is a handle of a way that is not Bézier's. Write ease: bezier with the key before, "
+     "6:52: left is a handle beside a segment that is not Bézier. Write ease: bezier with the key before, "
      "or leave left out."),
     ("strength: {keys: {1: {value: 2, ease: linear, right: [2, 1]}}}",
-     "6:60: right is a handle of a way that is not Bézier's. Write ease: bezier with the key, "
+     "6:60: right is a handle beside a segment that is not Bézier. Write ease: bezier with the key, "
      "or leave right out."),
     ("strength: {keys: {1: {value: 2, right: [-2, 1]}}}",
      "6:46: right has -2 for its time, which must be positive there. Turn it round."),
@@ -133,15 +133,15 @@ BAD = [
     ("strength: {keys: {1: {value: 2, right: [3, big]}}}",
      "6:46: right has 'big' for its value; a handle is [time, value] away from its key, such as [6, 0.5]"),
     ("centre: {keys: {1: {value: [0, 0, 0], right: [3, 1]}}}",
-     "6:52: right has 1 numbers and its key 3; they have as many. Write all of them."),
+     "6:52: right has 1 numbers and its key 3; they need as many. Write all of them."),
     ("strength: {formula: 4*sinn(t)}", "6:36: sinn is no function here. Did you mean 'sin'?"),
     ("strength: {formula: __import__('os')}", "6:34: __import__ is no function here. There are: "),
     ("strength: {formula: 1 / (frame - 13)}",
-     "6:14: flows.0.vortex.strength has a value that is none: formula '1 / (frame - 13)' is inf "
+     "6:14: flows.0.vortex.strength is not finite: formula '1 / (frame - 13)' is inf "
      "at t 0.5, frame 13; "
      "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."),
     ("radius: {formula: 1 - t}",
-     "6:14: flows.0.vortex.radius is 0 at frame 25; it must stay above 0. Mend what leads there."),
+     "6:14: flows.0.vortex.radius is 0 at frame 25; it must stay above 0. Correct the curve there."),
     ("radius: {keys: {1: 1, 49: 0.05}, ease: back_out}",
      "6:14: flows.0.vortex.radius is -0.004689 at frame 22"),
     ("centre: {formula: [1, 2]}",

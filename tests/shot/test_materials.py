@@ -103,16 +103,16 @@ def test_a_material_of_mitsuba_is_written_out_with_what_it_holds(folder: Path) -
         ("{material: glass, colour: a.png}", "look has a picture, and light goes through glass"),
         ("{material: clay, roughness: a.png}", "a look of diffuse has one roughness"),
         ("{material: speed, roughness: a.png}", "look has a measure, and pictures from files beside it"),
-        ("{material: clay, projection: {kind: box}}", "no picture for it to lay on"),
+        ("{material: clay, projection: {kind: box}}", "look has a projection and no picture to project"),
         (
             "{material: clay, colour: a.png, projection: {kind: box, axis: y}}",
-            "axis, which box does not heed",
+            "axis, which box does not use",
         ),
         ("{material: clay, colour: a.png, projection: {kind: planr}}", "Did you mean 'planar'?"),
         ("{colour: [1, 1, 1]}", "look has neither material nor bsdf"),
         (f"{{material: clay, bsdf: {{{GOLD}}}}}", "look has both material and bsdf"),
         (f"{{colour: [1, 1, 1], bsdf: {{{GOLD}}}}}", "look has colour beside bsdf"),
-        ("{bsdf: {alpha: 2}}", "a.yaml:5:8: a material of Mitsuba is a mapping that says its type"),
+        ("{bsdf: {alpha: 2}}", "a.yaml:5:8: a material of Mitsuba is a mapping with a type"),
         (
             "{bsdf: {type: roughcondctor}}",
             "a.yaml:5:15: 'roughcondctor' is no material of Mitsuba. Did you mean",
@@ -128,7 +128,7 @@ def test_a_material_of_mitsuba_is_written_out_with_what_it_holds(folder: Path) -
             "'bitmp' is no texture of Mitsuba. Did you mean",
         ),
         ("{bsdf: {type: diffuse, reflectance: {type: bitmap}}}", "bitmap names no file"),
-        ("{bsdf: {type: blendbsdf, weight: 0.5, a: {type: diffuse}}}", "blendbsdf has 1 materials within it"),
+        ("{bsdf: {type: blendbsdf, weight: 0.5, a: {type: diffuse}}}", "blendbsdf contains 1 materials"),
         ("{bsdf: {type: roughconductor, material: Auu}}", "Mitsuba does not take this material: "),
     ],
 )

@@ -133,7 +133,7 @@ BROKEN = [
      "a.yaml:11:19: quality.final.samples: 100 samples do not divide into passes of 16. "
      "Write up to 16, or a multiple of it."),
     ("camera:", "quality: {daily: {noise_threshold: 0.02}}\ncamera:",
-     "a.yaml:11:19: daily takes 16 samples, of which no pass could be saved; noise_threshold needs "
+     "a.yaml:11:19: daily takes 16 samples, too few to stop earlier; noise_threshold needs "
      "48 or more. Write samples: 256 beside it."),
     ("camera:", "stride: 0.5\ncamera:", "a.yaml:11:1: stride is called max_step now. Rename it."),
     ("max_edge_length: 0.25", "max_edge_length: 0.25, renew: 60",

@@ -11,9 +11,7 @@ from typing import Any
 import pytest
 
 from pipeline.flow import Sequence, Streamlines, keyed
-from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.linear import Rotation
-from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.catalogue import Rotation, Twist, Vortex
 from pipeline.mesh import validate, write_mesh
 from pipeline.mesh.solids.primitives import box
 from pipeline.resample import Thresholds
@@ -154,7 +152,7 @@ def test_a_shot_says_how_its_velocities_are_followed(tmp_path: Path) -> None:
 
     def settings_of(motion: Motion) -> tuple[Any, ...]:
         assert isinstance(motion.flow, Sequence)
-        first = motion.bounded(motion.flow, 5)
+        first = motion.limit_steps(motion.flow, 5)
         assert isinstance(first, Sequence) and isinstance(first.flows[0], Streamlines)
         return first.flows[0].substeps, first.flows[0].tolerance, first.flows[0].max_step
 
@@ -179,7 +177,7 @@ def test_strides_are_shares_of_the_longest_edge_of_their_frame(
     tmp_path: Path, lengths: str, max_step: float | None
 ) -> None:
     motion = read_shot(written(tmp_path, GOOD.replace("0.25}", f"{lengths}}}"))).motion
-    flow = motion.bounded(motion.flow, 13)
+    flow = motion.limit_steps(motion.flow, 13)
     assert isinstance(flow, Sequence) and isinstance(flow.flows[0], Streamlines)
     assert flow.flows[0].max_step == pytest.approx(max_step)
 

@@ -15,7 +15,7 @@ from pipeline.animation import animate
 from pipeline.errors import FrameError, ShotError
 from pipeline.flow import keyed
 from pipeline.mesh import validate
-from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
+from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
 from pipeline.shot import Motion, read_shot
 from pipeline.shot.documents.resampling import KeyedCamera, KeyedThreshold
 from pipeline.shot.motion import Resampling
@@ -47,13 +47,13 @@ def told(resample: str) -> list[str]:
 
 
 def test_lengths_may_be_functions() -> None:
-    assert thresholds("{formula: 0.1 + 0.01*abs(y)}").max_edge_length == Formula("0.1 + 0.01*abs(y)")
+    assert thresholds("{formula: 0.1 + 0.01*abs(y)}").max_edge_length == ThresholdFormula("0.1 + 0.01*abs(y)")
     assert thresholds(CURVED).max_edge_length == Curvature(0.002, 0.05, 0.4)
     camera = "{camera: {position: [0, 0, 5], pixels: 8, finest: 0.05, coarsest: 0.5, field_of_view: 40}}"
     expected = DistanceToCamera((0.0, 0.0, 5.0), 8.0, 0.05, 0.5, 40 * math.radians(1), 1920.0)
     assert thresholds(camera).max_edge_length == expected
     both = thresholds("0.2, min_edge_length: {formula: 0.05 + 0.01*x}, gradation: 0.5")
-    assert both.min_edge_length == Formula("0.05 + 0.01*x") and both.gradation == 0.5
+    assert both.min_edge_length == ThresholdFormula("0.05 + 0.01*x") and both.gradation == 0.5
 
 
 def test_curvature_heeds_the_hard_angle_of_the_shot() -> None:
@@ -238,7 +238,7 @@ def test_the_documented_lengths_are_good() -> None:
     )
     lines = block.split("```")[0].splitlines()
     kinds = [type(thresholds(line.partition(": ")[2]).max_edge_length) for line in lines]
-    assert kinds == [Formula, Curvature, DistanceToCamera]
+    assert kinds == [ThresholdFormula, Curvature, DistanceToCamera]
 
 
 def test_every_setting_is_documented_with_its_default() -> None:

@@ -14,11 +14,11 @@ from pipeline.errors import ShotError
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_catalogue import DOCUMENTS
 from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
-from pipeline.shot.yaml.source import Source
+from pipeline.shot.yaml.source import YamlSource
 
 HOME = Path(__file__).parents[2]
 SHOTS = sorted(path for path in (HOME / "shots").glob("*.yaml"))
-FILMS = {path for path in SHOTS if "shots" in Source.read(path).data}
+FILMS = {path for path in SHOTS if "shots" in YamlSource.read(path).data}
 
 HEAD = {"title": "Page", "frames": "1-96", "subject": {"solid": "box"}, "resample": "off"}
 
@@ -38,7 +38,7 @@ def as_json(value: Any) -> Any:
 
 
 def data_of(text: str) -> Any:
-    return as_json(Source.read(Path("a.yaml"), text).data)
+    return as_json(YamlSource.read(Path("a.yaml"), text).data)
 
 
 def accepts(text: str, kind: str = "shot") -> bool:
@@ -48,7 +48,7 @@ def accepts(text: str, kind: str = "shot") -> bool:
 @pytest.mark.parametrize("path", SHOTS, ids=lambda path: path.stem)
 def test_every_file_of_shots_is_valid(path: Path) -> None:
     kind = "film" if path in FILMS else "defaults" if path.stem == "defaults" else "shot"
-    checker(kind).validate(as_json(Source.read(path).data))
+    checker(kind).validate(as_json(YamlSource.read(path).data))
 
 
 def _examples() -> list[Any]:

@@ -20,7 +20,7 @@ def shot_of(text: str) -> Shot:
 def test_without_a_word_pictures_show_one_moment_and_no_layers_more() -> None:
     picture = shot_of("").picture
     assert picture.shutter.open_at(0.5) is None
-    assert picture.layers.precision == picture.layers.extra == ()
+    assert picture.aovs.precision == picture.aovs.extra == ()
     assert shot_of("shutter: {angle: 0}\n").picture.shutter.open_at(0.5) is None
 
 
@@ -44,9 +44,9 @@ def test_a_shutter_may_be_keyed() -> None:
 
 
 def test_layers_are_named_or_given_a_precision() -> None:
-    by_name = shot_of("aovs: [noise, velocity]\n").picture.layers
+    by_name = shot_of("aovs: [noise, velocity]\n").picture.aovs
     assert by_name.precision == (("velocity", "half"), ("noise", "half"))
-    exactly = shot_of("aovs: {position: half, rest: float, velocity: float}\n").picture.layers
+    exactly = shot_of("aovs: {position: half, rest: float, velocity: float}\n").picture.aovs
     assert exactly.precision == (("position", "half"), ("velocity", "float"), ("rest", "float"))
     assert exactly.extra == ("velocity", "rest")
 
@@ -62,8 +62,8 @@ def test_layers_are_named_or_given_a_precision() -> None:
         ("shutter: {angle: -1}\n", "it must stay from 0 to 360 degrees"),
         ("shutter: {phase: 10}\n", "shutter.phase is 10 at frame 1; it must stay from -360 to 0 degrees"),
         ("shutter: {angle: {ease: linear, keys: {1: 0, 24: 720}}}\n", "at frame 13; it must stay"),
-        ("aovs: [velocty]\n", "a.yaml:5:8: aovs.0: 'velocty' is no layer. Did you mean 'velocity'?"),
-        ("aovs: {rast: half}\n", "'rast' is no layer. Did you mean 'rest'?"),
+        ("aovs: [velocty]\n", "a.yaml:5:8: aovs.0: 'velocty' is no AOV. Did you mean 'velocity'?"),
+        ("aovs: {rast: half}\n", "'rast' is no AOV. Did you mean 'rest'?"),
         ("aovs: {rest: full}\n", "a.yaml:5:8: aovs.rest is 'full'; it must be 'half' or 'float'"),
     ],
 )

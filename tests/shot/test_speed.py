@@ -12,11 +12,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.animation import animate, at_moment
+from pipeline.animation import animate, mesh_at_subframe
 from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.formula_curve import FormulaCurve
-from pipeline.flow.retiming import _integral, elapsed
+from pipeline.flow.formula_curve import Formulated
+from pipeline.flow.retiming import _piece, elapsed
 from pipeline.shot import Shot, read_shot
 
 SHOT = """\
@@ -56,7 +56,7 @@ def test_known_integrals_are_met_to_the_last_digits() -> None:
         1 - 4 / math.pi * math.sin(math.pi / 4), abs=1e-13
     )
     assert elapsed(keyed((0, 2), (1, 5), "constant"), 3) == pytest.approx(7, abs=1e-13)
-    wave = FormulaCurve(("1 + sin(t)",), 24.0, 1)
+    wave = Formulated(("1 + sin(t)",), 24.0, 1)
     assert elapsed(wave, 2.0) == pytest.approx(3 - math.cos(2.0), abs=1e-13)
     assert elapsed(0.25, 3.0) == 0.75
     loop = Keyframes((0.0, 1.0), ((0.0,), (1.0,)), ("linear",) * 2, after="ping_pong")
@@ -87,13 +87,13 @@ def test_beyond_the_keys_time_passes_as_the_speed_says(
 @pytest.mark.parametrize("mode", ["loop", "ping_pong", "offset"])
 def test_many_rounds_take_no_longer_than_one(mode: Any) -> None:
     """Keys a ten-thousandth of a frame apart; the sums are known."""
-    _integral.cache_clear()
+    _piece.cache_clear()
     length = 1e-4 / 24
     speed = Keyframes((0.0, length), ((1.0,), (2.0,)), ("linear",) * 2, after=mode)
     rounds = 2.0 / length
     expected = {"loop": 3.0, "ping_pong": 3.0, "offset": length * (1.5 * rounds + rounds * (rounds - 1) / 2)}
     assert elapsed(speed, 2.0) == pytest.approx(expected[mode], rel=1e-4)
-    assert _integral.cache_info().misses < 20
+    assert _piece.cache_info().misses < 20
 
 
 @pytest.mark.parametrize("before", ["hold", "continue"])
@@ -163,10 +163,10 @@ def test_moving_a_key_of_the_speed_leaves_the_frames_before_the_key_before_it_al
 
 
 def test_keys_of_the_speed_that_are_close_are_fine_and_those_at_infinity_are_told() -> None:
-    _integral.cache_clear()
+    _piece.cache_clear()
     clock = shot("{keys: {1: 1, 1.0001: 2}}").motion.clock
     assert clock.flow_time(25) == pytest.approx(2.0, abs=1e-5)
-    assert _integral.cache_info().misses < 40
+    assert _piece.cache_info().misses < 40
     with pytest.raises(ShotError, match=r"a\.yaml:5:"):
         shot("{keys: {-1000000000000: 1, 5: 2}}")
 
@@ -192,17 +192,17 @@ def test_between_frames_the_surface_is_where_the_flow_has_it() -> None:
     plain = shot("{keys: {1: 0.5, 25: 2}}")
     frames, raw = list(animate(made)), list(animate(plain))
     for moment in (12.0, 12.5, 13.0, 11.25):
-        mesh: Any = at_moment(plain.motion, raw[11], moment)
+        mesh: Any = mesh_at_subframe(plain.motion, raw[11], moment)
         assert mesh.faces.tobytes() == raw[11].mesh.faces.tobytes()
         if moment == 13.0:
             assert mesh.vertices.tobytes() == raw[12].mesh.vertices.tobytes()
         if moment == 12.0:
             np.testing.assert_array_equal(mesh.vertices, raw[11].mesh.vertices)
-    back = at_moment(plain.motion, raw[11], 11.0)
+    back = mesh_at_subframe(plain.motion, raw[11], 11.0)
     np.testing.assert_allclose(back.vertices, raw[10].mesh.vertices, atol=1e-8)
-    assert len(at_moment(made.motion, frames[4], 5.5).vertices) == len(frames[4].mesh.vertices)
-    with pytest.raises(UsageError, match="moment 14 is more than a frame from frame 12"):
-        at_moment(plain.motion, raw[11], 14)
+    assert len(mesh_at_subframe(made.motion, frames[4], 5.5).vertices) == len(frames[4].mesh.vertices)
+    with pytest.raises(UsageError, match="sub-frame 14 is more than a frame from frame 12"):
+        mesh_at_subframe(plain.motion, raw[11], 14)
 
 
 @pytest.mark.parametrize(
@@ -210,10 +210,10 @@ def test_between_frames_the_surface_is_where_the_flow_has_it() -> None:
     [
         (
             "{formula: 1 + sqrt(abs(t - 0.03) - 0.002)}",
-            "speed has a value that is none: formula '1 + sqrt(abs(t - 0.03) - 0.002)' is nan at t 0.0",
+            "speed is not finite: formula '1 + sqrt(abs(t - 0.03) - 0.002)' is nan at t 0.0",
         ),
         ("{formula: 1e50}", "speed takes the flow to 4.17e+48 s by frame 2; its time goes up to 1e12 s."),
-        ("{formula: 1 / (frame - 3)}", "speed has a value that is none: formula '1 / (frame - 3)' is inf at"),
+        ("{formula: 1 / (frame - 3)}", "speed is not finite: formula '1 / (frame - 3)' is inf at"),
     ],
 )
 def test_a_speed_that_is_none_is_told_with_the_shot_between_half_frames_too(speed: str, says: str) -> None:
@@ -225,13 +225,11 @@ def test_a_speed_that_is_none_is_told_with_the_shot_between_half_frames_too(spee
 
 def test_a_speed_that_was_never_read_fails_in_its_frame_and_leaves_keys_to_the_others() -> None:
     good = shot("1").motion
-    bad = dataclasses.replace(good, speed=FormulaCurve(("sqrt(4.5 - frame)",), 24.0, 1))
+    bad = dataclasses.replace(good, speed=Formulated(("sqrt(4.5 - frame)",), 24.0, 1))
     keys = [bad.step_data(number) for number in range(2, 26)]
     assert [isinstance(key, dict) for key in keys] == [number > 4 for number in range(2, 26)]
     frames = []
-    with pytest.raises(
-        FrameError, match=r"^frame 5: speed has a value that is none: formula .* is nan at t 0.1"
-    ):
+    with pytest.raises(FrameError, match=r"^frame 5: speed is not finite: formula .* is nan at t 0.1"):
         for frame in animate(bad):
             frames.append(frame.number)
     assert frames == [1, 2, 3, 4]

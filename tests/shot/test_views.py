@@ -78,9 +78,9 @@ def test_the_files_of_a_config_decide_and_not_where_they_lie(folder, tmp_path_fa
     elsewhere = tmp_path_factory.mktemp("elsewhere")
     (elsewhere / "studio.ocio").write_text(CONFIG)
     (elsewhere / "half.spi1d").write_text(TABLE % 0.5)
-    assert read(elsewhere, said).picture.shown_as() == shot.picture.shown_as()
+    assert read(elsewhere, said).picture.display_data() == shot.picture.display_data()
     (folder / "tables" / "half.spi1d").write_text(TABLE % 0.25)
-    assert read(folder, said).picture.shown_as() != shot.picture.shown_as()
+    assert read(folder, said).picture.display_data() != shot.picture.display_data()
 
 
 @pytest.mark.parametrize(

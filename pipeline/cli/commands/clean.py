@@ -15,7 +15,7 @@ from pipeline.production.execution.run import exclusive
 from pipeline.production.maintenance.clean import Sweep, sweep
 from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.request.lookup import find_shot, shot_names
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from render.scene.quality import QUALITIES
 
 
@@ -32,26 +32,26 @@ def clean(
     the last runs were about, which makes going back to them free. --dry-run tells how much would go.
     """
     project = Project(common.root, common.cores, settings=tuple(settings or ()))
-    takes = list(_begun(project))
+    requests = list(_begun(project))
     if common.dry_run:
-        done = sweep(project.store, takes, keep, only_tell=True)
+        done = sweep(project.store, requests, keep, only_tell=True)
     else:
         with exclusive(common.root):
-            done = sweep(project.store, takes, keep, only_tell=False)
+            done = sweep(project.store, requests, keep, only_tell=False)
     facts = {"removed": len(done.gone), "freed_bytes": done.freed, "kept": done.kept}
     answer(_swept(done, common.dry_run), facts, common.json)
 
 
-def _begun(project: Project) -> Iterator[Take]:
+def _begun(project: Project) -> Iterator[RenderRequest]:
     """Today's shots, at every quality that was begun; one that cannot be read is told."""
     for name in shot_names():
         try:
-            takes = [project.take(find_shot(name), quality) for quality in QUALITIES]
+            requests = [project.request(find_shot(name), quality) for quality in QUALITIES]
         except FlowsculptError as error:
             warn(str(error))
             continue
-        begun = [take for take in takes if is_begun(take, project.store)]
-        yield from begun or takes[:1]
+        begun = [request for request in requests if is_begun(request, project.store)]
+        yield from begun or requests[:1]
 
 
 def _swept(done: Sweep, only_told: bool) -> str:

@@ -1,4 +1,4 @@
-"""The command that makes files for others to look at: deliver."""
+"""The command `deliver`: encode shots and films for others."""
 
 from __future__ import annotations
 
@@ -10,19 +10,17 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.execution import carried_out, tell_plan
-from pipeline.cli.options import AllowCode, Common, Crop, Frames, Quality, Scale, Settings, Variant
-from pipeline.cli.output import answer, duration, err, out, warn
-from pipeline.cli.progress import counting
-from pipeline.cli.projects import project_of
+from pipeline.cli.execution import execute, report_plan
+from pipeline.cli.options import Common, Frames, PictureOptions, Quality
+from pipeline.cli.output import answer, duration, out, warn
+from pipeline.cli.progress import progress_bars
 from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
 from pipeline.dailies.delivery.reel import of_film, of_shot
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import edit_names, find_edit
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot.yaml.lookup import is_edit
 from render.graphics.burn_in import FIELDS, BurnIn
 from render.movie.codecs import ENCODES, encode_named
@@ -33,6 +31,7 @@ def deliver(
     names: Annotated[
         list[str], typer.Argument(metavar="NAME…", help="Shots or edits: names in shots/, or paths.")
     ],
+    options: PictureOptions,
     forms: Annotated[
         str,
         typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(ENCODES)}."),
@@ -41,74 +40,68 @@ def deliver(
     frames: Frames = None,
     slate: Annotated[
         str | None,
-        typer.Option(metavar="|".join(SLATES), help="A slate: before the first frame, or in a file apart."),
+        typer.Option(
+            metavar="|".join(SLATES), help="Add a slate: before the first frame, or as a file of its own."
+        ),
     ] = None,
     burn_in: Annotated[
         str | None,
         typer.Option(
-            "--burn-in", metavar="FIELD,…", help=f"Tell over the frames: all, or {', '.join(FIELDS)}."
+            "--burn-in", metavar="FIELD,…", help=f"Write over the frames: all, or {', '.join(FIELDS)}."
         ),
     ] = None,
     sound: Annotated[
         Path | None,
-        typer.Option(metavar="FILE", help="Lay this sound under the frames; an edit may have its own."),
+        typer.Option(metavar="FILE", help="Add this sound. An edit may name its own."),
     ] = None,
     output: Annotated[
         Path | None,
-        typer.Option(
-            "-o", "--output", metavar="DIR", help="Put the files there; by default beside the frames."
-        ),
+        typer.Option("-o", "--output", metavar="DIR", help="Default: the folder deliver beside the frames."),
     ] = None,
-    crop: Crop = None,
-    scale: Scale = None,
-    variant: Variant = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
 ) -> None:
-    """Encode shots and films for whoever needs them, rendering what is missing.
+    """Encode shots and films for review, editing, archive or web, rendering what is missing.
 
     `flowsculpt deliver A010_cube --as review,prores4444 -q final --burn-in all` writes two files to
     renders/A010_cube/final/deliver; `flowsculpt deliver film --as h265 --slate head` the film with a slate.
-    What is up to date is not made again. Frames that failed are shown as cards that say why.
+    Files that are up to date are kept. Failed frames are shown as cards that state the reason.
 
-    review: H.264, every frame whole, to step through · h264, h265: 10 bits · prores4444: with the subject's
-    alpha · av1: for the web · ffv1: for the archive, lossless · webp: for pages.
+    review: H.264 of intra frames, to step through · h264, h265: 10 bits · prores4444: with the subject's
+    alpha · av1: for the web · ffv1: lossless, for the archive · webp: for pages.
     """
     order = Order(
         encodes=tuple(encode_named(word) for word in _words(forms)),
         slate=_slate(slate),
         burn_in=None if burn_in is None else BurnIn.parse(burn_in),
-        heard=None if sound is None else heard_from(sound),
+        audio=None if sound is None else heard_from(sound),
         folder=output,
     )
-    project = project_of(common, settings, allow_code, variant)
-    wanted = _Wanted(project, tuple(names), windowed(quality, crop, scale), frames)
+    wanted = _Wanted(options.project(common), tuple(names), options.quality(quality), frames)
     if common.dry_run:
-        tell_plan(common, wanted.plan())
+        report_plan(common, wanted.plan())
         if not common.json:
             out.print(f"Then: encoding {', '.join(names)} as {', '.join(e.name for e in order.encodes)}.")
         return
     started = time.monotonic()
-    outcome = carried_out(common, wanted.plan)
+    outcome = execute(common, wanted.plan)
     failed = {
         (str(f["shot"]), int(f["frame"])): str(f["message"])
         for f in outcome.failures
         if f.get("frame") is not None
     }
     deliveries = wanted.deliveries(order, failed)
-    with counting(err if common.progress else None) as bar:
+    with progress_bars(common.progress) as bar:
         done = [file for delivery in deliveries for file in delivery.make(bar)]
     lost = lost_frames(deliveries)
     if lost:
-        warn(f"{'; '.join(lost)}: shown as cards that say what failed")
-    _tell(common, done, lost, time.monotonic() - started)
+        warn(f"{'; '.join(lost)}: shown as cards that state the reason")
+    _report(common, done, lost, time.monotonic() - started)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
 
 
 @dataclass(frozen=True)
 class _Wanted:
-    """Shots and edits by their names, and which of their frames."""
+    """Names of shots and edits, and the frames to encode."""
 
     project: Project
     names: tuple[str, ...]
@@ -116,26 +109,26 @@ class _Wanted:
     frames: str | None
 
     def plan(self) -> Plan:
-        """What is left to be rendered for all of them."""
-        takes = [take for name in self.names for take in self._takes(name)]
-        return self.project.frames(takes)
+        """Return the plan that renders what is missing."""
+        requests = [request for name in self.names for request in self._takes(name)]
+        return self.project.frames(requests)
 
     def deliveries(self, order: Order, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
         store, made = self.project.store, []
         for name in self.names:
             if _is_of_edit(name):
-                reel = of_film(*self.project.cut(self.quality, find_edit(name)), store, failed)
+                reel = of_film(*self.project.edit(self.quality, find_edit(name)), store, failed)
             else:
                 reel = of_shot(self._takes(name)[0], store, failed)
             made.append(Delivery(reel, order, store))
         return made
 
-    def _takes(self, name: str) -> list[Take]:
+    def _takes(self, name: str) -> list[RenderRequest]:
         if not _is_of_edit(name):
             return [self.project.asked(name, self.quality, self.frames)]
         if self.frames is not None:
-            raise UsageError(f"-f {self.frames} is of shots; {name} is an edit and says itself what it shows")
-        return self.project.cut(self.quality, find_edit(name))[1]
+            raise UsageError(f"-f {self.frames} chooses frames of shots; {name} is an edit and names its own")
+        return self.project.edit(self.quality, find_edit(name))[1]
 
 
 def _is_of_edit(name: str) -> bool:
@@ -152,11 +145,11 @@ def _words(text: str) -> list[str]:
 
 def _slate(word: str | None) -> str | None:
     if word is not None and word not in SLATES:
-        raise UsageError(f"--slate {word}: a slate stands at the head or apart. {suggestion(word, SLATES)}")
+        raise UsageError(f"--slate {word}: a slate goes to the head or apart. {suggestion(word, SLATES)}")
     return word
 
 
-def _tell(common: Common, done: Sequence[Delivered], lost: Sequence[str], seconds: float) -> None:
+def _report(common: Common, done: Sequence[Delivered], lost: Sequence[str], seconds: float) -> None:
     lines = [f"{file.path}: {file.frames} frames{', up to date' if file.found else ''}" for file in done]
     facts = {
         "deliverables": [

@@ -1,4 +1,4 @@
-"""The command that writes what other programs read: export."""
+"""The command `export`: files that other programs read."""
 
 from __future__ import annotations
 
@@ -8,13 +8,12 @@ from typing import Annotated
 import typer
 from ruamel.yaml import YAML
 
-from pipeline.cli.options import AllowCode, Common, Crop, Frames, Quality, Scale, Settings, Variant
+from pipeline.cli.options import Common, Frames, PictureOptions, Quality
 from pipeline.cli.output import answer
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
-from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import FILM, find_edit
 from render.base.atomic_write import disk_errors
 
@@ -30,44 +29,39 @@ def export(
             help="openjd: Open Job Description, for render managers; otio: OpenTimelineIO, for editors.",
         ),
     ],
+    options: PictureOptions,
     name: Annotated[
         str | None,
         typer.Argument(
-            metavar="SHOT|EDIT", help="openjd: a shot, by name or path. otio: an edit; by default the film."
+            metavar="SHOT|EDIT", help="openjd: a shot, by name or path. otio: an edit. Default: the film."
         ),
     ] = None,
     output: Annotated[
         Path | None,
         typer.Option(
-            "-o", "--output", metavar="FILE", help="By default template.yaml, or the edit's name and .otio."
+            "-o", "--output", metavar="FILE", help="Default: template.yaml, or the edit's name and .otio."
         ),
     ] = None,
     media: Annotated[
-        str, typer.Option(metavar="NAME", help=f"What clips of otio refer to: {', '.join(MEDIA)}.")
+        str, typer.Option(metavar="NAME", help=f"Media that otio clips refer to: {', '.join(MEDIA)}.")
     ] = "frames",
     frames: Frames = None,
     quality: Quality = "draft",
-    variant: Variant = None,
-    crop: Crop = None,
-    scale: Scale = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
 ) -> None:
-    """Write what other programs read: a render manager's job, or an editing program's timeline.
+    """Write a render manager's job, or an editing program's timeline.
 
-    `flowsculpt export openjd A010_cube` writes a template that renders the shot and assembles its movie.
-    Beside FILE goes the frozen plan that its tasks read, FILE.plan.json: edits of the shot after this are
-    not in it. `openjd run template.yaml` does the work here, a render manager on its workers, which see the
-    root under its path or under the one given as parameter Root. What is done stays done: tasks find it.
+    `flowsculpt export openjd A010_cube` writes a job template that renders the shot and assembles its movie,
+    and beside it the plan that its tasks read, template.yaml.plan.json: the shot as it is now. `openjd run
+    template.yaml` executes it here; a render manager executes it on workers, which see the root under the
+    same path or under the parameter Root. Tasks skip what is already rendered.
 
     `flowsculpt export otio showreel -q final` writes showreel.otio: clips, dissolves, cards and sound of
-    shots/showreel.yaml. Clips refer to frames, relative to the file, or to what `flowsculpt deliver` made:
-    `--media prores4444`.
+    shots/showreel.yaml. Clips refer to frames, relative to the file, or to files that `flowsculpt deliver`
+    wrote: `--media prores4444`.
     """
     if form not in FORMATS:
-        raise UsageError(f"{form!r} is no format to export. {suggestion(form, FORMATS)}")
-    quality = windowed(quality, crop, scale)
-    project = Project(common.root, common.cores, variant, tuple(settings or ()), allow_code)
+        raise UsageError(f"{form!r} is not a format to export. {suggestion(form, FORMATS)}")
+    project, quality = options.project(common), options.quality(quality)
     if form == "otio":
         _timeline(common, project, quality, name or FILM.stem, output, media, frames)
     else:
@@ -84,16 +78,16 @@ def _timeline(
     frames: str | None,
 ) -> None:
     if media not in MEDIA:
-        raise UsageError(f"--media {media}: clips cannot refer to that. {suggestion(media, MEDIA)}")
+        raise UsageError(f"--media {media}: clips cannot refer to it. {suggestion(media, MEDIA)}")
     if frames is not None:
-        raise UsageError(f"-f {frames} is of shots; an edit says itself what it shows")
+        raise UsageError(f"-f {frames} chooses frames of shots; an edit names its own")
     path = find_edit(edit)
     place = output or Path(f"{path.stem}.otio")
     if place.suffix != ".otio":
         raise UsageError(f"{place}: a timeline's name ends in .otio; call it {place.stem}.otio")
-    cut, takes = project.cut(quality, path)
+    cut, requests = project.edit(quality, path)
     if not common.dry_run:
-        Timeline(cut, takes, common.root, media, place).write()
+        Timeline(cut, requests, common.root, media, place).write()
     done = f"{place}: {cut.length} frames, {'would be ' if common.dry_run else ''}written."
     answer(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
 

@@ -41,21 +41,21 @@ def figures(
     from render.graphics.plot import plot_tracks
 
     project = project_of(common, settings, allow_code)
-    take = project.take(find_shot(shot), quality, variant="none")
-    numbers = sorted(take.poses)
-    found = measured(take, project.store, numbers, common.cores)
+    request = project.request(find_shot(shot), quality, variant="none")
+    numbers = sorted(request.angles)
+    found = measured(request, project.store, numbers, common.cores)
     if not found:
         raise MissingInputError(
-            f"{take.name} has no meshes yet, and figures are drawn from such; flowsculpt simulate {shot} "
+            f"{request.name} has no meshes yet, and figures are drawn from such; flowsculpt simulate {shot} "
             "makes them"
         )
-    page = output or common.root / take.folders.home / f"{take.name}.figures.svg"
-    seconds = Clocks(common.root).of(take.subject, take.name, quality)
-    if rendered := rendering(take, common.root):
+    page = output or common.root / request.folders.home / f"{request.name}.figures.svg"
+    seconds = Clocks(common.root).of(request.subject, request.name, quality)
+    if rendered := rendering(request, common.root):
         seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
-    drawn = panels(numbers, found, limits_of(take), seconds)
+    drawn = panels(numbers, found, limits_of(request), seconds)
     if not common.dry_run:
-        plot_tracks(f"{take.name}: {take.shot.title}", drawn, float(take.shot.rate.fps), page)
+        plot_tracks(f"{request.name}: {request.shot.title}", drawn, float(request.shot.rate.fps), page)
     done = f"{page}: {len(drawn)} figures{', would be written' if common.dry_run else ''}."
     facts = {"path": str(page), "figures": [each.name for each in drawn], "frames": sorted(found)}
     answer(done, facts, common.json)

@@ -6,26 +6,24 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.execution import make
-from pipeline.cli.options import AllowCode, Common, Quality, Settings, Variant
-from pipeline.cli.projects import project_of
+from pipeline.cli.execution import execute_and_report
+from pipeline.cli.options import Common, Quality, ShotOptions, Variant
 from pipeline.production.request.lookup import FILM, find_edit
 
 
 def film(
     common: Common,
+    options: ShotOptions,
     edit: Annotated[
         str, typer.Argument(help="An edit: its name in shots/, or the path of its file.")
     ] = FILM.stem,
     quality: Quality = "draft",
     variant: Variant = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
 ) -> None:
-    """Render every shot of an edit and cut them into renders/film/QUALITY/EDIT.mp4.
+    """Render every shot of an edit and cut them into a film.
 
-    Without a name it is shots/film.yaml; `flowsculpt film showreel` is shots/showreel.yaml. What is `--set`
-    is set in every shot.
+    `flowsculpt film` renders shots/film.yaml to renders/film/draft/film.mp4; `flowsculpt film showreel -q
+    final` renders shots/showreel.yaml to renders/film/final/showreel.mp4. `--set` holds for every shot.
     """
-    project = project_of(common, settings, allow_code, variant)
-    make(common, lambda: project.film(quality, find_edit(edit)))
+    project = options.project(common, variant)
+    execute_and_report(common, lambda: project.film(quality, find_edit(edit)))

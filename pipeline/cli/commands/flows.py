@@ -9,7 +9,7 @@ from rich.table import Table
 
 from pipeline.cli.options import Common
 from pipeline.cli.output import answer, out
-from pipeline.shot.documents.flow_catalogue import DOCUMENTS, facts, markdown, shown
+from pipeline.shot.documents.flow_catalogue import DOCUMENTS, default_text, facts, markdown
 
 
 def flows(
@@ -47,7 +47,10 @@ def _tell(fact: dict[str, Any], as_json: bool) -> None:
         choices = f": {', '.join(parameter['choices'])}" if parameter["choices"] else ""
         keyed = ", may be keyed" if parameter["keyed"] else ""
         table.add_row(
-            parameter["name"], shown(parameter), parameter["unit"], f"{parameter['sense']}{choices}{keyed}"
+            parameter["name"],
+            default_text(parameter),
+            parameter["unit"],
+            f"{parameter['sense']}{choices}{keyed}",
         )
     out.print(f"{fact['name']}, a {fact['kind']}. {fact['sense']}", markup=False)
     out.print(table)

@@ -86,8 +86,8 @@ def preview(
     def sketch() -> tuple[Sketch, Store]:
         """As the shot is now."""
         project = project_of(common, settings, allow_code)
-        take = project.take(path, "preview", str(at) if at is not None else frames, variant="none")
-        return Sketch(take, flow, edges, over), project.store
+        request = project.request(path, "preview", str(at) if at is not None else frames, variant="none")
+        return Sketch(request, flow, edges, over), project.store
 
     if (live or watch) and not common.dry_run:
         watched(common, path, sketch, output, watch, (port, browser) if live else None)
@@ -98,7 +98,7 @@ def preview(
 def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, output: Path | None) -> None:
     """A still of frame `at`, or the movie of what the take asks for."""
     path = output or common.root / place(sketch, at)
-    asked = {at} if at is not None else set(sketch.take.requested)
+    asked = {at} if at is not None else set(sketch.request.requested)
     many = len(asked)
     frames = f"{many} frame{'s' if many > 1 else ''}"
     if not common.dry_run:
@@ -125,11 +125,11 @@ def folder_for(path: Path) -> None:
 
 def place(sketch: Sketch, number: int | None = None) -> Path:
     """Where a still is put, or the movie of the frames asked for."""
-    take, name = sketch.take, sketch.take.name
+    request, name = sketch.request, sketch.request.name
     mark = ".flow" * sketch.flow + ".edges" * sketch.edges
-    whole = "" if take.is_whole else f".{min(take.requested)}-{max(take.requested)}"
+    whole = "" if request.is_whole else f".{min(request.requested)}-{max(request.requested)}"
     file = f"{name}{whole}{mark}.mp4" if number is None else f"{name}.{number:04d}{mark}.png"
-    return take.folders.cameras().parent / "sketch" / file
+    return request.folders.cameras().parent / "sketch" / file
 
 
 @contextmanager
@@ -168,7 +168,7 @@ def watched(
     folder_for(movie)
     with SurfaceStream(store) as stream:
         if page is None:
-            _movies(common, read, stream, movie, {path, *files_of(sketch.take.script)})
+            _movies(common, read, stream, movie, {path, *files_of(sketch.request.source)})
         else:
             _shown(common, read, stream, movie, path, again, page)
 
@@ -178,9 +178,9 @@ def _movies(common: Common, read: Read, stream: SurfaceStream, movie: Path, edit
         before = stamp(edited)
         try:
             sketch, _ = read()
-            more = files_of(sketch.take.script) - edited
+            more = files_of(sketch.request.source) - edited
             edited, before = edited | more, before | stamp(more)
-            animatic, asked = Animatic(sketch, stream), set(sketch.take.requested)
+            animatic, asked = Animatic(sketch, stream), set(sketch.request.requested)
             with bars(common, len(animatic.played(asked)), len(asked)) as tell:
                 many = animatic.movie(movie, tell)
             answer(f"{movie}: {many} frames.", {"path": str(movie), "frames": many}, common.json)

@@ -7,10 +7,8 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.options import Common, Crop, Quality, Scale, Settings, Variant
+from pipeline.cli.options import Common, PictureOptions, Quality, Shot
 from pipeline.cli.output import answer
-from pipeline.production.execution.project import Project
-from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.versions.provenance import FILE
 from pipeline.production.versions.publish import Release
@@ -18,49 +16,46 @@ from pipeline.production.versions.publish import Release
 
 def publish(
     common: Common,
-    shot: Annotated[
-        str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")
-    ],
+    shot: Shot,
+    options: PictureOptions,
     quality: Quality = "final",
     version: Annotated[
-        str | None, typer.Option(metavar="V003", help="Call it so; by default the version after the last.")
+        str | None, typer.Option(metavar="V003", help="Name the version. Default: the next number.")
     ] = None,
-    note: Annotated[str, typer.Option(metavar="TEXT", help="What is to be remembered of it.")] = "",
+    note: Annotated[str, typer.Option(metavar="TEXT", help="A note for the provenance.")] = "",
     copy: Annotated[
-        bool, typer.Option("--copy", help="Files of its own, not links to those that were rendered.")
+        bool, typer.Option("--copy", help="Copy the rendered files instead of linking them.")
     ] = False,
-    crop: Crop = None,
-    scale: Scale = None,
-    variant: Variant = None,
-    settings: Settings = None,
 ) -> None:
     """Freeze a shot's rendered frames and movie as its next version: v001, v002, …
 
-    A version lies in renders/published/SHOT/VERSION and is never overwritten. Its provenance.json holds the
-    shot file, keys, seeds, packages, host and timings; `flowsculpt render --from` makes it again from that.
-    All frames must be rendered from the shot file of today: what is missing or stale is told, with the
-    command that makes it. What is published already is not published twice.
+    `flowsculpt publish A010_cube --note "approved"` writes renders/published/A010_cube/v001, which is never
+    overwritten. All frames must be rendered from today's shot file; the command lists what is missing or
+    stale. The same frames are not published twice.
 
-    Its files are links to those that were rendered, and take no space; what damages one of both in place
-    damages the other. With --copy they are files of their own. `flowsculpt verify` looks after them.
+    The provenance.json of a version holds the shot file, keys, seeds, packages, host and timings;
+    `flowsculpt render --from` reproduces the version from it.
+
+    The files are links to the rendered ones and take no space; damage in place damages both. `--copy` avoids
+    that. `flowsculpt verify` checks published files.
     """
-    name = windowed(quality, crop, scale)
-    project = Project(common.root, common.cores, variant, tuple(settings or ()), profile=common.profile)
-    take = project.take(find_shot(shot), name)
-    said = {"--crop": crop, "--scale": scale, "--variant": variant}
+    project = options.project(common)
+    request = project.request(find_shot(shot), options.quality(quality))
+    given = {"--crop": options.crop, "--scale": options.scale, "--variant": options.variant}
     words = ["flowsculpt", "render", shot, "-q", quality]
-    words += [word for option, value in said.items() if value is not None for word in (option, value)]
-    words += [word for setting in settings or () for word in ("--set", setting)]
-    done = Release(take, project.store, shlex.join(words), note, version, copy).publish(common.dry_run)
+    words += [word for option, value in given.items() if value is not None for word in (option, value)]
+    words += [word for setting in options.settings or () for word in ("--set", setting)]
+    words += ["--allow-code"] * options.allow_code
+    done = Release(request, project.store, shlex.join(words), note, version, copy).publish(common.dry_run)
     facts = {
-        "shot": take.name,
+        "shot": request.name,
         "version": done.version,
         "path": str(done.folder),
         "provenance": str(done.folder / FILE),
-        "frames": len(take.poses),
+        "frames": len(request.angles),
         "published_before": done.before,
     }
-    answer(_published(take.name, len(take.poses), done, common.dry_run), facts, common.json)
+    answer(_published(request.name, len(request.angles), done, common.dry_run), facts, common.json)
 
 
 def _published(shot: str, frames: int, done: Any, dry: bool) -> str:

@@ -146,7 +146,7 @@ def _tell(
 ) -> None:
     """What was done, as a table or as JSON."""
     if as_json:
-        facts = {**vars(report), "refused": dict(report.refused), "in_bracket": report.in_bracket}
+        facts = {**vars(report), "refused": dict(report.refused), "within_limits": report.within_limits}
         shapes = {"before": _shape(before), "after": _shape(after)}
         answer("", {"in": str(source), "out": str(target), **facts, **shapes}, as_json=True)
         return
@@ -168,7 +168,7 @@ def _rows(before: PolygonMesh, report: Report) -> list[tuple[str, str]]:
         ("faces", f"{len(before)} → {report.faces}"),
         ("splits", str(report.splits)),
         ("collapses", str(report.collapses)),
-        ("edges in the bracket", f"{report.in_bracket:.2%} of {report.edges}"),
+        ("edges within limits", f"{report.within_limits:.2%} of {report.edges}"),
         ("edge lengths", f"{report.shortest:.4g} to {report.longest:.4g}"),
     ]
     for reason, count in report.refused.items():

@@ -66,7 +66,12 @@ def review(
     search = Search(project, tuple(qualities or ()), History.of(common.root))
     found = [search.shot(shot) for shot in dict.fromkeys(shots)]
     page = Page(
-        _named(name, [shown.take.name for shown in found]), project.store, found, form, models, common.cores
+        _named(name, [shown.request.name for shown in found]),
+        project.store,
+        found,
+        form,
+        models,
+        common.cores,
     )
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.found) for s in page.sequences)}

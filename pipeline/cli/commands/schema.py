@@ -14,7 +14,7 @@ from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import SHOTS
 from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
 from pipeline.shot.yaml.lookup import DEFAULTS
-from pipeline.shot.yaml.source import Source
+from pipeline.shot.yaml.source import YamlSource
 from render.base.atomic_write import disk_errors
 
 SCHEMAS = Path(".schema")
@@ -64,7 +64,7 @@ def _written(schema_of: dict[str, Any]) -> str:
 def _said(folder: Path) -> list[str]:
     """The names that the defaults of a folder say; none where these cannot be read."""
     try:
-        data = Source.read(folder / DEFAULTS).data
+        data = YamlSource.read(folder / DEFAULTS).data
     except FlowsculptError:
         return []
     return list(data) if isinstance(data, dict) else []

@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from pipeline.cli.execution import make
-from pipeline.cli.options import AllowCode, Common, Frames, Settings, Shots
-from pipeline.cli.projects import project_of
+from pipeline.cli.execution import execute_and_report
+from pipeline.cli.options import Common, Frames, ShotOptions, Shots
 
 
-def simulate(
-    common: Common,
-    shots: Shots,
-    frames: Frames = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
-) -> None:
+def simulate(common: Common, shots: Shots, options: ShotOptions, frames: Frames = None) -> None:
     """Simulate shots: move and resample their surfaces, frame by frame.
 
-    Mesh frames appear in renders/SHOT/meshes. After an edit a simulation goes on from the last frame that
-    the edit left valid. Vertices are numbered for life in them, and new ones name their parents; those of
-    method polyhedra are not.
+    `flowsculpt simulate A010_cube -f 1-24` writes 24 mesh frames to renders/A010_cube/meshes. After an edit
+    of the shot, the simulation resumes at the last frame that is still valid.
+
+    Vertices keep their numbers through the whole shot, and new vertices name their parents; method polyhedra
+    numbers them anew.
     """
-    project = project_of(common, settings, allow_code)
-    make(common, lambda: project.meshes(shots, frames))
+    project = options.project(common)
+    execute_and_report(common, lambda: project.meshes(shots, frames))

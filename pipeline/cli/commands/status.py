@@ -33,8 +33,8 @@ def status(
     failed: list[FlowsculptError] = []
     for shot in shots or shot_names():
         try:
-            takes = [project.take(find_shot(shot), quality) for quality in QUALITIES]
-            rows += states(takes, project.store, history)
+            requests = [project.request(find_shot(shot), quality) for quality in QUALITIES]
+            rows += states(requests, project.store, history)
         except FlowsculptError as error:
             failed.append(error)
     for failure in failed:

@@ -1,4 +1,4 @@
-"""The command `stills`: frames as pictures that any program shows."""
+"""The command `stills`: frames as PNG or JPEG."""
 
 from __future__ import annotations
 
@@ -6,34 +6,28 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.execution import make
-from pipeline.cli.options import AllowCode, Common, Crop, Frames, Quality, Scale, Settings, Shots, Variant
-from pipeline.cli.projects import project_of
-from pipeline.production.request.crop_and_scale import windowed
+from pipeline.cli.execution import execute_and_report
+from pipeline.cli.options import Common, Frames, PictureOptions, Quality, Shots
 from pipeline.production.request.render_request import FORMS
 
 
 def stills(
     common: Common,
     shots: Shots,
+    options: PictureOptions,
     frames: Frames = None,
     quality: Quality = "final",
     form: Annotated[
         str,
         typer.Option("--as", help=f"One of {', '.join(FORMS)}: 8 bits, 16 bits, or 8 bits compressed."),
     ] = "png",
-    crop: Crop = None,
-    scale: Scale = None,
-    variant: Variant = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
 ) -> None:
-    """Write frames of shots as pictures that any program shows, rendering what is missing.
+    """Write frames of shots as PNG or JPEG, rendering what is missing.
 
-    They are seen through the shot's view and exposure and lie in renders/SHOT/QUALITY/FORM.
-    `flowsculpt stills A010_cube -f 40` is a final still. The frames themselves, linear EXR with all layers,
-    are in renders/SHOT/QUALITY/frames and raw.
+    `flowsculpt stills A010_cube -f 40` writes one final frame to renders/A010_cube/final/png.
+
+    Stills have the shot's exposure and view transform. Frames in linear EXR, with all AOVs, lie in
+    renders/SHOT/QUALITY/frames and raw.
     """
-    quality = windowed(quality, crop, scale)
-    project = project_of(common, settings, allow_code, variant)
-    make(common, lambda: project.stills(shots, form, quality, frames))
+    project, quality = options.project(common), options.quality(quality)
+    execute_and_report(common, lambda: project.stills(shots, form, quality, frames))

@@ -1,4 +1,4 @@
-"""The command turntable: an object turned before the camera, then the lights around it."""
+"""The command `turntable`: an object turned before the camera, then the lights around it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.execution import make
-from pipeline.cli.options import AllowCode, Common, Quality, Scale, Settings, Variant
-from pipeline.cli.output import err
-from pipeline.cli.progress import counting
-from pipeline.cli.projects import project_of
-from pipeline.dailies.turntable.request import BOTH, Turning
-from pipeline.dailies.turntable.sheets import Sheets
+from pipeline.cli.execution import execute_and_report
+from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Variant
+from pipeline.cli.progress import progress_bars
+from pipeline.dailies.turntable.request import BOTH, TurntableRequest
+from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import windowed
 
@@ -23,45 +21,45 @@ def turntable(
     subject: Annotated[
         str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF or GLB.")
     ],
+    options: ShotOptions,
     at: Annotated[
-        int | None, typer.Option(metavar="FRAME", help="The shot's frame; by default its first.")
+        int | None, typer.Option(metavar="FRAME", help="The frame of the shot. Default: its first.")
     ] = None,
-    frames: Annotated[int, typer.Option(help="How many pictures a full turn has.")] = 72,
+    frames: Annotated[int, typer.Option(help="Pictures of a full turn.")] = 72,
     turn: Annotated[
         str,
-        typer.Option(metavar="WHAT", help="object, lights, or both: the object first, and then the lights."),
+        typer.Option(metavar="WHAT", help="object, lights, or both: the object first, then the lights."),
     ] = BOTH,
     look: Annotated[
         str | None,
         typer.Option(
             metavar="LOOKS",
-            help="In place of the shot's own; of several, as in clay,glaze, a movie side by side too.",
+            help="Replace the shot's look. Several, as in clay,glaze, also give a movie side by side.",
         ),
     ] = None,
     bare: Annotated[
-        bool, typer.Option("--bare", help="On the shot's own stage, without balls and colour chart.")
+        bool,
+        typer.Option("--bare", help="Keep the shot's own stage, without grey ball, chrome ball and chart."),
     ] = False,
     quality: Quality = "preview",
     scale: Scale = None,
     variant: Variant = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
 ) -> None:
-    """Turn one frame of a shot, or a mesh file, once around before the camera, then the lights around it.
+    """Turn one frame of a shot, or a mesh file, before the camera; then turn the lights around it.
 
-    A grey ball, a chrome one and a colour chart stand beside it. A movie and a sheet of key angles appear in
-    renders/turntable. `flowsculpt turntable model.obj --look clay,glaze,chrome` makes them for each look, and
-    one movie of all three side by side.
+    `flowsculpt turntable A010_cube --at 22` writes a movie and a sheet of key angles to renders/turntable. A
+    grey ball, a chrome ball and a colour chart stand beside the object. `flowsculpt turntable model.obj
+    --look clay,glaze,chrome` renders each look, and one movie of all three side by side.
     """
-    project = project_of(common, settings, allow_code, variant)
+    project = options.project(common, variant)
     named = windowed(quality, None, scale)
-    turning = Turning(project, subject, named, at, frames, turn, _looks(look), bare)
+    request = TurntableRequest(project, subject, named, at, frames, turn, _looks(look), bare)
 
     def draw() -> list[Path]:
-        with counting(err if common.progress else None) as bar:
-            return Sheets(turning).draw(bar)
+        with progress_bars(common.progress) as bar:
+            return TurntableSheets(request).draw(bar)
 
-    make(common, turning.plan, draw)
+    execute_and_report(common, request.plan, draw)
 
 
 def _looks(text: str | None) -> tuple[str, ...]:

@@ -8,7 +8,7 @@ import typer
 from rich.progress import track
 
 from pipeline.cli.commands.clean import _begun
-from pipeline.cli.execution import carried_out
+from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings
 from pipeline.cli.output import answer, complain, err, warn
 from pipeline.production.execution.project import Project
@@ -39,7 +39,7 @@ def verify(common: Common, settings: Settings = None) -> None:
     with exclusive(common.root):
         for each in faulty:
             store.discard(each.kind, each.key)
-    outcome = carried_out(common, lambda: project.mended(damaged))
+    outcome = execute(common, lambda: project.mended(damaged))
     words = _found(len(faulty), len(altered), "; what of it today's shots show is whole again")
     answer(words, {**facts, "healed": not outcome.unfinished}, common.json)
     if outcome.exit_code or altered:

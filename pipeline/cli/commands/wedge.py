@@ -1,4 +1,4 @@
-"""The command wedge: a shot in many variations, on one contact sheet."""
+"""The command `wedge`: a shot in many variations, on one contact sheet."""
 
 from __future__ import annotations
 
@@ -6,13 +6,11 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.execution import carried_out, expected_words
-from pipeline.cli.options import AllowCode, Common, Crop, Quality, Scale, Settings, Variant
+from pipeline.cli.execution import count_words, estimate_words, execute, made_by_stage
+from pipeline.cli.options import Common, PictureOptions, Quality, Shot
 from pipeline.cli.output import answer, warn
-from pipeline.cli.projects import project_of
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.estimate import estimate
-from pipeline.production.request.crop_and_scale import windowed
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
 from pipeline.production.versions.wedge import Wedge, frames_by_task
@@ -20,62 +18,52 @@ from pipeline.production.versions.wedge import Wedge, frames_by_task
 
 def wedge(
     common: Common,
-    shot: Annotated[
-        str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")
-    ],
+    shot: Shot,
+    options: PictureOptions,
     vary: Annotated[
         list[str] | None,
         typer.Option(
             OPTION,
             metavar="NAME=VALUES",
-            help="What changes: NAME=first:last:count or NAME=value,value; given again, every combination.",
+            help="Vary a value: NAME=first:last:count or NAME=value,value. Repeatable; cells are all "
+            "combinations.",
         ),
     ] = None,
     frames: Annotated[
         str | None,
-        typer.Option(
-            "-f",
-            "--frames",
-            metavar="RANGE",
-            help="Frames of every cell; by default that of the sheet alone.",
-        ),
+        typer.Option("-f", "--frames", metavar="RANGE", help="Frames of every cell. Default: the sheet's."),
     ] = None,
     at: Annotated[
         int | None,
-        typer.Option("--at", metavar="FRAME", help="The frame of the sheet; by default the middle one."),
+        typer.Option("--at", metavar="FRAME", help="The frame of the sheet. Default: the middle one."),
     ] = None,
     quality: Quality = "preview",
     columns: Annotated[
         int | None,
-        typer.Option(min=1, help="Columns of the sheet; by default as the last --vary says."),
+        typer.Option(min=1, help="Columns of the sheet. Default: the values of the last --vary."),
     ] = None,
-    crop: Crop = None,
-    scale: Scale = None,
-    variant: Variant = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
     yes: Annotated[bool, typer.Option("--yes", help=f"Allow more than {MOST_CELLS} cells.")] = False,
 ) -> None:
-    """Render a shot in a grid of variations, and a contact sheet of them.
+    """Render a shot in a grid of variations, and put them on a contact sheet.
 
-    `flowsculpt wedge A010_cube --vary flows.0.twist.amount=20:80:4 --vary look=clay,glaze` renders the
-    middle frame of eight cells, each in its folder below renders/wedge/A010_cube, and a PNG with their values
-    as labels. With `-f 1-48` all these frames are rendered, and the sheet is a movie too. What cells have in
-    common is made once: a wedge over looks simulates nothing again.
+    `flowsculpt wedge A010_cube --vary flows.0.twist.amount=20:80:4 --vary look=clay,glaze` renders the middle
+    frame of eight cells to folders below renders/wedge/A010_cube, and a PNG labelled with their values. With
+    `-f 1-48` it renders these frames of every cell, and the sheet is a movie too. Work that cells share is
+    done once: a wedge over looks simulates the shot only once.
     """
     grid = Grid.parse(vary or [], yes)
-    project = project_of(common, settings, allow_code, variant)
-    made = Wedge(project, find_shot(shot), grid, windowed(quality, crop, scale), frames, at, columns)
+    project, named = options.project(common), options.quality(quality)
+    made = Wedge(project, find_shot(shot), grid, named, frames, at, columns)
     if common.dry_run:
-        _tell(common, made)
+        _report(common, made)
         return
-    outcome = carried_out(common, made.plan)
+    outcome = execute(common, made.plan)
     sheets = made.draw()
     facts = {
         "cells": _cells(made),
         "frame": made.number,
         "sheets": [path.as_posix() for path in sheets],
-        "made": {stage: outcome.made(stage) for stage in STAGES if outcome.made(stage)},
+        "made": made_by_stage(outcome),
         "done": not outcome.unfinished,
     }
     rendered = f"{len(grid)} cells, {outcome.made('render')} frames rendered"
@@ -84,8 +72,8 @@ def wedge(
         raise typer.Exit(outcome.exit_code)
 
 
-def _tell(common: Common, made: Wedge) -> None:
-    """The grid, and what is to be done for it."""
+def _report(common: Common, made: Wedge) -> None:
+    """Report the grid and what a run would do for it."""
     apart, plan = made.plans()
     expected = estimate(plan, common.root, common.cores)
     counts, spared = frames_by_task(plan), frames_by_task(apart) - frames_by_task(plan)
@@ -100,22 +88,18 @@ def _tell(common: Common, made: Wedge) -> None:
         "estimate": expected.as_data(),
         "jobs": [{"job": job.name, "task": job.task, "frames": list(job.frames)} for job in plan.jobs],
     }
-    lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.takes]
-    frames = len(made.takes[0][1].requested)
+    lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
+    frames = len(made.requests[0][1].requested)
     lines.append(
         f"{len(lines)} cells of {frames} frame{'s' if frames > 1 else ''}, the sheet at {made.number}."
     )
-    told = ", ".join(f"{STAGES[stage].doing} {many} frames" for stage, many in todo.items())
-    lines.append(f"To be done: {told}." if todo else "Nothing to be done but the sheet.")
+    lines.append(f"To be done: {count_words(counts)}." if todo else "Nothing to be done but the sheet.")
     if spared:
-        told = ", ".join(
-            f"{STAGES[stage].doing} {spared[stage]} frames" for stage in STAGES if stage in spared
-        )
-        lines.append(f"Shared, and so not done again: {told}.")
+        lines.append(f"Shared by cells, and done once: {count_words(spared)}.")
     if plan.jobs:
-        lines.append(expected_words(expected))
+        lines.append(estimate_words(expected))
     answer("\n".join(lines), facts, common.json)
 
 
 def _cells(made: Wedge) -> list[dict[str, object]]:
-    return [{"settings": list(cell.settings), "folder": take.home} for cell, take in made.takes]
+    return [{"settings": list(cell.settings), "folder": request.home} for cell, request in made.requests]

@@ -28,8 +28,8 @@ def why(
     part by part, and what was edited in the shot file since the frame was made.
     """
     project = Project(common.root, common.cores, settings=tuple(settings or ()))
-    take = project.take(find_shot(shot), quality, str(frame))
-    found = Question(take, frame, project.store).answer()
+    request = project.request(find_shot(shot), quality, str(frame))
+    found = Question(request, frame, project.store).answer()
     answer(_explained(found, shot, frame, quality), found.as_data(), common.json)
 
 

@@ -8,7 +8,6 @@ from dataclasses import asdict, dataclass, replace
 from fractions import Fraction
 from functools import partial
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -17,13 +16,13 @@ from pipeline.dailies.delivery.rushes import Look, Shown, opaque
 from pipeline.errors import MachineError
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.keys.stages import DELIVER
-from pipeline.production.request.edit import Heard
+from pipeline.production.request.edit import AudioTrack
 from pipeline.production.store.store import Store
 from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
 from render.graphics.slate import Slate
 from render.movie.codecs import Encode
-from render.movie.encode import write_encode
+from render.movie.encode import write_movie
 from render.movie.planes import Frame
 from render.movie.prefetch import ahead
 from render.movie.sound import Samples, blocks
@@ -52,7 +51,7 @@ class Order:
     encodes: tuple[Encode, ...]
     slate: str | None = None
     burn_in: BurnIn | None = None
-    heard: Heard | None = None
+    audio: AudioTrack | None = None
     folder: Path | None = None
 
 
@@ -126,20 +125,17 @@ class Delivery:
         return self._slate_frames if self.order.slate == "head" else 0
 
     @property
-    def _heard(self) -> Heard | None:
-        return self.order.heard or (self.reel.cut.heard if self.reel.cut else None)
+    def _heard(self) -> AudioTrack | None:
+        return self.order.audio or (self.reel.edit.audio if self.reel.edit else None)
 
     def _key(self, encode: Encode, what: str) -> Key:
         """Of all that a file holds; where it lies is not in it."""
-        reel, heard = self.reel, self._heard
+        reel, audio = self.reel, self._heard
         return key_of(
             DELIVER.recipe,
             [what, self.order.slate, list(self.order.burn_in.fields) if self.order.burn_in else None],
-            {
-                name: dict(value) if name in ("options", "container") else value
-                for name, value in _plain(encode)
-            },
-            heard.content if heard and encode.sound else None,
+            {name: value for name, value in asdict(encode).items() if name != "purpose"},
+            audio.content if audio and encode.container.audio_codec else None,
             [str(reel.rate), list(reel.size), reel.start, reel.count, reel.covered, reel.name],
             [reel.title, reel.subtitle, [list(fact) for fact in reel.facts]] if self.order.slate else None,
             reel.content,
@@ -147,11 +143,11 @@ class Delivery:
 
     def _write(self, encode: Encode, what: str, passed: Callable[[], None], path: Path) -> None:
         reel, rate = self.reel, self.reel.rate.fps
-        look = Look(encode.display, encode.covered is not None and reel.covered)
+        look = Look(encode.display, encode.alpha_format is not None and reel.covered)
         frames = self._slates(encode, look) if what == "apart" else self._frames(encode, look)
         first = reel.start - (self._slate_frames if self.order.slate and what == "apart" else self._leader)
-        sound = self._sound() if what == "reel" and encode.sound else None
-        write_encode(path, _told(ahead(frames), passed), rate, encode, timecode(first, rate), sound)
+        sound = self._sound() if what == "reel" and encode.container.audio_codec else None
+        write_movie(path, _told(ahead(frames), passed), rate, encode, timecode(first, rate), sound)
 
     def _frames(self, encode: Encode, look: Look) -> Iterator[Frame]:
         if self._leader:
@@ -187,23 +183,19 @@ class Delivery:
         return blocks(replace(sound, start=later), Fraction(self.reel.count + self._leader) / rate)
 
 
-def _plain(encode: Encode) -> list[tuple[str, Any]]:
-    return [(name, value) for name, value in asdict(encode).items() if name != "purpose"]
-
-
 def _told(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:
     for frame in frames:
         yield frame
         passed()
 
 
-def heard_from(file: Path) -> Heard:
+def heard_from(file: Path) -> AudioTrack:
     """Sound that a user names. Raises MissingImageError or CorruptImageError."""
     from pipeline.shot.yaml.lookup import digest_of_file
     from render.movie.sound import require_sound
 
     require_sound(file)
-    return Heard(str(file.absolute()), digest_of_file(file))
+    return AudioTrack(str(file.absolute()), digest_of_file(file))
 
 
 def lost_frames(deliveries: Sequence[Delivery]) -> list[str]:

@@ -12,8 +12,8 @@ from typing import Any, TypeVar
 from pipeline.dailies.delivery.rushes import Failed, Look, Rushes, Shown, opaque
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.production.request.edit import Cut
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.movies import cut_together
@@ -52,71 +52,71 @@ class Reel:
     content: list[Any]
     lost: tuple[str, ...]
     covered: bool
-    cut: Cut | None
+    edit: Edit | None
     frames: Callable[[Look], Iterator[Shown]]
     poster: Callable[[Look], Shown]
 
 
-def of_shot(take: Take, store: Store, failed: Failed) -> Reel:
+def of_shot(request: RenderRequest, store: Store, failed: Failed) -> Reel:
     """The frames that a take asks for, in ascending order. Raises FrameError where none is there."""
-    rushes, numbers = Rushes(take, store, failed), sorted(take.requested)
+    rushes, numbers = Rushes(request, store, failed), sorted(request.requested)
     lost = _lost([(rushes, n) for n in numbers])
     frames = FrameRange.of(numbers)
-    rate = FrameRate.of(take.script.outline.rate)
+    rate = FrameRate.of(request.source.summary.rate)
     key = str(rushes.keys[numbers[0]].frame)[:10] if rushes.keys else ""
     return Reel(
-        name=f"{take.folders.name}.{frames}",
-        title=take.name,
-        subtitle=take.shot.title,
-        folder=take.folders.home / take.quality_name / "deliver",
+        name=f"{request.folders.name}.{frames}",
+        title=request.name,
+        subtitle=request.shot.title,
+        folder=request.folders.home / request.quality_name / "deliver",
         rate=rate,
-        size=take.quality.rendered_size,
+        size=request.quality.rendered_size,
         start=numbers[0],
         count=len(numbers),
-        facts=(("version", rushes.version), *_facts(take, str(frames), len(numbers), rate), ("key", key)),
+        facts=(("version", rushes.version), *_facts(request, str(frames), len(numbers), rate), ("key", key)),
         content=rushes.content(numbers),
         lost=lost,
         covered=all(rushes.covers(n) for n in numbers if rushes.holds(n)),
-        cut=None,
+        edit=None,
         frames=lambda look: (rushes.shown(n, look) for n in numbers),
         poster=lambda look: rushes.shown(_middle([n for n in numbers if rushes.holds(n)]), look),
     )
 
 
-def of_film(cut: Cut, takes: Sequence[Take], store: Store, failed: Failed) -> Reel:
+def of_film(edit: Edit, requests: Sequence[RenderRequest], store: Store, failed: Failed) -> Reel:
     """The film of an edit. Raises FrameError where none of its shots' frames is there."""
-    rushes = [Rushes(take, store, failed) for take in takes]
-    wanted = [(each, n) for each in rushes for n in each.take.requested]
+    rushes = [Rushes(request, store, failed) for request in requests]
+    wanted = [(each, n) for each in rushes for n in each.request.requested]
     lost = _lost(wanted)
-    quality_name, rate = takes[0].quality_name, cut.frame_rate
-    size = takes[0].quality.rendered_size
-    opening = cut.pieces[0]
+    quality_name, rate = requests[0].quality_name, edit.frame_rate
+    size = requests[0].quality.rendered_size
+    opening = edit.pieces[0]
 
     def frames(look: Look) -> Iterator[Shown]:
         def clip(place: int) -> Iterator[Shown]:
-            return (rushes[place].shown(n, look) for n in rushes[place].take.requested)
+            return (rushes[place].shown(n, look) for n in rushes[place].request.requested)
 
         def card(frame: Frame) -> Shown:
-            return opaque(frame, look), {"quality": quality_name, "shot": cut.name}
+            return opaque(frame, look), {"quality": quality_name, "shot": edit.name}
 
-        return dissolved(list(cut_together(cut, size, clip, card)), _mixed)
+        return dissolved(list(cut_together(edit, size, clip, card)), _mixed)
 
     poster = _middle([(each, n) for each, n in wanted if each.holds(n)])
-    shots = dict.fromkeys(f"{each.take.name} {each.version}" for each in rushes)
+    shots = dict.fromkeys(f"{each.request.name} {each.version}" for each in rushes)
     return Reel(
-        name=cut.name,
-        title=opening.title or cut.name,
+        name=edit.name,
+        title=opening.title or edit.name,
         subtitle=opening.subtitle,
-        folder=paths.film(quality_name, cut.name).parent / "deliver",
+        folder=paths.film(quality_name, edit.name).parent / "deliver",
         rate=rate,
         size=size,
         start=FILM_BEGINS * ceil(rate.fps),
-        count=cut.length,
-        facts=(("shots", ", ".join(shots)), *_facts(takes[0], f"{cut.length}", cut.length, rate)),
-        content=[cut.as_data()["pieces"], *(each.content(each.take.requested) for each in rushes)],
+        count=edit.length,
+        facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
+        content=[edit.as_data()["pieces"], *(each.content(each.request.requested) for each in rushes)],
         lost=lost,
         covered=all(each.covers(n) for each, n in wanted if each.holds(n)),
-        cut=cut,
+        edit=edit,
         frames=frames,
         poster=lambda look: poster[0].shown(poster[1], look),
     )
@@ -136,17 +136,17 @@ def _lost(wanted: Sequence[tuple[Rushes, int]]) -> tuple[str, ...]:
     if len(lost) == len(wanted):
         rushes, number = lost[0]
         raise FrameError(
-            f"{rushes.take.name}: none of its frames could be made, so there is nothing to deliver; the "
+            f"{rushes.request.name}: none of its frames could be made, so there is nothing to deliver; the "
             f"first failed: {rushes.reason(number)}"
         )
     by_shot: dict[str, list[int]] = {}
     for rushes, number in lost:
-        by_shot.setdefault(rushes.take.name, []).append(number)
+        by_shot.setdefault(rushes.request.name, []).append(number)
     return tuple(f"{name} frames {FrameRange.of(set(numbers))}" for name, numbers in by_shot.items())
 
 
-def _facts(take: Take, frames: str, count: int, rate: FrameRate) -> tuple[tuple[str, str], ...]:
-    quality = take.quality
+def _facts(request: RenderRequest, frames: str, count: int, rate: FrameRate) -> tuple[tuple[str, str], ...]:
+    quality = request.quality
     per_second = f"{rate.fps}" if rate.fps.denominator == 1 else f"{float(rate.fps):.3f} ({rate.fps})"
     length = float(Fraction(count) / rate.fps)
     width, height = quality.rendered_size
@@ -154,6 +154,6 @@ def _facts(take: Take, frames: str, count: int, rate: FrameRate) -> tuple[tuple[
     return (
         ("frames", frames if frames == str(count) else f"{frames}, {count} of them"),
         ("length", f"{length:.2f} s at {per_second} frames per second"),
-        ("quality", f"{take.quality_name}, {quality.samples} samples{noise}"),
+        ("quality", f"{request.quality_name}, {quality.samples} samples{noise}"),
         ("size", f"{width} × {height}"),
     )

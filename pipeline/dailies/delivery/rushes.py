@@ -9,14 +9,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import FrameError
 from pipeline.production.planning.history import History
-from pipeline.production.request.picture_keys import Keyring
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
-from pipeline.production.store.store import CorruptFileError, Store
+from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import Provenance, records
-from render.base.errors import CorruptImageError, MissingImageError
 from render.graphics.slate import failure
 from render.movie.planes import Frame
 from render.post.colour import quantise, to_display
@@ -44,12 +42,15 @@ class Look:
 class Rushes:
     """The finished frames of a take, those that are there."""
 
-    def __init__(self, take: Take, store: Store, failed: Failed) -> None:
-        self.take, self._store = take, store
-        self.keys: Keyring | None = take.picture_keys(store)
-        self.version = _version(take, store, self.keys)
-        history = History.of(store.root).failed(take.folders.name, STAGES, take.quality_name)
-        self._reasons = {**history, **{n: why for (shot, n), why in failed.items() if shot == take.subject}}
+    def __init__(self, request: RenderRequest, store: Store, failed: Failed) -> None:
+        self.request, self._store = request, store
+        self.keys: PictureKeys | None = request.picture_keys(store)
+        self.version = _version(request, store, self.keys)
+        history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
+        self._reasons = {
+            **history,
+            **{n: why for (shot, n), why in failed.items() if shot == request.subject},
+        }
 
     def holds(self, number: int) -> bool:
         return self.keys is not None and self._store.holds("frame", self.keys[number].frame)
@@ -61,8 +62,15 @@ class Rushes:
     def content(self, numbers: Sequence[int]) -> list[Any]:
         """Plain data of what is shown, cards and all."""
         shown = [self._key(n) if self.holds(n) else [n, self.reason(n)] for n in numbers]
-        take = self.take
-        return [take.name, take.quality_name, self.version, list(numbers), shown, dict(take.shown_as)]
+        request = self.request
+        return [
+            request.name,
+            request.quality_name,
+            self.version,
+            list(numbers),
+            shown,
+            dict(request.shown_as),
+        ]
 
     def reason(self, number: int) -> str:
         """Why a frame is not there; often another one failed that it rests on."""
@@ -84,7 +92,7 @@ class Rushes:
         return self._picture(number, look), self._values(number, self._key(number))
 
     def _picture(self, number: int, look: Look) -> Frame:
-        take, picture = self.take, self.take.shot.picture
+        request, picture = self.request, self.request.shot.picture
         light = self._layer("frame", number, self._key(number), "beauty")
         values = to_display(light, picture.lights.exposure, look.display, picture.view)
         frame: Frame = quantise(values, bits=16)
@@ -92,28 +100,23 @@ class Rushes:
             return frame
         assert self.keys is not None, "a frame that is there has a key"
         cover = self._layer("raw", number, self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
-        assert frame.shape[:2][::-1] == take.quality.rendered_size
+        assert frame.shape[:2][::-1] == request.quality.rendered_size
         return np.concatenate([frame, np.rint(cover.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
 
     def _layer(self, kind: str, number: int, key: str, layer: str) -> NDArray[np.float32]:
-        read = readers.picture(key, self.take.quality.rendered_size)
-        try:
-            return read(self._store.path(kind, key))[0][layer]
-        except (CorruptFileError, CorruptImageError, MissingImageError) as error:
-            self._store.discard(kind, key)
-            place = self.take.place(kind, number)
-            raise FrameError(f"{place} cannot be read to its end; run again to make it anew") from error
+        read = readers.picture(key, self.request.quality.rendered_size)
+        return self._store.read(kind, key, self.request.place(kind, number), read)[0][layer]
 
     def _card(self, number: int, reason: str, look: Look) -> Frame:
-        size = self.take.quality.rendered_size
-        heading = f"{self.take.name}  frame {number} failed"
+        size = self.request.quality.rendered_size
+        heading = f"{self.request.name}  frame {number} failed"
         return opaque(quantise(failure(size, heading, reason), bits=16), look)
 
     def _key(self, number: int) -> str:
         return self.keys[number].frame if self.keys is not None else ""
 
     def _values(self, number: int, key: str) -> Mapping[str, str | int]:
-        name, quality = self.take.name, self.take.quality_name
+        name, quality = self.request.name, self.request.quality_name
         return {"shot": name, "version": self.version, "frame": number, "key": key[:10], "quality": quality}
 
 
@@ -124,12 +127,12 @@ def opaque(frame: NDArray[Any], look: Look) -> Frame:
     return made
 
 
-def _version(take: Take, store: Store, keys: Keyring | None) -> str:
+def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> str:
     """The published version whose frames these are."""
-    if keys is None or take.turntable is not None:
+    if keys is None or request.turntable is not None:
         return IN_WORK
-    ours = {n: keys[n].frame for n in take.requested}
-    for _, record in reversed(list(records(store.root / paths.published(take.name)))):
+    ours = {n: keys[n].frame for n in request.requested}
+    for _, record in reversed(list(records(store.root / paths.published(request.name)))):
         if (
             isinstance(record, Provenance)
             and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()

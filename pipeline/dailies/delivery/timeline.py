@@ -15,8 +15,8 @@ from typing import Any
 from urllib.parse import quote
 
 from pipeline.frames import FrameRange
-from pipeline.production.request.edit import Cut, Piece
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.edit import Edit, EditItem
+from pipeline.production.request.render_request import RenderRequest
 from render.base.atomic_write import atomic_write
 from render.movie.codecs import ENCODES, Encode
 from render.movie.timecode import FILM_BEGINS
@@ -34,8 +34,8 @@ class Timeline:
     place  where the file goes: it names media relative to its own folder
     """
 
-    cut: Cut
-    takes: Sequence[Take]
+    edit: Edit
+    requests: Sequence[RenderRequest]
     root: Path
     media: str
     place: Path
@@ -52,12 +52,12 @@ class Timeline:
         import opentimelineio as otio
 
         start = self._time(FILM_BEGINS * ceil(self._fps))
-        timeline = otio.schema.Timeline(self.cut.name, global_start_time=start)
+        timeline = otio.schema.Timeline(self.edit.name, global_start_time=start)
         pictures = otio.schema.Track("pictures", kind=otio.schema.TrackKind.Video)
         for part in self._parts():
             pictures.append(part)
         timeline.tracks.append(pictures)
-        if self.cut.heard is not None:
+        if self.edit.audio is not None:
             timeline.tracks.append(self._sound())
         return timeline
 
@@ -65,7 +65,7 @@ class Timeline:
         """Clips and cards with the dissolves between them."""
         import opentimelineio as otio
 
-        pieces = self.cut.pieces
+        pieces = self.edit.pieces
         for index, piece in enumerate(pieces):
             after = pieces[index + 1].dissolve if index + 1 < len(pieces) else 0
             if piece.dissolve:
@@ -79,40 +79,42 @@ class Timeline:
             lost = piece.dissolve // 2, after - after // 2
             yield from self._card(piece, *lost) if piece.clip is None else self._clips(piece, *lost)
 
-    def _clips(self, piece: Piece, head: int, tail: int) -> Iterator[Any]:
+    def _clips(self, piece: EditItem, head: int, tail: int) -> Iterator[Any]:
         """A clip's frames but for those of its handles, in runs of one speed."""
         import opentimelineio as otio
 
         assert piece.clip is not None, "a card has no frames"
-        take = self.takes[piece.clip]
-        numbers = take.requested[head : piece.frames - tail]
+        request = self.requests[piece.clip]
+        numbers = request.requested[head : piece.frames - tail]
         for run in _runs(numbers):
             step = run[1] - run[0] if len(run) > 1 else 1
-            clip = otio.schema.Clip(take.name, self._reference(take), self._range(run[0], len(run)))
+            clip = otio.schema.Clip(request.name, self._reference(request), self._range(run[0], len(run)))
             if step != 1:
                 clip.effects.append(otio.schema.LinearTimeWarp(time_scalar=float(step)))
-            clip.metadata["flowsculpt"] = {"quality": take.quality_name, "title": take.shot.title}
+            clip.metadata["flowsculpt"] = {"quality": request.quality_name, "title": request.shot.title}
             yield clip
 
-    def _card(self, piece: Piece, head: int, tail: int) -> Iterator[Any]:
+    def _card(self, piece: EditItem, head: int, tail: int) -> Iterator[Any]:
         import opentimelineio as otio
 
         words = {"title": piece.title, "subtitle": piece.subtitle}
         card = otio.schema.GeneratorReference("card", "flowsculpt card", self._range(0, piece.frames), words)
         yield otio.schema.Clip(piece.title or "card", card, self._range(head, piece.frames - head - tail))
 
-    def _reference(self, take: Take) -> Any:
+    def _reference(self, request: RenderRequest) -> Any:
         """All frames of a shot."""
         import opentimelineio as otio
 
-        frames = sorted(take.poses)
+        frames = sorted(request.angles)
         available = self._range(frames[0], len(frames))
         if self.media in ENCODES:
-            return otio.schema.ExternalReference(self._url(_delivered(take, ENCODES[self.media])), available)
-        place = take.folders.frame(take.quality_name, frames[0])
+            return otio.schema.ExternalReference(
+                self._url(_delivered(request, ENCODES[self.media])), available
+            )
+        place = request.folders.frame(request.quality_name, frames[0])
         return otio.schema.ImageSequenceReference(
             target_url_base=f"{self._url(place.parent)}/",
-            name_prefix=f"{take.folders.name}.",
+            name_prefix=f"{request.folders.name}.",
             name_suffix=place.suffix,
             start_frame=frames[0],
             frame_step=1,
@@ -127,11 +129,11 @@ class Timeline:
 
         from render.movie.sound import RATE, require_sound
 
-        heard = self.cut.heard
-        assert heard is not None, "asked before"
-        first = round(heard.start * RATE)
-        film = round(self.cut.length / self.cut.frame_rate.fps * RATE)
-        length = round(require_sound(Path(heard.file)) * RATE)
+        audio = self.edit.audio
+        assert audio is not None, "asked before"
+        first = round(audio.start * RATE)
+        film = round(self.edit.length / self.edit.frame_rate.fps * RATE)
+        length = round(require_sound(Path(audio.file)) * RATE)
         track = otio.schema.Track("sound", kind=otio.schema.TrackKind.Audio)
         if first > 0:
             track.append(otio.schema.Gap(duration=otio.opentime.RationalTime(min(first, film), RATE)))
@@ -139,9 +141,9 @@ class Timeline:
         shown = min(length - left_out, film - max(0, first))
         if shown > 0:
             available = _samples(0, length)
-            reference = otio.schema.ExternalReference(self._url(Path(heard.file)), available)
-            clip = otio.schema.Clip(Path(heard.file).stem, reference, _samples(left_out, shown))
-            facts = {"gain": heard.gain, "fade_in": heard.fade_in, "fade_out": heard.fade_out}
+            reference = otio.schema.ExternalReference(self._url(Path(audio.file)), available)
+            clip = otio.schema.Clip(Path(audio.file).stem, reference, _samples(left_out, shown))
+            facts = {"gain": audio.gain, "fade_in": audio.fade_in, "fade_out": audio.fade_out}
             clip.metadata["flowsculpt"] = facts
             track.append(clip)
         return track
@@ -153,7 +155,7 @@ class Timeline:
 
     @property
     def _fps(self) -> float:
-        return float(self.cut.frame_rate.fps)
+        return float(self.edit.frame_rate.fps)
 
     def _time(self, frames: int) -> Any:
         import opentimelineio as otio
@@ -175,10 +177,10 @@ def _samples(first: int, count: int) -> Any:
     return otio.opentime.TimeRange(time(first, RATE), time(count, RATE))
 
 
-def _delivered(take: Take, encode: Encode) -> Path:
+def _delivered(request: RenderRequest, encode: Encode) -> Path:
     """Where `flowsculpt deliver` puts the whole shot."""
-    name = f"{take.folders.name}.{FrameRange.of(take.poses)}.{encode.name}{encode.suffix}"
-    return take.folders.home / take.quality_name / "deliver" / name
+    name = f"{request.folders.name}.{FrameRange.of(request.angles)}.{encode.name}{encode.suffix}"
+    return request.folders.home / request.quality_name / "deliver" / name
 
 
 def _runs(numbers: Sequence[int]) -> Iterator[Sequence[int]]:

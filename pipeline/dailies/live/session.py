@@ -15,7 +15,7 @@ from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import STEP, flow_cache_data
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.shot_source import ShotSource
 from render.post.image import jpeg_bytes
 
 
@@ -72,22 +72,22 @@ class Session:
     def _show(self, check: Callable[[], None]) -> None:
         """`check` is called between frames."""
         sketch = self.read()
-        take, known_before = sketch.take, set(self.edited)
-        self.edited |= files_of(take.script)
+        request, known_before = sketch.request, set(self.edited)
+        self.edited |= files_of(request.source)
         self._before |= stamp(self.edited - known_before)
-        numbers, size = sorted(take.poses), size_for(take.aspect, SIZES["movie"])
+        numbers, size = sorted(request.angles), size_for(request.aspect, SIZES["movie"])
         number_of_take = self.screen.begin(
-            take.name, numbers[0], numbers[-1], float(take.shot.rate.fps), size
+            request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size
         )
         self.screen.say("Simulating …")
-        known = take.framings(self.stream.store) or self._framings
-        for number in self.stream.play(take, numbers):
+        known = request.framings(self.stream.store) or self._framings
+        for number in self.stream.play(request, numbers):
             check()
             if number == numbers[0]:
-                sketch = replace(sketch, closed=is_closed(self.stream.arrays(take, number)))
-            framing = known.get(number) or aims(take, self.stream, [number])[number]
+                sketch = replace(sketch, closed=is_closed(self.stream.arrays(request, number)))
+            framing = known.get(number) or aims(request, self.stream, [number])[number]
             self._draw(number_of_take, Ready(sketch, self.stream, {number: framing}), [number], size, check)
-        self._framings = take.framings(self.stream.store) or aims(take, self.stream, numbers)
+        self._framings = request.framings(self.stream.store) or aims(request, self.stream, numbers)
         ready = Ready(sketch, self.stream, self._framings)
         self.screen.say("Framing …")
         self._draw(number_of_take, ready, numbers, size, check)
@@ -97,7 +97,7 @@ class Session:
 
     def _draw(
         self,
-        take: int,
+        request: int,
         ready: Ready,
         numbers: Iterable[int],
         size: tuple[int, int],
@@ -110,28 +110,28 @@ class Session:
             drawn = self._drawn.get(number)
             if drawn is None or drawn.recipe != recipe:
                 stale.append(number)
-            elif self.screen.picture(take, number) is not drawn.jpeg:
-                self.screen.show(take, number, drawn.jpeg)
+            elif self.screen.picture(request, number) is not drawn.jpeg:
+                self.screen.show(request, number, drawn.jpeg)
         for number, picture in zip(stale, ready.pictures(stale, size, "srgb"), strict=True):
             check()
             self._drawn[number] = Drawn(recipes[number], jpeg_bytes(picture))
-            self.screen.show(take, number, self._drawn[number].jpeg)
+            self.screen.show(request, number, self._drawn[number].jpeg)
 
 
-def files_of(script: Script) -> set[Path]:
+def files_of(source: ShotSource) -> set[Path]:
     """All that a shot is read from; but not files that come to lie beside it later."""
-    pinned = [Path(path) for path, _ in script.pins or ()]
-    return {script.path, *(script.path.with_name(name) for name, _ in script.beside), *pinned}
+    pinned = [Path(path) for path, _ in source.pins or ()]
+    return {source.path, *(source.path.with_name(name) for name, _ in source.beside), *pinned}
 
 
 def _recipe(ready: Ready, number: int) -> tuple[Any, ...]:
     """What a picture is drawn from."""
-    take, sketch = ready.sketch.take, ready.sketch
-    shown = take.shot.picture
-    flows = repr(flow_cache_data(take.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
+    request, sketch = ready.sketch.request, ready.sketch
+    shown = request.shot.picture
+    flows = repr(flow_cache_data(request.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
     return (
-        take.normals_key(number),
-        repr(take.measured(number)),
+        request.normals_key(number),
+        repr(request.measured(number)),
         ready.framings[number],
         (shown.look, shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),

@@ -17,9 +17,9 @@ from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_room
 from pipeline.production.render_inputs.framing_geometry import Balls
-from pipeline.production.request.render_request import Take
-from render.movie.codecs import SKETCH
-from render.movie.encode import write_encode
+from pipeline.production.request.render_request import RenderRequest
+from render.movie.codecs import PLAYBLAST
+from render.movie.encode import write_movie
 from render.movie.timecode import timecode
 from render.post.image import write_png
 
@@ -49,43 +49,45 @@ class Animatic:
     def still(self, number: int, path: Path, tell: Tell) -> None:
         """A PNG. Raises FrameError where a frame fails, MachineError where the disk does."""
         framed = self._framed({number}, tell)
-        picture = next(self._pictures(framed, size_for(self.sketch.take.aspect, SIZES["still"]), "srgb"))
-        write_png(path, picture, {"shot": self.sketch.take.name, "frame": number})
+        picture = next(self._pictures(framed, size_for(self.sketch.request.aspect, SIZES["still"]), "srgb"))
+        write_png(path, picture, {"shot": self.sketch.request.name, "frame": number})
         tell("drawing", number)
 
     def movie(self, path: Path, tell: Tell) -> int:
         """An MP4 of the frames asked for; how many it has. Raises as `still`."""
-        take = self.sketch.take
-        framed = self._framed(set(take.requested), tell)
-        pictures = self._pictures(framed, size_for(take.aspect, SIZES["movie"]), "rec709")
-        return write_movie(path, take, pictures, tell)
+        request = self.sketch.request
+        framed = self._framed(set(request.requested), tell)
+        pictures = self._pictures(framed, size_for(request.aspect, SIZES["movie"]), "rec709")
+        return write_playblast(path, request, pictures, tell)
 
     def played(self, asked: Set[int]) -> list[int]:
         """The frames that have to be there, so that those asked for can be drawn.
 
         Where cameras are not known they depend on frames around; on all, where they stand still.
         """
-        take = self.sketch.take
-        if take.framings(self.stream.store) is not None:
+        request = self.sketch.request
+        if request.framings(self.stream.store) is not None:
             return sorted(asked)
-        poses = sorted(take.poses)
-        return poses[: poses.index(max(asked)) + AHEAD + 1] if take.follow == 1.0 else poses
+        angles = sorted(request.angles)
+        return angles[: angles.index(max(asked)) + AHEAD + 1] if request.follow == 1.0 else angles
 
     def _framed(self, asked: Set[int], tell: Tell) -> Iterator[Framed]:
-        take, stream, wanted = self.sketch.take, self.stream, self.played(asked)
+        request, stream, wanted = self.sketch.request, self.stream, self.played(asked)
 
         def played() -> Iterator[int]:
-            for number in stream.play(take, wanted):
+            for number in stream.play(request, wanted):
                 tell("simulating", number)
                 yield number
 
-        known = take.framings(stream.store)
-        framed = aimed(take, stream, played(), wanted) if known is None else ((n, known[n]) for n in played())
+        known = request.framings(stream.store)
+        framed = (
+            aimed(request, stream, played(), wanted) if known is None else ((n, known[n]) for n in played())
+        )
         return (each for each in framed if each[0] in asked)
 
     def _pictures(self, framed: Iterator[Framed], size: tuple[int, int], display: str) -> Iterator[Picture]:
         first = next(framed)
-        closed = is_closed(self.stream.arrays(self.sketch.take, first[0]))
+        closed = is_closed(self.stream.arrays(self.sketch.request, first[0]))
         sketch = replace(self.sketch, closed=closed)
         return drawn(sketch, self.stream, itertools.chain([first], framed), size, display)
 
@@ -104,9 +106,11 @@ class Ready:
 
     def movie(self, path: Path, tell: Tell) -> int:
         """An MP4 of the frames asked for; how many it has."""
-        take = self.sketch.take
-        pictures = self.pictures(sorted(take.requested), size_for(take.aspect, SIZES["movie"]), "rec709")
-        return write_movie(path, take, pictures, tell)
+        request = self.sketch.request
+        pictures = self.pictures(
+            sorted(request.requested), size_for(request.aspect, SIZES["movie"]), "rec709"
+        )
+        return write_playblast(path, request, pictures, tell)
 
 
 def drawn(
@@ -115,7 +119,7 @@ def drawn(
     """uint8 (H, W, 3), in order; several are drawn at a time, while the next are framed."""
 
     def draw(number: int, framing: Framing) -> Picture:
-        return sketch.picture(number, stream.arrays(sketch.take, number), framing, size, display)
+        return sketch.picture(number, stream.arrays(sketch.request, number), framing, size, display)
 
     with ThreadPoolExecutor(THREADS) as pool:
         under_way: deque[tuple[int, Future[Picture]]] = deque()
@@ -123,7 +127,7 @@ def drawn(
         def oldest() -> Picture:
             number, picture = under_way.popleft()
             found = picture.result()
-            stream.drawn(sketch.take, number)
+            stream.drawn(sketch.request, number)
             return found
 
         for number, framing in framed:
@@ -134,16 +138,16 @@ def drawn(
             yield oldest()
 
 
-def write_movie(path: Path, take: Take, pictures: Iterator[Picture], tell: Tell) -> int:
+def write_playblast(path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: Tell) -> int:
     """An MP4 of the frames that a take asks for; how many it has."""
-    numbers, rate = sorted(take.requested), take.shot.rate.fps
+    numbers, rate = sorted(request.requested), request.shot.rate.fps
 
     def told() -> Iterator[Picture]:
         for number, picture in zip(numbers, pictures, strict=True):
             yield picture
             tell("drawing", number)
 
-    return write_encode(path, told(), rate, SKETCH, timecode(numbers[0], rate))
+    return write_movie(path, told(), rate, PLAYBLAST, timecode(numbers[0], rate))
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
@@ -156,27 +160,27 @@ TOGETHER = 8
 """Frames after which it is asked again which cameras are settled."""
 
 
-def aims(take: Take, stream: SurfaceStream, numbers: Sequence[int]) -> Mapping[int, Framing]:
+def aims(request: RenderRequest, stream: SurfaceStream, numbers: Sequence[int]) -> Mapping[int, Framing]:
     """Return camera and stage of frames that the stream has played.
 
     For all frames of a shot they are the render's own, but for the rounding of points to float32. For some
     frames they depend on these alone.
     """
-    return dict(aimed(take, stream, numbers, numbers))
+    return dict(aimed(request, stream, numbers, numbers))
 
 
 def aimed(
-    take: Take, stream: SurfaceStream, played: Iterable[int], numbers: Sequence[int]
+    request: RenderRequest, stream: SurfaceStream, played: Iterable[int], numbers: Sequence[int]
 ) -> Iterator[tuple[int, Framing]]:
     """The same while the stream plays them: each when its camera is settled."""
 
     def points_of(index: int) -> AnyArray | Balls:
-        arrays = stream.arrays(take, numbers[index])
+        arrays = stream.arrays(request, numbers[index])
         points = arrays["vertices"]
         return Balls(points, arrays["radii"]) if "radii" in arrays else points
 
-    framer = Framer([take.view(n) for n in numbers], points_of, take.aspect, take.follow)
-    stage, left = take.shot.picture.stage, iter(numbers)
+    framer = Framer([request.view(n) for n in numbers], points_of, request.aspect, request.follow)
+    stage, left = request.shot.picture.stage, iter(numbers)
     for come, _ in enumerate(played, start=1):
         if come % TOGETHER == 0 or come == len(numbers):
             for framing in framer.framings(come):

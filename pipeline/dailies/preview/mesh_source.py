@@ -19,10 +19,10 @@ import psutil
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import Key
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
-from pipeline.production.store.npz import write_npz
-from pipeline.production.store.store import CorruptFileError, Store
+from pipeline.production.store.readers import write_npz
+from pipeline.production.store.store import Store
 
 SLOW = 0.25
 """Seconds of a core from which on a frame is kept in the store."""
@@ -53,7 +53,7 @@ class MeshCache:
 class MeshSource:
     """Those of one take. To be asked for in ascending order."""
 
-    take: Take
+    request: RenderRequest
     store: Store
     memory: MeshCache
     _coming: Iterator[MeshFrame] | None = None
@@ -65,7 +65,7 @@ class MeshSource:
             self._coming = None
             return found
         if self._coming is None:
-            self._coming = animate(self.take.shot, resume=self._before(number))
+            self._coming = animate(self.request.shot, resume=self._before(number))
         while True:
             started = time.thread_time()
             frame = next(self._coming)
@@ -74,26 +74,26 @@ class MeshSource:
                 return frame
 
     def _known(self, number: int) -> MeshFrame | None:
-        key = self.take.mesh_key(number)
+        key = self.request.mesh_key(number)
         if key in self.memory.frames:
             return self.memory.frames[key]
         if self.store.holds("mesh", key):
             with suppress(FrameError):  # it is forgotten then, and simulated again
-                return stored(self.take, self.store, "mesh", number, readers.mesh_frame(key))
+                return stored(self.request, self.store, "mesh", number, readers.mesh_frame(key))
         return None
 
     def _before(self, number: int) -> MeshFrame | None:
         """The latest frame before it that is known."""
-        first = self.take.shot.motion.frames.first
+        first = self.request.shot.motion.frames.first
         known = (self._known(earlier) for earlier in range(number - 1, first - 1, -1))
         return next((frame for frame in known if frame is not None), None)
 
     def _keep(self, frame: MeshFrame, seconds: float) -> None:
-        key = self.take.mesh_key(frame.number)
+        key = self.request.mesh_key(frame.number)
         self.memory.remember(key, frame)
         if seconds > SLOW:
-            arrays = readers.keyed(key, frame.to_arrays())
-            self.store.put("mesh", key, partial(write_npz, arrays=arrays))
+            arrays = readers.with_key(key, frame.to_arrays())
+            self.store.put("mesh", key, partial(write_npz, named=arrays))
 
 
 def _size(frame: MeshFrame) -> int:
@@ -104,15 +104,7 @@ def _size(frame: MeshFrame) -> int:
 T = TypeVar("T")
 
 
-def stored(take: Take, store: Store, kind: str, number: int, reader: Callable[[Path], T]) -> T:
-    """The `mesh` or the `normals` of a frame. A corrupt one is forgotten, so that it is made anew.
-
-    Raises FrameError.
-    """
-    key = take.mesh_key(number) if kind == "mesh" else take.normals_key(number)
-    try:
-        return reader(store.path(kind, key))
-    except (CorruptFileError, FileNotFoundError) as error:
-        store.discard(kind, key)
-        place = take.place(kind, number)
-        raise FrameError(f"{place} cannot be read to its end; run again to make it anew") from error
+def stored(request: RenderRequest, store: Store, kind: str, number: int, reader: Callable[[Path], T]) -> T:
+    """Read the `mesh` or the `normals` of a frame. Raises FrameError where the file is damaged."""
+    key = request.mesh_key(number) if kind == "mesh" else request.normals_key(number)
+    return store.read(kind, key, request.place(kind, number), reader)

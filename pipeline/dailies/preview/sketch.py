@@ -13,7 +13,7 @@ from pipeline.arrays import AnyArray, Floats
 from pipeline.dailies.preview.streamlines import Streamlines, streamlines
 from pipeline.mesh import icosphere
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from render.graphics.burn_in import BurnIn
 from render.mitsuba.vertex_colours import colours
 from render.movie.timecode import timecode
@@ -43,7 +43,7 @@ class Sketch:
     closed   whether the surface has no rim, so that its inner side is never seen
     """
 
-    take: Take
+    request: RenderRequest
     flow: bool = False
     edges: bool = False
     burn_in: BurnIn | None = None
@@ -58,26 +58,26 @@ class Sketch:
         display: str,
     ) -> NDArray[Any]:
         """uint8 (H, W, 3). Raises FrameError where the flow fails."""
-        picture = self.take.shot.picture
+        picture = self.request.shot.picture
         around = Set(picture.lights, picture.stage, framing.placement, picture.view)
         shape = shape_of(arrays, picture.look)._replace(closed=self.closed)
         shown = preview(shape, around, framing.camera, size, display, Edges() if self.edges else None)
         light = shown.picture
         if self.flow:
-            ways = streamlines(self.take.shot.motion, number, arrays["vertices"].astype(np.float64))
+            ways = streamlines(self.request.shot.motion, number, arrays["vertices"].astype(np.float64))
             width = max(1.0, LINE * size[0])
             light = with_lines(shown, ways.points, *inks(ways), framing.camera, width)
         flat: NDArray[Any] = quantise(light)
         return flat if self.burn_in is None else self.burn_in.over(flat, self._facts(number))
 
     def _facts(self, number: int) -> dict[str, str | int]:
-        rate = self.take.shot.rate
+        rate = self.request.shot.rate
         return {
-            "shot": self.take.name,
+            "shot": self.request.name,
             "frame": number,
             "timecode": timecode(number, rate.fps),
             "quality": "preview",
-            "key": self.take.mesh_key(number)[:8],
+            "key": self.request.mesh_key(number)[:8],
         }
 
 

@@ -11,7 +11,7 @@ import psutil
 
 from pipeline.arrays import AnyArray
 from pipeline.production.keys.digest import Key
-from pipeline.production.store.npz import read_npz, write_npz
+from pipeline.production.store.readers import read_npz, write_npz
 from render.base.atomic_write import atomic_write, disk_errors
 
 SHARE = 0.2

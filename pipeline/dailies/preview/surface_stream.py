@@ -18,7 +18,7 @@ from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.render_inputs.motion import speeds
 from pipeline.production.render_inputs.shading import Shading
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.store import Store
 from render.scene.measure import SPEED
@@ -54,19 +54,19 @@ class SurfaceStream:
     ) -> None:
         self.shelf.close()
 
-    def play(self, take: Take, numbers: Iterable[int]) -> Iterator[int]:
+    def play(self, request: RenderRequest, numbers: Iterable[int]) -> Iterator[int]:
         """Find the surfaces of frames, in ascending order; each number when it is there.
 
         Raises FrameError where the flow or the resampling fails; the frames before it have come.
         """
-        frames = take.shot.motion.frames
-        self.shelf.keep_only({_key(take, n) for n in frames})
-        self.memory.keep_only({take.mesh_key(n) for n in frames})
+        frames = request.shot.motion.frames
+        self.shelf.keep_only({_key(request, n) for n in frames})
+        self.memory.keep_only({request.mesh_key(n) for n in frames})
         with ThreadPoolExecutor(1) as pool:
             under_way: deque[tuple[int, Future[None]]] = deque()
             failed = None
             try:
-                for number, made in self._begun(take, sorted(numbers), pool):
+                for number, made in self._begun(request, sorted(numbers), pool):
                     under_way.append((number, made))
                     while len(under_way) > UNSHADED or (under_way and under_way[0][1].done()):
                         yield _done(*under_way.popleft())
@@ -77,55 +77,55 @@ class SurfaceStream:
             if failed is not None:
                 raise failed
 
-    def arrays(self, take: Take, number: int) -> dict[str, AnyArray]:
+    def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
         """What is drawn of a frame that was played."""
-        return dict(self.shelf.get(_key(take, number)))
+        return dict(self.shelf.get(_key(request, number)))
 
-    def drawn(self, take: Take, number: int) -> None:
+    def drawn(self, request: RenderRequest, number: int) -> None:
         """A frame will not be asked for any more, unless somebody looks again."""
         if self.once:
-            self.shelf.drop(_key(take, number))
+            self.shelf.drop(_key(request, number))
 
     def _begun(
-        self, take: Take, numbers: list[int], pool: ThreadPoolExecutor
+        self, request: RenderRequest, numbers: list[int], pool: ThreadPoolExecutor
     ) -> Iterator[tuple[int, Future[None]]]:
-        meshes = MeshSource(take, self.store, self.memory)
+        meshes = MeshSource(request, self.store, self.memory)
         for number in numbers:
-            if _key(take, number) in self.shelf:
+            if _key(request, number) in self.shelf:
                 made = pool.submit(_nothing)
-            elif self.store.holds("normals", take.normals_key(number)) and not _needs_mesh(take):
-                made = pool.submit(self._take_out, take, number)
+            elif self.store.holds("normals", request.normals_key(number)) and not _needs_mesh(request):
+                made = pool.submit(self._take_out, request, number)
             else:
-                made = pool.submit(self._shade, take, meshes.at(number))
+                made = pool.submit(self._shade, request, meshes.at(number))
             yield number, made
 
-    def _take_out(self, take: Take, number: int) -> None:
-        read = readers.arrays(take.normals_key(number))
-        self.shelf.put(_key(take, number), stored(take, self.store, "normals", number, read))
+    def _take_out(self, request: RenderRequest, number: int) -> None:
+        read = readers.arrays(request.normals_key(number))
+        self.shelf.put(_key(request, number), stored(request, self.store, "normals", number, read))
 
-    def _shade(self, take: Take, frame: MeshFrame) -> None:
-        shading = Shading.of(frame, take.thresholds(frame.number), _pieces(take, frame))
+    def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
+        shading = Shading.of(frame, request.thresholds(frame.number), _pieces(request, frame))
         arrays = shading.arrays()
-        if take.measures_speed:
-            arrays[SPEED] = speeds(take.shot.motion, shading)
-        self.shelf.put(_key(take, frame.number), arrays)
+        if request.measures_speed:
+            arrays[SPEED] = speeds(request.shot.motion, shading)
+        self.shelf.put(_key(request, frame.number), arrays)
 
 
-def _key(take: Take, number: int) -> Key:
+def _key(request: RenderRequest, number: int) -> Key:
     """Of what is drawn of a frame: its normals, and speeds where colours show them."""
-    measured = take.measured(number)
-    return key_of(take.normals_key(number), measured) if measured else take.normals_key(number)
+    measured = request.measured(number)
+    return key_of(request.normals_key(number), measured) if measured else request.normals_key(number)
 
 
-def _needs_mesh(take: Take) -> bool:
+def _needs_mesh(request: RenderRequest) -> bool:
     """Whether normals that are kept do not say all that is drawn."""
-    return take.measures_speed or take.shot.picture.dicing is not None
+    return request.measures_speed or request.shot.picture.dicing is not None
 
 
-def _pieces(take: Take, frame: MeshFrame) -> int:
+def _pieces(request: RenderRequest, frame: MeshFrame) -> int:
     """Into how many edges are cut. Renders that dice go by the picture; a quick look does not wait for it,
     but patterns have to be found somewhere."""
-    picture = take.shot.picture
+    picture = request.shot.picture
     if picture.dicing is None:
         return picture.tessellate
     return max(1, min(MOST_PIECES, math.isqrt(DICED // max(1, len(frame.mesh.vertices)))))

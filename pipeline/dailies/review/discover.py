@@ -14,7 +14,7 @@ from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_st
 from pipeline.production.planning.history import History
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import Folders, published
 from pipeline.production.store.paths import wedge as wedge_folder
 from pipeline.production.versions.grid import Grid
@@ -40,7 +40,7 @@ class Cells:
 class Shown:
     """All of a shot that a page shows."""
 
-    take: Take
+    request: RenderRequest
     sequences: tuple[Pictures, ...]
     wedges: tuple[Cells, ...]
 
@@ -68,7 +68,7 @@ class Search:
                 f"{path.stem} has no rendered frames{at}, and a review page shows such; flowsculpt render "
                 f"{path.stem} -q {quality} makes them"
             )
-        return Shown(self.project.take(path, "draft", variant="none"), sequences, wedges)
+        return Shown(self.project.request(path, "draft", variant="none"), sequences, wedges)
 
     def _wanted(self, quality: str) -> bool:
         return not self.qualities or quality in self.qualities
@@ -78,27 +78,29 @@ class Search:
         names = sorted(place.parent.name for place in home.glob("*/frames") if is_quality(place.parent.name))
         for quality in names if home.is_dir() else ():
             if self._wanted(quality):
-                take = self.project.take(path, quality)
-                yield self._of_take(take, "render", quality)
+                request = self.project.request(path, quality)
+                yield self._of_take(request, "render", quality)
 
-    def _of_take(self, take: Take, kind: str, label: str) -> Pictures:
+    def _of_take(self, request: RenderRequest, kind: str, label: str) -> Pictures:
         """What is there of a take, and what is wrong with the rest."""
-        failed = self.history.failed(take.subject, PICTURE_STAGES, take.quality_name)
-        stale = set(picture_states(take, self.project.store, self.history).stale)
+        failed = self.history.failed(request.subject, PICTURE_STAGES, request.quality_name)
+        stale = set(picture_states(request, self.project.store, self.history).stale)
         told = {number: ("failed", message) for number, message in failed.items()}
         told |= dict.fromkeys(stale, ("stale", STALE))
-        places = {n: self.project.root / take.folders.frame(take.quality_name, n) for n in take.poses}
+        places = {
+            n: self.project.root / request.folders.frame(request.quality_name, n) for n in request.angles
+        }
         return Pictures(
-            shot=take.name,
+            shot=request.name,
             kind=kind,
             label=label,
-            quality=take.quality_name,
-            subject=take.subject,
-            numbers=tuple(sorted(take.requested)),
+            quality=request.quality_name,
+            subject=request.subject,
+            numbers=tuple(sorted(request.requested)),
             files={number: path for number, path in places.items() if path.is_file()},
-            screen=_screen(take),
+            screen=_screen(request),
             told=told,
-            seconds=rendering(take, self.project.root),
+            seconds=rendering(request, self.project.root),
         )
 
     def _versions(self, name: str) -> Iterator[Pictures]:
@@ -122,7 +124,7 @@ class Search:
     def _screen_of(self, record: Provenance) -> Screen:
         try:
             return _screen(
-                Take(restored(record, self.project.allow_code), record.quality, record.variant, ())
+                RenderRequest(restored(record, self.project.allow_code), record.quality, record.variant, ())
             )
         except FlowsculptError:
             return PLAIN
@@ -143,9 +145,11 @@ class Search:
 
     def _cells(self, wedge: Wedge) -> Cells:
         found = []
-        for cell, take in wedge.takes:
+        for cell, request in wedge.requests:
             label = ", ".join(f"{name} {value}" for name, value in cell.caption)
-            found.append((cell.caption, self._of_take(take.whole(), "wedge", f"{label} · {wedge.quality}")))
+            found.append(
+                (cell.caption, self._of_take(request.whole(), "wedge", f"{label} · {wedge.quality}"))
+            )
         there = [(caption, each) for caption, each in found if each.files]
         together = tuple(sorted({number for _, each in there for number in each.files}))
         return Cells(
@@ -156,9 +160,9 @@ class Search:
         )
 
 
-def _screen(take: Take) -> Screen:
-    picture = take.shot.picture
-    return Screen(picture.lights.exposure, picture.view, take.shown_as)
+def _screen(request: RenderRequest) -> Screen:
+    picture = request.shot.picture
+    return Screen(picture.lights.exposure, picture.view, request.shown_as)
 
 
 def _varied(path: Path) -> list[str]:

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.dailies.sheets.measures import simulated
 from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
 from render.base.atomic_write import atomic_write
@@ -33,13 +33,13 @@ class Models:
     folder  the page's, for scripts of meshes
     """
 
-    take: Take
+    request: RenderRequest
     store: Store
     folder: Path
 
     def chosen(self, most: int) -> list[int]:
         """Frames evenly over those that are there; the first and the last are among them."""
-        there = [number for number in sorted(self.take.poses) if self._place(number)]
+        there = [number for number in sorted(self.request.angles) if self._place(number)]
         if not there or most < 1:
             return []
         largest = max(place[0].stat().st_size for n in there[-3:] if (place := self._place(n)))
@@ -64,7 +64,7 @@ class Models:
         return name
 
     def _place(self, number: int) -> tuple[Path, Key] | None:
-        return simulated(self.take, self.store, number, "normals")
+        return simulated(self.request, self.store, number, "normals")
 
 
 def model_key(normals: Key) -> Key:

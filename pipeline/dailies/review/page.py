@@ -62,7 +62,9 @@ class Page:
     @property
     def steps(self) -> int:
         """How often `write` calls `tell`."""
-        return sum(len(each.found) for each in self.sequences) + sum(len(s.take.poses) for s in self.shots)
+        return sum(len(each.found) for each in self.sequences) + sum(
+            len(s.request.angles) for s in self.shots
+        )
 
     def write(self, tell: Tell = lambda: None) -> dict[str, int]:
         """Write what is missing and remove what is no more shown; how much of what there is now.
@@ -72,7 +74,7 @@ class Page:
         with disk_errors(self.folder):
             for name in ("pictures", "models", "page"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
-        shots = {shown.take.name: self._shot(shown, tell) for shown in self.shots}
+        shots = {shown.request.name: self._shot(shown, tell) for shown in self.shots}
         sequences = [self._sequence(pictures, tell) for pictures in self.sequences]
         text = three.bundle()
         data = {
@@ -96,16 +98,16 @@ class Page:
 
     def _shot(self, shown: Shown, tell: Tell) -> dict[str, Any]:
         """What is the same for all pictures of a shot."""
-        take = shown.take
-        numbers = sorted(take.poses)
-        found = measured(take, self.store, numbers, self.threads, tell)
-        models = Models(take, self.store, self.folder / "models")
+        request = shown.request
+        numbers = sorted(request.angles)
+        found = measured(request, self.store, numbers, self.threads, tell)
+        models = Models(request, self.store, self.folder / "models")
         written = [(number, models.write(number)) for number in models.chosen(self.models)]
         return {
-            "title": take.shot.title,
-            "fps": float(take.shot.rate.fps),
+            "title": request.shot.title,
+            "fps": float(request.shot.rate.fps),
             "numbers": numbers,
-            "limits": list(limits_of(take)),
+            "limits": list(limits_of(request)),
             "measures": found,
             "models": [[number, name] for number, name in written if name],
         }
@@ -145,7 +147,7 @@ class Page:
         places = {id(pictures): index for index, pictures in enumerate(self.sequences)}
         return [
             {
-                "shot": shown.take.name,
+                "shot": shown.request.name,
                 "name": cells.name,
                 "columns": cells.columns,
                 "captions": [[list(line) for line in caption] for caption in cells.captions],

@@ -99,5 +99,5 @@ class Pictures:
         return states
 
     def still_key(self, form: str, number: int) -> Key:
-        """As `Take.still_key` has it, so that stills and pages share their files."""
+        """As `RenderRequest.still_key` has it, so that stills and pages share their files."""
         return key_of(STAGES[form].recipe, self.found[number].key, self.screen.shown_as)

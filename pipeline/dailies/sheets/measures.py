@@ -18,7 +18,7 @@ from pipeline.arrays import Floats
 from pipeline.mesh import TriangleMesh
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.keys.stages import MEASURE
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
 
@@ -117,12 +117,16 @@ def _shares(values: NDArray[np.floating], top: float | None) -> tuple[float, ...
 
 
 def measured(
-    take: Take, store: Store, numbers: Iterable[int], threads: int, tell: Callable[[], None] = lambda: None
+    request: RenderRequest,
+    store: Store,
+    numbers: Iterable[int],
+    threads: int,
+    tell: Callable[[], None] = lambda: None,
 ) -> dict[int, dict[str, Any]]:
     """The measures of those of a take's meshes that are there, as plain data; `tell` hears of each."""
 
     def one(number: int) -> tuple[int, dict[str, Any] | None]:
-        data = _of_frame(take, store, number)
+        data = _of_frame(request, store, number)
         tell()
         return number, data
 
@@ -130,12 +134,12 @@ def measured(
         return {number: data for number, data in pool.map(one, numbers) if data is not None}
 
 
-def _of_frame(take: Take, store: Store, number: int) -> dict[str, Any] | None:
-    place = simulated(take, store, number, "mesh")
+def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, Any] | None:
+    place = simulated(request, store, number, "mesh")
     if place is None:
         return None
     path, mesh = place
-    key = measures_key(mesh, maximum := _maximum(take, number))
+    key = measures_key(mesh, maximum := _maximum(request, number))
     known = store.path("measures", key)
     try:
         return dict(json.loads(known.read_text()))
@@ -149,15 +153,15 @@ def _of_frame(take: Take, store: Store, number: int) -> dict[str, Any] | None:
     return found
 
 
-def simulated(take: Take, store: Store, number: int, kind: str) -> tuple[Path, Key] | None:
+def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> tuple[Path, Key] | None:
     """Where the `mesh` or the `normals` of a frame lie, and their key: those in renders/, which pictures were
     made from, though today's shot file may ask for others; or those that the store has. None: neither."""
-    shown = store.root / take.place(kind, number)
+    shown = store.root / request.place(kind, number)
     try:
         with np.load(shown, allow_pickle=False) as arrays:
             return shown, str(arrays["key"])
     except (OSError, ValueError, KeyError, BadZipFile):
-        key = take.mesh_key(number) if kind == "mesh" else take.normals_key(number)
+        key = request.mesh_key(number) if kind == "mesh" else request.normals_key(number)
         return (store.path(kind, key), key) if store.holds(kind, key) else None
 
 
@@ -165,17 +169,17 @@ def measures_key(mesh: Key, maximum: float | None) -> Key:
     return key_of(MEASURE.recipe, mesh, maximum)
 
 
-def limits_of(take: Take) -> tuple[float | None, float | None]:
+def limits_of(request: RenderRequest) -> tuple[float | None, float | None]:
     """The minimum and the maximum edge length of the first frame, where they are numbers; scene units."""
-    resampling = take.shot.motion.resampling_at(take.shot.frames.first)
+    resampling = request.shot.motion.resampling_at(request.shot.frames.first)
     said = resampling.settings() if resampling else {}
     low, high = (said.get(name) for name in ("min_edge_length", "max_edge_length"))
     return _as_number(low), _as_number(high)
 
 
-def _maximum(take: Take, number: int) -> float | None:
+def _maximum(request: RenderRequest, number: int) -> float | None:
     """The frame's maximum edge length, where one number holds for the whole surface."""
-    resampling = take.shot.motion.resampling_at(number)
+    resampling = request.shot.motion.resampling_at(number)
     return None if resampling is None else _as_number(resampling.thresholds.max_edge_length)
 
 

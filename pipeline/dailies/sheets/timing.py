@@ -7,7 +7,7 @@ from collections import defaultdict
 from pathlib import Path
 
 from pipeline.production.planning.timings import OF_MOTION
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.event_log import EventReader, logs_of
 
 _STAGES = ("simulate", "smooth_normals", "finish")
@@ -16,12 +16,12 @@ Timings = dict[str, dict[int, float]]
 """Seconds by stage and frame."""
 
 
-def rendering(take: Take, root: Path) -> dict[int, dict[str, float]]:
+def rendering(request: RenderRequest, root: Path) -> dict[int, dict[str, float]]:
     """By frame, what rendering it took when it was last done, in parts; where that is known."""
     found = {}
-    for number in take.poses:
+    for number in request.angles:
         try:
-            told = json.loads((root / take.folders.statistics(take.quality_name, number)).read_text())
+            told = json.loads((root / request.folders.statistics(request.quality_name, number)).read_text())
             found[number] = {str(part): float(seconds) for part, seconds in told["seconds"].items()}
         except (OSError, ValueError, KeyError, TypeError, AttributeError):
             continue

@@ -13,7 +13,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.sharing import shared
 from pipeline.production.request.lookup import find_shot
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable
 from render.scene.look import LOOKS
 
@@ -24,7 +24,7 @@ STAGE = "turntable"
 
 
 @dataclass(frozen=True)
-class Turning:
+class TurntableRequest:
     """One frame of a shot, or a mesh file, to be turned.
 
     subject  a shot's name or path, or a mesh file's
@@ -64,23 +64,23 @@ class Turning:
         return TURNS if self.turn == BOTH else (self.turn,)
 
     @property
-    def takes(self) -> list[Take]:
+    def requests(self) -> list[RenderRequest]:
         """One for each look. Raises MissingInputError or UsageError where there is no such thing to turn."""
         mesh = Path(self.subject)
         of_file = mesh.suffix.lower().lstrip(".") in FORMATS
         path = self.project.around(mesh) if of_file else find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
 
-    def _take(self, path: Path, of_file: bool, look: str | None) -> Take:
+    def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:
         project = replace(self.project, settings=tuple(self._settings(look)))
-        take = project.take(path, self.quality)
-        known = FrameRange(take.script.outline.frames)
+        request = project.request(path, self.quality)
+        known = FrameRange(request.source.summary.frames)
         at = known.first if self.at is None else self.at
         if at not in known:
-            raise UsageError(f"frame {at} is not in {take.name}, which has frames {known}")
+            raise UsageError(f"frame {at} is not in {request.name}, which has frames {known}")
         table = Turntable(at, self.frames, of_file, look if len(self.looks) > 1 else None)
         numbers = tuple(number for turn in self.turns for number in table.numbers(turn))
-        return replace(take, requested=numbers, turntable=table)
+        return replace(request, requested=numbers, turntable=table)
 
     def _settings(self, look: str | None) -> Iterator[str]:
         """Those of the user come last, and count."""
@@ -92,15 +92,15 @@ class Turning:
 
     def plan(self) -> Plan:
         """Frames and a movie of each look; what looks have in common is made once."""
-        takes, project = self.takes, self.project
-        planner = project.planner_of(len(takes))
-        for take in takes:
-            planner.pictures(take)
-            planner.movie(take)
+        requests, project = self.requests, self.project
+        planner = project.planner_of(len(requests))
+        for request in requests:
+            planner.pictures(request)
+            planner.movie(request)
         apart = planner.plan()
-        if len(takes) == 1:
+        if len(requests) == 1:
             return apart
-        return shared(apart, takes, project.store, project.cores, project.profile.share)
+        return shared(apart, requests, project.store, project.cores, project.profile.share)
 
 
 EIGHTHS, QUARTERS = 8, 4

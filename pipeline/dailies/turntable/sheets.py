@@ -14,19 +14,20 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.dailies.turntable.request import EIGHTHS, QUARTERS, Turning, key_numbers, named
+from pipeline.dailies.turntable.request import EIGHTHS, QUARTERS, TurntableRequest, key_numbers, named
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import key_of
 from pipeline.production.keys.stages import TURNTABLE_SHEET
 from pipeline.production.request.edit import movie_bits
-from pipeline.production.request.picture_keys import Keyring
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import Turntable
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from pipeline.production.versions.wedge import shown_picture
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, reduction
-from render.movie.movie import write_movie
+from render.movie.codecs import movie_encode
+from render.movie.encode import write_movie
 from render.movie.prefetch import ahead
 from render.post.image import write_png
 
@@ -42,10 +43,10 @@ def _untold(name: str, total: int) -> Callable[[], None]:
 
 
 @dataclass(frozen=True, eq=False)
-class Sheets:
+class TurntableSheets:
     """Of a turntable that was made; pictures that are not there are told to be missing."""
 
-    turning: Turning
+    turning: TurntableRequest
 
     def draw(self, bar: Bar = _untold) -> list[Path]:
         """Make what is not there yet; where it is, relative to the root. Nothing if nothing is rendered.
@@ -53,9 +54,11 @@ class Sheets:
         Raises FrameError for a picture that is damaged; MachineError or MachineError where the disk
         refuses.
         """
-        if not any(self._shown(index, n) for index, take in enumerate(self._takes) for n in take.requested):
+        if not any(
+            self._shown(index, n) for index, request in enumerate(self._takes) for n in request.requested
+        ):
             return []
-        drawn = [self._angles([index], take.movie_path) for index, take in enumerate(self._takes)]
+        drawn = [self._angles([index], request.movie_path) for index, request in enumerate(self._takes)]
         if len(self._takes) > 1:
             together = self._together
             every = range(len(self._takes))
@@ -63,12 +66,12 @@ class Sheets:
         return drawn
 
     @cached_property
-    def _takes(self) -> list[Take]:
-        return self.turning.takes
+    def _takes(self) -> list[RenderRequest]:
+        return self.turning.requests
 
     @cached_property
-    def _keys(self) -> list[Keyring | None]:
-        return [take.picture_keys(self._store) for take in self._takes]
+    def _keys(self) -> list[PictureKeys | None]:
+        return [request.picture_keys(self._store) for request in self._takes]
 
     @property
     def _store(self) -> Store:
@@ -128,10 +131,11 @@ class Sheets:
                     yield page(number)
                     shown()
 
-            write_movie(path, ahead(pages()), first.shot.rate.fps, movie_bits(first.quality_name))
+            encode = movie_encode(movie_bits(first.quality_name))
+            write_movie(path, ahead(pages()), first.shot.rate.fps, encode)
 
         cells = [(index, number) for index in every for number in first.requested]
-        key = self._key("movie", cells, captions, columns, str(first.script.outline.rate))
+        key = self._key("movie", cells, captions, columns, str(first.source.summary.rate))
         self._store.put("movie", key, write)
         self._store.link("movie", key, target)
         return target
@@ -144,8 +148,8 @@ class Sheets:
 
     @property
     def _heading(self) -> str:
-        take = self._takes[0]
-        return take.name if self._table.of_file else f"{take.name}: {take.shot.title}"
+        request = self._takes[0]
+        return request.name if self._table.of_file else f"{request.name}: {request.shot.title}"
 
     def _note(self, look: str) -> str:
         frame = "" if self._table.of_file else f"frame {self._table.at}"
@@ -170,14 +174,14 @@ class Sheets:
         keys = self._keys[index]
         if keys is None or self._shown(index, number) is None:
             return None
-        take = self._takes[index]
-        found = shown_picture(take, keys, self._store, number, factor, bits, display)
+        request = self._takes[index]
+        found = shown_picture(request, keys, self._store, number, factor, bits, display)
         if found is None:
-            path = take.place("frame", number)
+            path = request.place("frame", number)
             raise FrameError(f"{path} cannot be read to its end; flowsculpt verify mends it")
         return found
 
     def _key(self, kind: str, cells: Sequence[tuple[int, int]], *said: Any) -> str:
         shown = [self._shown(index, number) for index, number in cells]
-        seen_through = [dict(take.shown_as) for take in self._takes]
+        seen_through = [dict(request.shown_as) for request in self._takes]
         return key_of(TURNTABLE_SHEET.recipe, kind, self._heading, shown, seen_through, *said)

@@ -26,7 +26,7 @@ AHEAD, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
 """Where a point in the middle goes, to which all directions are equal."""
 
 
-class TrueSurface(ABC):
+class AnalyticSurface(ABC):
     """Maps points (N, 3) to the nearest points on it: `surface(points)`."""
 
     @abstractmethod
@@ -43,7 +43,7 @@ class TrueSurface(ABC):
 
 
 @dataclass(frozen=True)
-class Sphere(TrueSurface):
+class SphereSurface(AnalyticSurface):
     radius: float
 
     def __call__(self, points: Points) -> Points:
@@ -57,7 +57,7 @@ class Sphere(TrueSurface):
 
 
 @dataclass(frozen=True)
-class Torus(TrueSurface):
+class TorusSurface(AnalyticSurface):
     """Around y; `radius` reaches to the middle of the tube."""
 
     radius: float
@@ -77,7 +77,7 @@ class Torus(TrueSurface):
 
 
 @dataclass(frozen=True)
-class Capsule(TrueSurface):
+class CapsuleSurface(AnalyticSurface):
     """Along y, with round caps; `length` is over all."""
 
     length: float
@@ -100,7 +100,7 @@ class Capsule(TrueSurface):
 
 
 @dataclass(frozen=True)
-class Cylinder(TrueSurface):
+class CylinderSurface(AnalyticSurface):
     """Along y, with flat caps."""
 
     length: float
@@ -136,7 +136,7 @@ class Cylinder(TrueSurface):
 
 
 @dataclass(frozen=True)
-class Box(TrueSurface):
+class BoxSurface(AnalyticSurface):
     """With its sides across the axes; `size` holds the full extents."""
 
     size: tuple[float, float, float]
@@ -159,7 +159,7 @@ class Box(TrueSurface):
 
 
 @dataclass(frozen=True)
-class Sheet(TrueSurface):
+class SheetSurface(AnalyticSurface):
     """In the plane y = 0, facing upwards; `size` is along x and z."""
 
     size: tuple[float, float]

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.mesh.solids.analytic_surfaces import CLOSE, TrueSurface
+from pipeline.mesh.solids.analytic_surfaces import CLOSE, AnalyticSurface
 from pipeline.mesh.solids.primitives import cut_into, positive, square_grid, welded
 from pipeline.mesh.triangle_mesh import TriangleMesh
 
@@ -24,7 +24,7 @@ AT_ONCE = 20_000
 
 
 @dataclass(frozen=True)
-class Bars(TrueSurface):
+class BarLattice(AnalyticSurface):
     """Square bars about the origin. Where `size` is `thickness` along an axis they lie in one layer.
 
     size       full extents in x, y and z, scene units, the outer bars included
@@ -151,12 +151,12 @@ def lattice(
     thickness: float = 0.15,
     edge_length: float | None = None,
 ) -> TriangleMesh:
-    """The surface of a `Bars`, its flat sides cut into rectangles with no side over `edge_length`.
+    """The surface of a `BarLattice`, its flat sides cut into rectangles with no side over `edge_length`.
 
     Space is ruled by planes along the sides of the bars. Between them lie blocks, full where at least two of
     their three extents are across a bar; the surface is where a full block has an empty one beside it.
     """
-    shape = Bars(size, spacing, thickness)
+    shape = BarLattice(size, spacing, thickness)
     cuts = [_cuts(shape, axis, edge_length) for axis in range(3)]
     marks = [np.concatenate([[0], np.cumsum(along)]) for along in cuts]
     across = [np.arange(len(along)) % 2 == 0 for along in cuts]
@@ -180,14 +180,14 @@ def lattice(
     )
 
 
-def _cuts(shape: Bars, axis: int, edge_length: float | None) -> list[int]:
+def _cuts(shape: BarLattice, axis: int, edge_length: float | None) -> list[int]:
     """Into how many each block along an axis is cut: bars, and the gaps between them, by turns."""
     bar = cut_into(shape.thickness, edge_length)
     gap = cut_into(shape.pitch[axis] - shape.thickness, edge_length)
     return [gap if k % 2 else bar for k in range(2 * shape.crossings[axis] - 1)]
 
 
-def _ruler(shape: Bars, axis: int, cuts: list[int]) -> Floats:
+def _ruler(shape: BarLattice, axis: int, cuts: list[int]) -> Floats:
     """The places of the cuts along an axis, scene units."""
     half = 0.5 * shape.thickness
     ends = np.ravel([(at - half, at + half) for at in shape.middles(axis)])

@@ -17,14 +17,14 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.crop_and_scale import base_of
-from pipeline.production.request.edit import Cut
+from pipeline.production.request.edit import Edit
 from pipeline.production.request.lookup import FILM, find_shot
-from pipeline.production.request.picture_keys import PictureKeys
-from pipeline.production.request.planning_cache import Ledger
-from pipeline.production.request.render_request import FORMS, Take
-from pipeline.production.request.resolved_edit import Montage, edited
-from pipeline.production.request.shot_source import Script
-from pipeline.production.request.source_cache import Texts, shot_around
+from pipeline.production.request.picture_keys import FrameKeys
+from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.render_request import FORMS, RenderRequest
+from pipeline.production.request.resolved_edit import ResolvedEdit, edited
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.request.source_cache import SourceCache, shot_around
 from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
@@ -33,7 +33,7 @@ from render.scene.quality import QUALITIES
 if TYPE_CHECKING:
     from pipeline.production.maintenance.verify import Damage
 
-States = Callable[[Take, Store, History], FrameStates]
+States = Callable[[RenderRequest, Store, History], FrameStates]
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Project:
     settings: tuple[str, ...] = ()
     allow_code: bool = False
     profile: Profile = field(default_factory=Profile.local)
-    _texts: Texts = field(default_factory=Texts, repr=False)
-    _montages: dict[Path, Montage] = field(default_factory=dict, repr=False)
+    _texts: SourceCache = field(default_factory=SourceCache, repr=False)
+    _montages: dict[Path, ResolvedEdit] = field(default_factory=dict, repr=False)
     _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
     _notes: list[str] = field(default_factory=list, repr=False)
 
@@ -79,15 +79,15 @@ class Project:
         """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
         planner = self._planner()
         for shot in shots:
-            take = self._asked(shot, quality, frames, picture_states)
-            planner.pictures(take)
+            request = self._asked(shot, quality, frames, picture_states)
+            planner.pictures(request)
             if frames is None or not is_in_words(frames):
-                planner.movie(take)
+                planner.movie(request)
             if frames is None:
                 continue
-            whole = take.whole()
+            whole = request.whole()
             keys = whole.picture_keys(self.store)
-            rest = set(whole.requested) - set(take.requested)
+            rest = set(whole.requested) - set(request.requested)
             if keys and all(self._rendered(keys[n]) for n in rest):
                 planner.pictures(whole)
                 planner.movie(whole)
@@ -97,9 +97,9 @@ class Project:
         """Finished frames of a shot and their movie, from the beginning, whatever is there already."""
         nothing = Store(self.root / STATE / "nothing")
         planner = Planner(nothing, 1, self._notes)
-        take = self.take(find_shot(shot), quality, frames)
-        planner.pictures(take)
-        planner.movie(take)
+        request = self.request(find_shot(shot), quality, frames)
+        planner.pictures(request)
+        planner.movie(request)
         return planner.plan()
 
     def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:
@@ -116,18 +116,18 @@ class Project:
         planner = self._planner()
         for damage in damages:
             if damage.meshes:
-                planner.simulate(replace(damage.take, requested=damage.meshes))
+                planner.simulate(replace(damage.request, requested=damage.meshes))
             if damage.pictures:
-                planner.pictures(replace(damage.take, requested=damage.pictures))
+                planner.pictures(replace(damage.request, requested=damage.pictures))
             if damage.movie:
-                planner.pictures(damage.take.whole())
-                planner.movie(damage.take.whole())
+                planner.pictures(damage.request.whole())
+                planner.movie(damage.request.whole())
         return planner.plan()
 
-    def surfaces(self, take: Take) -> Plan:
+    def surfaces(self, request: RenderRequest) -> Plan:
         """What the pictures of a take are made from, and not the pictures."""
         planner = self._planner()
-        planner.surfaces(take)
+        planner.surfaces(request)
         return planner.plan()
 
     def film(self, quality: str, path: Path = FILM) -> Plan:
@@ -135,28 +135,28 @@ class Project:
 
         It is called as the file of the edit is.
         """
-        cut, takes = self.cut(quality, path)
+        edit, requests = self.edit(quality, path)
         planner = self._planner()
-        for take in takes:
-            planner.pictures(take)
-            planner.movie(take)
-        planner.film(cut, takes)
+        for request in requests:
+            planner.pictures(request)
+            planner.movie(request)
+        planner.film(edit, requests)
         return planner.plan()
 
-    def cut(self, quality: str, path: Path = FILM) -> tuple[Cut, list[Take]]:
+    def edit(self, quality: str, path: Path = FILM) -> tuple[Edit, list[RenderRequest]]:
         """What the film of an edit is cut to, and the takes of its clips."""
         montage = self._montages.get(path) or self._montages.setdefault(path, self._montage(path))
-        takes = [replace(self.take(shot, quality), requested=frames) for shot, frames in montage.clips]
-        return montage.cut, takes
+        requests = [replace(self.request(shot, quality), requested=frames) for shot, frames in montage.clips]
+        return montage.edit, requests
 
-    def frames(self, takes: Sequence[Take]) -> Plan:
+    def frames(self, requests: Sequence[RenderRequest]) -> Plan:
         """The finished frames that takes ask for, and nothing made of them."""
         planner = self._planner()
-        for take in takes:
-            planner.pictures(take)
+        for request in requests:
+            planner.pictures(request)
         return planner.plan()
 
-    def asked(self, shot: str, quality: str, frames: str | None = None) -> Take:
+    def asked(self, shot: str, quality: str, frames: str | None = None) -> RenderRequest:
         """The pictures of a shot by its name, of all frames or a range, in numbers or in words."""
         return self._asked(shot, quality, frames, picture_states)
 
@@ -168,12 +168,12 @@ class Project:
 
     def _asked(
         self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None
-    ) -> Take:
+    ) -> RenderRequest:
         """The frames of a shot that are asked for; what words mean is settled once."""
         path = find_shot(shot)
         if frames is None or not is_in_words(frames):
-            return self.take(path, quality, frames, variant)
-        whole = self.take(path, quality, variant=variant)
+            return self.request(path, quality, frames, variant)
+        whole = self.request(path, quality, variant=variant)
         asked = path, quality, frames
         if asked not in self._chosen:
             self._chosen[asked] = selected(
@@ -181,33 +181,35 @@ class Project:
             )
         return replace(whole, requested=self._chosen[asked].numbers)
 
-    def take(self, path: Path, quality: str, frames: str | None = None, variant: str | None = None) -> Take:
+    def request(
+        self, path: Path, quality: str, frames: str | None = None, variant: str | None = None
+    ) -> RenderRequest:
         """The pictures of a shot file at one quality, all or a range."""
         if base_of(quality) not in QUALITIES:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
-        script = self._script(path)
-        whole = FrameRange(script.outline.frames)
+        source = self._script(path)
+        whole = FrameRange(source.summary.frames)
         requested = FrameRange.parse(frames) if frames is not None else whole
         outside = requested.outside(whole)
         if outside:
             raise UsageError(
-                f"{script.path}: frames {outside} are not in the shot, which has {whole}; ask for frames "
+                f"{source.path}: frames {outside} are not in the shot, which has {whole}; ask for frames "
                 "among those"
             )
-        chosen = variant or variant_for(self.root, script.name, self.variant, self._notes.append)
-        return Take(script, quality, chosen, tuple(dict.fromkeys(requested)))
+        chosen = variant or variant_for(self.root, source.name, self.variant, self._notes.append)
+        return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
 
-    def _rendered(self, keys: PictureKeys) -> bool:
+    def _rendered(self, keys: FrameKeys) -> bool:
         return self.store.holds("frame", keys.frame) or self.store.holds("raw", keys.raw)
 
-    def _script(self, path: Path) -> Script:
-        read = self._texts.script(path.absolute(), self.settings, self.allow_code)
-        return replace(read, ledger=Ledger(self.root)).pinned()
+    def _script(self, path: Path) -> ShotSource:
+        read = self._texts.source(path.absolute(), self.settings, self.allow_code)
+        return replace(read, ledger=PlanningCache(self.root)).pinned()
 
-    def _montage(self, path: Path) -> Montage:
+    def _montage(self, path: Path) -> ResolvedEdit:
         """What an edit shows; its shots are read only where the ledger does not tell it."""
-        ledger = Ledger(self.root)
-        return edited(path, self.settings, ledger, lambda shot: self._script(shot).outline)
+        ledger = PlanningCache(self.root)
+        return edited(path, self.settings, ledger, lambda shot: self._script(shot).summary)
 
     def _planner(self) -> Planner:
         return self.planner_of(1)

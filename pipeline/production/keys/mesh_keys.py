@@ -80,10 +80,10 @@ class _AskedInOrder(Motion):
         """The resampling and the flow of the latest answer, and the answer."""
         return [None, None, None]
 
-    def bounded(self, flow: Flow, frame: int) -> Flow:
+    def limit_steps(self, flow: Flow, frame: int) -> Flow:
         now = self.resampling_at(frame)
         if self._bounds[0] is not now or self._bounds[1] is not flow:
-            self._bounds[:] = now, flow, super().bounded(flow, frame)
+            self._bounds[:] = now, flow, super().limit_steps(flow, frame)
         found: Flow = self._bounds[2]
         return found
 

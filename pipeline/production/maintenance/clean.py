@@ -13,7 +13,7 @@ from typing import Any
 from pipeline.errors import FlowsculptError
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.history import RUNS
-from pipeline.production.request.render_request import FORMS, Take
+from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.paths import EVENTS, LOGS, PLANS
 from pipeline.production.store.store import Store
 
@@ -30,10 +30,12 @@ class Sweep:
     freed: int
 
 
-def sweep(store: Store, takes: Iterable[Take], keep: int, only_tell: bool) -> Sweep:
+def sweep(store: Store, requests: Iterable[RenderRequest], keep: int, only_tell: bool) -> Sweep:
     """Remove from the store what is needed neither by `takes`, nor by the last `keep` runs of each shot; what
     is shown in renders/ stays. Only whoever holds the root's lock may call this, but to be told."""
-    needed = {name for take in (*takes, *_of_last_runs(store.root, keep)) for name in _needs(take, store)}
+    needed = {
+        name for request in (*requests, *_of_last_runs(store.root, keep)) for name in _needs(request, store)
+    }
     shown = set(_inodes(store.root / "renders"))
     gone: list[Path] = []
     kept, freed = 0, 0
@@ -51,34 +53,34 @@ def sweep(store: Store, takes: Iterable[Take], keep: int, only_tell: bool) -> Sw
     return Sweep(tuple(gone), kept, freed)
 
 
-def _needs(take: Take, store: Store) -> Iterator[Named]:
+def _needs(request: RenderRequest, store: Store) -> Iterator[Named]:
     """Every file on the way to the pictures of a take."""
     with contextlib.suppress(FlowsculptError):  # a shot that cannot be read any more needs nothing
-        for pose in take.poses.values():
-            yield "mesh", take.mesh_key(pose.mesh)
-            yield "normals", take.normals_key(pose.mesh)
-        yield "cameras", take.cameras_key
-        keys = take.picture_keys(store)
+        for angle in request.angles.values():
+            yield "mesh", request.mesh_key(angle.mesh)
+            yield "normals", request.normals_key(angle.mesh)
+        yield "cameras", request.cameras_key
+        keys = request.picture_keys(store)
         if keys is None:
             return
-        for number in take.poses:
+        for number in request.angles:
             yield "raw", keys[number].raw
             yield "frame", keys[number].frame
-            yield from ((form, take.still_key(form, keys[number].frame)) for form in FORMS)
-        for numbers in (take.requested, tuple(take.poses)):
-            yield "movie", take.movie_key([keys[n].frame for n in sorted(numbers)])
+            yield from ((form, request.still_key(form, keys[number].frame)) for form in FORMS)
+        for numbers in (request.requested, tuple(request.angles)):
+            yield "movie", request.movie_key([keys[n].frame for n in sorted(numbers)])
 
 
-def _of_last_runs(root: Path, count: int) -> Iterator[Take]:
+def _of_last_runs(root: Path, count: int) -> Iterator[RenderRequest]:
     """The takes of the last so many runs of each shot at each quality, by their plans."""
     seen: Counter[tuple[Any, ...]] = Counter()
     for path in sorted((root / PLANS).glob("*.json"), reverse=True):
         with contextlib.suppress(OSError, ValueError, KeyError):
-            for data in json.loads(path.read_text())["takes"]:
+            for data in json.loads(path.read_text())["requests"]:
                 about = data["script"]["path"], data["quality"], str(data["turntable"])
                 seen[about] += 1
                 if seen[about] <= count:
-                    yield Take.from_data(data)
+                    yield RenderRequest.from_data(data)
 
 
 def _inodes(folder: Path) -> Iterator[tuple[int, int]]:

@@ -14,11 +14,11 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.production.keys.digest import Key
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
 from render.base.errors import RenderError
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 from render.post.image import read_png
 
 
@@ -58,23 +58,27 @@ class Checked:
 class Damage:
     """What of a take's files is faulty: its meshes and its pictures, by number, and its movie."""
 
-    take: Take
+    request: RenderRequest
     meshes: tuple[int, ...]
     pictures: tuple[int, ...]
     movie: bool
 
 
-def damages(takes: Iterable[Take], store: Store, faulty: Collection[tuple[str, Key]]) -> Iterator[Damage]:
+def damages(
+    requests: Iterable[RenderRequest], store: Store, faulty: Collection[tuple[str, Key]]
+) -> Iterator[Damage]:
     """What of takes is among faulty files, by kind and key; found before these are forgotten."""
-    for take in takes:
-        meshes = [n for n, pose in take.poses.items() if ("mesh", take.mesh_key(pose.mesh)) in faulty]
-        keys = take.picture_keys(store)
+    for request in requests:
+        meshes = [
+            n for n, angle in request.angles.items() if ("mesh", request.mesh_key(angle.mesh)) in faulty
+        ]
+        keys = request.picture_keys(store)
         if keys is None:
-            yield Damage(take, tuple(meshes), (), False)
+            yield Damage(request, tuple(meshes), (), False)
             continue
-        shown = [n for n in take.poses if {("raw", keys[n].raw), ("frame", keys[n].frame)} & set(faulty)]
-        movie = ("movie", take.movie_key([keys[n].frame for n in sorted(take.poses)])) in faulty
-        yield Damage(take, tuple(meshes), tuple(shown), movie)
+        shown = [n for n in request.angles if {("raw", keys[n].raw), ("frame", keys[n].frame)} & set(faulty)]
+        movie = ("movie", request.movie_key([keys[n].frame for n in sorted(request.angles)])) in faulty
+        yield Damage(request, tuple(meshes), tuple(shown), movie)
 
 
 def verified(store: Store, threads: int) -> Iterator[Checked]:

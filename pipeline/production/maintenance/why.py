@@ -21,12 +21,12 @@ from pipeline.production.keys.digest import Key
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.maintenance.differences import Difference, differences
 from pipeline.production.request.header import raw_header
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.store.event_log import EventReader, logs_of
 from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Store
-from pipeline.shot.yaml.inheritance import layered
+from pipeline.shot.yaml.inheritance import inherited
 from render.base.errors import RenderError
 from render.post.image import read_header
 
@@ -63,7 +63,7 @@ class Answer:
 class Question:
     """Why a finished frame of a take would be made again, or not."""
 
-    take: Take
+    request: RenderRequest
     number: int
     store: Store
 
@@ -72,8 +72,8 @@ class Question:
         return self.store.root
 
     def answer(self) -> Answer:
-        place = self.take.folders.frame(self.take.quality_name, self.number)
-        keys = self.take.picture_keys(self.store)
+        place = self.request.folders.frame(self.request.quality_name, self.number)
+        keys = self.request.picture_keys(self.store)
         if keys and self.store.shows("frame", keys[self.number].frame, place):
             return Answer("done", place)
         if not (self._root / place).exists():
@@ -89,9 +89,9 @@ class Question:
 
     def _unmade(self) -> Iterator[str]:
         """What there is of a picture that is not there."""
-        take, mesh = self.take, self.take.poses[self.number].mesh
-        keys = take.picture_keys(self.store)
-        if not self.store.holds("mesh", take.mesh_key(mesh)):
+        request, mesh = self.request, self.request.angles[self.number].mesh
+        keys = request.picture_keys(self.store)
+        if not self.store.holds("mesh", request.mesh_key(mesh)):
             yield f"its mesh, of frame {mesh}, is not simulated yet"
         if keys is None:
             yield "the cameras of the shot are not found yet, which looks at all of its meshes"
@@ -103,36 +103,36 @@ class Question:
             yield "it was not rendered as the shot file now asks for it"
 
     def _of_mesh(self, header: Mapping[str, Any]) -> Iterator[str]:
-        take, mesh = self.take, self.take.poses[self.number].mesh
+        request, mesh = self.request, self.request.angles[self.number].mesh
         for name, recipe in header.get("stages", {}).items():
             now = STAGES[name].recipe if name in STAGES else {}
             for difference in differences(recipe, now):
                 yield f"stage {name} is another now: {difference}"
-        if header.get("mesh_key") != take.mesh_key(mesh):
+        if header.get("mesh_key") != request.mesh_key(mesh):
             first = self._first_changed()
             yield "its mesh differs" + (f", as all meshes do from frame {first} on" if first else "")
-        elif header.get("normals_key") != take.normals_key(mesh):
+        elif header.get("normals_key") != request.normals_key(mesh):
             yield "its normals differ: the hard angle, the tessellation, or the version of smooth_normals"
 
     def _first_changed(self) -> int | None:
         """The first frame whose mesh is there and is not today's."""
-        for number in sorted(self.take.script.outline.meshes):
-            key = _key_in(self._root / self.take.motion_folders.mesh(number))
-            if key is not None and key != self.take.mesh_key(number):
+        for number in sorted(self.request.source.summary.meshes):
+            key = _key_in(self._root / self.request.motion_folders.mesh(number))
+            if key is not None and key != self.request.mesh_key(number):
                 return number
         return None
 
     def _parts(self, header: Mapping[str, Any]) -> tuple[Difference, ...]:
-        framings, keys = self.take.framings(self.store), self.take.picture_keys(self.store)
+        framings, keys = self.request.framings(self.store), self.request.picture_keys(self.store)
         if framings is None or keys is None:
             return ()
-        now = raw_header(self.take, self.number, framings[self.number], keys[self.number])
+        now = raw_header(self.request, self.number, framings[self.number], keys[self.number])
         now = json.loads(json.dumps(now))
         asked = {name: part for name, part in now.items() if name not in _SAID_OTHERWISE}
         return tuple(differences({name: header[name] for name in asked if name in header}, asked))
 
     def _of_finishing(self, header: Mapping[str, Any]) -> Iterator[str]:
-        keys = self.take.picture_keys(self.store)
+        keys = self.request.picture_keys(self.store)
         window = () if keys is None else keys[self.number].window
         others = [n for n in window if n != self.number]
         before = header.get("steadied_with", [])
@@ -147,12 +147,12 @@ class Question:
         if made_by is None:
             return ()
         try:
-            return tuple(differences(_data_of(made_by), _data_of(self.take.script)))
+            return tuple(differences(_data_of(made_by), _data_of(self.request.source)))
         except FlowsculptError:
             return ()
 
-    def _script_of_run(self) -> Script | None:
-        take = self.take
+    def _script_of_run(self) -> ShotSource | None:
+        request = self.request
         for log in reversed(logs_of(self._root)):
             for event in EventReader(log).new():
                 about = event.get("shot"), event.get("quality"), event.get("frame")
@@ -160,22 +160,22 @@ class Question:
                     event["event"] == "frame"
                     and event["stage"] == "finish"
                     and not event["found"]
-                    and about == (take.folders.name, take.quality_name, self.number)
+                    and about == (request.folders.name, request.quality_name, self.number)
                 ):
                     return _script_in(self._root / PLANS / f"{log.stem}.json", event["job"])
         return None
 
 
-def _data_of(script: Script) -> Any:
-    return layered(script.path, script.text, script.settings, dict(script.beside)).data
+def _data_of(source: ShotSource) -> Any:
+    return inherited(source.path, source.text, source.settings, dict(source.beside)).data
 
 
-def _script_in(plan: Path, job: str) -> Script | None:
+def _script_in(plan: Path, job: str) -> ShotSource | None:
     """The shot file as a job of a frozen plan had it."""
     with contextlib.suppress(OSError, ValueError, KeyError, StopIteration):
         data = json.loads(plan.read_text())
-        takes = next(each["takes"] for each in data["jobs"] if each["name"] == job)
-        return Script.from_data(data["takes"][takes[0]]["script"])
+        requests = next(each["requests"] for each in data["jobs"] if each["name"] == job)
+        return ShotSource.from_data(data["requests"][requests[0]]["script"])
     return None
 
 

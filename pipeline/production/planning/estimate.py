@@ -70,7 +70,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
             taken = sample.seconds * len(job.frames)
             by_stage[job.task] += taken
             if job.task in OF_MOTION:
-                chains[job.takes[0]] += taken
+                chains[job.requests[0]] += taken
         each = measured.bytes(job.task, shot, quality)
         size = None if size is None or each is None else size + each * len(job.frames)
     return Estimate(
@@ -93,7 +93,7 @@ def _clock(by_stage: Mapping[str, float], chains: Mapping[int, float], cores: in
 
 def _about(plan: Plan, job: Job) -> tuple[str, str]:
     """The shot, as its folder is called, and the quality that a job is for."""
-    data = plan.takes[job.takes[0]]
+    data = plan.requests[job.requests[0]]
     name, turn = Path(data["script"]["path"]).stem, data["turntable"]
     if turn and job.task not in OF_MOTION:
         table = Turntable(**turn)

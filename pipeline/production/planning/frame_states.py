@@ -10,7 +10,7 @@ from typing import Any
 from pipeline.frames import FrameRange
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.history import History
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 
 Stored = tuple[str, Key | None, Path]
@@ -48,40 +48,44 @@ class FrameStates:
         return {"shot": self.shot, "what": self.what, **lists, "seconds_left": left}
 
 
-def states(takes: list[Take], store: Store, history: History) -> list[FrameStates]:
+def states(requests: list[RenderRequest], store: Store, history: History) -> list[FrameStates]:
     """The states of a shot's meshes, and of its pictures at every quality that was begun.
 
     `takes` are of one shot, one a quality.
     """
     return [
-        mesh_states(takes[0], store, history),
-        *(picture_states(take, store, history) for take in takes if is_begun(take, store)),
+        mesh_states(requests[0], store, history),
+        *(picture_states(request, store, history) for request in requests if is_begun(request, store)),
     ]
 
 
-def is_begun(take: Take, store: Store) -> bool:
+def is_begun(request: RenderRequest, store: Store) -> bool:
     """Whether pictures of a take were asked for at its quality."""
-    return (store.root / take.folders.home / take.quality_name).exists()
+    return (store.root / request.folders.home / request.quality_name).exists()
 
 
-def mesh_states(take: Take, store: Store, history: History) -> FrameStates:
+def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """The states of the meshes that a take asks for."""
 
     def mesh(number: int) -> Stored:
-        return "mesh", take.mesh_key(number), take.motion_folders.mesh(number)
+        return "mesh", request.mesh_key(number), request.motion_folders.mesh(number)
 
-    return _states(take, "meshes", store, mesh, _Told(history, take.name, MESH_STAGES, None))
+    return _states(request, "meshes", store, mesh, _Told(history, request.name, MESH_STAGES, None))
 
 
-def picture_states(take: Take, store: Store, history: History) -> FrameStates:
+def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """The states of the finished pictures that a take asks for."""
-    keys = take.picture_keys(store)
+    keys = request.picture_keys(store)
 
     def picture(number: int) -> Stored:
-        return "frame", keys[number].frame if keys else None, take.folders.frame(take.quality_name, number)
+        return (
+            "frame",
+            keys[number].frame if keys else None,
+            request.folders.frame(request.quality_name, number),
+        )
 
-    told = _Told(history, take.folders.name, PICTURE_STAGES, take.quality_name)
-    return _states(take, take.quality_name, store, picture, told)
+    told = _Told(history, request.folders.name, PICTURE_STAGES, request.quality_name)
+    return _states(request, request.quality_name, store, picture, told)
 
 
 @dataclass(frozen=True)
@@ -105,10 +109,10 @@ class _Told:
 
 
 def _states(
-    take: Take, what: str, store: Store, file_of: Callable[[int], Stored], told: _Told
+    request: RenderRequest, what: str, store: Store, file_of: Callable[[int], Stored], told: _Told
 ) -> FrameStates:
     sorted_out: dict[str, list[int]] = {"done": [], "stale": [], "missing": []}
-    for number in take.requested:
+    for number in request.requested:
         kind, key, path = file_of(number)
         if store.shows(kind, key, path):
             sorted_out["done"].append(number)
@@ -118,5 +122,5 @@ def _states(
     undone = {*stale, *missing}
     failed, running = told.among(undone)
     return FrameStates(
-        take.name, what, done, stale, missing, failed, running, told.left(undone) if undone else None
+        request.name, what, done, stale, missing, failed, running, told.left(undone) if undone else None
     )

@@ -55,7 +55,7 @@ class Job:
 
     name: str
     task: str
-    takes: tuple[int, ...]
+    requests: tuple[int, ...]
     frames: tuple[int, ...]
     inputs: tuple[str, ...] = ()
     outputs: tuple[str, ...] = ()
@@ -77,7 +77,7 @@ class Job:
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Job:
-        lists = {name: tuple(data[name]) for name in ("takes", "frames", "after")}
+        lists = {name: tuple(data[name]) for name in ("requests", "frames", "after")}
         return cls(
             data["name"],
             data["task"],
@@ -102,7 +102,7 @@ class Plan:
     """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs; `notes` are
     lines that the user is to be told; `host` is where it was made."""
 
-    takes: tuple[dict[str, Any], ...]
+    requests: tuple[dict[str, Any], ...]
     film: dict[str, Any] | None
     jobs: tuple[Job, ...]
     links: tuple[Link, ...]
@@ -167,7 +167,7 @@ class Plan:
         return {
             "name": self.name,
             "host": self.host,
-            "takes": self.takes,
+            "requests": self.requests,
             "film": self.film,
             "jobs": jobs,
             "notes": self.notes,
@@ -179,7 +179,7 @@ class Plan:
         data = json.loads(path.read_text())
         jobs = tuple(Job.from_data(job) for job in data["jobs"])
         return cls(
-            takes=tuple(data["takes"]),
+            requests=tuple(data["requests"]),
             film=data["film"],
             jobs=jobs,
             links=(),

@@ -17,8 +17,8 @@ from pipeline.production.keys.digest import Key
 from pipeline.production.planning.plan import Job, Plan, dealt_out
 from pipeline.production.planning.profile import Share
 from pipeline.production.request.cameras import CameraFile
-from pipeline.production.request.picture_keys import Keyring
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 
 LONG = 8
@@ -34,12 +34,14 @@ _WHOLE = ("frame_camera", "assemble")
 """Tasks that make one file of all their frames; others make one of each."""
 
 
-def shared(plan: Plan, takes: Sequence[Take], store: Store, cores: int, share: Share | None = None) -> Plan:
+def shared(
+    plan: Plan, requests: Sequence[RenderRequest], store: Store, cores: int, share: Share | None = None
+) -> Plan:
     """The plan with everything made once; `takes` are the plan's own, in its order.
 
     cores, share  what its jobs have together, and on a farm each for itself
     """
-    known = [_Files.of(take, store) for take in takes]
+    known = [_Files.of(request, store) for request in requests]
     once = _Once(known, _users(plan, known))
     jobs = [kept for job in plan.jobs for kept in once.kept(job)]
     renamed = [replace(job, inputs=once.renamed(job.inputs)) for job in jobs]
@@ -68,13 +70,13 @@ class _Promises(CameraFile):
 class _Files:
     """What the files of a take are known by, whether its cameras were found already or not."""
 
-    take: Take
-    keys: Keyring
+    request: RenderRequest
+    keys: PictureKeys
 
     @classmethod
-    def of(cls, take: Take, store: Store) -> _Files:
-        promised = _Promises(store, f"promised {take.cameras_key}", dict.fromkeys(take.poses))
-        return cls(take, take.picture_keys(store) or Keyring(take, store, promised))
+    def of(cls, request: RenderRequest, store: Store) -> _Files:
+        promised = _Promises(store, f"promised {request.cameras_key}", dict.fromkeys(request.angles))
+        return cls(request, request.picture_keys(store) or PictureKeys(request, store, promised))
 
     def made_by(self, job: Job) -> Iterator[File]:
         """Each file that a job makes."""
@@ -84,22 +86,22 @@ class _Files:
 
     def _identity(self, job: Job, number: int) -> Any:
         if job.task == "simulate":
-            return self.take.mesh_key(number)
+            return self.request.mesh_key(number)
         if job.task == "smooth_normals":
-            return self.take.normals_key(number)
+            return self.request.normals_key(number)
         if job.task == "frame_camera":
-            return self.take.cameras_key
+            return self.request.cameras_key
         if job.task == "render":
             return self.keys[number].raw
         if job.task == "finish":
             return self.keys[number].frame
-        return self.take.movie_key([self.keys[n].frame for n in job.frames])
+        return self.request.movie_key([self.keys[n].frame for n in job.frames])
 
 
 def _users(plan: Plan, known: Sequence[_Files]) -> Counter[Identity]:
     """How many different simulations go through each mesh frame."""
     chains = {
-        tuple(identity for _, _, identity in known[job.takes[0]].made_by(job))
+        tuple(identity for _, _, identity in known[job.requests[0]].made_by(job))
         for job in plan.jobs
         if job.task == "simulate"
     }
@@ -120,7 +122,7 @@ class _Once:
         return tuple(dict.fromkeys(self._places.get(place, place) for place in places))
 
     def kept(self, job: Job) -> list[Job]:
-        made = list(self.known[job.takes[0]].made_by(job))
+        made = list(self.known[job.requests[0]].made_by(job))
         if job.task == "simulate":
             return self._simulations(job, made)
         mine = [(number, place) for number, place, identity in made if self._is_first(place, identity)]

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, at_moment
+from pipeline.animation import MeshFrame, mesh_at_subframe
 from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.flow.checked_displacement import checked_cache_data
 from pipeline.production.render_inputs.framing import Framing, turned
@@ -58,7 +58,7 @@ def flowing(motion: Motion, shading: Shading) -> Movement:
         inside = min(max(frame.number + offset, first), last)
         if inside != frame.number + offset:
             return frame.mesh.vertices + offset * _pace(motion, frame)
-        return frame.mesh.vertices if offset == 0.0 else at_moment(motion, frame, inside).vertices
+        return frame.mesh.vertices if offset == 0.0 else mesh_at_subframe(motion, frame, inside).vertices
 
     fps = float(motion.rate.fps)
     return Movement(lambda o: shading.at(points(o)), fps, frame.number == first, frame.number == last)
@@ -86,7 +86,7 @@ def _pace(motion: Motion, frame: MeshFrame) -> Vectors:
     if motion.frames.first == motion.frames.last:
         return np.zeros_like(frame.mesh.vertices)
     step = STEP if frame.number == motion.frames.first else -STEP
-    near, far = (at_moment(motion, frame, frame.number + k * step).vertices for k in (1, 2))
+    near, far = (mesh_at_subframe(motion, frame, frame.number + k * step).vertices for k in (1, 2))
     return np.asarray((4.0 * near - far - 3.0 * frame.mesh.vertices) / (2.0 * step))
 
 
@@ -100,7 +100,7 @@ def flow_cache_data(motion: Motion, number: int, offsets: tuple[float, ...]) -> 
             if first == last:
                 continue
             offset = 2.0 * STEP if number == first else -2.0 * STEP
-        flow = motion.bounded(motion.flow, number + (offset > 0.0))
+        flow = motion.limit_steps(motion.flow, number + (offset > 0.0))
         found.append(checked_cache_data(flow, *motion.clock.between(*sorted((number, number + offset)))))
     return found
 

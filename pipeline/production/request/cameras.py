@@ -43,7 +43,7 @@ class CameraFile(Mapping[int, "Framing"]):
                 self._built[number] = Framing.from_data(self._data[number])
             except (ValueError, TypeError, AttributeError, BadInputError) as error:
                 self._store.discard("cameras", self.key)
-                raise FrameError("its camera cannot be read; run again to find the cameras anew") from error
+                raise FrameError("its camera cannot be read; run again to frame the shot again") from error
         return self._built[number]
 
     def __iter__(self) -> Iterator[int]:

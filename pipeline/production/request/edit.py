@@ -28,7 +28,7 @@ def movie_bits(quality_name: str) -> int:
 
 
 @dataclass(frozen=True)
-class Piece:
+class EditItem:
     """A clip or a card of a film, in its place.
 
     clip      the place of its take among the film's; None of a card
@@ -44,7 +44,7 @@ class Piece:
 
 
 @dataclass(frozen=True)
-class Heard:
+class AudioTrack:
     """The sound of a film: its file as it was when the film was planned, and how it lies in the film."""
 
     file: str
@@ -76,44 +76,44 @@ class Heard:
 
 
 @dataclass(frozen=True)
-class Cut:
+class Edit:
     """A film's name, pieces, sound and rate; its shots are the plan's takes, in order."""
 
     name: str
-    pieces: tuple[Piece, ...]
+    pieces: tuple[EditItem, ...]
     rate: str
-    heard: Heard | None = None
+    audio: AudioTrack | None = None
 
     @classmethod
-    def of(cls, film: Film, name: str) -> Cut:
+    def of(cls, film: Film, name: str) -> Edit:
         """`name` is what its file is called."""
         from pipeline.shot.shot import Card, Clip
 
         clips = count()
 
-        def piece(entry: Clip | Card) -> Piece:
+        def piece(entry: Clip | Card) -> EditItem:
             frames = entry.length(film.rate)
             if isinstance(entry, Clip):
-                return Piece(next(clips), frames, entry.dissolve)
-            return Piece(None, frames, entry.dissolve, entry.title, entry.subtitle)
+                return EditItem(next(clips), frames, entry.dissolve)
+            return EditItem(None, frames, entry.dissolve, entry.title, entry.subtitle)
 
         first, *others = film.credits or ("",)
         title = Card(film.title, film.subtitle, film.title_seconds if film.title else 0.0)
         credits = Card(first, " · ".join(others), film.credits_seconds if film.credits else 0.0)
         pieces = [piece(entry) for entry in (title, *film.entries, credits)]
         track = film.sound
-        heard = None if track is None else Heard(**{**vars(track), "file": str(track.file)})
-        return cls(name, tuple(piece for piece in pieces if piece.frames), str(film.rate), heard)
+        audio = None if track is None else AudioTrack(**{**vars(track), "file": str(track.file)})
+        return cls(name, tuple(piece for piece in pieces if piece.frames), str(film.rate), audio)
 
     def as_data(self) -> dict[str, Any]:
-        heard = None if self.heard is None else asdict(self.heard)
+        audio = None if self.audio is None else asdict(self.audio)
         pieces = [asdict(piece) for piece in self.pieces]
-        return {"name": self.name, "pieces": pieces, "rate": self.rate, "heard": heard}
+        return {"name": self.name, "pieces": pieces, "rate": self.rate, "heard": audio}
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> Cut:
-        heard = None if data["heard"] is None else Heard(**data["heard"])
-        return cls(data["name"], tuple(Piece(**piece) for piece in data["pieces"]), data["rate"], heard)
+    def from_data(cls, data: Mapping[str, Any]) -> Edit:
+        audio = None if data["heard"] is None else AudioTrack(**data["heard"])
+        return cls(data["name"], tuple(EditItem(**piece) for piece in data["pieces"]), data["rate"], audio)
 
     @property
     def frame_rate(self) -> FrameRate:
@@ -142,7 +142,7 @@ class Cut:
             FILM.recipe,
             [asdict(piece) for piece in self.pieces],
             self.rate,
-            None if self.heard is None else self.heard.content,
+            None if self.audio is None else self.audio.content,
             list(frame_keys),
             list(shown_as),
             movie_bits(quality_name),

@@ -11,11 +11,11 @@ from pipeline.production.request.cameras import CameraFile
 from pipeline.production.store.store import Store
 
 if TYPE_CHECKING:
-    from pipeline.production.request.render_request import Take
+    from pipeline.production.request.render_request import RenderRequest
 
 
 @dataclass(frozen=True)
-class PictureKeys:
+class FrameKeys:
     """Of what was rendered, and of what was made of it with what was rendered of the pictures in `window`."""
 
     raw: Key
@@ -23,34 +23,34 @@ class PictureKeys:
     window: tuple[int, ...]
 
 
-class Keyring(Mapping[int, PictureKeys]):
+class PictureKeys(Mapping[int, FrameKeys]):
     """The keys of a take's pictures, each found when it is asked for: most runs are about few of them.
 
     Those of what is rendered are looked up in the ledger first, and `note` notes those that it lacks.
     """
 
-    def __init__(self, take: Take, store: Store, cameras: CameraFile) -> None:
-        self._take, self._store, self._cameras = take, store, cameras
-        self._ledger = take.script.ledger
-        self._asked_for = set(take.requested)
+    def __init__(self, request: RenderRequest, store: Store, cameras: CameraFile) -> None:
+        self._take, self._store, self._cameras = request, store, cameras
+        self._ledger = request.source.ledger
+        self._asked_for = set(request.requested)
         known = None if self._ledger is None else self._ledger.recall(*self._found_from)
         self._raws: dict[int, Key] = {int(number): key for number, key in (known or {}).items()}
         self._noted = len(self._raws)
-        self._found: dict[int, PictureKeys] = {}
+        self._found: dict[int, FrameKeys] = {}
 
-    def __getitem__(self, number: int) -> PictureKeys:
+    def __getitem__(self, number: int) -> FrameKeys:
         if number not in self._found:
             window = self._take.window(number, self._is_there)
             around = [self._raw(n) for n in window] if len(window) > 1 else []
             raw = self._raw(number)
-            self._found[number] = PictureKeys(raw, self._take.frame_key(raw, around), window)
+            self._found[number] = FrameKeys(raw, self._take.frame_key(raw, around), window)
         return self._found[number]
 
     def __iter__(self) -> Iterator[int]:
-        return iter(self._take.poses)
+        return iter(self._take.angles)
 
     def __len__(self) -> int:
-        return len(self._take.poses)
+        return len(self._take.angles)
 
     def note(self) -> None:
         """Remember what was found beyond what the ledger knew."""
@@ -66,7 +66,7 @@ class Keyring(Mapping[int, PictureKeys]):
         """Whether a picture was asked for, or was rendered before."""
         if number in self._asked_for:
             return True
-        return number in self._take.poses and self._store.holds("raw", self._raw(number))
+        return number in self._take.angles and self._store.holds("raw", self._raw(number))
 
     def _raw(self, number: int) -> Key:
         if number not in self._raws:

@@ -31,7 +31,7 @@ KEPT_SECONDS = 60 * 24 * 3600.0
 
 
 @dataclass(frozen=True)
-class Ledger:
+class PlanningCache:
     """The ledger of a root folder."""
 
     root: Path

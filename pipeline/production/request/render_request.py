@@ -14,7 +14,7 @@ from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.keys.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, STAGES, STILLS
 from pipeline.production.request.cameras import CameraFile
 from pipeline.production.request.edit import movie_bits
-from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.picture_keys import PictureKeys
 from pipeline.production.request.showing import Showing
 from pipeline.production.store.store import Store
 from render.base.serialise import from_plain, to_plain
@@ -28,14 +28,14 @@ FORMS = tuple(stage.name for stage in STILLS)
 
 
 @dataclass(frozen=True)
-class Take(Showing):
+class RenderRequest(Showing):
     """The pictures of one shot at one quality, rendered by one variant: keys, each made of the one before."""
 
     def mesh_key(self, number: int) -> Key:
-        return self.script.outline.meshes[number]
+        return self.source.summary.meshes[number]
 
     def normals_key(self, number: int) -> Key:
-        return self.script.outline.normals[number]
+        return self.source.summary.normals[number]
 
     @property
     def cameras_key(self) -> Key:
@@ -45,18 +45,18 @@ class Take(Showing):
     def _settled(self) -> Mapping[str, Any]:
         """What planning asks of it: the key of its cameras, its quality, how far pictures take light from
         others, which of them follow the flow and need their meshes."""
-        ledger = self.script.ledger
-        found_from = "take", self.identity
+        ledger = self.source.ledger
+        found_from = "request", self.identity
         known = None if ledger is None else ledger.recall(*found_from)
         if known is None:
-            follow_flow = [n for n in self.poses if self.goes_by_flow(n)]
+            follow_flow = [n for n in self.angles if self.goes_by_flow(n)]
             known = {
                 "cameras": self._cameras_key(),
                 "reach": self.steadied_over,
                 "quality": to_plain(self.quality_of_shot),
-                "precision": [list(layer) for layer in self.shot.picture.layers.precision],
+                "precision": [list(layer) for layer in self.shot.picture.aovs.precision],
                 "follow_flow": follow_flow,
-                "need_mesh": follow_flow if self.shot.picture.dicing is None else list(self.poses),
+                "need_mesh": follow_flow if self.shot.picture.dicing is None else list(self.angles),
             }
             if ledger is not None:
                 ledger.note(known, *found_from)
@@ -69,10 +69,10 @@ class Take(Showing):
     @cached_property
     def identity(self) -> Key:
         """Of all that decides the take's keys, but for what code does."""
-        outline = self.script.outline
+        summary = self.source.summary
         data = {**self.as_data(), "requested": None}
-        data["script"] = {**data["script"], "pins": outline.pins}
-        return key_of(data, outline.meshes, outline.normals)
+        data["script"] = {**data["script"], "pins": summary.pins}
+        return key_of(data, summary.meshes, summary.normals)
 
     @property
     def quality(self) -> Quality:
@@ -108,11 +108,11 @@ class Take(Showing):
         return number in self._settled["need_mesh"]
 
     def _cameras_key(self) -> Key:
-        shown = sorted({pose.mesh for pose in self.poses.values()})
+        shown = sorted({angle.mesh for angle in self.angles.values()})
         return key_of(
             FRAME_CAMERA.recipe,
             [self.mesh_key(n) for n in shown],
-            [[n, pose.mesh, pose.spin, self.view(n)] for n, pose in self.poses.items()],
+            [[n, angle.mesh, angle.spin, self.view(n)] for n, angle in self.angles.items()],
             self.aspect,
             self.follow,
             self.net_pieces,
@@ -121,7 +121,7 @@ class Take(Showing):
 
     def framings(self, store: Store) -> CameraFile | None:
         """Every picture's camera and stage, where the store has them."""
-        return CameraFile.of(store, self.cameras_key, self.poses)
+        return CameraFile.of(store, self.cameras_key, self.angles)
 
     def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
         """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
@@ -145,7 +145,7 @@ class Take(Showing):
         from pipeline.production.render_inputs.motion import STEP, flow_cache_data
         from render.scene.measure import SPEED
 
-        return [[SPEED, flow_cache_data(self.shot.motion, self.poses[number].mesh, (-STEP, STEP))]]
+        return [[SPEED, flow_cache_data(self.shot.motion, self.angles[number].mesh, (-STEP, STEP))]]
 
     @cached_property
     def _appearance(self) -> Key:
@@ -161,11 +161,11 @@ class Take(Showing):
         )
 
     def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
-        pose = self.poses[number]
+        angle = self.angles[number]
         return key_of(
             RENDER.recipe,
-            self.normals_key(pose.mesh),
-            [pose.spin, pose.lights] if pose.lights else pose.spin,
+            self.normals_key(angle.mesh),
+            [angle.spin, angle.lights] if angle.lights else angle.spin,
             framings[number].as_data(),
             self._appearance,
             self.seed(number),
@@ -177,10 +177,10 @@ class Take(Showing):
         """Of a finished picture; `around` are the raw ones whose light it takes in, if any."""
         return key_of(FINISH.recipe, raw, self.quality.denoise, around)
 
-    def picture_keys(self, store: Store) -> Keyring | None:
+    def picture_keys(self, store: Store) -> PictureKeys | None:
         """The keys of the pictures of the take, once its cameras are known."""
         cameras = self.framings(store)
-        return None if cameras is None else Keyring(self, store, cameras)
+        return None if cameras is None else PictureKeys(self, store, cameras)
 
     def seed(self, number: int) -> int:
         from render.frame.sample_batches import seed_of
@@ -190,7 +190,7 @@ class Take(Showing):
     @property
     def shown_as(self) -> Mapping[str, Any]:
         """Plain data of what is between the light of its pictures and a display."""
-        return self.script.outline.shown_as
+        return self.source.summary.shown_as
 
     def still_key(self, form: str, frame_key: Key) -> Key:
         return key_of(STAGES[form].recipe, frame_key, self.shown_as)
@@ -199,7 +199,7 @@ class Take(Showing):
         return key_of(
             ASSEMBLE.recipe,
             frame_keys,
-            self.script.outline.rate,
+            self.source.summary.rate,
             self.shown_as,
             movie_bits(self.quality_name),
         )

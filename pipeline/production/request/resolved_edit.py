@@ -12,35 +12,35 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.request.edit import Cut
-from pipeline.production.request.planning_cache import Ledger
-from pipeline.production.request.shot_summary import Outline
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.shot_summary import ShotSummary
 
 if TYPE_CHECKING:
     from pipeline.shot import Film
 
-OutlineOf = Callable[[Path], Outline]
+OutlineOf = Callable[[Path], ShotSummary]
 """What a shot file is, as planning sees it."""
 
 
 @dataclass(frozen=True)
-class Montage:
+class ResolvedEdit:
     """A film's cut, and its clips in order.
 
     clips  of each the shot file, its place in full, and the frames that are shown
     shots  of each clip the frames and the rate of its shot, which are all that an edit goes by
     """
 
-    cut: Cut
+    edit: Edit
     clips: tuple[tuple[Path, tuple[int, ...]], ...]
     shots: tuple[tuple[tuple[int, ...], str], ...]
 
     @classmethod
-    def of(cls, film: Film, name: str) -> Montage:
+    def of(cls, film: Film, name: str) -> ResolvedEdit:
         clips = [(clip.shot.path, clip.frames.numbers) for clip in film.clips]
         shots = [(clip.shot.frames.numbers, str(clip.shot.rate)) for clip in film.clips]
         return cls(
-            Cut.of(film, name),
+            Edit.of(film, name),
             tuple((path.absolute(), frames) for path, frames in clips if path is not None),
             tuple(shots),
         )
@@ -49,25 +49,27 @@ class Montage:
         """Whether its shots, and its sound, are still what it goes by. Raises what reading a shot raises."""
         outlines = (outline_of(path) for path, _ in self.clips)
         same = all((each.frames, each.rate) == shot for each, shot in zip(outlines, self.shots, strict=True))
-        return same and (self.cut.heard is None or self.cut.heard.is_unchanged)
+        return same and (self.edit.audio is None or self.edit.audio.is_unchanged)
 
     def as_data(self) -> dict[str, Any]:
         return {
-            "cut": self.cut.as_data(),
+            "cut": self.edit.as_data(),
             "clips": [[str(path), frames] for path, frames in self.clips],
             "shots": self.shots,
         }
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> Montage:
+    def from_data(cls, data: Mapping[str, Any]) -> ResolvedEdit:
         return cls(
-            Cut.from_data(data["cut"]),
+            Edit.from_data(data["cut"]),
             tuple((Path(path), tuple(frames)) for path, frames in data["clips"]),
             tuple((tuple(frames), rate) for frames, rate in data["shots"]),
         )
 
 
-def edited(path: Path, settings: tuple[str, ...], ledger: Ledger, outline_of: OutlineOf) -> Montage:
+def edited(
+    path: Path, settings: tuple[str, ...], ledger: PlanningCache, outline_of: OutlineOf
+) -> ResolvedEdit:
     """What the edit at `path` shows, with settings in its shots.
 
     Raises what `read_film` raises.
@@ -76,13 +78,13 @@ def edited(path: Path, settings: tuple[str, ...], ledger: Ledger, outline_of: Ou
     found_from = "film", text, str(path.absolute()), settings
     known = None if text is None else ledger.recall(*found_from)
     if known is not None:
-        montage = Montage.from_data(known)
+        montage = ResolvedEdit.from_data(known)
         with suppress(FlowsculptError):  # all that is wrong is told where all is read
             if montage.holds(outline_of):
                 return montage
     from pipeline.shot import read_film
 
-    montage = Montage.of(read_film(path, settings, text), path.stem)
+    montage = ResolvedEdit.of(read_film(path, settings, text), path.stem)
     ledger.note(montage.as_data(), *found_from)
     return montage
 

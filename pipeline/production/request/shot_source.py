@@ -9,16 +9,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.request.input_digests import Pins, pins_of, require_same, require_unchanged
-from pipeline.production.request.planning_cache import Ledger
-from pipeline.production.request.shot_summary import Outline, can_be_remembered
+from pipeline.production.request.input_digests import InputDigests, pins_of, require_same, require_unchanged
+from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.shot_summary import ShotSummary, can_be_remembered
 
 if TYPE_CHECKING:
     from pipeline.shot import Shot
 
 
 @dataclass(frozen=True)
-class Script:
+class ShotSource:
     """What a shot is read from, in every process alike.
 
     text, path  the shot file, and where it lies
@@ -34,8 +34,8 @@ class Script:
     settings: tuple[str, ...] = ()
     beside: tuple[tuple[str, str], ...] = ()
     allow_code: bool = False
-    pins: Pins | None = None
-    ledger: Ledger | None = field(default=None, compare=False, repr=False)
+    pins: InputDigests | None = None
+    ledger: PlanningCache | None = field(default=None, compare=False, repr=False)
 
     def as_data(self) -> dict[str, Any]:
         return {
@@ -48,7 +48,7 @@ class Script:
         }
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any], ledger: Ledger | None = None) -> Script:
+    def from_data(cls, data: Mapping[str, Any], ledger: PlanningCache | None = None) -> ShotSource:
         return cls(
             text=data["text"],
             path=Path(data["path"]),
@@ -78,14 +78,14 @@ class Script:
             require_same(self.pins, pins_of(shot.files))
         return shot
 
-    def pinned(self) -> Script:
+    def pinned(self) -> ShotSource:
         """The same with the files pinned that its shot has read."""
-        found = replace(self, pins=self.outline.pins)
+        found = replace(self, pins=self.summary.pins)
         vars(found).update({name: value for name, value in vars(self).items() if name in ("outline", "shot")})
         return found
 
     @cached_property
-    def outline(self) -> Outline:
+    def summary(self) -> ShotSummary:
         """What planning asks of the shot, which is read only where the ledger does not tell it.
 
         Raises what `shot` raises.
@@ -93,18 +93,18 @@ class Script:
         known = self._remembered()
         if known is not None:
             return known
-        outline = Outline.of(self.shot)
+        summary = ShotSummary.of(self.shot)
         if self.ledger is not None and can_be_remembered(self.shot):
-            self.ledger.note(outline.as_data(), *self._read_from)
-        return outline
+            self.ledger.note(summary.as_data(), *self._read_from)
+        return summary
 
-    def _remembered(self) -> Outline | None:
+    def _remembered(self) -> ShotSummary | None:
         """Nothing where a file was changed since, or is not the one that the work was planned for: then the
         shot is read, and whatever is wrong told."""
         data = None if self.ledger is None else self.ledger.recall(*self._read_from)
         if data is None:
             return None
-        known = Outline.from_data(data)
+        known = ShotSummary.from_data(data)
         return known if self.pins in (None, known.pins) and known.holds else None
 
     @property

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.request.input_digests import Pins, are_unchanged, pins_of
+from pipeline.production.request.input_digests import InputDigests, are_unchanged, pins_of
 from pipeline.production.store.paths import STATE
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True)
-class Outline:
+class ShotSummary:
     """A shot as planning sees it.
 
     pins             the files that it reads, and what they held
@@ -26,7 +26,7 @@ class Outline:
     meshes, normals  keys by frame
     """
 
-    pins: Pins
+    pins: InputDigests
     listings: tuple[tuple[str, Key], ...]
     runs_python: bool
     frames: tuple[int, ...]
@@ -36,7 +36,7 @@ class Outline:
     normals: Mapping[int, Key]
 
     @classmethod
-    def of(cls, shot: Shot) -> Outline:
+    def of(cls, shot: Shot) -> ShotSummary:
         from pipeline.flow.python_file import python_flows
         from pipeline.production.keys.mesh_keys import mesh_keys, normals_keys
 
@@ -47,7 +47,7 @@ class Outline:
             runs_python=any(True for _ in python_flows(shot.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
-            shown_as=shot.picture.shown_as(),
+            shown_as=shot.picture.display_data(),
             meshes=meshes,
             normals=normals_keys(shot, meshes),
         )
@@ -61,7 +61,7 @@ class Outline:
         return dict(vars(self))
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> Outline:
+    def from_data(cls, data: Mapping[str, Any]) -> ShotSummary:
         return cls(
             pins=_pairs(data["pins"]),
             listings=_pairs(data["listings"]),
@@ -87,7 +87,7 @@ def _numbered(data: Mapping[str, Key]) -> dict[int, Key]:
     return {int(number): key for number, key in data.items()}
 
 
-def _listings(pins: Pins) -> tuple[tuple[str, Key], ...]:
+def _listings(pins: InputDigests) -> tuple[tuple[str, Key], ...]:
     folders = sorted({str(Path(path).parent) for path, _ in pins})
     return tuple((folder, _names_in(folder)) for folder in folders)
 

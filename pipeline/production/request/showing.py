@@ -10,16 +10,16 @@ from typing import TYPE_CHECKING, Any, Self
 
 from pipeline.frames import FrameRange
 from pipeline.production.request.crop_and_scale import base_of, quality_named
-from pipeline.production.request.shot_source import Script
-from pipeline.production.request.turntable import Pose, Turntable, framed_whole
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
 from pipeline.production.store.paths import Folders
 
 if TYPE_CHECKING:
-    from pipeline.production.request.planning_cache import Ledger
+    from pipeline.production.request.planning_cache import PlanningCache
     from pipeline.resample import Thresholds
     from pipeline.shot import Clock, Shot
     from pipeline.shot.camera import View
-    from pipeline.shot.shutter import PictureLayers
+    from pipeline.shot.shot import AovSelection
     from render.scene.quality import Quality
 
 
@@ -32,7 +32,7 @@ class Showing:
     home       the folder of its files, where it is not the shot's own; their names and seeds are the same
     """
 
-    script: Script
+    source: ShotSource
     quality_name: str
     variant: str
     requested: tuple[int, ...]
@@ -41,7 +41,7 @@ class Showing:
 
     def as_data(self) -> dict[str, Any]:
         return {
-            "script": self.script.as_data(),
+            "script": self.source.as_data(),
             "quality": self.quality_name,
             "variant": self.variant,
             "requested": list(self.requested),
@@ -50,9 +50,9 @@ class Showing:
         }
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any], ledger: Ledger | None = None) -> Self:
+    def from_data(cls, data: Mapping[str, Any], ledger: PlanningCache | None = None) -> Self:
         return cls(
-            script=Script.from_data(data["script"], ledger),
+            source=ShotSource.from_data(data["script"], ledger),
             quality_name=data["quality"],
             variant=data["variant"],
             requested=tuple(data["requested"]),
@@ -62,13 +62,13 @@ class Showing:
 
     @property
     def shot(self) -> Shot:
-        """Raises what `Script.shot` raises."""
-        return self.script.shot
+        """Raises what `ShotSource.shot` raises."""
+        return self.source.shot
 
     @property
     def name(self) -> str:
         """The shot's, which is known without reading it."""
-        return self.script.name
+        return self.source.name
 
     @cached_property
     def quality_of_shot(self) -> Quality:
@@ -118,20 +118,20 @@ class Showing:
         return f"{self.folders.name}_{self.quality_name}" + ("_turntable" if self.turntable else "")
 
     @cached_property
-    def poses(self) -> dict[int, Pose]:
+    def angles(self) -> dict[int, TurntableAngle]:
         """By picture number, all that the take could show."""
         if self.turntable is None:
-            return {number: Pose(number) for number in self.script.outline.frames}
-        return self.turntable.poses()
+            return {number: TurntableAngle(number) for number in self.source.summary.frames}
+        return self.turntable.angles()
 
     def whole(self) -> Self:
         """The same with every picture asked for."""
-        return replace(self, requested=tuple(self.poses))
+        return replace(self, requested=tuple(self.angles))
 
     @property
     def is_whole(self) -> bool:
         """Whether every picture of the take was asked for."""
-        return set(self.requested) == set(self.poses)
+        return set(self.requested) == set(self.angles)
 
     @property
     def movie_path(self) -> Path:
@@ -159,7 +159,7 @@ class Showing:
 
     def view(self, number: int) -> View:
         """From where a picture is seen; a turntable stands still, and its stage needs an object in frame."""
-        view = self.shot.picture.camera.at(self._clock.time(self.poses[number].mesh))
+        view = self.shot.picture.camera.at(self._clock.time(self.angles[number].mesh))
         if self.turntable is None or self.shot.picture.stage.kind != "turntable":
             return view
         return framed_whole(view)
@@ -181,14 +181,14 @@ class Showing:
         return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.temporal_denoise
 
     @cached_property
-    def layers(self) -> PictureLayers:
+    def layers(self) -> AovSelection:
         """Those that the shot asks for, and those that following its pixels to other frames takes."""
-        asked = self.shot.picture.layers
-        return asked.with_("before", "after") if self.steadied_over else asked
+        asked = self.shot.picture.aovs
+        return asked.adding("before", "after") if self.steadied_over else asked
 
     def open_at(self, number: int) -> tuple[float, float] | None:
         """When the shutter opens for a picture and closes, in frames from its moment; None: it shows one."""
-        return self.shot.picture.shutter.open_at(self._clock.time(self.poses[number].mesh))
+        return self.shot.picture.shutter.open_at(self._clock.time(self.angles[number].mesh))
 
     def moments_beside(self, number: int) -> tuple[float, ...]:
         """How far a picture looks beyond its own moment, in frames, each way or none."""

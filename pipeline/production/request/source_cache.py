@@ -7,23 +7,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot.yaml.lookup import DEFAULTS
 
 
 @dataclass(frozen=True)
-class Texts:
+class SourceCache:
     """Shot files and those that they rest on, each read once: all of a run goes by one text of each, however
     it is edited meanwhile."""
 
     _own: dict[Path, str] = field(default_factory=dict)
     _beside: dict[Path, dict[str, str]] = field(default_factory=dict)
 
-    def script(self, path: Path, settings: tuple[str, ...], allow_code: bool) -> Script:
+    def source(self, path: Path, settings: tuple[str, ...], allow_code: bool) -> ShotSource:
         """Of the shot file at `path`, its place in full. Raises MissingInputError or UsageError."""
         text = self._own.get(path) or self._own.setdefault(path, _text(path))
-        beside = self._beside.get(path) or self._beside.setdefault(path, _rests_on(path, text))
-        return Script(text, path, settings, tuple(beside.items()), allow_code)
+        beside = self._beside.get(path) or self._beside.setdefault(path, _inherited_files(path, text))
+        return ShotSource(text, path, settings, tuple(beside.items()), allow_code)
 
     def put(self, path: Path, text: str) -> None:
         """A text, as if it stood there."""
@@ -43,12 +43,12 @@ def shot_around(mesh: Path) -> str:
     return json.dumps(shot, ensure_ascii=False)  # JSON is YAML, quotes and all
 
 
-def _rests_on(path: Path, text: str) -> dict[str, str]:
+def _inherited_files(path: Path, text: str) -> dict[str, str]:
     """The text of all other files that a shot is made of, by their names; most rest on no shot."""
     if "extends" in text:
-        from pipeline.shot.yaml.inheritance import rests_on
+        from pipeline.shot.yaml.inheritance import inherited_files
 
-        return rests_on(path, text)
+        return inherited_files(path, text)
     defaults = path.with_name(DEFAULTS)
     try:
         return {DEFAULTS: defaults.read_text(encoding="utf-8")}

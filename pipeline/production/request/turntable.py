@@ -19,7 +19,7 @@ widest lens it is seen by: what is near a wider one would hide them."""
 
 
 @dataclass(frozen=True)
-class Pose:
+class TurntableAngle:
     """What one picture shows: a mesh frame, turned about the vertical by `spin` radians.
 
     lights  how far what shines is turned about it, radians the same way
@@ -52,11 +52,11 @@ class Turntable:
         first = 1 + TURNS.index(turn) * self.frames
         return range(first, first + self.frames)
 
-    def poses(self) -> dict[int, Pose]:
+    def angles(self) -> dict[int, TurntableAngle]:
         """By number, all pictures."""
         angles = [2.0 * math.pi * i / self.frames for i in range(self.frames)]
-        turned = [Pose(self.at, spin=angle) for angle in angles]
-        lit = [Pose(self.at, lights=angle) for angle in angles]
+        turned = [TurntableAngle(self.at, spin=angle) for angle in angles]
+        lit = [TurntableAngle(self.at, lights=angle) for angle in angles]
         return dict(enumerate(turned + lit, start=1))
 
     def step(self, number: int) -> float:

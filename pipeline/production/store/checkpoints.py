@@ -1,20 +1,20 @@
-"""Half-done pictures: what their passes have found, kept beside the store until they are done.
+"""Checkpoints of pictures: their sums of samples, kept beside the store until the pictures are done.
 
-A file is called after the picture and its key, so that what was begun for another look, camera or code is
-never gone on with. It is removed when its picture is done, when another is begun in its place, and a week
-after it was written.
+A file is named after the picture and its key, so a checkpoint of another look, camera or version is never
+resumed. It goes when its picture is done, when another picture is begun in its place, and a week after it was
+written.
 """
 
 from __future__ import annotations
 
 import contextlib
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.production.keys.digest import Key
-from pipeline.production.store.paths import HALVES
+from pipeline.production.store.paths import CHECKPOINTS
 from pipeline.production.store.store import Store
 
 if TYPE_CHECKING:
@@ -25,24 +25,25 @@ KEPT_SECONDS = 7 * 24 * 3600.0
 _SUFFIX = ".npz"
 
 
-def begun(
+def checkpoint_of(
     store: Store, target: Path, key: Key, warn: Callable[[str], None], urgent: Callable[[], bool]
 ) -> Checkpoint:
-    """Where the picture of `key`, to be shown at `target`, is kept while it is rendered. What was kept there
-    of others is removed.
+    """Return the checkpoint of the picture of `key`, which is shown at `target`; remove those of other keys.
 
     warn, urgent  see `Checkpoint`
     """
     from render.frame.checkpoint import Checkpoint
 
-    path = store.root / HALVES / f"{_name(target)}.{key}{_SUFFIX}"
+    path = store.root / CHECKPOINTS / f"{_name(target)}.{key}{_SUFFIX}"
     _remove(other for other in _all(store.root) if _is_of(other, target) and other != path)
     return Checkpoint(path, store.draft(_SUFFIX), warn, urgent)
 
 
 def sweep(store: Store) -> None:
-    """Remove what was kept of pictures that the store holds by now, or nobody came back to. Only whoever
-    holds the root's lock may call this."""
+    """Remove checkpoints of pictures that the store holds by now, and old ones.
+
+    Only the holder of the root's lock may call this.
+    """
     oldest = time.time() - KEPT_SECONDS
     for path in _all(store.root):
         with contextlib.suppress(OSError):
@@ -51,16 +52,16 @@ def sweep(store: Store) -> None:
 
 
 def forget(root: Path, targets: Iterable[Path]) -> None:
-    """Remove what was kept of pictures that are shown at `targets` now, whatever their keys were."""
+    """Remove the checkpoints of pictures that are shown at `targets` now, whatever their keys are."""
     kept = list(_all(root))
     if kept:
         _remove(path for target in targets for path in kept if _is_of(path, target))
         with contextlib.suppress(OSError):
-            (root / HALVES).rmdir()
+            (root / CHECKPOINTS).rmdir()
 
 
 def _name(target: Path) -> str:
-    """`renders/A010/final/raw/A010.0040.exr` as one word."""
+    """Return `renders/A010/final/raw/A010.0040.exr` as one word."""
     return "+".join(target.with_suffix("").parts[1:])
 
 
@@ -68,8 +69,8 @@ def _is_of(path: Path, target: Path) -> bool:
     return path.stem.rpartition(".")[0] == _name(target)
 
 
-def _all(root: Path) -> Iterator[Path]:
-    yield from sorted((root / HALVES).glob(f"*{_SUFFIX}"))
+def _all(root: Path) -> list[Path]:
+    return sorted((root / CHECKPOINTS).glob(f"*{_SUFFIX}"))
 
 
 def _remove(paths: Iterable[Path]) -> None:

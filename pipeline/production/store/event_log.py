@@ -1,13 +1,19 @@
 """The event log: one JSON object a line, appended by every task, read by whoever shows progress.
 
 A line is written with one `write` on a descriptor opened for appending, so lines of several processes
-never mix. Network file systems promise that for one host only, so every other host of a farm has a log of its
-own beside, `<plan>.<host>.jsonl`. Events: `run`, with its cores, and `ran`; `begin`, with its threads, its
-process and host, `end` and `fail` of a job; `start` of a frame, `pass` of a picture, and `frame` once it is
-there, with the seconds it took and whether the store had it already; `healed` for what is made again; `warn`
-for what a frame was made in spite of; `resumed` for a frame that goes on from its last pass; `renewed` for a
-rendering process replaced by a fresh one; `hung` and `killed` for a job that went silent and was ended, and
-for one that something else ended.
+never mix. Network file systems promise that for one host only, so every other host of a farm has its own log,
+`<plan>.<host>.jsonl`.
+
+run, ran       a run begins, with its cores, and ends
+begin, end     of a job, with its threads, process and host
+fail           of a job or a frame
+start, frame   of a frame; once it is there, the seconds it took and `found`: the store had it already
+pass           a sample batch of a picture is done
+healed         a damaged file is made again
+warn           a frame was made in spite of something
+resumed        a frame goes on from its checkpoint
+renewed        a renderer was replaced by a fresh one
+hung, killed   a job was ended since it went silent; something else ended it
 """
 
 from __future__ import annotations
@@ -28,7 +34,7 @@ Event = dict[str, Any]
 
 @dataclass
 class EventLog:
-    """The log of one run, to append to."""
+    """Appends to the log of one run."""
 
     path: Path
     job: str = ""
@@ -46,24 +52,26 @@ class EventLog:
 
 @dataclass
 class EventReader:
-    """Reads a log that is being written, and those of other hosts, from where the last reading ended."""
+    """Reads the new events of a log that is being written, and of the logs of other hosts."""
 
     path: Path
     _offsets: dict[Path, int] = field(default_factory=dict, init=False)
 
     def skip(self) -> None:
-        """Leave out what was told until now."""
+        """Skip all events until now."""
         self._offsets = {path: path.stat().st_size for path in self._logs()}
 
     def new(self, saying: str = "") -> Iterator[Event]:
-        """Those told since the last reading; `saying` leaves out all that do not have it for a value, and
-        need not take them apart: jobs of a long run look for a few of very many."""
+        """Yield the events since the last reading.
+
+        saying  skip lines without this string as a value before parsing them; logs can be long
+        """
         sought = json.dumps(saying).encode() if saying else b""
         for path in self._logs():
             yield from self._new_in(path, sought)
 
     def _logs(self) -> list[Path]:
-        """That of the host where the plan was made, and of others."""
+        """Return the log of the host that made the plan, and those of other hosts."""
         return sorted(self.path.parent.glob(f"{self.path.stem}.*jsonl"))
 
     def _new_in(self, path: Path, sought: bytes) -> Iterator[Event]:
@@ -79,5 +87,5 @@ class EventReader:
 
 
 def logs_of(root: Path) -> list[Path]:
-    """The log of every run under a root, the latest last; those of other hosts belong to them."""
+    """Return the log of every run under a root, the latest last, without those of other hosts."""
     return sorted(path for path in (root / EVENTS).glob("*.jsonl") if "." not in path.stem)

@@ -1,4 +1,4 @@
-"""Where things lie under the root, as paths relative to it."""
+"""Paths of files and folders, relative to the root."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ PLANS = STATE / "plans"
 EVENTS = STATE / "events"
 LOGS = STATE / "logs"
 MARKS = STATE / "jobs"
-"""Of jobs that are done while a run lasts: what Snakemake goes by."""
-HALVES = STATE / "half"
+"""Marks of the jobs that a run has done, by which Snakemake goes on."""
+CHECKPOINTS = STATE / "checkpoints"
 PUBLISHED = Path("renders") / "published"
 
 _KINDS = {
@@ -25,15 +25,15 @@ _KINDS = {
     "jpeg": ("{}/jpeg", ".jpg"),
     "statistics": ("{}/statistics", ".json"),
 }
-"""In which folder of a sequence its files of a kind lie, of pictures below that of their quality."""
+"""Folder and suffix of numbered files by kind; pictures lie in the folder of their quality."""
 
 
 @dataclass(frozen=True)
 class Folders:
-    """The folders of one sequence of frames: a shot's, or a turntable's.
+    """The folders of one sequence of frames, of a shot or a turntable.
 
-    home      renders/<shot>, or renders/turntable/<name>
-    name      what files are called before the frame number
+    home  renders/<shot>, or renders/turntable/<name>
+    name  the part of file names before the frame number
     """
 
     home: Path
@@ -45,14 +45,14 @@ class Folders:
 
     @classmethod
     def of_turntable(cls, name: str, look: str | None = None) -> Folders:
-        """Those of one of several looks lie in its folder."""
+        """Return the folders of a turntable; one of several looks has a folder of its own."""
         home = Path("renders") / "turntable" / name
         return cls(home / look if look else home, name)
 
     def numbered(self, kind: str, quality: str, numbers: Iterable[int]) -> list[str]:
-        """Files of a kind, one a number; `quality` is that of pictures.
+        """Return the paths of numbered files of a kind; `quality` matters for pictures only.
 
-        As text: a plan names so many that making paths would take it longer than all else.
+        They are strings: a plan names so many that making Path objects would take most of its time.
         """
         within, suffix = _KINDS[kind]
         begin = f"{self.home}/{within.format(quality)}/{self.name}."
@@ -77,29 +77,29 @@ class Folders:
         return self._one("frame", quality, number)
 
     def statistics(self, quality: str, number: int) -> Path:
-        """What rendering a picture took: not the same twice, and so beside the picture and not in it."""
+        """The timings of a picture. They differ between runs, so they lie beside the picture."""
         return self._one("statistics", quality, number)
 
     def movie(self, quality: str, frames: str | None = None) -> Path:
-        """The film of all frames, or of a range: `<shot>.10-20x2.mp4`."""
+        """The movie of all frames, or of a range: `<shot>.10-20x2.mp4`."""
         return self.home / quality / (f"{self.name}.{frames}.mp4" if frames else f"{self.name}.mp4")
 
 
 def film(quality: str, name: str) -> Path:
-    """The film of an edit, which is called as the edit is."""
+    """The film of an edit; it is named like the edit."""
     return Path("renders") / "film" / quality / f"{name}.mp4"
 
 
 def published(name: str) -> Path:
-    """Where the versions of a shot are frozen."""
+    """The folder of a shot's published versions."""
     return PUBLISHED / name
 
 
 def repeated(name: str, version: str) -> Path:
-    """The root of its own in which a published version is made again."""
+    """The root in which a published version is made again."""
     return Path("renders") / "repeated" / f"{name}.{version}"
 
 
 def wedge(name: str) -> Path:
-    """Where the cells of a shot's wedges lie, and their sheets."""
+    """The folder of a shot's wedges: cells and sheets."""
     return Path("renders") / "wedge" / name

@@ -1,8 +1,9 @@
-"""What is read back from the store: whole, finite, and what its name says it is."""
+"""Read stored files back: whole, finite, and holding what their key promises."""
 
 from __future__ import annotations
 
 import math
+import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,7 +13,6 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, UsageError
 from pipeline.production.keys.digest import Key
-from pipeline.production.store.npz import read_npz
 from pipeline.production.store.store import CorruptFileError
 from render.frame.rendered_frame import RenderedFrame
 from render.post.image import read_exr
@@ -23,21 +23,21 @@ if TYPE_CHECKING:
 Size = tuple[int, int]
 """Width and height in pixels."""
 
-_USED = {"beauty", "albedo", "normal", "position", "matte", "before", "after"}
+_FINITE = {"beauty", "albedo", "normal", "position", "matte", "before", "after"}
 """The layers that finished pictures are made of."""
 
 
 def picture(key: Key, size: Size | None = None) -> Callable[[Path], tuple[RenderedFrame, dict[str, Any]]]:
-    """Reads the picture of a key: its layers, and its header. Its size is looked at where one is given."""
+    """Return a reader of the picture of `key`: layers and header; check its size if one is given."""
 
     def read(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
         layers, header = read_exr(path)
         _require_key(path, header.get("key"), key)
         if size is not None and layers.size != size:
-            raise CorruptFileError(f"{path}: {layers.size[0]} × {layers.size[1]} pixels, not {_times(size)}")
-        for name in _USED & layers.arrays.keys():
-            pixels = layers[name]
-            if not math.isfinite(float(pixels.sum(dtype=np.float64))):
+            width, height = layers.size
+            raise CorruptFileError(f"{path}: {width} × {height} pixels, not {size[0]} × {size[1]}")
+        for name in _FINITE & layers.arrays.keys():
+            if not math.isfinite(float(layers[name].sum(dtype=np.float64))):
                 raise CorruptFileError(f"{path}: not all of its layer {name} is finite")
         return layers, header
 
@@ -45,18 +45,18 @@ def picture(key: Key, size: Size | None = None) -> Callable[[Path], tuple[Render
 
 
 def arrays(key: Key) -> Callable[[Path], dict[str, AnyArray]]:
-    """Reads the arrays of a key, which are written by `keyed`."""
+    """Return a reader of the arrays of `key`, as `with_key` marks them."""
 
     def read(path: Path) -> dict[str, AnyArray]:
-        found = read_npz(path)
-        _require_key(path, str(found.get("key")), key)
-        return found
+        named = read_npz(path)
+        _require_key(path, str(named.get("key")), key)
+        return named
 
     return read
 
 
 def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
-    """Reads the mesh frame of a key."""
+    """Return a reader of the mesh frame of `key`."""
     from pipeline.animation import MeshFrame
 
     def read(path: Path) -> MeshFrame:
@@ -68,15 +68,25 @@ def mesh_frame(key: Key) -> Callable[[Path], MeshFrame]:
     return read
 
 
-def keyed(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
-    """Arrays that say of which key they are."""
+def with_key(key: Key, named: Mapping[str, AnyArray]) -> dict[str, AnyArray]:
+    """Return the arrays with their key beside them."""
     return {**named, "key": np.array(key)}
 
 
-def _require_key(path: Path, found: object, key: Key) -> None:
-    if found != key:
-        raise CorruptFileError(f"{path}: it is another file's content (its key is {found})")
+def write_npz(path: Path, named: Mapping[str, AnyArray]) -> None:
+    """Write named arrays to an uncompressed file; equal arrays give equal bytes."""
+    np.savez(path, allow_pickle=False, **named)
 
 
-def _times(size: Size) -> str:
-    return f"{size[0]} × {size[1]}"
+def read_npz(path: Path) -> dict[str, AnyArray]:
+    """Return all arrays of a file. Raises CorruptFileError where it cannot be read to its end."""
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as named:
+            return {name: named[name] for name in named.files}
+    except (zipfile.BadZipFile, ValueError, KeyError, EOFError) as error:
+        raise CorruptFileError(f"{path}: {error}") from error
+
+
+def _require_key(path: Path, actual: object, key: Key) -> None:
+    if actual != key:
+        raise CorruptFileError(f"{path}: it is another file's content (its key is {actual})")

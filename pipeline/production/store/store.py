@@ -1,8 +1,8 @@
-"""The content-addressed store: every file a key, every file written once and never changed.
+"""The input-addressed store: every file has a key, is written once and never changed.
 
 Snakemake deletes a job's declared outputs before the job runs and after it fails, so those outputs
 are links; the store is what survives. A file appears under its name whole or not at all: it is written
-in `tmp/` beside the store, synced, made read-only and renamed into place.
+in `tmp/` beside the store, flushed, made read-only and renamed into place.
 """
 
 from __future__ import annotations
@@ -16,14 +16,23 @@ import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TypeVar
 
+from pipeline.errors import FrameError, MachineError
 from pipeline.production.keys.digest import Key
 from pipeline.production.store.paths import STATE
-from render.base.atomic_write import disk_errors
+from render.base.atomic_write import atomic_write, disk_errors
+from render.base.errors import CorruptImageError, MissingImageError
+
+T = TypeVar("T")
 
 
 class CorruptFileError(Exception):
-    """A file of the store that cannot be read to its end, or says what cannot be."""
+    """Raised for a stored file that cannot be read to its end, or does not hold what its key promises."""
+
+
+DAMAGED = (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError)
+"""What readers raise for a file that must be made again."""
 
 
 SUFFIXES = {
@@ -44,16 +53,16 @@ SUFFIXES = {
 
 
 ENDS = 65536
-"""Bytes at each end of a file that tell it from others of its size: pictures have their keys near the
-beginning, npz ends with a checksum of every array."""
+"""Bytes at each end of a file that are compared with those of another of its size: pictures have their keys
+near the beginning, npz ends with a checksum of every array."""
 
 OLD_DRAFT = 24 * 3600.0
-"""Seconds after which what another host was writing is taken for left behind."""
+"""Seconds after which a draft of another host counts as left behind."""
 
 
 @dataclass(frozen=True)
 class Store:
-    """The store of one root folder; `root/.flowsculpt/` holds it."""
+    """The store of one root folder, in `root/.flowsculpt/`."""
 
     root: Path
 
@@ -71,62 +80,42 @@ class Store:
         return key is not None and os.path.exists(self._name(kind, key))  # noqa: PTH110  # a Path is slow to make
 
     def entries(self) -> Iterator[tuple[str, Key, Path]]:
-        """Every file that is there: its kind, its key, and where it lies."""
+        """Yield kind, key and path of every stored file."""
         for kind, suffix in SUFFIXES.items():
             for path in sorted((self.root / STATE / "store" / kind).glob(f"*/*{suffix}")):
                 yield kind, path.stem, path
 
     def draft(self, suffix: str = "") -> Path:
-        """Where this process may write what is not whole yet: the name says whose it is."""
+        """Return a new path for an unfinished file; its name tells the host and the process."""
         return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
 
     def put(self, kind: str, key: Key, write: Callable[[Path], object]) -> Path:
-        """Have `write(path)` make the file of `key`, unless it is there already; returns where it lies.
+        """Make the file of `key` by `write(path)`, unless it is there already; return its path.
 
         Raises MachineError where the disk refuses; nothing half-written is left.
         """
         final = self.path(kind, key)
         if final.exists():
             return final
-        draft = self.draft(SUFFIXES[kind])
-        with disk_errors(final):
-            try:
-                draft.parent.mkdir(parents=True, exist_ok=True)
-                final.parent.mkdir(parents=True, exist_ok=True)
-                write(draft)
-                _sync(draft)
-                draft.chmod(0o444)
-                draft.replace(final)
-            finally:
-                draft.unlink(missing_ok=True)
+        with atomic_write(final, self.draft(SUFFIXES[kind])) as draft:
+            write(draft)
+            draft.chmod(0o444)
         return final
 
     def link(self, kind: str, key: Key, target: Path) -> None:
-        """Show the file of `key` at `target` under the root: a hard link, or a copy where none can be."""
+        """Show the file of `key` at `target` under the root: a hard link, or a copy if links fail."""
         if self.shows(kind, key, target):
             return
         source, place = self.path(kind, key), self.root / target
-        draft = self.draft()
-        with disk_errors(place):
-            try:
-                place.parent.mkdir(parents=True, exist_ok=True)
-                draft.parent.mkdir(parents=True, exist_ok=True)
-                try:
-                    os.link(source, draft)
-                    draft.replace(place)
-                except OSError:
-                    draft.unlink(missing_ok=True)
-                    beside = place.with_name(f".{draft.name}.tmp")
-                    try:
-                        shutil.copy2(source, beside)
-                        beside.replace(place)
-                    finally:
-                        beside.unlink(missing_ok=True)
-            finally:
-                draft.unlink(missing_ok=True)
+        try:
+            with atomic_write(place, self.draft(), flush=False) as draft:
+                draft.hardlink_to(source)
+        except MachineError:  # a file system without links, or another one than the store's
+            with atomic_write(place, flush=False) as draft:
+                shutil.copy2(source, draft)
 
     def shows(self, kind: str, key: Key | None, target: Path) -> bool:
-        """Whether `target` is the file of `key`: the same inode, or a copy by its size and both ends.
+        """Tell whether `target` is the file of `key`: the same inode, or a copy by its size and both ends.
 
         Times tell nothing: clocks of hosts differ, and Snakemake sets the times of what it has checked.
         """
@@ -141,14 +130,27 @@ class Store:
         except OSError:
             return False
 
+    def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:
+        """Read the file of `key` whole. A damaged one is evicted, so that the next run makes it again.
+
+        target  where the file is shown, for the message
+
+        Raises FrameError where it is missing or damaged.
+        """
+        try:
+            return reader(self.path(kind, key))
+        except DAMAGED as error:
+            self.discard(kind, key)
+            raise FrameError(f"{target} cannot be read to its end; run again to make it again") from error
+
     def discard(self, kind: str, key: Key) -> None:
-        """Forget a file found to be corrupt; it is made anew when next asked for."""
+        """Evict a damaged file; the next run that needs it makes it again."""
         with disk_errors(self.path(kind, key)):
             self.path(kind, key).unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Remove what killed processes left in `tmp/`: of this host what nobody writes to, of others what is
-        old. A farm's nodes may be at work though nobody holds the root's lock."""
+        """Remove drafts that killed processes left in `tmp/`: those of dead processes of this host, and old
+        ones of other hosts. A farm's nodes may be at work though nobody holds the root's lock."""
         with contextlib.suppress(OSError):
             for path in sorted(self.scratch.iterdir()):
                 if _left_behind(path):
@@ -165,7 +167,7 @@ def _left_behind(draft: Path) -> bool:
 
 
 def _lives(process: int) -> bool:
-    """A zombie writes nothing any more."""
+    """Tell whether a process may still write; a zombie does not."""
     import psutil  # which most processes never need
 
     with contextlib.suppress(psutil.Error):
@@ -174,16 +176,8 @@ def _lives(process: int) -> bool:
 
 
 def _ends(path: Path, size: int) -> bytes:
-    """The first and the last bytes of a file."""
+    """Return the first and the last bytes of a file."""
     with path.open("rb") as file:
         first = file.read(ENDS)
         file.seek(max(ENDS, size - ENDS))
         return first + file.read(ENDS)
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

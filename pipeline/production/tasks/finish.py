@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
-from pipeline.production.request.picture_keys import Keyring
+from pipeline.production.request.picture_keys import PictureKeys
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
 from render.frame.rendered_frame import RenderedFrame
@@ -25,16 +25,16 @@ def finish(context: Context) -> bool:
 
     Those that could not be rendered are left out; that was told when they were.
     """
-    take = context.take
-    keys = context.picture_keys(take)
-    desk = _Desk(context, keys, take.framings(context.store) or {})
+    request = context.request
+    keys = context.picture_keys(request)
+    desk = _Desk(context, keys, request.framings(context.store) or {})
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:
             light, header = desk.finished(number)
-            write_exr(path, light, {**header, "key": keys[number].frame}, dict(take.precision))
+            write_exr(path, light, {**header, "key": keys[number].frame}, dict(request.precision))
 
-        target = take.folders.frame(take.quality_name, number)
+        target = request.folders.frame(request.quality_name, number)
         return context.make("frame", keys[number].frame, target, write)
 
     lost = context.failed("render")
@@ -51,7 +51,7 @@ class _Desk:
     """The raw pictures that a batch needs; those that more than one takes light from are denoised once."""
 
     context: Context
-    keys: Keyring
+    keys: PictureKeys
     framings: Mapping[int, Framing]
     _moments: dict[int, Moment] = field(default_factory=dict)
 
@@ -60,30 +60,30 @@ class _Desk:
         layers, header = self._read(number)
         window = self.keys[number].window
         if len(window) == 1:
-            effort = self.context.take.quality.denoise
+            effort = self.context.request.quality.denoise
             light = layers["beauty"] if effort == "off" else denoise(layers, effort)
         else:
             from render.post.temporal_denoise import steady
 
             kept = {n: moment for n, moment in self._moments.items() if n in window}
             self._moments = {n: kept[n] if n in kept else self._moment(n) for n in window}
-            quality = self.context.take.quality
+            quality = self.context.request.quality
             corner = quality.crop[:2] if quality.crop else (0, 0)
             light = steady(self._moments, number, (quality.width, quality.height), corner)
             header = {**header, "steadied_with": [n for n in window if n != number]}
         return RenderedFrame({"beauty": light}, layers.facts), header
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
-        take = self.context.take
-        place = take.folders.raw(take.quality_name, number)
+        request = self.context.request
+        place = request.folders.raw(request.quality_name, number)
         key = self.keys[number].raw
-        return self.context.read("raw", key, place, readers.picture(key, take.quality.rendered_size))
+        return self.context.read("raw", key, place, readers.picture(key, request.quality.rendered_size))
 
     def _moment(self, number: int) -> Moment:
         from render.post.temporal_denoise import Moment, noise_of
 
         layers, _ = self._read(number)
-        light = denoise(layers, self.context.take.quality.denoise)
+        light = denoise(layers, self.context.request.quality.denoise)
         known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
         framing = self.framings[number]
         noise = noise_of(layers["beauty"], light)

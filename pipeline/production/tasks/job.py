@@ -16,15 +16,14 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.request.planning_cache import Ledger
+from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import CorruptFileError, Store
-from render.base.errors import CorruptImageError, MissingImageError
+from pipeline.production.store.store import Store
 
 if TYPE_CHECKING:
-    from pipeline.production.request.picture_keys import Keyring
-    from pipeline.production.request.render_request import Take
+    from pipeline.production.request.picture_keys import PictureKeys
+    from pipeline.production.request.render_request import RenderRequest
 
 T = TypeVar("T")
 
@@ -58,7 +57,7 @@ class Context:
 
     def failed(self, stage: str) -> set[int]:
         """The frames of this job's pictures that failed at an earlier stage of this run."""
-        quality = self.plan.takes[self.job.takes[0]]["quality"]
+        quality = self.plan.requests[self.job.requests[0]]["quality"]
         about = {"event": "fail", "stage": stage, "shot": self.subject, "quality": quality}
         told = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new("fail")
         return {e["frame"] for e in told if e.get("frame") is not None and about.items() <= e.items()}
@@ -77,24 +76,24 @@ class Context:
         return Store(self.root)
 
     @cached_property
-    def take(self) -> Take:
+    def request(self) -> RenderRequest:
         """The take of a job that has one."""
-        return self.takes[0]
+        return self.requests[0]
 
     @cached_property
-    def takes(self) -> list[Take]:
+    def requests(self) -> list[RenderRequest]:
         from pipeline.production.request.render_request import (
-            Take,  # a second's work, which who only watches never needs
+            RenderRequest,  # a second's work, which who only watches never needs
         )
 
-        ledger = Ledger(self.root)
-        return [Take.from_data(self.plan.takes[place], ledger) for place in self.job.takes]
+        ledger = PlanningCache(self.root)
+        return [RenderRequest.from_data(self.plan.requests[place], ledger) for place in self.job.requests]
 
-    def picture_keys(self, take: Take) -> Keyring:
+    def picture_keys(self, request: RenderRequest) -> PictureKeys:
         """The keys of a take's pictures. Raises FrameError where its cameras have not been found."""
-        keys = take.picture_keys(self.store)
+        keys = request.picture_keys(self.store)
         if keys is None:
-            raise FrameError(f"{take.folders.cameras()} is gone; run again to find the cameras anew")
+            raise FrameError(f"{request.folders.cameras()} is gone; run again to frame the shot again")
         return keys
 
     def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
@@ -112,11 +111,10 @@ class Context:
             with suppress(OSError):
                 list(path.parent.iterdir())  # a network file system may remember that it was not there
         try:
-            return reader(path)
-        except (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError) as error:
-            self.store.discard(kind, key)
+            return self.store.read(kind, key, target, reader)
+        except FrameError:
             self.log.write("healed", message=f"{target} is gone or cannot be read; it is made again")
-            raise FrameError(f"{target} cannot be read to its end; run again to make it anew") from error
+            raise
 
     def survey(self, numbers: Iterable[int], read: Callable[[int], object]) -> None:
         """Once one file was found corrupt, read the others too: the next round makes them all anew."""
@@ -161,7 +159,7 @@ class Context:
         """The folder of the pictures that the job is about."""
         if self.job.task == "film":
             return None
-        return (self.take.folders.home / self.take.quality_name).as_posix()
+        return (self.request.folders.home / self.request.quality_name).as_posix()
 
     def warn(self, number: int, message: str) -> None:
         """Something that a frame is made in spite of."""
@@ -186,11 +184,11 @@ class Context:
         self._log("killed", message=f"{self.job.task} of {self.subject} was ended by {signal}")
 
     def _log(self, event: str, number: int | None = None, **facts: Any) -> None:
-        quality = self.plan.takes[self.job.takes[0]]["quality"]
+        quality = self.plan.requests[self.job.requests[0]]["quality"]
         about = {"stage": self.job.task, "shot": self.subject, "quality": quality, "frame": number}
         self.log.write(event, **about, **facts)
 
     @property
     def subject(self) -> str:
         """What the job is about: a shot's name, or the film."""
-        return "film" if self.job.task == "film" else self.take.subject
+        return "film" if self.job.task == "film" else self.request.subject

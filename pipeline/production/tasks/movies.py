@@ -11,15 +11,16 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.planner import film_key
-from pipeline.production.request.edit import Cut, movie_bits
-from pipeline.production.request.picture_keys import Keyring
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.edit import Edit, movie_bits
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
 from render.frame.rendered_frame import RenderedFrame
 from render.graphics.titles import TitleCard, title_frames
+from render.movie.codecs import movie_encode
 from render.movie.dissolve import Piece, dissolved, mixed
-from render.movie.movie import write_movie
+from render.movie.encode import write_movie
 from render.movie.planes import Frame
 from render.movie.prefetch import ahead
 from render.movie.sound import Samples, blocks
@@ -30,33 +31,38 @@ T = TypeVar("T")
 
 def assemble(context: Context) -> bool:
     """Encode the finished frames of one take, in ascending order."""
-    take = context.take
-    keys, numbers = context.picture_keys(take), sorted(take.requested)
-    key = take.movie_key([keys[n].frame for n in numbers])
-    frames = _shown(context, take, keys, numbers)
+    request = context.request
+    keys, numbers = context.picture_keys(request), sorted(request.requested)
+    key = request.movie_key([keys[n].frame for n in numbers])
+    frames = _shown(context, request, keys, numbers)
     return _movie(
-        context, key, take.movie_path, frames, FrameRate.of(take.script.outline.rate), take.quality_name
+        context,
+        key,
+        request.movie_path,
+        frames,
+        FrameRate.of(request.source.summary.rate),
+        request.quality_name,
     )
 
 
 def film(context: Context) -> bool:
     """Encode the film: title, shots in the order of the edit, credits."""
-    takes = context.takes
-    cut = Cut.from_data(context.plan.film or {})
-    known = [take.picture_keys(context.store) for take in takes]
-    key = film_key(cut, takes, known)
+    requests = context.requests
+    edit = Edit.from_data(context.plan.film or {})
+    known = [request.picture_keys(context.store) for request in requests]
+    key = film_key(edit, requests, known)
     if key is None:
         raise FrameError("the film's cameras are gone; run again to find them anew")
-    quality_name = takes[0].quality_name
-    size = takes[0].quality.width, takes[0].quality.height
+    quality_name = requests[0].quality_name
+    size = requests[0].quality.width, requests[0].quality.height
 
     def shown(clip: int) -> Iterator[Frame]:
-        take = takes[clip]
-        return _shown(context, take, context.picture_keys(take), list(take.requested))
+        request = requests[clip]
+        return _shown(context, request, context.picture_keys(request), list(request.requested))
 
-    frames = dissolved(list(cut_together(cut, size, shown, lambda frame: frame)), mixed)
-    rate = cut.frame_rate
-    return _movie(context, key, cut.path(quality_name), frames, rate, quality_name, _sound(cut))
+    frames = dissolved(list(cut_together(edit, size, shown, lambda frame: frame)), mixed)
+    rate = edit.frame_rate
+    return _movie(context, key, edit.path(quality_name), frames, rate, quality_name, _sound(edit))
 
 
 def _movie(
@@ -69,9 +75,9 @@ def _movie(
     sound: Iterator[Samples] | None = None,
 ) -> bool:
     counted = _told(context, ahead(frames))
-    bits = movie_bits(quality_name)
+    encode = movie_encode(movie_bits(quality_name))
     try:
-        context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, bits, sound))
+        context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, encode, sound=sound))
     except FlowsculptError as error:
         context.fail(error)
         return False
@@ -87,12 +93,12 @@ def _told(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
         started = time.perf_counter()
 
 
-def _sound(cut: Cut) -> Iterator[Samples] | None:
-    return None if cut.heard is None else blocks(cut.heard.sound(), cut.length / cut.frame_rate.fps)
+def _sound(edit: Edit) -> Iterator[Samples] | None:
+    return None if edit.audio is None else blocks(edit.audio.sound(), edit.length / edit.frame_rate.fps)
 
 
 def cut_together(
-    cut: Cut, size: tuple[int, int], shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
+    edit: Edit, size: tuple[int, int], shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
 ) -> Iterator[Piece[T]]:
     """The pieces of a film, as `render.movie.dissolve.dissolved` takes them.
 
@@ -100,7 +106,7 @@ def cut_together(
     shown  the frames of the film's take in a place
     card   a card's frame as one of these
     """
-    for piece in cut.pieces:
+    for piece in edit.pieces:
         words = TitleCard(piece.title, piece.subtitle)
         frames = map(card, _card(words, size, piece.frames)) if piece.clip is None else shown(piece.clip)
         yield piece.frames, piece.dissolve, frames
@@ -112,13 +118,15 @@ def _card(card: TitleCard, size: tuple[int, int], count: int) -> Iterator[Frame]
         yield quantise(picture, bits=16)
 
 
-def _shown(context: Context, take: Take, keys: Keyring, numbers: list[int]) -> Iterator[Frame]:
+def _shown(
+    context: Context, request: RenderRequest, keys: PictureKeys, numbers: list[int]
+) -> Iterator[Frame]:
     """Finished frames as a display shows them. A frame that cannot be read to its end is forgotten."""
-    picture = take.shot.picture
+    picture = request.shot.picture
 
     def read(number: int) -> RenderedFrame:
-        key, target = keys[number].frame, take.folders.frame(take.quality_name, number)
-        return context.read("frame", key, target, readers.picture(key, take.quality.rendered_size))[0]
+        key, target = keys[number].frame, request.folders.frame(request.quality_name, number)
+        return context.read("frame", key, target, readers.picture(key, request.quality.rendered_size))[0]
 
     try:
         for number in numbers:

@@ -17,7 +17,7 @@ from pipeline.arrays import AnyArray
 from pipeline.production.keys.digest import Key
 from pipeline.production.render_inputs.framing import Framing, turned
 from pipeline.production.request.header import raw_header
-from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.picture_keys import FrameKeys
 from pipeline.production.store import checkpoints, readers
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import Wear
@@ -47,10 +47,10 @@ def render(context: Context) -> bool:
     Raises KeyboardInterrupt where the process is to end, and WornOutError where it has grown too large; both
     leave the pictures not yet made to another process.
     """
-    take = context.take
-    engine = choose([take.variant], threads=context.job.threads)
-    framings: Mapping[int, Framing] = take.framings(context.store) or {}
-    keys = context.picture_keys(take)
+    request = context.request
+    engine = choose([request.variant], threads=context.job.threads)
+    framings: Mapping[int, Framing] = request.framings(context.store) or {}
+    keys = context.picture_keys(request)
     with stopping() as stop:
         room = _Room(context, engine, framings, keys, stop, Wear())
         return context.each(context.job.frames, room.make)
@@ -63,7 +63,7 @@ class _Room:
     context: Context
     engine: Engine
     framings: Mapping[int, Framing]
-    keys: Mapping[int, PictureKeys]
+    keys: Mapping[int, FrameKeys]
     stop: Stop
     wear: Wear
 
@@ -72,8 +72,8 @@ class _Room:
         self.stop.heed()
         self.wear.heed()
         context, key = self.context, self.keys[number].raw
-        target = context.take.folders.raw(context.take.quality_name, number)
-        keep = checkpoints.begun(
+        target = context.request.folders.raw(context.request.quality_name, number)
+        keep = checkpoints.checkpoint_of(
             context.store, target, key, partial(context.warn, number), lambda: self.stop.asked
         )
         found = context.make("raw", key, target, partial(self._write, number, keep))
@@ -83,29 +83,29 @@ class _Room:
         return found
 
     def _write(self, number: int, keep: Checkpoint, path: Path) -> None:
-        context, take, begun = self.context, self.context.take, time.perf_counter()
-        picture = take.shot.picture
+        context, request, begun = self.context, self.context.request, time.perf_counter()
+        picture = request.shot.picture
         own, shutter, following = _moments(context, number, self.framings)
         layers = render_frame(
             own.subject,
             picture.look,
-            picture.lights.turned(take.poses[number].lights),
+            picture.lights.turned(request.angles[number].lights),
             picture.stage,
             own.placement,
             own.camera,
-            take.quality,
-            take.seed(number),
+            request.quality,
+            request.seed(number),
             self.engine,
             partial(self._passed, number),
-            aovs=take.layers.extra,
+            aovs=request.layers.extra,
             shutter=shutter,
             following=following,
             keep=keep,
         )
         if keep.taken_up:
             context.resumed(number, keep.taken_up)
-        header = raw_header(context.take, number, self.framings[number], self.keys[number])
-        write_exr(path, layers, header, dict(take.layers.precision))
+        header = raw_header(context.request, number, self.framings[number], self.keys[number])
+        write_exr(path, layers, header, dict(request.layers.precision))
         seconds = time.perf_counter() - begun
         _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
 
@@ -118,46 +118,46 @@ def _moments(
     context: Context, number: int, framings: Mapping[int, Framing]
 ) -> tuple[Moment, Shutter | None, Moment | None]:
     """What a picture shows, while its shutter is open, and at the next one; of these what it asks for."""
-    take = context.take
-    pose, framing = take.poses[number], framings[number]
+    request = context.request
+    angle, framing = request.angles[number], framings[number]
     arrays, shading = _drawn(context, number, framing.camera)
     normals = arrays.get("normals")
     shown = (
-        turned(arrays["vertices"], pose.spin),
-        None if normals is None else turned(normals, pose.spin, about_origin=True),
+        turned(arrays["vertices"], angle.spin),
+        None if normals is None else turned(normals, angle.spin, about_origin=True),
     )
     measured = _measured(context, number, shading)
-    if not take.moments_beside(number):
+    if not request.moments_beside(number):
         return Moment(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
     from pipeline.production.render_inputs.motion import framing_at
 
     movement = _movement(context, number, arrays, shading)
-    attributes = {**_attributes(movement, take.layers.extra), **measured}
+    attributes = {**_attributes(movement, request.layers.extra), **measured}
 
     def at(offset: float) -> Moment:
         there = framing_at(framings, number, offset)
         return Moment(_subject(arrays, movement.at(offset), attributes), there.placement, there.camera)
 
     own = Moment(_subject(arrays, shown, attributes), framing.placement, framing.camera)
-    opened = take.open_at(number)
-    following = at(1.0) if "motion" in take.layers.extra else None
+    opened = request.open_at(number)
+    following = at(1.0) if "motion" in request.layers.extra else None
     return own, None if opened is None else Shutter(*opened, at), following
 
 
 def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, AnyArray], Shading | None]:
     """The arrays of what a picture shows; and how they were cut, where that goes by the picture."""
-    take = context.take
-    pose, picture = take.poses[number], take.shot.picture
+    request = context.request
+    angle, picture = request.angles[number], request.shot.picture
     if picture.dicing is None:
-        path = take.motion_folders.normals(pose.mesh)
-        key = take.normals_key(pose.mesh)
+        path = request.motion_folders.normals(angle.mesh)
+        key = request.normals_key(angle.mesh)
         arrays = context.read("normals", key, path, readers.arrays(key))
-        return _with_edges(take.shot, arrays, picture.tessellate), None
+        return _with_edges(request.shot, arrays, picture.tessellate), None
     from pipeline.production.tasks.meshes import shading_of
 
-    uncut = shading_of(context, pose.mesh)
-    shading = uncut.cut_for(camera, take.quality, picture.dicing, pose.spin)
-    return _with_edges(take.shot, shading.arrays(), shading.pieces), shading
+    uncut = shading_of(context, angle.mesh)
+    shading = uncut.cut_for(camera, request.quality, picture.dicing, angle.spin)
+    return _with_edges(request.shot, shading.arrays(), shading.pieces), shading
 
 
 def _movement(
@@ -166,23 +166,23 @@ def _movement(
     from pipeline.production.render_inputs.motion import flowing, turning
     from pipeline.production.tasks.meshes import shading_of
 
-    take = context.take
-    pose, motion = take.poses[number], take.shot.motion
-    if take.turntable is not None:
-        turn = take.turntable.step(number)
-        return turning(arrays["vertices"], arrays.get("normals"), pose.spin, turn, float(motion.rate.fps))
-    return flowing(motion, shading or shading_of(context, pose.mesh))
+    request = context.request
+    angle, motion = request.angles[number], request.shot.motion
+    if request.turntable is not None:
+        turn = request.turntable.step(number)
+        return turning(arrays["vertices"], arrays.get("normals"), angle.spin, turn, float(motion.rate.fps))
+    return flowing(motion, shading or shading_of(context, angle.mesh))
 
 
 def _measured(context: Context, number: int, shading: Shading | None) -> dict[str, AnyArray]:
     """What vertices bring along for the look."""
-    take = context.take
-    if not take.measures_speed:
+    request = context.request
+    if not request.measures_speed:
         return {}
     from pipeline.production.render_inputs.motion import speeds
     from pipeline.production.tasks.meshes import shading_of
 
-    return {SPEED: speeds(take.shot.motion, shading or shading_of(context, take.poses[number].mesh))}
+    return {SPEED: speeds(request.shot.motion, shading or shading_of(context, request.angles[number].mesh))}
 
 
 def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray]:
@@ -228,7 +228,7 @@ def _tell_statistics(
         "threads": context.job.threads,
         "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }
-    path = context.root / context.take.folders.statistics(context.take.quality_name, number)
+    path = context.root / context.request.folders.statistics(context.request.quality_name, number)
     with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(told, indent=1) + "\n")

@@ -27,20 +27,20 @@ def jpeg(context: Context) -> bool:
 
 
 def _stills(context: Context, form: str, bits: int, write_still: Callable[..., None]) -> bool:
-    take = context.take
-    keys = context.picture_keys(take)
-    picture = take.shot.picture
+    request = context.request
+    keys = context.picture_keys(request)
+    picture = request.shot.picture
 
     def work(number: int) -> bool:
-        frame = take.folders.frame(take.quality_name, number)
-        key = take.still_key(form, keys[number].frame)
+        frame = request.folders.frame(request.quality_name, number)
+        key = request.still_key(form, keys[number].frame)
 
         def write(path: Path) -> None:
-            whole = readers.picture(keys[number].frame, take.quality.rendered_size)
+            whole = readers.picture(keys[number].frame, request.quality.rendered_size)
             layers, _ = context.read("frame", keys[number].frame, frame, whole)
             shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
-            write_still(path, quantise(shown, bits), {"shot": take.name, "frame": number, "key": key})
+            write_still(path, quantise(shown, bits), {"shot": request.name, "frame": number, "key": key})
 
-        return context.make(form, key, take.place(form, number), write)
+        return context.make(form, key, request.place(form, number), write)
 
     return context.each(context.job.frames, work)

@@ -90,9 +90,9 @@ def fall_over(context: Context, fact: str) -> bool:
     """
     from pipeline.production.request.variants import avoid  # who only watches must be there at once
 
-    take = context.take
-    reason = f"{take.variant} {fact} while rendering {context.subject}"
-    left = avoid(context.root, take.name, take.variant, reason)
+    request = context.request
+    reason = f"{request.variant} {fact} while rendering {context.subject}"
+    left = avoid(context.root, request.name, request.variant, reason)
     if left:
         context.log.write("healed", message=f"{reason}; the shot is rendered without it from the start")
     return left

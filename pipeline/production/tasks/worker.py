@@ -32,7 +32,7 @@ def work(context: Context) -> int:
         well = False
     except Exception as error:
         traceback.print_exc()
-        on_gpu = job.task == "render" and context.take.variant == ON_GPU
+        on_gpu = job.task == "render" and context.request.variant == ON_GPU
         if on_gpu and fall_over(context, f"failed ({str(error).partition(chr(10))[0]})"):
             return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
         context.fail(FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))

@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.versions.environment import host, packages, stage_versions
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from render.post.image import read_exr
@@ -70,7 +70,7 @@ class Provenance:
     size: tuple[int, int]
     rate: str
     variant: str
-    script: Script
+    source: ShotSource
     cameras: str
     frames: Mapping[int, FrameRecord]
     movie: Mapping[str, str]
@@ -86,7 +86,7 @@ class Provenance:
             "format": FORMAT,
             **plain,
             "size": list(self.size),
-            "script": self.script.as_data(),
+            "script": self.source.as_data(),
             "frames": frames,
         }
 
@@ -98,9 +98,9 @@ class Provenance:
         frames = {int(number): FrameRecord(**record) for number, record in data["frames"].items()}
         if data["format"] != FORMAT or not frames:
             raise ValueError
-        script = Script.from_data(data["script"])
-        _require_whole(data, script)
-        return cls(**{**plain, "size": tuple(data["size"]), "script": script, "frames": frames})
+        source = ShotSource.from_data(data["script"])
+        _require_whole(data, source)
+        return cls(**{**plain, "size": tuple(data["size"]), "script": source, "frames": frames})
 
     @classmethod
     def read(cls, path: Path) -> Provenance:
@@ -146,10 +146,10 @@ class Provenance:
         ]
 
 
-def _require_whole(data: Mapping[str, Any], script: Script) -> None:
+def _require_whole(data: Mapping[str, Any], source: ShotSource) -> None:
     """What else reading relies on, names that become those of folders among it. Raises as `from_data`."""
     named = re.fullmatch(NAME, data["shot"]) and re.fullmatch(VERSION, data["version"])
-    known = is_quality(data["quality"]) and script.name == data["shot"] and isinstance(script.text, str)
+    known = is_quality(data["quality"]) and source.name == data["shot"] and isinstance(source.text, str)
     tables = [data[name] for name in ("movie", "packages", "stages", "host", "timings")]
     if not (named and known and all(isinstance(table, dict) for table in tables)):
         raise ValueError
@@ -168,10 +168,10 @@ def pixels_of(path: Path) -> str:
     return digest.hexdigest()
 
 
-def portable(script: Script) -> Script:
+def portable(source: ShotSource) -> ShotSource:
     """With paths below the working folder relative to it, so that a project may be moved."""
-    pins = None if script.pins is None else tuple((_within(Path(p)), digest) for p, digest in script.pins)
-    return replace(script, path=Path(_within(script.path)), pins=pins)
+    pins = None if source.pins is None else tuple((_within(Path(p)), digest) for p, digest in source.pins)
+    return replace(source, path=Path(_within(source.path)), pins=pins)
 
 
 def _within(path: Path) -> str:
@@ -179,14 +179,14 @@ def _within(path: Path) -> str:
     return (plain.relative_to(Path.cwd()) if plain.is_relative_to(Path.cwd()) else plain).as_posix()
 
 
-def restored(record: Provenance, allow_code: bool) -> Script:
+def restored(record: Provenance, allow_code: bool) -> ShotSource:
     """The script of a version, to be read in the working folder. Whether its Python files may be run is for
     who reads it to say, and not for a file.
 
     Raises UsageError or MissingInputError where files that it reads are gone or not what they were.
     """
     gone, changed = [], []
-    for place, digest in record.script.pins or ():
+    for place, digest in record.source.pins or ():
         if not is_there(Path(place)):
             gone.append(place)
         elif digest_of_file(Path(place)) != digest:
@@ -202,8 +202,8 @@ def restored(record: Provenance, allow_code: bool) -> Script:
             f"{', '.join(changed)}: changed since {of} was made from it, as its digest tells; put it back as "
             "it was then"
         )
-    script = replace(record.script, path=record.script.path.absolute(), allow_code=allow_code, pins=None)
-    return script.pinned()
+    source = replace(record.source, path=record.source.path.absolute(), allow_code=allow_code, pins=None)
+    return source.pinned()
 
 
 def records(folder: Path) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:

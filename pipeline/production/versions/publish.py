@@ -22,8 +22,8 @@ from pipeline.frames import FrameRange
 from pipeline.production.execution.run import exclusive
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.spent import seconds_by_stage, seconds_of
-from pipeline.production.request.picture_keys import Keyring
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Store
 from pipeline.production.versions.environment import host, packages, stage_versions
@@ -38,7 +38,7 @@ from pipeline.production.versions.provenance import (
 )
 from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.errors import CorruptImageError, MissingImageError
-from render.movie.movie import probe_movie
+from render.movie.probe import probe_movie
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Release:
     copy     its files are no links to those of the store: what damages one leaves the other alone
     """
 
-    take: Take
+    request: RenderRequest
     store: Store
     command: str
     note: str = ""
@@ -83,12 +83,12 @@ class Release:
 
     @property
     def _home(self) -> Path:
-        return self.store.root / published(self.take.name)
+        return self.store.root / published(self.request.name)
 
     def _published(self, dry: bool) -> Published:
         keys = self._keys()
         known = list(records(self._home))
-        content = (*(keys[n].frame for n in sorted(self.take.poses)), self._movie_key(keys))
+        content = (*(keys[n].frame for n in sorted(self.request.angles)), self._movie_key(keys))
         for place, record in known:
             if isinstance(record, Provenance) and record.content == content:
                 return Published(record.version, place, before=True)
@@ -107,32 +107,32 @@ class Release:
             raise UsageError(f"--version {self.version} is no version; write it as {after}, or leave it out")
         if int(self.version[1:]) in (int(name[1:]) for name in taken):
             raise UsageError(
-                f"--version {self.version}: {self.take.name} {self.version} is published already, with other "
-                f"frames, and nothing published is overwritten; the next is {after}"
+                f"--version {self.version}: {self.request.name} {self.version} is published already, "
+                f"with other frames, and nothing published is overwritten; the next is {after}"
             )
         return self.version
 
-    def _keys(self) -> Keyring:
+    def _keys(self) -> PictureKeys:
         """Of the take's pictures, which are all there as its shot file asks for them, and so is its movie."""
-        take, store = self.take, self.store
-        keys = take.picture_keys(store)
+        request, store = self.request, self.store
+        keys = request.picture_keys(store)
         missing: list[int] = []
         stale: list[int] = []
-        for number in take.poses:
-            place = take.folders.frame(take.quality_name, number)
+        for number in request.angles:
+            place = request.folders.frame(request.quality_name, number)
             if not store.shows("frame", keys[number].frame if keys else None, place):
                 (stale if (store.root / place).exists() else missing).append(number)
         self._require(missing, stale, "frames")
         assert keys is not None, "frames that are shown have keys"
-        if not store.shows("movie", self._movie_key(keys), take.movie_path):
-            there = (store.root / take.movie_path).exists()
+        if not store.shows("movie", self._movie_key(keys), request.movie_path):
+            there = (store.root / request.movie_path).exists()
             self._require(
-                [] if there else [take.movie_path.name], [take.movie_path.name] if there else [], ""
+                [] if there else [request.movie_path.name], [request.movie_path.name] if there else [], ""
             )
         return keys
 
-    def _movie_key(self, keys: Keyring) -> Key:
-        return self.take.movie_key([keys[n].frame for n in sorted(self.take.poses)])
+    def _movie_key(self, keys: PictureKeys) -> Key:
+        return self.request.movie_key([keys[n].frame for n in sorted(self.request.angles)])
 
     def _require(self, missing: list[Any], stale: list[Any], what: str) -> None:
         facts = [
@@ -143,68 +143,68 @@ class Release:
         if facts:
             kind = MissingInputError if missing else UsageError
             raise kind(
-                f"{self.take.name} at {self.take.quality_name}: {'; '.join(facts)}. What is published is "
-                f"made from the shot file of today; {self.command} makes it."
+                f"{self.request.name} at {self.request.quality_name}: {'; '.join(facts)}. What is "
+                f"published is made from the shot file of today; {self.command} makes it."
             )
 
-    def _record(self, version: str, keys: Keyring) -> Provenance:
-        take, root, movie = self.take, self.store.root, self._movie_key(keys)
+    def _record(self, version: str, keys: PictureKeys) -> Provenance:
+        request, root, movie = self.request, self.store.root, self._movie_key(keys)
         return Provenance(
-            shot=take.name,
+            shot=request.name,
             version=version,
-            title=take.shot.title,
+            title=request.shot.title,
             note=self.note,
             published=time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
             user=_user(),
-            quality=take.quality_name,
-            size=(take.quality.width, take.quality.height),
-            rate=str(take.shot.motion.rate),
-            variant=take.variant,
-            script=portable(replace(take.script, allow_code=False)),
-            cameras=take.cameras_key,
-            frames={number: self._frame(number, keys) for number in sorted(take.poses)},
-            movie={"file": f"{take.name}.mp4", "key": movie, "sha256": self._whole_movie(movie)},
+            quality=request.quality_name,
+            size=(request.quality.width, request.quality.height),
+            rate=str(request.shot.motion.rate),
+            variant=request.variant,
+            source=portable(replace(request.source, allow_code=False)),
+            cameras=request.cameras_key,
+            frames={number: self._frame(number, keys) for number in sorted(request.angles)},
+            movie={"file": f"{request.name}.mp4", "key": movie, "sha256": self._whole_movie(movie)},
             packages=packages(),
             stages=stage_versions(),
             host=host(),
-            timings=seconds_by_stage(take, root, {n: keys[n].raw for n in take.poses}),
+            timings=seconds_by_stage(request, root, {n: keys[n].raw for n in request.angles}),
         )
 
-    def _frame(self, number: int, keys: Keyring) -> FrameRecord:
-        take, found = self.take, keys[number]
+    def _frame(self, number: int, keys: PictureKeys) -> FrameRecord:
+        request, found = self.request, keys[number]
         file = self.store.path("frame", found.frame)
         try:
             pixels = pixels_of(file)
         except (CorruptImageError, MissingImageError):
             raise self._forgotten("frame", found.frame, f"frame {number}") from None
         return FrameRecord(
-            file=f"frames/{take.name}.{number:04d}.exr",
-            mesh=take.mesh_key(take.poses[number].mesh),
-            normals=take.normals_key(take.poses[number].mesh),
+            file=f"frames/{request.name}.{number:04d}.exr",
+            mesh=request.mesh_key(request.angles[number].mesh),
+            normals=request.normals_key(request.angles[number].mesh),
             raw=found.raw,
             frame=found.frame,
-            seed=take.seed(number),
+            seed=request.seed(number),
             pixels=pixels,
             sha256=digest_of_file(file),
-            seconds=seconds_of(take, self.store.root, number, found.raw),
+            seconds=seconds_of(request, self.store.root, number, found.raw),
         )
 
     def _whole_movie(self, key: Key) -> str:
         """The digest of the movie, which can be decoded to its end."""
         file = self.store.path("movie", key)
         try:
-            whole = probe_movie(file).frames == len(self.take.poses)
+            whole = probe_movie(file).frames == len(self.request.angles)
         except (CorruptImageError, MissingImageError):
             whole = False
         if not whole:
-            raise self._forgotten("movie", key, self.take.movie_path.name)
+            raise self._forgotten("movie", key, self.request.movie_path.name)
         return digest_of_file(file)
 
     def _forgotten(self, kind: str, key: Key, what: str) -> FrameError:
         """The error for a corrupt file, which the store forgets, so that the next run makes it anew."""
         self.store.discard(kind, key)
         return FrameError(
-            f"{self.take.name} at {self.take.quality_name}: {what} cannot be read to its end and was "
+            f"{self.request.name} at {self.request.quality_name}: {what} cannot be read to its end and was "
             f"forgotten; {self.command} makes it anew"
         )
 

@@ -17,9 +17,9 @@ from pipeline.frames import FrameRange
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
-from pipeline.production.request.picture_keys import Keyring
-from pipeline.production.request.render_request import Take
-from pipeline.production.request.shot_source import Script
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import repeated
 from pipeline.production.store.store import Store
@@ -93,39 +93,39 @@ class Repetition:
         return [*told, *self.record.differences(variant)]
 
     @property
-    def take(self) -> Take:
+    def request(self) -> RenderRequest:
         """With the frames around those asked for whose light their finished pictures take in.
 
         Raises UsageError or MissingInputError where files that the version was made from are not as they
         were.
         """
-        take = Take(self._script, self.record.quality, self._variant([]), self.asked)
-        around = {n for number in self.asked for n in take.window(number, self.record.frames.__contains__)}
-        return replace(take, requested=tuple(sorted(around)))
+        request = RenderRequest(self._script, self.record.quality, self._variant([]), self.asked)
+        around = {n for number in self.asked for n in request.window(number, self.record.frames.__contains__)}
+        return replace(request, requested=tuple(sorted(around)))
 
     @cached_property
-    def _script(self) -> Script:
-        script = restored(self.record, self.allow_code)
-        beyond = FrameRange.of(self.record.frames).outside(script.shot.frames)
+    def _script(self) -> ShotSource:
+        source = restored(self.record, self.allow_code)
+        beyond = FrameRange.of(self.record.frames).outside(source.shot.frames)
         if beyond:
             raise UsageError(
                 f"{self.source}: frames {beyond} are not in its own shot, so one of both was changed; take "
                 "the provenance that flowsculpt publish wrote"
             )
-        return script
+        return source
 
     def plan(self) -> Plan:
         """Raises what `take` raises."""
         side_by_side = self.profile.side_by_side(self.cores)
-        planner, take = Planner(self.store, side_by_side, share=self.profile.share), self.take
-        planner.pictures(take)
+        planner, request = Planner(self.store, side_by_side, share=self.profile.share), self.request
+        planner.pictures(request)
         if self.frames is None:
-            planner.movie(take)
+            planner.movie(request)
         return planner.plan()
 
     def comparisons(self) -> list[Comparison]:
         """Of every frame asked for, and of the movie where all were."""
-        keys = self.take.picture_keys(self.store)
+        keys = self.request.picture_keys(self.store)
         found = [self._frame(number, keys) for number in self.asked]
         return found if self.frames is not None else [*found, self._movie()]
 
@@ -139,7 +139,7 @@ class Repetition:
                 f"{reason}; --variant renders {self.record.version} with another, whose pixels will differ"
             ) from None
 
-    def _frame(self, number: int, keys: Keyring | None) -> Comparison:
+    def _frame(self, number: int, keys: PictureKeys | None) -> Comparison:
         what, then = f"frame {number}", self.record.frames[number]
         try:
             if keys is None:
@@ -152,7 +152,7 @@ class Repetition:
             return Comparison(what, None, "was not made")
 
     def _movie(self) -> Comparison:
-        file = self.home / self.take.movie_path
+        file = self.home / self.request.movie_path
         if not file.exists():
             return Comparison("movie", None, "was not made")
         return Comparison("movie", digest_of_file(file) == self.record.movie["sha256"])

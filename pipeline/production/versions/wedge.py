@@ -21,8 +21,8 @@ from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.sharing import shared
-from pipeline.production.request.picture_keys import Keyring
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.variants import variant_for
 from pipeline.production.store import paths
 from pipeline.production.store.store import Store
@@ -30,7 +30,8 @@ from pipeline.production.versions.grid import OPTION, Cell, Grid, Variation
 from pipeline.shot.yaml.lookup import shown
 from render.base.errors import RenderError
 from render.graphics.contact_sheet import ContactSheet, columns_for, reduced, reduction
-from render.movie.movie import write_movie
+from render.movie.codecs import H264_8_BITS
+from render.movie.encode import write_movie
 from render.post.colour import quantise, to_display
 from render.post.image import read_exr, write_png
 
@@ -53,7 +54,7 @@ class Wedge:
     columns: int | None = None
 
     @property
-    def takes(self) -> list[tuple[Cell, Take]]:
+    def requests(self) -> list[tuple[Cell, RenderRequest]]:
         """All by the variant that serves now, which a run changes where one crashes.
 
         Raises ShotError or UsageError, with the variation, where a cell's shot is not good.
@@ -62,19 +63,19 @@ class Wedge:
             self.project.root, self.shot.stem, self.project.variant, self.project.notes.append
         )
         return [
-            (cell, take if take.variant == variant else replace(take, variant=variant))
-            for cell, take in self._read
+            (cell, request if request.variant == variant else replace(request, variant=variant))
+            for cell, request in self._read
         ]
 
     @cached_property
-    def _read(self) -> list[tuple[Cell, Take]]:
+    def _read(self) -> list[tuple[Cell, RenderRequest]]:
         still = str(self.number)  # what is wrong with the frames themselves is told before any cell is
         return [(cell, self._take(cell, self.frames or still)) for cell in self.grid]
 
     @cached_property
     def number(self) -> int:
         """The frame of the sheet. Raises UsageError where it is none of those rendered."""
-        known = FrameRange.of(self.project.take(self.shot, self.quality, self.frames).requested)
+        known = FrameRange.of(self.project.request(self.shot, self.quality, self.frames).requested)
         if self.at is None:
             return sorted(known)[len(known) // 2]
         if self.at not in known:
@@ -87,19 +88,19 @@ class Wedge:
 
     def plans(self) -> tuple[Plan, Plan]:
         """The same with each cell for itself, and together."""
-        takes, project = [take for _, take in self.takes], self.project
-        planner = project.planner_of(len(takes))
-        for take in takes:
-            planner.pictures(take)
-            if len(take.requested) > 1:
-                planner.movie(take)
+        requests, project = [request for _, request in self.requests], self.project
+        planner = project.planner_of(len(requests))
+        for request in requests:
+            planner.pictures(request)
+            if len(request.requested) > 1:
+                planner.movie(request)
         apart = planner.plan()
-        return apart, shared(apart, takes, project.store, project.cores, project.profile.share)
+        return apart, shared(apart, requests, project.store, project.cores, project.profile.share)
 
     # Sheets
 
     @property
-    def _first(self) -> Take:
+    def _first(self) -> RenderRequest:
         """What all cells have in common, it has."""
         return self._read[0][1]
 
@@ -131,11 +132,11 @@ class Wedge:
             return [self.still_path]
         numbers = sorted(self._first.requested)
         pages: Iterator[NDArray[Any]] = (self._page(number, 16, "rec709") for number in numbers)
-        write_movie(root / self.movie_path, pages, self._first.shot.rate.fps)
+        write_movie(root / self.movie_path, pages, self._first.shot.rate.fps, H264_8_BITS)
         return [self.still_path, self.movie_path]
 
     def _page(self, number: int, bits: int, display: str) -> NDArray[Any]:
-        pictures = [self._picture(take, keys, number, bits, display) for take, keys in self._keys]
+        pictures = [self._picture(request, keys, number, bits, display) for request, keys in self._keys]
         return self._sheets[bits].picture(pictures, f"frame {number} · {self.quality}")
 
     @cached_property
@@ -160,44 +161,44 @@ class Wedge:
         return reduction(len(self.grid), self._columns, (quality.width, quality.height))
 
     @cached_property
-    def _keys(self) -> list[tuple[Take, Keyring | None]]:
-        return [(take, take.picture_keys(self.project.store)) for _, take in self.takes]
+    def _keys(self) -> list[tuple[RenderRequest, PictureKeys | None]]:
+        return [(request, request.picture_keys(self.project.store)) for _, request in self.requests]
 
     def _picture(
-        self, take: Take, keys: Keyring | None, number: int, bits: int, display: str
+        self, request: RenderRequest, keys: PictureKeys | None, number: int, bits: int, display: str
     ) -> NDArray[Any] | None:
         """A cell's frame as a display shows it; None where it is not there."""
         return (
             None
             if keys is None
-            else shown_picture(take, keys, self.project.store, number, self._factor, bits, display)
+            else shown_picture(request, keys, self.project.store, number, self._factor, bits, display)
         )
 
     @property
     def _home(self) -> Path:
         return paths.wedge(self.shot.stem)
 
-    def _take(self, cell: Cell, frames: str) -> Take:
+    def _take(self, cell: Cell, frames: str) -> RenderRequest:
         project = replace(self.project, settings=(*self.project.settings, *cell.settings))
         try:
-            take = project.take(self.shot, self.quality, frames)
+            request = project.request(self.shot, self.quality, frames)
         except ShotError as error:
             raise ShotError(_at_the_variation(error.messages[0], self.grid.variations, cell)) from None
         except FlowsculptError as error:
             error.args = (f"{OPTION} with {', '.join(cell.settings)}: {error}",)
             raise
-        return replace(take, home=(self._home / cell.folder).as_posix())
+        return replace(request, home=(self._home / cell.folder).as_posix())
 
 
 def shown_picture(
-    take: Take, keys: Keyring, store: Store, number: int, factor: int, bits: int, display: str
+    request: RenderRequest, keys: PictureKeys, store: Store, number: int, factor: int, bits: int, display: str
 ) -> NDArray[Any] | None:
     """A frame for a sheet, `factor` times smaller, as a display shows it; None where it is not there."""
     try:
         light: NDArray[np.float32] = read_exr(store.path("frame", keys[number].frame))[0]["beauty"]
     except RenderError:
         return None
-    picture = take.shot.picture
+    picture = request.shot.picture
     return quantise(to_display(reduced(light, factor), picture.lights.exposure, display, picture.view), bits)
 
 

@@ -12,41 +12,42 @@ from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.normals import vertex_normals
 from pipeline.mesh.tangents import carried_normals, unit
 from pipeline.mesh.triangle_mesh import TriangleMesh
-from pipeline.resample._kernels_lists import Changes
-from pipeline.resample._kernels_rest import spokes_of_marked
-from pipeline.resample._kernels_ring import new_ring
-from pipeline.resample._kernels_shape import adopt, relaxed
-from pipeline.resample._kernels_split import LEAVING
 from pipeline.resample.creases import edges_by_angle
-from pipeline.resample.placement.base import settled
-from pipeline.resample.placement.closest_point import PointMap, nearest
+from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.relax import relax_goals, relax_vertices
+from pipeline.resample.kernels.rest_surface import list_marked
+from pipeline.resample.kernels.ring import new_ring
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE
+from pipeline.resample.kernels.work_lists import Changes
+from pipeline.resample.placement.base import move_without_folds
+from pipeline.resample.placement.closest_point import PointMap, closest_points
 from pipeline.resample.placement.rest_surface import (
     ASTRAY,
     NORMAL,
     REST,
     REST_NORMAL,
-    Surroundings,
+    RestRings,
     column_of,
     on_patches_at_rest,
     rest_of,
 )
 
-_TANGENT = 1e-5  # how far tangent points lie from theirs, in edge lengths at rest
+_TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths at rest
 
 
 @dataclass(frozen=True)
 class Exact:
-    """On the exact surface: put on the surface at rest, and carried along to now.
+    """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
 
-    carry         `rest_points (N, 3) -> (N, 3)`, where they are now; called once a pass with all the new
+    carry         `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with all new
                   points together, and again for the few that would fold and for normals
-    project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the true surface at rest, where it
-                  is known; without it new rest points lie on curved patches over the mesh at rest
-    tags_creases  whether edges that are hard at rest, by their angle, stay creases whatever becomes of them
+    project       `rest_points (N, 3) -> (N, 3)`, the nearest points of the analytic surface at rest, if it is
+                  known; without it new rest points lie on curved patches over the mesh at rest
+    tags_creases  True: edges that are hard at rest, by their angle, stay creases whatever becomes of them
 
-    The mesh that a `Resampler` is given is the surface at rest. Collapses keep an end, for midpoints would
-    leave the surface. Where the mesh has a `normal` at each vertex, a new vertex gets its own exactly, from
-    two points carried along beside it; at creases it is zero, since there are several.
+    The mesh given to a `Resampler` is the surface at rest. Collapses keep one end, since midpoints would
+    leave the surface. If the mesh has a `normal` at each vertex, a new vertex gets its exact normal from two
+    points carried along beside it; at creases, which have several normals, it is zero.
     """
 
     carry: PointMap
@@ -54,7 +55,7 @@ class Exact:
     tags_creases: bool = True
     leaves_chord: bool = True
     merges_at_midpoint: bool = False
-    knows_surroundings: bool = True
+    can_relax: bool = True
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         rest = mesh.attributes.get(REST, mesh.vertices)
@@ -64,66 +65,65 @@ class Exact:
         astray = np.zeros(len(rest), np.uint8)
         return mesh.with_attributes(**{REST: rest, REST_NORMAL: normals, ASTRAY: astray})
 
-    def at_rest(self, mesh: HalfedgeMesh) -> tuple[int, int]:
+    def rest_columns(self, mesh: HalfedgeMesh) -> tuple[int, int]:
         return column_of(mesh, REST), column_of(mesh, REST_NORMAL)
 
-    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Floats) -> int:
-        last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, LEAVING])
+    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
+        last, spokes = int(mesh.sizes[0]), np.ascontiguousarray(births[:, BIRTH_HALFEDGE])
         rest, born = rest_of(mesh), np.arange(last - len(births), last, dtype=np.int32)
         middles, normals = rest[born], np.zeros((len(births), 3))
-        if self.project is None or mesh.column(NORMAL) is not None or mesh.surface.tagged.any():
+        if self.project is None or mesh.column(NORMAL) is not None or mesh.arrays.tagged.any():
             middles, normals = on_patches_at_rest(mesh, births)
-        goals, sizes = self._truly(middles), _lengths(rest, births[:, 0], births[:, 1])
-        went = self._take(mesh, spokes, goals, self._carried(goals), normals, sizes, limits)
-        if not went.all():
-            went[~went] = self._elsewhere(mesh, spokes[~went], limits)
-        _write(mesh, ASTRAY, born, ~went[:, None])
+        goals, sizes = self._project(middles), _lengths(rest, births[:, 0], births[:, 1])
+        moved = self._move(mesh, spokes, goals, self._carry(goals), normals, sizes, limits)
+        if not moved.all():
+            moved[~moved] = self._place_nearby(mesh, spokes[~moved], limits)
+        _write(mesh, ASTRAY, born, ~moved[:, None])
         column = mesh.column(NORMAL)
-        if column is not None:  # on the chord: between the normals of its ends
-            astray = mesh.surface.carried[born[~went], column : column + 3]
-            _write(mesh, NORMAL, born[~went], unit(astray))
-        return len(births) - int(went.sum())
+        if column is not None:  # vertices left on the chord keep the mean of their parents' normals
+            astray = mesh.arrays.attributes[born[~moved], column : column + 3]
+            _write(mesh, NORMAL, born[~moved], unit(astray))
+        return len(births) - int(moved.sum())
 
-    def heal(self, mesh: HalfedgeMesh, limits: Floats) -> None:
-        """Carry vertices that had to stay off the surface back onto it, where that now folds nothing.
+    def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
+        """Carry vertices that had to stay off the surface back onto it, where no face then folds.
 
-        If their own places at rest fold, the middle of what lies around them there may not.
+        If a vertex's own place at rest folds, the middle of its ring at rest may not.
         """
         column, halfedges = column_of(mesh, ASTRAY), 3 * int(mesh.sizes[1])
-        spokes = np.empty(np.count_nonzero(mesh.surface.carried[: mesh.sizes[0], column]), np.int32)
+        spokes = np.empty(np.count_nonzero(mesh.arrays.attributes[: mesh.sizes[0], column]), np.int32)
         if not len(spokes):
             return
-        spokes_of_marked(mesh.surface, halfedges, column, spokes)
-        goals = self._truly(rest_of(mesh)[mesh.surface.vert[spokes]])
-        went = settled(mesh, spokes, self._carried(goals), goals, limits)
-        if not went.all():
-            around = Surroundings.of(mesh, spokes[~went])
-            went[~went] = self._to_middle(mesh, around, limits)
-        astray = mesh.surface.vert[spokes[went]]
+        list_marked(mesh.arrays, halfedges, column, spokes)
+        goals = self._project(rest_of(mesh)[mesh.arrays.vert[spokes]])
+        moved = move_without_folds(mesh, spokes, self._carry(goals), goals, limits)
+        if not moved.all():
+            rings = RestRings.of(mesh, spokes[~moved])
+            moved[~moved] = self._move_to_middle(mesh, rings, limits)
+        astray = mesh.arrays.vert[spokes[moved]]
         _write(mesh, ASTRAY, astray, np.zeros((len(astray), 1)))
 
-    def _elsewhere(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats) -> AnyArray:
-        """Take vertices to where the surface around them comes nearest to them, or to the middle of what lies
-        around them at rest; answers (N,) booleans: which could go.
+    def _place_nearby(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits) -> AnyArray:
+        """Move vertices to the nearest point of the surface around them, or the middle of their rest ring.
 
-        Where the flow shears or stretches unevenly, the middle of an edge at rest is now far from the middle
-        of the edge, and beyond the faces beside it.
+        Returns flags (N,) of those that moved. Where the flow shears or stretches unevenly, the midpoint of
+        an edge at rest is now far from the middle of the edge, and beyond the faces beside it.
         """
-        around = Surroundings.of(mesh, spokes)
-        goals = mesh.vertices[mesh.surface.vert[spokes]]
-        found, places = nearest(self._carried, self._truly, around.centre, around.corners, goals)
-        went = self._take(mesh, spokes, found, places, around.normals, around.sizes(), limits)
-        if not went.all():
-            went[~went] = self._to_middle(mesh, around.only(~went), limits)
-        return went
+        rings = RestRings.of(mesh, spokes)
+        goals = mesh.vertices[mesh.arrays.vert[spokes]]
+        nearest_rest, places = closest_points(self._carry, self._project, rings.centre, rings.corners, goals)
+        moved = self._move(mesh, spokes, nearest_rest, places, rings.normals, rings.sizes(), limits)
+        if not moved.all():
+            moved[~moved] = self._move_to_middle(mesh, rings.only(~moved), limits)
+        return moved
 
-    def _to_middle(self, mesh: HalfedgeMesh, around: Surroundings, limits: Floats) -> AnyArray:
-        """Take vertices to the middle of what lies around them at rest; answers which went."""
-        goals = self._truly(around.middle())
-        places = self._carried(goals)
-        return self._take(mesh, around.spokes, goals, places, around.normals, around.sizes(), limits)
+    def _move_to_middle(self, mesh: HalfedgeMesh, rings: RestRings, limits: Limits) -> AnyArray:
+        """Move vertices to the middle of their rings at rest; return flags of those that moved."""
+        goals = self._project(rings.middle())
+        places = self._carry(goals)
+        return self._move(mesh, rings.spokes, goals, places, rings.normals, rings.sizes(), limits)
 
-    def _take(
+    def _move(
         self,
         mesh: HalfedgeMesh,
         spokes: Indices,
@@ -131,32 +131,31 @@ class Exact:
         places: Points,
         normals: Vectors,
         sizes: Floats,
-        limits: Floats,
+        limits: Limits,
     ) -> AnyArray:
-        """Take vertices to their goals at rest and to where these are now; answers which went."""
-        went = settled(mesh, spokes, places, goals, limits)
-        self._turn(mesh, mesh.surface.vert[spokes], goals, places, normals, sizes, went)
-        return went
+        """Move vertices to `goals` at rest and to `places` now; return flags of those that moved."""
+        moved = move_without_folds(mesh, spokes, places, goals, limits)
+        self._set_normals(mesh, mesh.arrays.vert[spokes], goals, places, normals, sizes, moved)
+        return moved
 
-    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Floats, changes: Changes) -> int:
-        """Only where it is known what the surface at rest is like beside a vertex: with a `project`, or
-        where the surface at rest is flat."""
+    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
+        """Move vertices where the surface at rest is known around them: by `project`, or as it is flat."""
         ring, places, normals = new_ring(), np.empty((spokes[0], 3)), np.empty((spokes[0], 3))
-        many = relaxed(mesh.surface, spokes, limits, ring, self.project is not None, places, normals)
+        many = relax_goals(mesh.arrays, spokes, limits, ring, self.project is not None, places, normals)
         if not many:
             return 0
         leaving, rest = spokes[1 : many + 1], rest_of(mesh)
-        start, to = mesh.surface.vert[leaving], mesh.surface.vert[_following(leaving)]
-        goals, sizes = self._truly(places[:many]), _lengths(rest, start, to)
-        moved, adopted = self._carried(goals), np.zeros(many, np.uint8)
-        done = int(adopt(mesh.surface, spokes, moved, goals, limits, ring, changes, adopted))
-        self._turn(mesh, start, goals, moved, normals[:many], sizes, adopted > 0)
+        start, to = mesh.arrays.vert[leaving], mesh.arrays.vert[_following(leaving)]
+        goals, sizes = self._project(places[:many]), _lengths(rest, start, to)
+        places_now, moved = self._carry(goals), np.zeros(many, np.uint8)
+        done = int(relax_vertices(mesh.arrays, spokes, places_now, goals, limits, ring, changes, moved))
+        self._set_normals(mesh, start, goals, places_now, normals[:many], sizes, moved > 0)
         return done
 
-    def _truly(self, points: Points) -> Points:
+    def _project(self, points: Points) -> Points:
         return points if self.project is None else self.project(points)
 
-    def _turn(
+    def _set_normals(
         self,
         mesh: HalfedgeMesh,
         vertices: Indices,
@@ -164,39 +163,39 @@ class Exact:
         places: Points,
         normals: Vectors,
         sizes: Floats,
-        these: AnyArray,
+        selected: AnyArray,
     ) -> None:
-        """Give some vertices, if they have normals, those that the surface has at their places.
+        """Set the exact normals of the selected vertices, if the mesh has normals.
 
-        normals  (N, 3) at rest, unit, or zero where there is none
-        sizes    (N,) lengths of an edge of each at rest
-        these    (N,) booleans: which
+        normals   (N, 3) at rest, unit, or zero where there is none
+        sizes     (N,) length of an edge of each at rest
+        selected  (N,) flags
         """
-        if mesh.column(NORMAL) is None or not these.any():
+        if mesh.column(NORMAL) is None or not selected.any():
             return
-        turned = carried_normals(
-            lambda beside: self._carried(self._truly(beside)),
-            rest[these],
-            places[these],
-            normals[these],
-            _TANGENT * sizes[these],
+        carried = carried_normals(
+            lambda beside: self._carry(self._project(beside)),
+            rest[selected],
+            places[selected],
+            normals[selected],
+            _TANGENT * sizes[selected],
         )
-        _write(mesh, NORMAL, vertices[these], turned)
+        _write(mesh, NORMAL, vertices[selected], carried)
 
-    def _carried(self, rest_points: Points) -> Points:
+    def _carry(self, rest_points: Points) -> Points:
         moved = np.array(self.carry(np.ascontiguousarray(rest_points)), dtype=np.float64)
         if moved.shape != rest_points.shape or not np.isfinite(moved).all():
             raise FrameError(
                 f"carry returned an array of shape {moved.shape} for {len(rest_points)} points at rest, or "
-                "numbers that are not finite; it must say where each of them is now"
+                "numbers that are not finite; it must return the present position of each point"
             )
         return moved
 
 
 def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) -> None:
-    """Set rows (N, k) of an attribute that the mesh has."""
+    """Write rows (N, k) of an attribute that the mesh has."""
     column = column_of(mesh, name)
-    mesh.surface.carried[vertices, column : column + values.shape[1]] = values
+    mesh.arrays.attributes[vertices, column : column + values.shape[1]] = values
 
 
 def _following(h: Indices) -> Indices:

@@ -1,72 +1,72 @@
-"""May this edge collapse, and where to? The guards of unsubdivision (P9, P27-P32)."""
+"""Rules of unsubdivision: which edges may collapse, and where to (P9, P27-P32)."""
 
 from __future__ import annotations
 
 from typing import NamedTuple
 
+from pipeline.resample.polyhedra.editor import PolyhedronEditor
 from pipeline.resample.polyhedra.geometry import box, difference, dot, newell, norm
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Point
-from pipeline.resample.polyhedra.workpiece import Workpiece
 
 START, MIDDLE, END = 0.0, 0.5, 1.0
-"""Where the remaining vertex may lie, as a share of the edge."""
+"""Position of the merged vertex, as a share of the edge."""
 
-_LEAST_COSINE = 0.2  # a face may turn by 78 degrees in one collapse, not more
+_MAX_TURN_COSINE = 0.2  # a face turns by at most 78 degrees in one collapse
 _THIN = 0.02  # twice the area over the longest side of the box squared; below it a face counts as a sliver
-_STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that bends less is a straight line
+_STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that turns less is a straight line
 _CORNER = 3  # a vertex with that many hard edges is a corner
 
 
-class Verdict(NamedTuple):
-    """`share` says where the edge may collapse to; where it may not, it is None and `reason` says why."""
+class Decision(NamedTuple):
+    """`share` is the position that the edge may collapse to; None if it may not, and `reason` says why."""
 
     share: float | None
     reason: str = ""
 
 
 class _End(NamedTuple):
-    """One end of an edge: its vertex, the half-edges that leave it, and which of these are hard."""
+    """One end of an edge: its vertex, the half-edges that leave it, and the hard ones of these."""
 
     vertex: int
     star: list[int]
     hard: list[int]
 
 
-def judge(piece: Workpiece, h: int) -> Verdict:
-    """Whether the edge of h may collapse, and to which share of its length, by the rules of version 2.
+def can_collapse(editor: PolyhedronEditor, h: int) -> Decision:
+    """Decide whether the edge of h may collapse, and to which share of its length, by the rules of version 2.
 
     Reasons as in `pipeline.resample.report`: link, boundary, feature, too_long, fold.
     """
-    near, far = _end(piece, h), _end(piece, h ^ 1)
-    fault = _link_fault(piece, h, near, far)
+    near, far = _end(editor, h), _end(editor, h ^ 1)
+    fault = _link_fault(editor, h, near, far)
     if fault:
-        return Verdict(None, fault)
+        return Decision(None, fault)
     reason = "feature"
-    for share in _candidates(piece, h, near, far):
-        fault = _move_fault(piece, h, near, far, share)
+    for share in _candidates(editor, h, near, far):
+        fault = _position_fault(editor, h, near, far, share)
         if not fault:
-            return Verdict(share)
+            return Decision(share)
         if reason == "feature":
             reason = fault
-    return Verdict(None, reason)
+    return Decision(None, reason)
 
 
-def _end(piece: Workpiece, h: int) -> _End:
-    surface = piece.surface
+def _end(editor: PolyhedronEditor, h: int) -> _End:
+    surface = editor.surface
     star = surface.star(surface.origin[h])
-    return _End(surface.origin[h], star, [one for one in star if piece.hard(one)])
+    return _End(surface.origin[h], star, [one for one in star if editor.is_hard(one)])
 
 
-def _link_fault(piece: Workpiece, h: int, near: _End, far: _End) -> str:
-    """Why the surface would no longer be one: the two ends may share their edge's faces, and no more.
+def _link_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End) -> str:
+    """Return "link" or "boundary" if the surface would no longer be a manifold, else "".
 
-    A neighbour of both ends must be the third corner of a triangle on the edge, and no other face may
-    name both ends; else two edges would join the same vertices, or a face would touch itself.
+    A neighbour of both ends must be the third corner of a triangle on the edge, and no other face may have
+    both ends. Else two edges would join the same vertices, or a face would touch itself.
     """
-    surface = piece.surface
+    surface = editor.surface
     face, origin = surface.face, surface.origin
     beside = [face[h], face[h ^ 1]]
-    if OUTSIDE not in beside and _on_boundary(piece, near) and _on_boundary(piece, far):
+    if OUTSIDE not in beside and _on_boundary(editor, near) and _on_boundary(editor, far):
         return "boundary"
     triangles = [
         k
@@ -84,20 +84,20 @@ def _link_fault(piece: Workpiece, h: int, near: _End, far: _End) -> str:
         one, two = face[surface.next[k] ^ 1], face[surface.previous[k] ^ 1]
         if one == OUTSIDE and two == OUTSIDE:
             return "boundary"
-        if _back_to_back(piece, one, two, near.vertex, far.vertex):
+        if _would_double(editor, one, two, near.vertex, far.vertex):
             return "link"
     return ""
 
 
-def _on_boundary(piece: Workpiece, end: _End) -> bool:
-    return any(piece.surface.face[k] == OUTSIDE for k in end.star)
+def _on_boundary(editor: PolyhedronEditor, end: _End) -> bool:
+    return any(editor.surface.face[k] == OUTSIDE for k in end.star)
 
 
-def _back_to_back(piece: Workpiece, f: int, g: int, keep: int, gone: int) -> bool:
-    """Whether two faces would have the same vertices once `gone` is merged into `keep`."""
+def _would_double(editor: PolyhedronEditor, f: int, g: int, keep: int, gone: int) -> bool:
+    """Tell whether two faces would have the same vertices after `gone` merges into `keep`."""
     if OUTSIDE in (f, g):
         return False
-    surface = piece.surface
+    surface = editor.surface
     one, two = (
         {keep if v == gone else v for v in (surface.origin[k] for k in surface.loop(surface.side[face]))}
         for face in (f, g)
@@ -105,15 +105,15 @@ def _back_to_back(piece: Workpiece, f: int, g: int, keep: int, gone: int) -> boo
     return one == two
 
 
-def _candidates(piece: Workpiece, h: int, near: _End, far: _End) -> tuple[float, ...]:
-    """Where the remaining vertex may lie, best first; none where a feature forbids it.
+def _candidates(editor: PolyhedronEditor, h: int, near: _End, far: _End) -> tuple[float, ...]:
+    """Return the positions allowed for the merged vertex, best first; none where a feature forbids it.
 
-    The end with more hard edges wins and keeps its position (P30). Ties: soft ends take the midpoint
-    (P27) or else either end; two vertices of one crease take the midpoint where it is straight, or else
-    the end where it bends more. Corners never move into each other, and two creases never merge across
-    the surface between them, which keeps a tendril alive (P32).
+    The end with more hard edges keeps its position (P30). Ties: soft ends take the midpoint (P27) or else
+    either end; two vertices of one crease take the midpoint where it is straight, else the end with the
+    sharper turn. Corners never merge, and two creases never merge across the surface between them, which
+    keeps a tendril alive (P32).
     """
-    mine, theirs = _rank(piece, near), _rank(piece, far)
+    mine, theirs = _rank(editor, near), _rank(editor, far)
     along = h in near.hard
     if mine >= 2 and theirs >= 2 and (not along or (mine >= _CORNER and theirs >= _CORNER)):
         return ()
@@ -121,7 +121,7 @@ def _candidates(piece: Workpiece, h: int, near: _End, far: _End) -> tuple[float,
         return (START,) if mine > theirs else (END,)
     if mine < 2:
         return (MIDDLE, START, END)
-    one, two = _bend(piece, near, far.vertex), _bend(piece, far, near.vertex)
+    one, two = _turn_cosine(editor, near, far.vertex), _turn_cosine(editor, far, near.vertex)
     if one > _STRAIGHT and two > _STRAIGHT:
         return (MIDDLE, START, END)
     if one <= two:
@@ -129,32 +129,32 @@ def _candidates(piece: Workpiece, h: int, near: _End, far: _End) -> tuple[float,
     return (END, START) if two > _STRAIGHT else (END,)
 
 
-def _rank(piece: Workpiece, end: _End) -> int:
-    """Hard edges at a vertex; a crease that turns by more than the hard angle makes it a corner."""
+def _rank(editor: PolyhedronEditor, end: _End) -> int:
+    """Return the number of hard edges at a vertex; 3 where a crease turns by more than the hard angle."""
     if len(end.hard) != 2:
         return len(end.hard)
-    other = piece.surface.origin[end.hard[0] ^ 1]
-    cosine = piece.bracket.cosine(end.vertex, other)
-    return _CORNER if _bend(piece, end, other) < cosine else 2
+    other = editor.surface.origin[end.hard[0] ^ 1]
+    cosine = editor.limits.hard_cosine(end.vertex, other)
+    return _CORNER if _turn_cosine(editor, end, other) < cosine else 2
 
 
-def _bend(piece: Workpiece, end: _End, other: int) -> float:
-    """Cosine of the turn that a crease makes at a vertex between `other` and its second hard edge."""
-    points, origin = piece.surface.points, piece.surface.origin
-    here = points[end.vertex]
+def _turn_cosine(editor: PolyhedronEditor, end: _End, other: int) -> float:
+    """Return the cosine of the turn that a crease makes at a vertex, from `other` to its second hard edge."""
+    points, origin = editor.surface.points, editor.surface.origin
+    centre = points[end.vertex]
     for k in end.hard:
         v = origin[k ^ 1]
         if v != other:
-            back, on = difference(here, points[v]), difference(points[other], here)
+            back, on = difference(centre, points[v]), difference(points[other], centre)
             lengths = norm(back) * norm(on)
             return dot(back, on) / lengths if lengths else 1.0
     return -1.0
 
 
-def _move_fault(piece: Workpiece, h: int, near: _End, far: _End, share: float) -> str:
-    """Why the merged vertex may not lie there: something would be too long, or a face would fold."""
-    surface = piece.surface
-    place = piece.place(h, share)
+def _position_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End, share: float) -> str:
+    """Return "too_long" or "fold" if the merged vertex may not lie there, else ""."""
+    surface = editor.surface
+    place = editor.place(h, share)
     merged = {near.vertex: place, far.vertex: place}
     for end in (near, far):
         if (share == START and end is near) or (share == END and end is far):
@@ -162,30 +162,30 @@ def _move_fault(piece: Workpiece, h: int, near: _End, far: _End, share: float) -
         for k in end.star:
             v = surface.origin[k ^ 1]
             if v not in merged:
-                # the merged vertex has thresholds between those of the ends; the stricter is asked for
-                limit = min(piece.bracket.longest(u, v) for u in merged)
+                # the merged vertex has limits between those of the ends; test the stricter ones
+                limit = min(editor.limits.max_edge_length(u, v) for u in merged)
                 if norm(difference(surface.points[v], place)) > limit:
                     return "too_long"
     stays = near if share == START else far if share == END else None
-    known = (
+    unchanged = (
         set()
         if stays is None
         else {surface.face[k] for k in stays.star} - {surface.face[h], surface.face[h ^ 1]}
     )
     faces = {surface.face[k]: None for end in (near, far) for k in end.star if surface.face[k] != OUTSIDE}
     for f in faces:
-        if f not in known:
-            fault = _face_fault(piece, f, merged, place)
+        if f not in unchanged:
+            fault = _face_fault(editor, f, merged, place)
             if fault:
                 return fault
     return ""
 
 
-def _face_fault(piece: Workpiece, f: int, merged: dict[int, Point], place: Point) -> str:
-    surface = piece.surface
+def _face_fault(editor: PolyhedronEditor, f: int, merged: dict[int, Point], place: Point) -> str:
+    surface = editor.surface
     vertices = [surface.origin[k] for k in surface.loop(surface.side[f])]
     rest = [v for v in vertices if v not in merged]
-    if len(rest) == len(vertices) - 2:  # the face has both ends, and one of them goes
+    if len(rest) == len(vertices) - 2:  # the face has both ends, and loses one
         at = next(i for i, v in enumerate(vertices) if v in merged and vertices[i - 1] not in merged)
         turned = vertices[at + 1 :] + vertices[:at]
         polygon = [place, *(surface.points[v] for v in turned if v not in merged)]
@@ -193,12 +193,12 @@ def _face_fault(piece: Workpiece, f: int, merged: dict[int, Point], place: Point
         polygon = [merged.get(v, surface.points[v]) for v in vertices]
     if len(polygon) < 3:
         return ""
-    old, new = piece.normal(f), newell(polygon)
+    old, new = editor.normal(f), newell(polygon)
     was, now = norm(old), norm(new)
-    if was > 0 and dot(old, new) <= _LEAST_COSINE * was * now:
+    if was > 0 and dot(old, new) <= _MAX_TURN_COSINE * was * now:
         return "fold"
     _, low, high = box(polygon)
-    if high - low > piece.bracket.widest(vertices):
+    if high - low > editor.limits.max_face_size(vertices):
         return "too_long"
     if now < _THIN * (high - low) ** 2 and now < was:
         return "fold"

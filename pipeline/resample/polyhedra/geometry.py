@@ -1,4 +1,4 @@
-"""What is measured on single faces: Newell normals, boxes, distances."""
+"""Geometry of single faces: Newell normals, bounding boxes, distances."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.resample.polyhedra.polyhedron import Point
 
 
 def newell(polygon: Sequence[Point]) -> Point:
-    """The area vector of a polygon, bent or not: along its mean normal, twice as long as its area."""
+    """Return the area vector of a polygon, bent or not: along its mean normal, twice as long as its area."""
     ox, oy, oz = polygon[0]
     nx = ny = nz = 0.0
     px, py, pz = polygon[1][0] - ox, polygon[1][1] - oy, polygon[1][2] - oz
@@ -23,20 +23,22 @@ def newell(polygon: Sequence[Point]) -> Point:
 
 
 def dot(a: Point, b: Point) -> float:
+    """Return the scalar product."""
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 def norm(a: Point) -> float:
+    """Return the length."""
     return math.sqrt(a[0] * a[0] + a[1] * a[1] + a[2] * a[2])
 
 
 def difference(a: Point, b: Point) -> Point:
-    """From b to a."""
+    """Return the vector from b to a."""
     return a[0] - b[0], a[1] - b[1], a[2] - b[2]
 
 
 def between(a: Point, b: Point, share: float) -> Point:
-    """On the way from a to b; `share` 0 is a, 1 is b."""
+    """Return the point on the line from a to b; `share` 0 is a, 1 is b."""
     return (
         a[0] + (b[0] - a[0]) * share,
         a[1] + (b[1] - a[1]) * share,
@@ -45,7 +47,7 @@ def between(a: Point, b: Point, share: float) -> Point:
 
 
 def box(polygon: Sequence[Point]) -> tuple[int, float, float]:
-    """The longest dimension of a polygon's box along the axes (P17): its axis, lowest and highest number."""
+    """Return the longest dimension of a polygon's bounding box (P17): axis, lowest, highest coordinate."""
     best, least, most = 0, 0.0, -1.0
     for axis in range(3):
         along = [point[axis] for point in polygon]

@@ -1,7 +1,7 @@
-"""A polyhedron of half-edges that can be cut and mended: the mutable thing of the first version.
+"""A polyhedron of half-edges that can be cut and collapsed; the mutable mesh of version 1.
 
-Plain lists, because every operation touches a few numbers at a time; whole passes over the surface are
-made on the arrays of a `PolygonMesh`, before and after.
+Plain lists, because every operation touches a few numbers at a time. Passes over the whole surface run on
+the arrays of a `PolygonMesh`, before and after.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.validation import require_polygons, twin_corners
 
 OUTSIDE = -1
-"""The face beyond a boundary, and what stands for a removed element."""
+"""The face beyond a boundary, and the mark of a removed element."""
 
 Point = tuple[float, float, float]
 
@@ -26,14 +26,14 @@ class Polyhedron:
     Half-edges come in pairs: `h` and ``h ^ 1`` run along edge ``h >> 1`` in opposite directions, so a twin
     need not be stored. A boundary has half-edges too, which belong to the face `OUTSIDE`.
 
-    next, previous, origin, face   by half-edge; `origin` is -1 where the edge has been removed
-    crease                         by edge: whether it is hard whatever its angle (P31)
-    side                           by face: one of its half-edges, or -1 where the face has been removed
-    leaving                        by vertex: a half-edge that leaves it, or -1 where it has been removed
-    points                         by vertex: where it is
+    next, previous, origin, face   by half-edge; `origin` is -1 if the edge has been removed
+    crease                         by edge: True if it is hard whatever its angle (P31)
+    side                           by face: one of its half-edges, or -1 if the face has been removed
+    leaving                        by vertex: a half-edge that leaves it, or -1 if it has been removed
+    points                         by vertex: its position
 
-    Numbers of removed elements are not used again before `renumber`. Half-edges are numbered by their
-    first appearance among the corners of the faces, so that all of this is a function of the mesh.
+    Numbers of removed elements are not reused before `renumber`. Half-edges are numbered by their first
+    appearance among the corners of the faces, so all lists are a function of the mesh.
 
     Raises MeshError where the mesh is not a finite, oriented manifold, with or without boundary.
     """
@@ -52,7 +52,7 @@ class Polyhedron:
         self._load(mesh, twin_corners(mesh))
 
     def split_edge(self, h: int, points: Sequence[Point]) -> list[int]:
-        """Put vertices on the edge of h, in order along h, which keeps its origin; answers their numbers."""
+        """Insert vertices into the edge of h, in order along h, and return them; h keeps its origin."""
         made = []
         for point in points:
             made.append(self._split_once(h, point))
@@ -60,9 +60,9 @@ class Polyhedron:
         return made
 
     def cut_face(self, h: int, k: int) -> int:
-        """Join the origins of h and k across their face; answers the half-edge that runs from h's to k's.
+        """Join the origins of h and k across their face; return the half-edge from h's origin to k's.
 
-        The face keeps the sides from h to k; a new one gets those from k to h, and the half-edge answered.
+        The face keeps the sides from h to k; a new one gets those from k to h, and the returned half-edge.
         """
         nexts, previous, origin, face = self.next, self.previous, self.origin, self.face
         there, back = self._new_edge(origin[h], origin[k], crease=False)
@@ -78,10 +78,10 @@ class Polyhedron:
         return there
 
     def collapse_edge(self, h: int, place: Point) -> int:
-        """Merge the end of h into its origin, which moves to `place` and is answered.
+        """Merge the end of h into its origin, which moves to `place`; return the origin.
 
-        Faces left with two sides vanish, and the two sides become one edge. It is for the caller to know
-        that the link condition holds.
+        Faces left with two sides vanish, and the two sides become one edge. The caller must have checked the
+        link condition.
         """
         keep, gone = self.origin[h], self.origin[h ^ 1]
         self.points[keep] = place
@@ -103,7 +103,7 @@ class Polyhedron:
         return keep
 
     def loop(self, h: int) -> list[int]:
-        """The half-edges of the face of h, from h on."""
+        """Return the half-edges of the face of h, from h on."""
         around, k = [h], self.next[h]
         while k != h:
             around.append(k)
@@ -111,7 +111,7 @@ class Polyhedron:
         return around
 
     def star(self, vertex: int) -> list[int]:
-        """The half-edges that leave a vertex, clockwise."""
+        """Return the half-edges that leave a vertex, clockwise."""
         first = self.leaving[vertex]
         around, k = [first], self.next[first ^ 1]
         while k != first:
@@ -120,27 +120,27 @@ class Polyhedron:
         return around
 
     def joined(self, a: int, b: int) -> bool:
-        """Whether an edge runs between two vertices."""
+        """Tell whether an edge joins two vertices."""
         return any(self.origin[h ^ 1] == b for h in self.star(a))
 
     def corners(self, f: int) -> list[Point]:
-        """Where the vertices of a face are, in order."""
+        """Return the positions of a face's vertices, in order."""
         return [self.points[self.origin[h]] for h in self.loop(self.side[f])]
 
     def mesh(self) -> PolygonMesh:
-        """The surface as a value, vertices and faces in the order they have here."""
+        """Return the surface as a value, vertices and faces in the order of the lists."""
         mesh, _ = self._gathered()
         return mesh
 
     def renumber(self) -> tuple[PolygonMesh, AnyArray]:
-        """Leave the numbers of removed elements out; answers the surface and (V,) the old vertex numbers."""
+        """Drop the numbers of removed elements; return the surface and the old vertex numbers (V,)."""
         kept = np.flatnonzero(np.array(self.leaving) != OUTSIDE)
         mesh, twin = self._gathered()
         self._load(mesh, twin)
         return mesh, kept
 
     def fault(self) -> str | None:
-        """What is wrong with the lists, or None: the invariants, which hold after every operation."""
+        """Return the first broken invariant, or None; the invariants hold after every operation."""
         alive = [h for h in range(len(self.origin)) if self.origin[h] != OUTSIDE]
         for h in alive:
             after = self.next[h]
@@ -174,7 +174,7 @@ class Polyhedron:
         return h, h ^ 1
 
     def _split_once(self, h: int, point: Point) -> int:
-        """The edge of h keeps its first part; the second part is a new one, which follows h."""
+        """Split the edge of h: it keeps the first part; a new edge, which follows h, becomes the second."""
         nexts, previous, face = self.next, self.previous, self.face
         twin, end, vertex = h ^ 1, self.origin[h ^ 1], len(self.points)
         self.points.append(point)
@@ -190,7 +190,7 @@ class Polyhedron:
         return vertex
 
     def _close(self, h: int) -> None:
-        """Take out the two-sided face of h; its two edges become that of h."""
+        """Remove the two-sided face of h; its two edges become that of h."""
         other = self.next[h]
         beyond = other ^ 1  # runs as h does, on the far side of the other edge
         if self.face[h] != OUTSIDE:
@@ -208,7 +208,7 @@ class Polyhedron:
         self.origin[h] = self.origin[h ^ 1] = OUTSIDE
 
     def _gathered(self) -> tuple[PolygonMesh, AnyArray]:
-        """The surface without gaps, and for each of its sides the one that runs back along it."""
+        """Return the surface without gaps, and for each of its sides the one that runs back along it."""
         sides, offsets = [], [0]
         for first in self.side:
             if first != OUTSIDE:
@@ -228,7 +228,7 @@ class Polyhedron:
         return mesh, corner[at ^ 1]
 
     def _load(self, mesh: PolygonMesh, twin: AnyArray) -> None:
-        """Fill the lists; `twin` answers for each corner which side runs back along its own, or -1."""
+        """Fill the lists; `twin` gives for each corner the side that runs back along its own, or -1."""
         count = len(mesh.corners)
         corner = np.arange(count)
         first = (twin < 0) | (corner < twin)
@@ -240,13 +240,13 @@ class Polyhedron:
         origin = np.empty(2 * int(first.sum()), np.int64)
         nexts, face = np.full(len(origin), OUTSIDE), np.full(len(origin), OUTSIDE)
         origin[half], face[half], nexts[half] = mesh.corners, mesh.owners, half[following]
-        edge_of_none = half[twin < 0] ^ 1
-        origin[edge_of_none] = mesh.heads[twin < 0]
+        boundary = half[twin < 0] ^ 1
+        origin[boundary] = mesh.heads[twin < 0]
         leaving = np.full(len(mesh.vertices), OUTSIDE)
         leaving[mesh.corners[::-1]] = half[::-1]
         start = np.full(len(mesh.vertices), OUTSIDE)
-        start[origin[edge_of_none]] = edge_of_none
-        nexts[edge_of_none] = start[mesh.corners[twin < 0]]
+        start[origin[boundary]] = boundary
+        nexts[boundary] = start[mesh.corners[twin < 0]]
         previous = np.empty(len(origin), np.int64)
         previous[nexts] = np.arange(len(origin))
         self.next, self.previous, self.origin = nexts.tolist(), previous.tolist(), origin.tolist()

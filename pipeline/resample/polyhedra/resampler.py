@@ -1,4 +1,4 @@
-"""The resampler as it was in 1990: polyhedra of any faces, sliced along the axes (P16-P22)."""
+"""The resampler of 1990: polyhedra with faces of any number of sides, sliced along the axes (P16-P22)."""
 
 from __future__ import annotations
 
@@ -8,33 +8,34 @@ from typing import Literal
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import FrameError, UsageError
+from pipeline.errors import UsageError
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.resample.polyhedra.collapse import Collapser
-from pipeline.resample.polyhedra.length_limits import Bracket
+from pipeline.resample.polyhedra.editor import PolyhedronEditor, inherited
+from pipeline.resample.polyhedra.length_limits import LengthLimits
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
-from pipeline.resample.polyhedra.report import PolyhedralReport
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
-from pipeline.resample.polyhedra.workpiece import Workpiece, inherited
+from pipeline.resample.report import PolyhedralReport
+from pipeline.resample.resample_pass import not_finite
 from pipeline.resample.thresholds import Thresholds
 
 Collapse = Literal["edges", "areas"]
 
 _ATTRIBUTE = "attribute."
-_LARGEST = 1e150  # beyond it squares leave the numbers
+_LARGEST = 1e150  # squares of larger coordinates overflow
 
 
 class PolyhedralResampler:
-    """A polyhedron in flow: move `vertices`, then `resample()`, frame after frame.
+    """A polyhedron in flow: move `vertices`, then call `resample()`, frame after frame.
 
-    mesh         what to begin with: finite, oriented, manifold; open or closed, its faces with any number
-                 of sides, concave or not (MeshError otherwise)
-    thresholds   the bracket, numbers or functions; may be replaced between frames
+    mesh         the first surface: finite, oriented, manifold; open or closed, its faces with any number of
+                 sides, concave or not (MeshError otherwise)
+    thresholds   length limits and hard angle, numbers or functions; may be replaced between frames
     cutting      "slice": all parallel cuts of an element at once (P18); "recurse": in two, and again
-    collapse     "edges": short edges go (P9); "areas": small faces go (P22)
+    collapse     "edges": collapse short edges (P9); "areas": collapse small faces (P22)
 
-    Vertex attributes go along: a new vertex gets the mean of its parents', a merged one the survivor's
-    (integers and flags are never mixed). Tagged edges stay tagged and hard (P31).
+    Vertex attributes are carried along: a new vertex gets the mean of its parents' values, a merged one those
+    of the end that stays (integers and flags are never mixed). Tagged edges stay tagged and hard (P31).
     """
 
     def __init__(
@@ -56,19 +57,19 @@ class PolyhedralResampler:
 
     @property
     def vertices(self) -> Points:
-        """(V, 3) float64: write the moved positions into it. `resample` makes it another array."""
+        """(V, 3) float64: write the moved positions into it. `resample` replaces the array."""
         return self._vertices
 
     @property
     def mesh(self) -> PolygonMesh:
-        """The surface as a value, vertices in the order of `vertices`; that of faces is ours."""
+        """The surface as a value: vertices in the order of `vertices`, faces in the resampler's own order."""
         mesh = self._mesh
         return PolygonMesh.from_arrays(
             self._vertices, mesh.offsets, mesh.corners, mesh.attributes, mesh.creases
         )
 
     def state(self) -> dict[str, AnyArray]:
-        """Copies of all that the next frames depend on, by name: ``numpy.savez(file, **state)`` keeps it."""
+        """Return copies of all that later frames depend on; keep them by ``numpy.savez(file, **state)``."""
         mesh = self.mesh
         named = {_ATTRIBUTE + name: values for name, values in mesh.attributes.items()}
         arrays = {"offsets": mesh.offsets, "corners": mesh.corners, "creases": mesh.creases}
@@ -82,7 +83,7 @@ class PolyhedralResampler:
         cutting: Cutting = "slice",
         collapse: Collapse = "edges",
     ) -> PolyhedralResampler:
-        """Go on from a `state`, bit for bit as if never stopped. Names it does not know are left alone."""
+        """Resume from a `state`, with the same bits as without a stop. Unknown names are ignored."""
         missing = [name for name in ("vertices", "offsets", "corners") if name not in state]
         if missing:
             raise UsageError(f"the state holds no {' and no '.join(missing)}; it cannot be resumed from")
@@ -94,24 +95,24 @@ class PolyhedralResampler:
         return cls(mesh, thresholds, cutting, collapse)
 
     def resample(self) -> PolyhedralReport:
-        """Bring edges and faces into the bracket again, in place.
+        """Bring edges and faces within their limits, in place.
 
-        Afterwards no edge is over the maximum, and no face reaches farther than it along any axis.
+        Afterwards no edge is over the maximum, and no face extends farther than it along any axis.
 
-        Raises FrameError where a vertex is not finite or the budget of vertices does not suffice; the
-        surface is then still a sound one.
+        Raises FrameError where a vertex is not finite or the vertices would exceed the budget; the surface is
+        then still sound.
         """
-        self._require_numbers()
+        self._require_finite()
         mesh = self.mesh
         self._surface.points = [(x, y, z) for x, y, z in mesh.vertices.tolist()]
-        frame = _Frame(self._surface, mesh, self.thresholds)
+        this_pass = _Pass(self._surface, mesh, self.thresholds)
         try:
-            frame.subdivide(self.cutting)
-            frame.unsubdivide(self.collapse)
+            this_pass.subdivide(self.cutting)
+            this_pass.unsubdivide(self.collapse)
         finally:
             after, kept = self._surface.renumber()
-            self._keep(after, inherited(mesh.attributes, frame.piece.lineage, kept))
-        return frame.report(after)
+            self._keep(after, inherited(mesh.attributes, this_pass.editor.inheritance, kept))
+        return this_pass.report(after)
 
     def _keep(self, mesh: PolygonMesh, attributes: Mapping[str, AnyArray]) -> None:
         self._mesh = PolygonMesh.from_arrays(
@@ -119,52 +120,49 @@ class PolyhedralResampler:
         )
         self._vertices = np.array(mesh.vertices)
 
-    def _require_numbers(self) -> None:
+    def _require_finite(self) -> None:
         sound = (np.abs(self._vertices) < _LARGEST).all(axis=1)
         if not sound.all():
-            wild = int(np.argmin(sound))
-            raise FrameError(
-                f"vertex {wild} has left the numbers: {self._vertices[wild]}; calm the flow there"
-            )
+            raise not_finite(self._vertices)
 
 
-class _Frame:
-    """One resampling: its steps and counters."""
+class _Pass:
+    """One resample pass: its steps and counters."""
 
     def __init__(self, surface: Polyhedron, mesh: PolygonMesh, thresholds: Thresholds) -> None:
-        self.bracket = Bracket(thresholds, mesh)
-        self.piece = Workpiece(surface, self.bracket)
+        self.limits = LengthLimits(thresholds, mesh)
+        self.editor = PolyhedronEditor(surface, self.limits)
         self._surface, self._mesh = surface, mesh
         self._passes = self._too_long = 0
         self._refused: Mapping[str, int] = {}
 
     def subdivide(self, cutting: Cutting) -> None:
-        """All edges, then all faces (P16), and again those that have been made, until none is too large."""
-        slicer, piece = Slicer(self.piece, cutting), self.piece
-        edges, faces = long_edges(self._surface, self.bracket), wide_faces(self._mesh, self.bracket)
+        """Split all edges, then cut all faces (P16), and repeat for the new ones, until none is too large."""
+        slicer, editor = Slicer(self.editor, cutting), self.editor
+        edges, faces = long_edges(self._surface, self.limits), wide_faces(self._mesh, self.limits)
         while edges or faces:
-            done = piece.splits + piece.cuts
+            done = editor.splits + editor.cuts
             slicer.edges(edges)
             faces, edges = slicer.faces(faces)
-            self._passes += piece.splits + piece.cuts > done
+            self._passes += editor.splits + editor.cuts > done
 
     def unsubdivide(self, collapse: Collapse) -> None:
         """Remove what is too small: edges, or faces with all their edges."""
-        collapser, shorts = Collapser(self.piece), short_edges(self._surface, self.bracket)
+        collapser, shorts = Collapser(self.editor), short_edges(self._surface, self.limits)
         if collapse == "edges":
             collapser.edges(shorts)
         else:
             collapser.faces(range(len(self._surface.side)), shorts)
         self._refused = collapser.refused
-        longs = long_edges(self._surface, self.bracket)
-        self._too_long = sum(self.piece.too_long(h) for h in longs)
+        longs = long_edges(self._surface, self.limits)
+        self._too_long = sum(self.editor.is_too_long(h) for h in longs)
 
     def report(self, mesh: PolygonMesh) -> PolyhedralReport:
-        """What has been done, and how the mesh is that it left."""
-        lengths, piece = edge_lengths(self._surface), self.piece
+        """Return what the pass did, and the state of the resulting mesh."""
+        lengths, editor = edge_lengths(self._surface), self.editor
         return PolyhedralReport(
-            splits=piece.splits,
-            collapses=piece.collapses,
+            splits=editor.splits,
+            collapses=editor.collapses,
             flips=0,
             passes=self._passes,
             vertices=len(mesh.vertices),
@@ -175,40 +173,40 @@ class _Frame:
             shortest=float(lengths.min()),
             longest=float(lengths.max()),
             refused=self._refused,
-            cuts=piece.cuts,
+            cuts=editor.cuts,
             average_sides=mesh.average_sides,
             widest=float(mesh.extents.max()),
         )
 
 
-_SLACK = 1e-9
+_SLACK = 1e-9  # array and list arithmetic may round differently; exact tests follow
 
 
-def long_edges(surface: Polyhedron, bracket: Bracket) -> list[int]:
-    """The first half-edges of the edges over the maximum."""
-    edges, lengths, limits = _measured(surface, bracket.table[:, 0])
-    return _listed(edges[lengths > (1 - _SLACK) * limits])
+def long_edges(surface: Polyhedron, limits: LengthLimits) -> list[int]:
+    """Return the first half-edges of the edges over the maximum."""
+    edges, lengths, longest = _measured(surface, limits.table[:, 0])
+    return _list(edges[lengths > (1 - _SLACK) * longest])
 
 
-def short_edges(surface: Polyhedron, bracket: Bracket) -> list[int]:
-    """The first half-edges of the edges under the minimum."""
-    edges, lengths, limits = _measured(surface, bracket.table[:, 1])
-    return _listed(edges[lengths < (1 + _SLACK) * limits])
+def short_edges(surface: Polyhedron, limits: LengthLimits) -> list[int]:
+    """Return the first half-edges of the edges under the minimum."""
+    edges, lengths, shortest = _measured(surface, limits.table[:, 1])
+    return _list(edges[lengths < (1 + _SLACK) * shortest])
 
 
-def wide_faces(mesh: PolygonMesh, bracket: Bracket) -> list[int]:
-    """The faces whose box is longer than the maximum."""
-    limits = np.minimum.reduceat(bracket.table[mesh.corners, 0], mesh.offsets[:-1])
-    return _listed(np.flatnonzero(mesh.extents > (1 - _SLACK) * limits))
+def wide_faces(mesh: PolygonMesh, limits: LengthLimits) -> list[int]:
+    """Return the faces whose bounding box is longer than the maximum."""
+    largest = np.minimum.reduceat(limits.table[mesh.corners, 0], mesh.offsets[:-1])
+    return _list(np.flatnonzero(mesh.extents > (1 - _SLACK) * largest))
 
 
 def edge_lengths(surface: Polyhedron) -> Floats:
-    """(E,) of every edge, scene units."""
+    """Return the length (E,) of every edge, scene units."""
     return _measured(surface, np.zeros(len(surface.points)))[1]
 
 
 def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Floats]:
-    """First half-edges, lengths, and the limits that those of their two ends make together."""
+    """Return first half-edges, lengths, and the geometric means of the limits at their ends."""
     ends = np.array(surface.origin).reshape(-1, 2)
     edges = np.flatnonzero(ends[:, 0] != OUTSIDE)
     points = np.array(surface.points)
@@ -216,6 +214,6 @@ def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Flo
     return 2 * edges, np.linalg.norm(points[a] - points[b], axis=1), np.sqrt(limit[a] * limit[b])
 
 
-def _listed(numbers: AnyArray) -> list[int]:
-    found: list[int] = numbers.tolist()
-    return found
+def _list(numbers: AnyArray) -> list[int]:
+    listed: list[int] = numbers.tolist()
+    return listed

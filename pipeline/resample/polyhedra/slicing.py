@@ -1,4 +1,4 @@
-"""Subdividing edges and faces by planes across their longest dimension (P16-P20; Figure C)."""
+"""Subdivide edges and faces by planes across their longest dimension (P16-P20; Figure C)."""
 
 from __future__ import annotations
 
@@ -7,27 +7,27 @@ from itertools import pairwise
 from typing import Literal, NamedTuple
 
 from pipeline.errors import FrameError
+from pipeline.resample.polyhedra.editor import PolyhedronEditor
 from pipeline.resample.polyhedra.geometry import between, box, difference, dot, newell, norm
 from pipeline.resample.polyhedra.polyhedron import Point
-from pipeline.resample.polyhedra.workpiece import Workpiece
 
 Cutting = Literal["slice", "recurse"]
 
-_LEAST_REACH = 0.25  # of the maximum: a cut that passes a vertex this closely goes through it
-_MOST_REACH = 0.49  # of a face's maximum; below half of it every cut makes both parts narrower
-_LEAST_PIECE = 1e-3  # of a face's area: what a good chord leaves on either side
+_MIN_SNAP = 0.25  # of the maximum: a cut that passes a vertex more closely goes through it
+_MAX_SNAP = 0.49  # of a face's maximum; below half of it every cut makes both parts narrower
+_MIN_PART = 1e-3  # of a face's area: the least part beside a good chord
 
 
 class _Plane(NamedTuple):
-    """Where coordinate `axis` is `level`; gates up to `reach` away from a vertex go through it."""
+    """The plane where coordinate `axis` is `level`; crossings within `snap` of a vertex go through it."""
 
     axis: int
     level: float
-    reach: float
+    snap: float
 
 
-class _Gate(NamedTuple):
-    """Where a plane leaves a face: at `share` of the side of half-edge h; 0 and 1 are its ends."""
+class _Crossing(NamedTuple):
+    """The point where a plane leaves a face: at `share` of the side of half-edge h; 0 and 1 are its ends."""
 
     h: int
     share: float
@@ -35,48 +35,48 @@ class _Gate(NamedTuple):
 
 
 class Slicer:
-    """Cuts what is too large; answers to `edges` and `faces` with what may still be.
+    """Cuts what is too large.
 
-    "slice" makes all parallel cuts of an element at once, like a bread slicer; "recurse" cuts it in two
-    and comes back to the halves.
+    "slice" makes all parallel cuts of an element at once, like a bread slicer; "recurse" cuts it in two and
+    returns to the halves.
     """
 
-    def __init__(self, piece: Workpiece, cutting: Cutting) -> None:
-        self._piece, self._cutting = piece, cutting
+    def __init__(self, editor: PolyhedronEditor, cutting: Cutting) -> None:
+        self._editor, self._cutting = editor, cutting
 
     def edges(self, edges: list[int]) -> None:
-        """Split every edge that is too long, given by a half-edge of each, until none is (P8).
+        """Split every edge that is too long, given by one half-edge each, until none is (P8).
 
-        Raises FrameError where the budget of vertices or the precision of numbers does not suffice.
+        Raises FrameError where the vertices would exceed the budget, or coordinates have too few digits.
         """
-        surface = self._piece.surface
+        surface = self._editor.surface
         waiting = edges[::-1]
         while waiting:
             h = waiting.pop()
-            if not self._piece.too_long(h):
+            if not self._editor.is_too_long(h):
                 continue
-            longest = self._piece.bracket.longest(surface.origin[h], surface.origin[h ^ 1])
+            limit = self._editor.limits.max_edge_length(surface.origin[h], surface.origin[h ^ 1])
             ends = surface.points[surface.origin[h]], surface.points[surface.origin[h ^ 1]]
-            parts = self._parts(self._piece.length(h), longest)
-            if _longest_piece(*ends, parts) > longest and self._cutting == "slice":
+            parts = self._parts(self._editor.length(h), limit)
+            if _longest_piece(*ends, parts) > limit and self._cutting == "slice":
                 parts += 1
             if between(*ends, 1 / parts) in ends:
                 raise _too_far_out(ends[0])
-            made = self._piece.split(h, [k / parts for k in range(1, parts)])
+            made = self._editor.split(h, [k / parts for k in range(1, parts)])
             pieces = [h, *(surface.leaving[v] for v in made)]
             waiting += pieces[::-1]
 
     def faces(self, faces: list[int]) -> tuple[list[int], list[int]]:
-        """Cut every face whose box is too long, once round; answers the faces and chords to look at again.
+        """Cut every face whose bounding box is too long, once; return the faces and chords to test again.
 
         Raises FrameError as `edges` does.
         """
-        surface, pieces = self._piece.surface, []
+        surface, pieces = self._editor.surface, []
         edges_before = len(surface.crease)
         for f in faces:
             corners = [surface.origin[h] for h in surface.loop(surface.side[f])]
             axis, low, high = box([surface.points[v] for v in corners])
-            limit = self._piece.bracket.widest(corners)
+            limit = self._editor.limits.max_face_size(corners)
             if high - low <= limit:
                 continue
             parts = self._parts(high - low, limit)
@@ -84,7 +84,7 @@ class Slicer:
                 parts += 1
             mine = [f]
             for level in _levels(low, high, parts)[1:-1]:
-                plane = _Plane(axis, level, _MOST_REACH * limit)
+                plane = _Plane(axis, level, _MAX_SNAP * limit)
                 mine = [part for whole in mine for part in self._cut(whole, plane)]
             if mine == [f]:
                 raise _too_far_out(surface.points[corners[0]])
@@ -95,26 +95,26 @@ class Slicer:
     def _parts(self, size: float, limit: float) -> int:
         if self._cutting == "recurse":
             return 2
-        self._piece.require_room(size / limit - 1)
+        self._editor.keep_to_budget(size / limit - 1)
         return max(2, math.ceil(size / limit))
 
     def _cut(self, f: int, plane: _Plane) -> list[int]:
-        """Cut a face by a plane; answers it and its new parts.
+        """Cut a face by a plane; return it and its new parts.
 
-        Gates within reach of a vertex go through it, so that cuts leave no short edges behind. Where
-        that would leave the face (it may be concave, or bent), they stay in the plane. Where even the
-        plane's own order of gates crosses itself, which happens on faces that are folded, each part
-        above the plane is cut off on its own: some cut is always made.
+        Crossings near a vertex snap to it, so that cuts leave no short edges behind. Where the chord would
+        then leave the face (it may be concave, or bent), they stay in the plane. Where even the plane's own
+        order of crossings crosses itself, as on folded faces, each part above the plane is cut off on its
+        own: some cut is always made.
         """
-        surface = self._piece.surface
+        surface = self._editor.surface
         sides = surface.loop(surface.side[f])
         ups = [surface.points[surface.origin[h]][plane.axis] >= plane.level for h in sides]
         crossed = [h for h, up, next_up in zip(sides, ups, [*ups[1:], ups[0]], strict=True) if up != next_up]
         if not crossed:
             return [f]
         if ups[sides.index(crossed[0])]:
-            crossed = [*crossed[1:], crossed[0]]  # pairs in boundary order go round what lies above
-        exact = plane._replace(reach=0.0)
+            crossed = [*crossed[1:], crossed[0]]  # so that pairs enclose the parts above the plane
+        exact = plane._replace(snap=0.0)
         across = self._across(f, crossed, exact)
         for pairs, at, checked in ((across, plane, True), (across, exact, True), (crossed, exact, False)):
             made = [
@@ -127,56 +127,56 @@ class Slicer:
         return [f]
 
     def _across(self, f: int, crossed: list[int], plane: _Plane) -> list[int]:
-        """Crossed sides in order along the plane: inside lies between first and second, third and fourth."""
+        """Return crossed sides in order along the plane; pairs of them enclose the inside of the face."""
         if len(crossed) == 2:
             return crossed
-        normal, axis = self._piece.normal(f), plane.axis
+        normal, axis = self._editor.normal(f), plane.axis
         along = [0.0, 0.0, 0.0]
         along[(axis + 1) % 3], along[(axis + 2) % 3] = -normal[(axis + 2) % 3], normal[(axis + 1) % 3]
         direction = along[0], along[1], along[2]
-        return sorted(crossed, key=lambda h: dot(self._gate(h, plane).point, direction))
+        return sorted(crossed, key=lambda h: dot(self._crossing(h, plane).point, direction))
 
-    def _gate(self, h: int, plane: _Plane) -> _Gate:
-        surface, piece = self._piece.surface, self._piece
+    def _crossing(self, h: int, plane: _Plane) -> _Crossing:
+        surface, editor = self._editor.surface, self._editor
         a, b = surface.origin[h], surface.origin[h ^ 1]
         start, end = surface.points[a], surface.points[b]
         share = (plane.level - start[plane.axis]) / (end[plane.axis] - start[plane.axis])
         point = between(start, end, share)
-        near = max(piece.bracket.shortest(a, b), _LEAST_REACH * piece.bracket.longest(a, b))
-        if min(share, 1 - share) * piece.length(h) < min(near, plane.reach):
+        near = max(editor.limits.min_edge_length(a, b), _MIN_SNAP * editor.limits.max_edge_length(a, b))
+        if min(share, 1 - share) * editor.length(h) < min(near, plane.snap):
             share = round(share)
         if share <= 0 or point == start:
-            return _Gate(h, 0, start)
+            return _Crossing(h, 0, start)
         if share >= 1 or point == end:
-            return _Gate(h, 1, end)
-        return _Gate(h, share, point)
+            return _Crossing(h, 1, end)
+        return _Crossing(h, share, point)
 
     def _join(self, h: int, k: int, plane: _Plane, checked: bool) -> list[int]:
-        """Cut the face of h and k between their gates, if that can be; answers the new face, if any."""
-        surface = self._piece.surface
+        """Cut the face of h and k between their crossings, if possible; return the new face, if any."""
+        surface = self._editor.surface
         if surface.face[h] != surface.face[k]:
             return []
-        one, two = self._gate(h, plane), self._gate(k, plane)
+        one, two = self._crossing(h, plane), self._crossing(k, plane)
         if not self._is_chord(one, two, checked):
             return []
         begin, end = self._corner(one), self._corner(two)
-        chord = self._piece.cut(begin, end)
+        chord = self._editor.cut(begin, end)
         return [surface.face[chord]]
 
-    def _is_chord(self, one: _Gate, two: _Gate, checked: bool) -> bool:
-        """Whether both sides of the way between two gates are faces, and lie as the whole one does."""
-        surface = self._piece.surface
-        whole = self._piece.normal(surface.face[one.h])
-        least = _LEAST_PIECE * dot(whole, whole)
+    def _is_chord(self, one: _Crossing, two: _Crossing, checked: bool) -> bool:
+        """Tell whether both sides of the line between two crossings are faces oriented like the whole one."""
+        surface = self._editor.surface
+        whole = self._editor.normal(surface.face[one.h])
+        least = _MIN_PART * dot(whole, whole)
         for first, last in ((one, two), (two, one)):
             part = self._between(first, last)
             if len(part) < 3 or (checked and dot(newell(part), whole) <= least):
                 return False
         return True
 
-    def _between(self, first: _Gate, last: _Gate) -> list[Point]:
-        """The corners of a face from one gate to another, both included, each once."""
-        surface = self._piece.surface
+    def _between(self, first: _Crossing, last: _Crossing) -> list[Point]:
+        """Return the corners of a face from one crossing to another, both included, each once."""
+        surface = self._editor.surface
         vertices, h = [], surface.next[first.h]
         while True:
             vertices.append(surface.origin[h])
@@ -189,34 +189,34 @@ class Slicer:
             vertices = vertices[:-1]
         return [first.point, *(surface.points[v] for v in vertices), last.point]
 
-    def _corner(self, gate: _Gate) -> int:
-        """The half-edge that leaves a gate within its face; splits its side where it is no corner yet."""
-        surface = self._piece.surface
+    def _corner(self, gate: _Crossing) -> int:
+        """Return the half-edge that leaves a crossing within its face; splits the side if necessary."""
+        surface = self._editor.surface
         if gate.share == 0:
             return gate.h
         if gate.share < 1:
-            self._piece.split(gate.h, [gate.share])
+            self._editor.split(gate.h, [gate.share])
         return surface.next[gate.h]
 
 
 def _too_far_out(point: Point) -> FrameError:
     return FrameError(
-        f"an element at {point} is too large, but too far out for numbers to tell its parts apart; "
-        "keep the surface nearer to the origin"
+        f"an edge or face at {point} is too large, but too far out for its parts to have different "
+        "coordinates; keep the surface nearer to the origin"
     )
 
 
 def _levels(low: float, high: float, parts: int) -> list[float]:
-    """Where planes cut a length into equal parts, and its two ends."""
+    """Return the planes that cut a length into equal parts, and its two ends."""
     return [*(low + (high - low) * k / parts for k in range(parts)), high]
 
 
 def _widest_slice(low: float, high: float, parts: int) -> float:
-    """The largest of equal parts, which rounding makes unequal."""
-    return max(there - here for here, there in pairwise(_levels(low, high, parts)))
+    """Return the largest of the parts, which rounding makes unequal."""
+    return max(end - start for start, end in pairwise(_levels(low, high, parts)))
 
 
 def _longest_piece(start: Point, end: Point, parts: int) -> float:
-    """The longest of equal parts of an edge, which rounding makes unequal."""
+    """Return the longest of the parts of an edge, which rounding makes unequal."""
     points = [*(between(start, end, k / parts) for k in range(parts)), end]
-    return max(norm(difference(there, here)) for here, there in pairwise(points))
+    return max(norm(difference(b, a)) for a, b in pairwise(points))

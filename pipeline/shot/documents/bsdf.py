@@ -1,4 +1,4 @@
-"""What a shot file says under `look: {bsdf: …}`: a material of Mitsuba, and what is wrong with it."""
+"""The entry `bsdf` of a look: a material of Mitsuba, and the problems with it."""
 
 from __future__ import annotations
 
@@ -8,17 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import suggestion
-from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
-from pipeline.shot.yaml.parse_context import Surroundings
-from pipeline.shot.yaml.source import Source, Where
+from pipeline.shot.yaml.parse_context import ParseContext, missing_file
+from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.base.errors import RenderError
 from render.mitsuba.bsdf_check import refusal
 from render.scene.bsdf import BSDFS, FORMS, TEXTURES, Bsdf, Form
 from render.scene.textures import Texture, read_picture
 
-_WHAT = {
+_KINDS = {
     "number": "a number",
     "bool": "true or false",
     "text": "text",
@@ -28,64 +27,64 @@ _WHAT = {
 }
 
 
-def written_out(source: Source) -> Iterator[Problem]:
-    """All that is wrong with the material, and if nothing is, what Mitsuba has against it."""
-    said, folder = source.get("look", "bsdf"), source.path.parent
-    if said is None:
+def bsdf_problems(source: YamlSource) -> Iterator[Problem]:
+    """Yield the problems with a material; one without any is tried in Mitsuba."""
+    bsdf, folder = source.get("look", "bsdf"), source.path.parent
+    if bsdf is None:
         return
     where: Where = ("look", "bsdf")
-    found = list(_material(said, where, folder))
-    yield from found
-    if found:
+    problems = list(_material(bsdf, where, folder))
+    yield from problems
+    if problems:
         return
-    refused = refusal(bsdf_of(said, Surroundings(folder)))
+    refused = refusal(bsdf_of(bsdf, ParseContext(folder)))
     if refused is not None:
-        way, why = refused
-        yield (*where, *way), f"Mitsuba does not take this material: {why}. Correct it."
+        path, reason = refused
+        yield (*where, *path), f"Mitsuba does not take this material: {reason}. Correct it."
 
 
-def bsdf_of(said: dict[str, Any], around: Surroundings) -> Bsdf:
-    """The material; the digests of its files are noted."""
+def bsdf_of(bsdf: dict[str, Any], context: ParseContext) -> Bsdf:
+    """Return the material, and note the digests of its files."""
     files: list[Texture] = []
 
-    def settled(part: Any) -> Any:
+    def with_textures(part: Any) -> Any:
         if not isinstance(part, dict):
             return part
-        made = {name: settled(value) for name, value in part.items()}
-        if "filename" in made:
-            path = around.file(made["filename"])
-            space = "data" if made.get("raw") else made.pop("space", None)
-            files.append(Texture(around.digests[path], space, str(path)))
-            made["filename"] = len(files) - 1
-        return made
+        plugin = {name: with_textures(value) for name, value in part.items()}
+        if "filename" in plugin:
+            path = context.file(plugin["filename"])
+            space = "data" if plugin.get("raw") else plugin.pop("space", None)
+            files.append(Texture(context.digests[path], space, str(path)))
+            plugin["filename"] = len(files) - 1
+        return plugin
 
-    text = json.dumps(settled(said), sort_keys=True, separators=(",", ":"))
+    text = json.dumps(with_textures(bsdf), sort_keys=True, separators=(",", ":"))
     return Bsdf(text, tuple(files))
 
 
-def is_sound(said: dict[str, Any], folder: Path) -> bool:
-    """Whether nothing is wrong that can be told without Mitsuba."""
-    return next(_material(said, (), folder), None) is None
+def is_valid(bsdf: dict[str, Any], folder: Path) -> bool:
+    """Tell whether a material has no problem that shows without Mitsuba."""
+    return next(_material(bsdf, (), folder), None) is None
 
 
-def _material(said: Any, where: Where, folder: Path) -> Iterator[Problem]:
-    yield from _plugin(said, where, folder, "material", tuple(BSDFS))
+def _material(bsdf: Any, where: Where, folder: Path) -> Iterator[Problem]:
+    yield from _plugin(bsdf, where, folder, "material", tuple(BSDFS))
 
 
-def _plugin(said: Any, where: Where, folder: Path, what: str, known: tuple[str, ...]) -> Iterator[Problem]:
-    if not isinstance(said, dict) or not isinstance(said.get("type"), str):
+def _plugin(plugin: Any, where: Where, folder: Path, role: str, known: tuple[str, ...]) -> Iterator[Problem]:
+    if not isinstance(plugin, dict) or not isinstance(plugin.get("type"), str):
         yield (
             where,
-            f"a {what} of Mitsuba is a mapping that says its type. Write {{type: {known[4 % len(known)]}}}.",
+            f"a {role} of Mitsuba is a mapping with a type. Write {{type: {known[4 % len(known)]}}}.",
         )
         return
-    kind = said["type"]
+    kind = plugin["type"]
     if kind not in known:
-        yield (*where, "type"), f"{shown(kind)!r} is no {what} of Mitsuba. {suggestion(kind, known)}"
+        yield (*where, "type"), f"{shown(kind)!r} is no {role} of Mitsuba. {suggestion(kind, known)}"
         return
     form = FORMS[kind]
     inner = [0, 0]
-    for name, value in said.items():
+    for name, value in plugin.items():
         if name == "type":
             continue
         place = (*where, name)
@@ -100,7 +99,7 @@ def _plugin(said: Any, where: Where, folder: Path, what: str, known: tuple[str, 
             hint = suggestion(str(name), names) if names else "It takes none."
             yield place, f"{name} is no parameter of {kind}. {hint}"
     yield from _count(kind, form, inner, where)
-    yield from _file(said, where, folder)
+    yield from _file(plugin, where, folder)
 
 
 def _nests(form: Form, value: Any) -> bool:
@@ -113,10 +112,13 @@ def _count(kind: str, form: Form, inner: list[int], where: Where) -> Iterator[Pr
         wanted = str(least) if least == most else f"{least} or {most}"
         yield (
             where,
-            f"{kind} has {inner[0]} materials within it; it must have {wanted}. Write them by any name.",
+            f"{kind} contains {inner[0]} materials; it must contain {wanted}. Write them under any name.",
         )
     if inner[1] != form.textures:
-        yield where, f"{kind} has {inner[1]} textures within it by other names; it must have {form.textures}."
+        yield (
+            where,
+            f"{kind} contains {inner[1]} textures under other names; it must contain {form.textures}.",
+        )
 
 
 def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Problem]:
@@ -133,25 +135,21 @@ def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Proble
         "texture": is_number(value) or is_colour,
     }
     if not fits[kind]:
-        yield where, f"{where[-1]} must be {_WHAT[kind]}."
+        yield where, f"{where[-1]} must be {_KINDS[kind]}."
 
 
-def _file(said: dict[str, Any], where: Where, folder: Path) -> Iterator[Problem]:
-    if "filename" not in FORMS[said["type"]].parameters:
+def _file(plugin: dict[str, Any], where: Where, folder: Path) -> Iterator[Problem]:
+    if "filename" not in FORMS[plugin["type"]].parameters:
         return
-    name = said.get("filename")
+    name = plugin.get("filename")
     if name is None:
-        yield where, f"{said['type']} names no file. Add `filename: …`."
+        yield where, f"{plugin['type']} names no file. Add `filename: …`."
     elif isinstance(name, str):
         path = folder / name
         if not is_there(path):
-            yield (
-                (*where, "filename"),
-                f"file {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
-                "Put it there or correct the name.",
-            )
-        elif said["type"] == "bitmap":
-            space = said.get("space")
+            yield (*where, "filename"), missing_file(name, path)
+        elif plugin["type"] == "bitmap":
+            space = plugin.get("space")
             try:
                 read_picture(str(path), digest_of_file(path), space if isinstance(space, str) else None)
             except RenderError as error:

@@ -1,56 +1,45 @@
-"""What a shot file says under `camera`. Angles are degrees there, lenses in millimetres."""
+"""The entry `camera` of a shot file. Angles are degrees there, lenses in millimetres."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
-from pipeline.flow.keyframes import Number, VectorParameter, vector_at
+from pipeline.flow.keyframes import Number, Place, place_at
 from pipeline.shot.camera import FULL_FRAME, CameraPath
-from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,
     ANYWHERE,
     Bounds,
-    Key,
+    KeyDocument,
     Keyed,
     NumberField,
     OverTime,
     OverTimeTriple,
     PlaceField,
     PositiveField,
-    Share,
     form,
     number,
     place,
-    stays,
+    within,
 )
-from pipeline.shot.documents.fields import DEGREE, Document, Positive, Triple, one_of
+from pipeline.shot.documents.fields import DEGREE, Document, Positive, Triple, ZeroToOne, one_of
 from pipeline.shot.yaml.parse_context import finding
-from pipeline.shot.yaml.source import Source
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
-"""Margins by name: what SMPTE ST 2046-1 keeps free at each side around actions and around titles."""
+"""Margins by name: the fractions at each side outside the safe areas of SMPTE ST 2046-1."""
 
-SAME = (
-    ("focal_length", "field_of_view"),
-    ("dolly", "distance"),
-    *(("position", name) for name in ("azimuth", "elevation", "orbit", "distance", "dolly")),
-)
-"""Names that say the same in two ways."""
-
-OpenAngle = Annotated[Positive, Field(lt=180)]
-AngleField = Annotated[
-    Annotated[OpenAngle, Tag("plain")]
-    | Annotated[OpenAngle, Tag("list")]
-    | Annotated[Keyed[OpenAngle], Tag("keyed")]
+FieldOfView = Annotated[Positive, Field(lt=180)]
+FieldOfViewField = Annotated[
+    Annotated[FieldOfView, Tag("plain")]
+    | Annotated[FieldOfView, Tag("list")]
+    | Annotated[Keyed[FieldOfView], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
     Discriminator(form),
-    stays(Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")),
+    within(Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")),
 ]
 
 SafeArea = Annotated[str, one_of(SAFE_AREAS, "safe area")]
@@ -62,12 +51,12 @@ MarginField = Annotated[
     | Annotated[OverTime, Tag("formula")]
     | Annotated[SafeArea, Tag("named")],
     Discriminator(lambda value: "named" if isinstance(value, str) else form(value)),
-    stays(Bounds(0.0, math.nextafter(0.5, 0.0), "at 0 or above and below 0.5")),
+    within(Bounds(0.0, math.nextafter(0.5, 0.0), "at 0 or above and below 0.5")),
 ]
 
 
 def _focus_form(value: Any) -> str:
-    """How a focus is said: `subject`, a distance or a place, and both of these in time."""
+    """Return the tag of a focus: `subject`, or a distance or a place, constant or over time."""
     if isinstance(value, str):
         return "named"
     kind = form(value)
@@ -84,50 +73,79 @@ def _focus_form(value: Any) -> str:
 FocusField = Annotated[
     Annotated[Positive, Tag("plain")]
     | Annotated[Triple, Tag("list")]
-    | Annotated[Keyed[Positive], stays(ABOVE_0), Tag("keyed")]
-    | Annotated[Keyed[Triple], stays(ANYWHERE), Tag("keyed places")]
-    | Annotated[OverTime, stays(ABOVE_0), Tag("formula")]
-    | Annotated[OverTimeTriple, stays(ANYWHERE), Tag("formulas")]
+    | Annotated[Keyed[Positive], within(ABOVE_0), Tag("keyed")]
+    | Annotated[Keyed[Triple], within(ANYWHERE), Tag("keyed places")]
+    | Annotated[OverTime, within(ABOVE_0), Tag("formula")]
+    | Annotated[OverTimeTriple, within(ANYWHERE), Tag("formulas")]
     | Annotated[str, one_of(("subject",), "thing to focus on"), Tag("named")],
     Discriminator(_focus_form),
 ]
 
 
 class CameraDocument(Document):
-    """Angles in degrees. What is empty is as if it were not there, so that a shot can take back what it
-    rests on says."""
+    """The camera. An empty value counts as left out, so that a shot can undo a value that it inherits."""
 
-    azimuth: NumberField | None = -30.0
-    elevation: NumberField | None = 14.0
-    orbit: NumberField | None = None
-    field_of_view: AngleField | None = 26.0
-    focal_length: PositiveField | None = None
-    sensor_width: Positive = FULL_FRAME
-    margin: MarginField = 0.08
-    follow: Share = 1.0
-    dolly: PositiveField | None = None
-    distance: PositiveField | None = None
-    target: PlaceField | None = None
-    position: PlaceField | None = None
-    roll: NumberField = 0.0
-    aperture: PositiveField | None = None
-    focus: FocusField | None = None
-    unit: Positive | None = None
+    azimuth: NumberField | None = Field(
+        default=-30.0,
+        description="0 looks from the front, positive from the right; the set turns along (degrees)",
+    )
+    elevation: NumberField | None = Field(default=14.0, description="above the horizon (degrees)")
+    orbit: NumberField | None = Field(
+        default=None, description="speed of the camera around the set, which stands still (degrees/s)"
+    )
+    field_of_view: FieldOfViewField | None = Field(default=26.0, description="horizontal (degrees)")
+    focal_length: PositiveField | None = Field(
+        default=None, description="of the lens, in place of the field of view (mm)"
+    )
+    sensor_width: Positive = Field(
+        default=FULL_FRAME, description="of the sensor behind the lens; full frame by default (mm)"
+    )
+    margin: MarginField = Field(
+        default=0.08, description="fraction of the picture left empty on each side; or action, or title"
+    )
+    follow: ZeroToOne = Field(
+        default=1.0, description="1 goes along with the sculpture, 0 stands still where the whole shot fits"
+    )
+    dolly: PositiveField | None = Field(
+        default=None, description="factor on the distance that framing finds: below 1 is closer"
+    )
+    distance: PositiveField | None = Field(
+        default=None, description="from the target, in place of the one that framing finds (units)"
+    )
+    target: PlaceField | None = Field(
+        default=None, description="what the camera looks at, in place of the sculpture's middle (units)"
+    )
+    position: PlaceField | None = Field(
+        default=None, description="of the camera, in place of all that framing finds (units)"
+    )
+    roll: NumberField = Field(
+        default=0.0, description="about the lens, clockwise as the camera looks (degrees)"
+    )
+    aperture: PositiveField | None = Field(
+        default=None,
+        description="f-number: the smaller, the more is out of focus; without it everything is sharp",
+    )
+    focus: FocusField | None = Field(
+        default=None, description="what is sharp: subject, a distance from the lens, or a place (units)"
+    )
+    unit: Positive | None = Field(
+        default=None, description="length of a scene unit; by default a sculpture is about 200 mm large (mm)"
+    )
 
     @field_validator("position")
     @classmethod
     def _looks_somewhere(cls, position: Any, info: ValidationInfo) -> Any:
-        """A camera does not stand where it looks to."""
+        """Check that the camera never stands at its own target."""
         clock: Clock | None = (info.context or {}).get("clock")
         target = info.data.get("target")
-        if clock is None or position is None or target is None or not _timely(clock, position, target):
+        if clock is None or position is None or target is None or not _has_times(clock, position, target):
             return position
-        origin, aim = place(position, clock), place(target, clock)
+        camera, aim = place(position, clock), place(target, clock)
         for frame in clock.frames:
-            here, there = (vector_at(each, clock.time(frame)) for each in (origin, aim))
-            if math.dist(here, there) <= 1e-9 * max(1.0, math.hypot(*here)):
+            start, end = (place_at(point, clock.time(frame)) for point in (camera, aim))
+            if math.dist(start, end) <= 1e-9 * max(1.0, math.hypot(*start)):
                 raise finding(
-                    f"at frame {frame} the camera stands at its own target, {list(here)}; it has nowhere to "
+                    f"at frame {frame} the camera stands at its own target, {list(start)}; it has nowhere to "
                     "look. Move one of them."
                 )
         return position
@@ -157,30 +175,15 @@ def _number(value: float | Keyed[Any] | OverTime | None, clock: Clock) -> Number
     return None if value is None else number(value, clock)
 
 
-def _focus(value: Any, clock: Clock) -> Number | VectorParameter | None:
+def _focus(value: Any, clock: Clock) -> Number | Place | None:
     if value is None or isinstance(value, str):
         return None
     first = next(iter(value.keys.values())) if isinstance(value, Keyed) else value
-    first = first.value if isinstance(first, Key) else first
-    of_places = isinstance(first, list | OverTimeTriple)
-    return place(value, clock) if of_places else number(value, clock)
+    first = first.value if isinstance(first, KeyDocument) else first
+    is_place = isinstance(first, list | OverTimeTriple)
+    return place(value, clock) if is_place else number(value, clock)
 
 
-def _timely(clock: Clock, *values: Any) -> bool:
-    """Whether keys are at moments that can be; where not, that is told by others."""
+def _has_times(clock: Clock, *values: Any) -> bool:
+    """Tell whether all keys are times; `checks.timing` reports those that are none."""
     return all(None not in map(clock.seconds, value.keys) for value in values if isinstance(value, Keyed))
-
-
-def camera(source: Source) -> Iterator[Problem]:
-    """A check like those of `checks`: nothing about a camera is said in two ways."""
-    said = source.get("camera")
-    if not isinstance(said, dict):
-        return
-    given = [name for name, value in said.items() if value is not None]
-    for one, other in SAME:
-        if one in given and other in given:
-            yield (
-                ("camera", one),
-                f"{one} and {other} say the same in two ways; a camera has one of them. Take one out, or, "
-                f"where it comes from a file that this one rests on, write `{other}:` with nothing after it.",
-            )

@@ -1,4 +1,4 @@
-"""What changes in time in a shot file: a constant, keys, or a formula."""
+"""Values that change over time in a shot file: a constant, keys, or a formula."""
 
 from __future__ import annotations
 
@@ -11,87 +11,93 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
 from pipeline.flow.easing import EASINGS
-from pipeline.flow.formula_curve import FormulaCurve
-from pipeline.flow.keyframes import BEZIER, Curve, Handle, Keyframes, Number, Values, VectorParameter
+from pipeline.flow.formula_curve import Formulated
+from pipeline.flow.keyframes import BEZIER, Curve, Handle, Keyframes, Number, Place, Values
 from pipeline.formula import TIME
-from pipeline.shot.clock import A_TIME, Clock
+from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (
-    A_NUMBER_TOO,
+    NUMBER_OR_TEXT,
     Document,
     Positive,
     Real,
-    Told,
+    SchemaKeywords,
     Triple,
+    ZeroToOne,
+    formula_over,
     one_of,
-    over,
     vector,
 )
 
 T = TypeVar("T")
 
-MOST_LOOKS = 4000
-"""At so many moments of a shot at most is a curve looked at before it is used."""
+MOST_SAMPLES = 4000
+"""Most times at which a curve is checked while the shot is read."""
 
 Ease = Annotated[str, one_of((*EASINGS, BEZIER), "easing")]
-Beyond = Annotated[str, one_of(("hold", "loop", "ping_pong", "offset", "continue"), "way to go on")]
+Extrapolation = Annotated[str, one_of(("hold", "loop", "ping_pong", "offset", "continue"), "extrapolation")]
 
-
-Handles = Annotated[
+BezierHandle = Annotated[
     Any,
-    Told(
+    SchemaKeywords(
         type=["array", "null"],
         prefixItems=[{"type": ["number", "string"]}, {"type": ["number", "array"]}],
         minItems=2,
         maxItems=2,
     ),
 ]
-"""Of a way that is Bézier's; `keys` says what they must be."""
+"""[time, value] away from a key; `checks.timing` checks its form."""
 
 
-class Key(Document, Generic[T]):
-    """One key with an easing of its own, for the way from it to the next, and handles where that is Bézier's.
+class KeyDocument(Document, Generic[T]):
+    """One key with an easing of its own, for the segment from it to the next, and Bézier handles."""
 
-    left, right  [time, value] away from the key; their form is for `keys` to check
-    """
-
-    value: T
-    ease: Ease | None = None
-    left: Handles = None
-    right: Handles = None
+    value: T = Field(description="the value at this key")
+    ease: Ease | None = Field(default=None, description="interpolation from here to the next key")
+    left: BezierHandle = Field(
+        default=None,
+        description="handle of a bezier segment: [time, value] away from the key, the time negative",
+    )
+    right: BezierHandle = Field(
+        default=None, description="handle of a bezier segment: [time, value] away from the key"
+    )
 
 
 KeyValue = Annotated[
-    Annotated[T, Tag("plain")] | Annotated[T, Tag("list")] | Annotated[Key[T], Tag("keyed")],
+    Annotated[T, Tag("plain")] | Annotated[T, Tag("list")] | Annotated[KeyDocument[T], Tag("keyed")],
     Discriminator(lambda value: "keyed" if isinstance(value, dict) else "plain"),
 ]
 
 
 class Keyed(Document, Generic[T]):
-    """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `keys` says whether times are good."""
+    """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `checks.timing` checks the times."""
 
-    keys: Annotated[dict[Any, KeyValue[T]], Told(propertyNames={"pattern": A_TIME})] = Field(min_length=1)
-    ease: Ease = "sine_in_out"
-    before: Beyond = "hold"
-    after: Beyond = "hold"
+    keys: Annotated[dict[Any, KeyValue[T]], SchemaKeywords(propertyNames={"pattern": TIME_PATTERN})] = Field(
+        min_length=1, description="values by their times: frames, or seconds as 0.5s"
+    )
+    ease: Ease = Field("sine_in_out", description="interpolation from each key to the next")
+    before: Extrapolation = Field("hold", description="values before the first key")
+    after: Extrapolation = Field("hold", description="values after the last key")
 
 
-FormulaText = Annotated[str, A_NUMBER_TOO, over(TIME)]
+FormulaText = Annotated[str, NUMBER_OR_TEXT, formula_over(TIME)]
 
 
 class OverTime(Document):
-    """`{formula: 4 * sin(2 * pi * t)}`: over moments."""
+    """`{formula: 4 * sin(2 * pi * t)}`"""
 
-    formula: FormulaText
+    formula: FormulaText = Field(description="over frame and t, seconds")
 
 
 class OverTimeTriple(Document):
     """`{formula: [cos(t), 0, sin(t)]}`"""
 
-    formula: Annotated[list[FormulaText], Field(min_length=3, max_length=3)]
+    formula: Annotated[list[FormulaText], Field(min_length=3, max_length=3)] = Field(
+        description="three formulas over frame and t, seconds"
+    )
 
 
 class Bounds(NamedTuple):
-    """Where values must stay."""
+    """The range of a value, and the rule as a message says it."""
 
     low: float
     high: float
@@ -101,68 +107,71 @@ class Bounds(NamedTuple):
 ANYWHERE = Bounds(-math.inf, math.inf, "")
 ABOVE_0 = Bounds(math.ulp(0.0), math.inf, "above 0")
 NOT_BELOW_0 = Bounds(0.0, math.inf, "at 0 or above")
-A_SHARE = Bounds(-1e-12, 1.0 + 1e-12, "from 0 to 1")
+FROM_0_TO_1 = Bounds(-1e-12, 1.0 + 1e-12, "from 0 to 1")
 
 
-def stays(bounds: Bounds) -> AfterValidator:
-    """A validator: in the course of the shot the values stay finite, and within bounds.
+def within(bounds: Bounds) -> AfterValidator:
+    """Return a validator: over the course of the shot a curve stays finite and within bounds.
 
-    The clock is in the context of the validation; without one nothing is looked at.
+    The clock stands in the context of the validation; without one nothing is checked.
     """
 
     def check(value: Any, info: ValidationInfo) -> Any:
         clock: Clock | None = (info.context or {}).get("clock")
         if clock is None or not isinstance(value, Keyed | OverTime | OverTimeTriple):
             return value
-        bad = _first_bad(value, clock, bounds)
-        if bad:
-            raise PydanticCustomError("bad_curve", "{fact}", {"fact": bad})
+        fault = _curve_fault(value, clock, bounds)
+        if fault:
+            raise PydanticCustomError("bad_curve", "{fault}", {"fault": fault})
         return value
 
     return AfterValidator(check)
 
 
-def _first_bad(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, bounds: Bounds) -> str | None:
-    """The first moment, every half frame, at which values are not as they must be."""
+def sampled_frames(clock: Clock) -> list[float]:
+    """Return the half frames at which curves are checked: all of them, or MOST_SAMPLES of a long shot."""
+    halves = 2 * (clock.frames.last - clock.frames.first) + 1
+    return [clock.frames.first + i / 2 for i in range(0, halves, -(-halves // MOST_SAMPLES))]
+
+
+def _curve_fault(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, bounds: Bounds) -> str | None:
+    """Return the message about the first half frame at which a curve is out of bounds or not finite."""
     if isinstance(value, Keyed) and (bounds is ANYWHERE or None in map(clock.seconds, value.keys)):
         return None
-    halves = 2 * (clock.frames.last - clock.frames.first) + 1
-    times = [clock.time(clock.frames.first + i / 2) for i in range(0, halves, -(-halves // MOST_LOOKS))]
+    times = [clock.time(frame) for frame in sampled_frames(clock)]
     curve = curve_of(value, clock, lambda item: (item,) if not isinstance(item, list) else tuple(item))
     try:
-        rows = curve.over(times).tolist() if isinstance(curve, FormulaCurve) else map(curve.at, times)
+        rows = curve.over(times).tolist() if isinstance(curve, Formulated) else map(curve.at, times)
         for time, row in zip(times, rows, strict=True):
             worst = min(row) if min(row) < bounds.low else max(row)
             if not bounds.low <= worst <= bounds.high:
                 frame = clock.frames.first + float(clock.rate.fps) * time
                 return (
-                    f"is {worst:.4g} at frame {frame:g}; it must stay {bounds.rule}. Mend what leads there."
+                    f"is {worst:.4g} at frame {frame:g}; it must stay {bounds.rule}. Correct the curve there."
                 )
     except UsageError as error:
-        return f"has a value that is none: {error}"
+        return f"is not finite: {error}"
     return None
 
 
-Share = Annotated[float, Field(ge=0, le=1)]
 NotNegative = Annotated[Real, Field(ge=0)]
-
-# A constant, keys or a formula. Spelt out for each kind: a generic alias would lose the kind within Keyed.
 
 
 def form(value: Any) -> str:
-    """By which a union of what is plain, a list, keys and a formula is told apart."""
+    """Return the tag of a constant, a list, keys or a formula, for unions of them."""
     if isinstance(value, dict):
         return "formula" if "formula" in value else "keyed"
     return "list" if isinstance(value, list) else "plain"
 
 
+# A constant, keys or a formula. Spelt out for each kind: a generic alias would lose the kind within Keyed.
 NumberField = Annotated[
     Annotated[Real, Tag("plain")]
     | Annotated[Real, Tag("list")]
     | Annotated[Keyed[Real], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
     Discriminator(form),
-    stays(ANYWHERE),
+    within(ANYWHERE),
 ]
 PositiveField = Annotated[
     Annotated[Positive, Tag("plain")]
@@ -170,7 +179,7 @@ PositiveField = Annotated[
     | Annotated[Keyed[Positive], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
     Discriminator(form),
-    stays(ABOVE_0),
+    within(ABOVE_0),
 ]
 NotNegativeField = Annotated[
     Annotated[NotNegative, Tag("plain")]
@@ -178,15 +187,15 @@ NotNegativeField = Annotated[
     | Annotated[Keyed[NotNegative], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
     Discriminator(form),
-    stays(NOT_BELOW_0),
+    within(NOT_BELOW_0),
 ]
 WeightField = Annotated[
-    Annotated[Share, Tag("plain")]
-    | Annotated[Share, Tag("list")]
-    | Annotated[Keyed[Share], Tag("keyed")]
+    Annotated[ZeroToOne, Tag("plain")]
+    | Annotated[ZeroToOne, Tag("list")]
+    | Annotated[Keyed[ZeroToOne], Tag("keyed")]
     | Annotated[OverTime, Tag("formula")],
     Discriminator(form),
-    stays(A_SHARE),
+    within(FROM_0_TO_1),
 ]
 PlaceField = Annotated[
     Annotated[Triple, Tag("plain")]
@@ -194,21 +203,19 @@ PlaceField = Annotated[
     | Annotated[Keyed[Triple], Tag("keyed")]
     | Annotated[OverTimeTriple, Tag("formula")],
     Discriminator(form),
-    stays(ANYWHERE),
+    within(ANYWHERE),
 ]
 
 
 def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:
-    """A parsed scalar as a flow takes it; `unit` turns the file's unit into the code's."""
+    """Return a parsed scalar as flows take it; `unit` converts the file's unit to the code's."""
     if isinstance(parameter, Keyed | OverTime):
         return curve_of(parameter, clock, lambda value: (float(value) * unit,), unit)
     return float(parameter) * unit
 
 
-def place(
-    parameter: list[float] | Keyed[Any] | OverTimeTriple, clock: Clock, unit: float = 1.0
-) -> VectorParameter:
-    """A parsed vector as a flow takes it."""
+def place(parameter: list[float] | Keyed[Any] | OverTimeTriple, clock: Clock, unit: float = 1.0) -> Place:
+    """Return a parsed vector as flows take it."""
     if isinstance(parameter, Keyed | OverTimeTriple):
         return curve_of(parameter, clock, lambda value: tuple(unit * part for part in vector(value)), unit)
     x, y, z = vector(parameter)
@@ -221,37 +228,41 @@ def curve_of(
     convert: Callable[[Any], Values],
     unit: float = 1.0,
 ) -> Curve:
-    """Keys or a formula as a curve; `convert` makes a key's value one of the code's, which is in `unit`."""
+    """Return keys or a formula as a curve.
+
+    convert  turns the value of a key into the code's
+    unit     factor that turns the value of a formula into the code's
+    """
     if isinstance(value, Keyed):
         return _keyframes(value, clock, convert)
     texts = [value.formula] if isinstance(value, OverTime) else value.formula
-    return FormulaCurve(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
+    return Formulated(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
 
 
 def _keyframes(keyed: Keyed[Any], clock: Clock, convert: Callable[[Any], Values]) -> Keyframes:
-    def handle(drawn: list[Any] | None) -> Handle | None:
-        return None if drawn is None else Handle(_sure(clock.length(drawn[0])), convert(drawn[1]))
+    def handle(offset: list[Any] | None) -> Handle | None:
+        return None if offset is None else Handle(_known(clock.length(offset[0])), convert(offset[1]))
 
     times, values, eases, left, right = [], [], [], [], []
-    for moment, item in keyed.keys.items():
-        key = item if isinstance(item, Key) else Key(value=item)
-        times.append(_sure(clock.seconds(moment)))
+    for time, item in keyed.keys.items():
+        key = item if isinstance(item, KeyDocument) else KeyDocument(value=item)
+        times.append(_known(clock.seconds(time)))
         values.append(convert(key.value))
         eases.append(key.ease or (BEZIER if key.right else keyed.ease))
         left.append(handle(key.left))
         right.append(handle(key.right))
-    drawn = any(left) or any(right)
+    with_handles = any(left) or any(right)
     return Keyframes(
         tuple(times),
         tuple(values),
         tuple(eases),
-        tuple(left) if drawn else (),
-        tuple(right) if drawn else (),
+        tuple(left) if with_handles else (),
+        tuple(right) if with_handles else (),
         keyed.before,  # type: ignore[arg-type]  # one of them, as its validator says
         keyed.after,  # type: ignore[arg-type]  # likewise
     )
 
 
-def _sure(seconds: float | None) -> float:
-    assert seconds is not None, "checks refused what is no time"
+def _known(seconds: float | None) -> float:
+    assert seconds is not None, "checks have refused everything that is no time"
     return seconds

@@ -1,4 +1,4 @@
-"""What values in shot files look like: strict, with names that are checked against a registry."""
+"""Types of values in shot files: strict numbers, names of a registry, vectors, colours and formulas."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.errors import suggestion
-from pipeline.flow.streamlines import MAX_SUBSTEPS
-from pipeline.flow.vectors import Vector, X, Y, Z
+from pipeline.flow.keyframes import Vector
+from pipeline.flow.streamlines import MOST_SUBSTEPS
+from pipeline.flow.vectors import X, Y, Z
 from pipeline.formula import Expression, FormulaError
 
 DEGREE = math.radians(1.0)
 
+ORIGIN = [0.0, 0.0, 0.0]
+
 SMALLEST, LARGEST = 1e-9, 1e12
-"""Measures and numbers whose squares, inverses and differences stay finite with room to spare."""
+"""Bounds of measures and numbers: squares, inverses and differences stay finite."""
 
 
 class Document(BaseModel):
@@ -41,8 +44,8 @@ class Document(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
-class Told:
-    """Keywords of a JSON Schema for what validators do, which it does not see: `Told(minimum=0)`."""
+class SchemaKeywords:
+    """JSON Schema keywords for the rule of a validator, which pydantic does not see."""
 
     def __init__(self, **keywords: Any) -> None:
         self.keywords = keywords
@@ -53,7 +56,7 @@ class Told:
 
 @dataclass(frozen=True)
 class OneOf(AfterValidator):
-    """A validator that knows what it lets pass."""
+    """A validator that tells the JSON Schema the names it accepts."""
 
     names: tuple[str, ...] = ()
 
@@ -61,16 +64,16 @@ class OneOf(AfterValidator):
         return {**handler(core), "enum": list(self.names)}
 
 
-def one_of(names: Iterable[str], what: str) -> OneOf:
-    """A validator: the text must be one of `names`."""
+def one_of(names: Iterable[str], kind: str) -> OneOf:
+    """Return a validator of text that must be one of `names`; `kind` is what messages call it."""
     known = tuple(names)
 
     def check(word: str) -> str:
         if word not in known:
             raise PydanticCustomError(
                 "unknown_name",
-                "{word} is no {what}. {suggestion}",
-                {"word": repr(word), "what": what, "suggestion": suggestion(word, known)},
+                "{word} is no {kind}. {suggestion}",
+                {"word": repr(word), "kind": kind, "suggestion": suggestion(word, known)},
             )
         return word
 
@@ -78,11 +81,11 @@ def one_of(names: Iterable[str], what: str) -> OneOf:
 
 
 def exactly_one(*names: str) -> ConfigDict:
-    """For documents of which a validator says that: one of these names, and no other."""
+    """Return the JSON Schema of a document whose validator demands exactly one of these names."""
     return ConfigDict(json_schema_extra={"oneOf": [{"required": [name]} for name in names]})
 
 
-def _computable(value: float) -> float:
+def _check_largest(value: float) -> float:
     if abs(value) > LARGEST:
         raise PydanticCustomError(
             "too_large",
@@ -92,7 +95,7 @@ def _computable(value: float) -> float:
     return value
 
 
-def _not_tiny(value: float) -> float:
+def _check_smallest(value: float) -> float:
     if value < SMALLEST:
         raise PydanticCustomError(
             "too_small",
@@ -102,24 +105,25 @@ def _not_tiny(value: float) -> float:
     return value
 
 
-def _form(value: Any) -> str:
-    return "list" if isinstance(value, list) else "plain"
-
-
-Real = Annotated[float, AfterValidator(_computable), Told(minimum=-LARGEST, maximum=LARGEST)]
+Real = Annotated[float, AfterValidator(_check_largest), SchemaKeywords(minimum=-LARGEST, maximum=LARGEST)]
 Positive = Annotated[
     float,
     Field(gt=0),
-    AfterValidator(_not_tiny),
-    AfterValidator(_computable),
-    Told(minimum=SMALLEST, maximum=LARGEST),
+    AfterValidator(_check_smallest),
+    AfterValidator(_check_largest),
+    SchemaKeywords(minimum=SMALLEST, maximum=LARGEST),
 ]
-Count = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
+ZeroToOne = Annotated[float, Field(ge=0, le=1)]
+Count = Annotated[int, Field(ge=1, le=MOST_SUBSTEPS)]
+Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Triple = Annotated[list[Real], Field(min_length=3, max_length=3)]
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
-Across = Annotated[Triple, Told(**{"not": {"const": [0, 0, 0]}})]
-Axis = Annotated[Annotated[AxisName, Tag("plain")] | Annotated[Across, Tag("list")], Discriminator(_form)]
-Colour = Annotated[list[Annotated[float, Field(ge=0, le=1)]], Field(min_length=3, max_length=3)]
+AxisVector = Annotated[Triple, SchemaKeywords(**{"not": {"const": [0, 0, 0]}})]
+Axis = Annotated[
+    Annotated[AxisName, Tag("plain")] | Annotated[AxisVector, Tag("list")],
+    Discriminator(lambda value: "list" if isinstance(value, list) else "plain"),
+]
+Colour = Annotated[list[ZeroToOne], Field(min_length=3, max_length=3)]
 
 
 def vector(values: list[float]) -> Vector:
@@ -132,45 +136,45 @@ def axis(value: str | list[float]) -> Vector:
 
 
 def is_number(value: Any) -> bool:
-    """Whether a value of a file is a number; true and false are none."""
+    """Tell whether a value of a file is a number; true and false are none."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
-def misread(column: int, message: str) -> PydanticCustomError:
-    """What is wrong with a formula, from the character `column` of it on."""
+def formula_error(column: int, message: str) -> PydanticCustomError:
+    """Return a finding about a formula, from its character `column` on."""
     return PydanticCustomError("formula", "{message}", {"message": message, "column": column})
 
 
-def readable(text: str, names: tuple[str, ...]) -> str:
-    """A text that is a formula over these names. Raises a finding for pydantic to report at its column."""
+def parsed_formula(text: str, names: tuple[str, ...]) -> str:
+    """Return a text that is a formula over these names. Raises a finding at the column of the mistake."""
     try:
         Expression(text, names)
     except FormulaError as error:
-        raise misread(error.column, error.message) from None
+        raise formula_error(error.column, error.message) from None
     return text
 
 
-def over(names: tuple[str, ...]) -> AfterValidator:
-    """A validator: the text is a formula over these names."""
-    return AfterValidator(lambda text: readable(text, names))
+def formula_over(names: tuple[str, ...]) -> AfterValidator:
+    """Return a validator of text that must be a formula over these names."""
+    return AfterValidator(lambda text: parsed_formula(text, names))
 
 
-def _written(value: Any) -> Any:
+def _as_text(value: Any) -> Any:
     if not is_number(value):
         return value
     if math.isnan(value):
-        raise misread(1, "this is no number; write one plainly, such as 0.05")
+        raise formula_error(1, "this is no number; write one plainly, such as 0.05")
     if math.isinf(value):
-        raise misread(1, "this number is too large; 1e100 is the largest")
+        raise formula_error(1, "this number is too large; 1e100 is the largest")
     return repr(value)
 
 
-class NumberToo(BeforeValidator):
-    """A validator that lets numbers pass as text, and tells so in a schema."""
+class _NumberAsText(BeforeValidator):
+    """A validator that turns numbers into text, and says so in the JSON Schema."""
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {**handler(core), "type": ["string", "number"]}
 
 
-A_NUMBER_TOO = NumberToo(_written)
-"""`0` and `0.5` are formulas."""
+NUMBER_OR_TEXT = _NumberAsText(_as_text)
+"""Lets `0` and `0.5` stand for formulas."""

@@ -1,4 +1,4 @@
-"""The flows that a shot can name, each with the document of what it takes: the one list of them."""
+"""The flows that a shot can name, each with its document, and their list for people and programs."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ DOCUMENTS: dict[str, type[FlowParameters]] = {
 
 
 def entries(base: type) -> dict[str, Any]:
-    """Fields of a document, one for each flow that is a `base`, all of them optional."""
+    """Return optional fields of a document, one for each flow that is a `base`."""
     return {
         name: (Annotated[document | None, BARE], Field(None, validate_default=False))
         for name, document in DOCUMENTS.items()
@@ -32,13 +32,13 @@ def entries(base: type) -> dict[str, Any]:
 
 
 BEGIN, END = "<!-- from the code: flowsculpt flows --markdown -->", "<!-- to here -->"
-"""What stands around the table in the docs."""
+"""The lines before and after the table in the docs."""
 
 
 def facts(name: str) -> dict[str, Any]:
-    """A flow of the catalogue as JSON-able data, in the units of shot files.
+    """Describe a flow of the catalogue as JSON-able data, in the units of shot files.
 
-    Raises UsageError for a name that is not known.
+    Raises UsageError for an unknown name.
     """
     if name not in DOCUMENTS:
         raise UsageError(f"there is no flow {name!r} in the catalogue. {suggestion(name, DOCUMENTS)}")
@@ -61,18 +61,18 @@ def _fact(parameter: Parameter) -> dict[str, Any]:
     return {
         "name": parameter.name,
         "form": parameter.form,
-        "keyed": parameter.form in ("number", "vector"),
+        "keyed": parameter.form in ("number", "place"),
         "above_nought": parameter.positive,
         "choices": list(parameter.choices),
-        "unit": parameter.doc.unit,
+        "unit": parameter.sense.unit,
         "needed": parameter.needed,
         "default": parameter.default_in_file,
-        "sense": parameter.doc.text,
+        "sense": parameter.sense.text,
     }
 
 
-def shown(fact: dict[str, Any]) -> str:
-    """The default of a parameter, as one would write it; where it has none, that it is needed."""
+def default_text(fact: dict[str, Any]) -> str:
+    """Return the default of a parameter as a shot file writes it, or that it is needed."""
     value = fact["default"]
     if fact["needed"]:
         return "needed"
@@ -86,16 +86,16 @@ def shown(fact: dict[str, Any]) -> str:
 
 
 def markdown() -> str:
-    """The table of the docs, one line a flow."""
+    """Return the table of the docs, one line a flow."""
     lines = [BEGIN, "| | in a shot | what it does | parameters |", "|---|---|---|---|"]
     for name in DOCUMENTS:
         fact = facts(name)
-        parameters = ", ".join(_in_a_word(parameter) for parameter in fact["parameters"])
+        parameters = ", ".join(_short(parameter) for parameter in fact["parameters"])
         picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""
         lines.append(f"| {picture} | `{name}` | {fact['sense']} | {parameters} |")
     return "\n".join([*lines, END])
 
 
-def _in_a_word(fact: dict[str, Any]) -> str:
+def _short(fact: dict[str, Any]) -> str:
     unit = f" {fact['unit']}" if fact["unit"] else ""
-    return f"`{fact['name']}` {shown(fact)}{unit}"
+    return f"`{fact['name']}` {default_text(fact)}{unit}"

@@ -1,6 +1,6 @@
-"""Documents made from the dataclasses of flows: what a flow takes is written there and nowhere else.
+"""Documents made from the dataclasses of flows, which alone define the parameters.
 
-Angles are degrees in the file and radians from here on.
+Angles are degrees in the file and radians in the code.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ from pipeline.shot.documents.fields import Document
 
 
 class FlowParameters(Document):
-    """What a flow takes in a shot file.
+    """Base of the documents of flows.
 
-    parameters  those of its dataclass
-    own         those that the document adds: a file to read, points to draw a curve through
+    parameters  those of the flow's dataclass
+    own         those that the document adds, such as a file to read
     """
 
     flow: ClassVar[type[Flow] | type[VelocityField]]
@@ -30,24 +30,24 @@ class FlowParameters(Document):
     own: ClassVar[tuple[Parameter, ...]]
 
     def build(self, clock: Clock) -> Any:
-        """The flow; what the file does not say has the default of the code."""
-        said = [p for p in self.parameters if p.name in self.model_fields_set]
+        """Return the flow; parameters that the file leaves out take the defaults of the code."""
+        given = [p for p in self.parameters if p.name in self.model_fields_set]
         return self.flow(
-            **{p.name: _value(p, getattr(self, p.name), clock) for p in said}, **self.more(clock)
+            **{p.name: _value(p, getattr(self, p.name), clock) for p in given}, **self.own_values(clock)
         )
 
-    def more(self, clock: Clock) -> dict[str, Any]:
-        """What the flow is given of the document's own."""
+    def own_values(self, clock: Clock) -> dict[str, Any]:
+        """Return the arguments of the flow that come from the document's own fields."""
         return {}
 
 
 def document_of(flow: type, base: type[FlowParameters] = FlowParameters) -> type[FlowParameters]:
-    """The document of a flow: what `base` has, and then the parameters of the dataclass."""
+    """Return the document of a flow: the fields of `base`, and then the parameters of the dataclass."""
     parameters = parameters_of(flow)
     entries: dict[str, Any] = {p.name: (_kind(p), _field(p)) for p in parameters}
-    made = create_model(f"{flow.__name__}Parameters", __base__=base, __doc__=summary(flow), **entries)
-    made.flow, made.parameters, made.own = flow, parameters, _own(base)
-    return made
+    document = create_model(f"{flow.__name__}Parameters", __base__=base, __doc__=summary(flow), **entries)
+    document.flow, document.parameters, document.own = flow, parameters, _own(base)
+    return document
 
 
 def _own(base: type[FlowParameters]) -> tuple[Parameter, ...]:
@@ -63,32 +63,37 @@ def _own(base: type[FlowParameters]) -> tuple[Parameter, ...]:
 
 
 def _kind(p: Parameter) -> Any:
-    """The type of a parameter in a document."""
+    """Return the type of a parameter in a document."""
     if p.bounds:
         return Annotated[p.kind, Field(ge=p.bounds.low, le=p.bounds.high)]
     kinds = {
         "number": curves.PositiveField if p.positive else curves.NumberField,
         "constant": fields.Positive if p.positive else fields.Real,
-        "vector": curves.PlaceField,
+        "place": curves.PlaceField,
         "point": fields.Triple,
         "direction": fields.Axis,
     }
     return kinds.get(p.form, p.kind)
 
 
+def description_of(p: Parameter) -> str:
+    """Return one line about a parameter, with its unit in parentheses."""
+    return f"{p.sense.text} ({p.sense.unit})" if p.sense.unit else p.sense.text
+
+
 def _field(p: Parameter) -> Any:
-    told = f"{p.doc.text} ({p.doc.unit})" if p.doc.unit else p.doc.text
-    return Field(description=told) if p.needed else Field(p.default_in_file, description=told)
+    description = description_of(p)
+    return Field(description=description) if p.needed else Field(p.default_in_file, description=description)
 
 
 def _value(p: Parameter, value: Any, clock: Clock) -> Any:
-    """A parsed value as the flow takes it."""
+    """Return a parsed value as the flow takes it."""
     match p.form:
         case "number":
-            return curves.number(value, clock, p.doc.factor)
+            return curves.number(value, clock, p.sense.factor)
         case "constant":
-            return float(value) * p.doc.factor
-        case "vector":
+            return float(value) * p.sense.factor
+        case "place":
             return curves.place(value, clock)
         case "point":
             return fields.vector(value)

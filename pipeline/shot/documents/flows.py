@@ -16,22 +16,31 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.flow import (
     Flow,
+    Frame,
     Repeated,
     Reversed,
     Sequence,
     Streamlines,
     Sum,
-    Transform,
     VelocityField,
 )
-from pipeline.flow.compose import Mirror, RegionField, ScaledField, TransformedField, blended, placed, within
+from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled, blended, placed, within
 from pipeline.flow.keyframes import Number
 from pipeline.frames import FrameRange, FrameRate, shortened
-from pipeline.shot.clock import A_LENGTH, Clock
+from pipeline.shot.clock import SECONDS_PATTERN, Clock
 from pipeline.shot.documents.curves import PlaceField, PositiveField, WeightField, number, place
-from pipeline.shot.documents.fields import DEGREE, Axis, Document, Told, Triple, axis, vector
+from pipeline.shot.documents.fields import (
+    DEGREE,
+    ORIGIN,
+    Axis,
+    Document,
+    SchemaKeywords,
+    Triple,
+    axis,
+    vector,
+)
 from pipeline.shot.documents.flow_catalogue import BARE, entries
-from pipeline.shot.documents.regions import HERE, RegionDocument
+from pipeline.shot.documents.regions import RegionDocument
 from pipeline.shot.yaml.parse_context import finding
 
 E = TypeVar("E", bound=Document)
@@ -54,7 +63,9 @@ def _positive_duration(value: Any) -> Any:
 Duration = Annotated[
     Any,
     AfterValidator(_positive_duration),
-    Told(anyOf=[{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": A_LENGTH}]),
+    SchemaKeywords(
+        anyOf=[{"type": "number", "exclusiveMinimum": 0}, {"type": "string", "pattern": SECONDS_PATTERN}]
+    ),
 ]
 """Frames as a number, or seconds as "1s"."""
 
@@ -69,7 +80,9 @@ def seconds(duration: Any, clock: Clock) -> float:
 class Composition(Document, Generic[E]):
     """Base of the compositions of one list of flows."""
 
-    flows: Annotated[list[E], Field(min_length=1)]
+    flows: Annotated[list[E], Field(min_length=1)] = Field(
+        description="its flows, which act one after another"
+    )
 
     @abstractmethod
     def of_flow(self, flow: Flow, clock: Clock) -> Flow:
@@ -92,13 +105,13 @@ class SequenceDocument(Composition[E], Generic[E]):
 
 
 class WithinDocument(FieldComposition[E], Generic[E]):
-    region: RegionDocument
+    region: RegionDocument = Field(description="the region in which they act")
 
     def of_flow(self, flow: Flow, clock: Clock) -> Flow:
         return within(flow, self.region.build(clock))
 
     def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
-        return RegionField(field, self.region.build(clock))
+        return Limited(field, self.region.build(clock))
 
 
 class TransformedDocument(FieldComposition[E], Generic[E]):
@@ -108,29 +121,29 @@ class TransformedDocument(FieldComposition[E], Generic[E]):
         return placed(flow, self._transform(clock))
 
     def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
-        return TransformedField(field, self._transform(clock))
+        return InFrame(field, self._transform(clock))
 
     @abstractmethod
-    def _transform(self, clock: Clock) -> Transform | Mirror: ...
+    def _transform(self, clock: Clock) -> Frame | Mirror: ...
 
 
 class PlacedDocument(TransformedDocument[E], Generic[E]):
     """Flows in a frame of reference that is scaled, then turned, then moved."""
 
-    translate: PlaceField = HERE
-    rotate: PlaceField = HERE
-    scale: PositiveField = 1.0
+    translate: PlaceField = Field(ORIGIN, description="the new place of the origin (units)")
+    rotate: PlaceField = Field(ORIGIN, description="about x, then y, then z (degrees)")
+    scale: PositiveField = Field(1.0, description="factor on distances and speeds")
 
-    def _transform(self, clock: Clock) -> Transform:
+    def _transform(self, clock: Clock) -> Frame:
         rotate = place(self.rotate, clock, DEGREE)
-        return Transform(place(self.translate, clock), rotate, number(self.scale, clock))
+        return Frame(place(self.translate, clock), rotate, number(self.scale, clock))
 
 
 class MirroredDocument(TransformedDocument[E], Generic[E]):
     """Flows mirrored across the plane through `centre`."""
 
-    normal: Axis = "x"
-    centre: Triple = HERE
+    normal: Axis = Field("x", description="of the mirror: x, y, z or a vector")
+    centre: Triple = Field(ORIGIN, description="a point of the mirror (units)")
 
     def _transform(self, clock: Clock) -> Mirror:
         return Mirror(axis(self.normal), vector(self.centre))
@@ -139,8 +152,10 @@ class MirroredDocument(TransformedDocument[E], Generic[E]):
 class BlendDocument(Document, Generic[E]):
     """A blend from one flow, or from rest, to another."""
 
-    flows: Annotated[list[E], Field(min_length=1, max_length=2)]
-    weight: WeightField
+    flows: Annotated[list[E], Field(min_length=1, max_length=2)] = Field(
+        description="one that starts from rest, or two: from the first to the second"
+    )
+    weight: WeightField = Field(description="of the last, from 0 to 1")
 
     def of_flows(self, flows: list[Flow], clock: Clock) -> Flow:
         first = flows[0] if len(flows) > 1 else Sequence(())
@@ -148,19 +163,21 @@ class BlendDocument(Document, Generic[E]):
 
     def of_fields(self, fields: list[VelocityField], clock: Clock) -> VelocityField:
         weight: Number = number(self.weight, clock)
-        rest = [ScaledField(field, weight, rest=True) for field in fields[:-1]]
-        return Sum((*rest, ScaledField(fields[-1], weight)))
+        rest = [Scaled(field, weight, rest=True) for field in fields[:-1]]
+        return Sum((*rest, Scaled(fields[-1], weight)))
 
 
 class ReversedDocument(Composition[E], Generic[E]):
-    duration: Duration | None = None
+    duration: Duration | None = Field(
+        None, description="how much is undone: frames, or seconds as 1s; by default the whole shot"
+    )
 
     def of_flow(self, flow: Flow, clock: Clock) -> Flow:
         return Reversed(flow, clock.duration if self.duration is None else seconds(self.duration, clock))
 
 
 class RepeatedDocument(Composition[E], Generic[E]):
-    period: Duration
+    period: Duration = Field(description="frames, or seconds as 1s")
 
     def of_flow(self, flow: Flow, clock: Clock) -> Flow:
         return Repeated(flow, seconds(self.period, clock))
@@ -206,10 +223,18 @@ LISTED = BeforeValidator(lambda value: [] if value is None else value)
 class VelocityDocument(Velocities):
     """One entry under `sum`: a velocity field."""
 
-    within: Annotated[WithinDocument[VelocityDocument] | None, BARE] = None
-    placed: Annotated[PlacedDocument[VelocityDocument] | None, BARE] = None
-    mirrored: Annotated[MirroredDocument[VelocityDocument] | None, BARE] = None
-    blend: Annotated[BlendDocument[VelocityDocument] | None, BARE] = None
+    within: Annotated[WithinDocument[VelocityDocument] | None, BARE] = Field(
+        None, description="flows limited to a region"
+    )
+    placed: Annotated[PlacedDocument[VelocityDocument] | None, BARE] = Field(
+        None, description="flows that are scaled, then turned, then moved"
+    )
+    mirrored: Annotated[MirroredDocument[VelocityDocument] | None, BARE] = Field(
+        None, description="flows across a plane"
+    )
+    blend: Annotated[BlendDocument[VelocityDocument] | None, BARE] = Field(
+        None, description="from one flow, or from rest, to another"
+    )
 
     @model_validator(mode="before")
     @classmethod
@@ -234,14 +259,30 @@ class VelocityDocument(Velocities):
 class FlowDocument(Flows):
     """One entry under `flows`: a velocity field, a sum of them, a map, or a composition of such entries."""
 
-    sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED] = None
-    sequence: Annotated[SequenceDocument[FlowDocument] | None, BARE] = None
-    within: Annotated[WithinDocument[FlowDocument] | None, BARE] = None
-    placed: Annotated[PlacedDocument[FlowDocument] | None, BARE] = None
-    mirrored: Annotated[MirroredDocument[FlowDocument] | None, BARE] = None
-    blend: Annotated[BlendDocument[FlowDocument] | None, BARE] = None
-    reversed: Annotated[ReversedDocument[FlowDocument] | None, BARE] = None
-    repeated: Annotated[RepeatedDocument[FlowDocument] | None, BARE] = None
+    sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED] = Field(
+        None, description="velocity fields that act together"
+    )
+    sequence: Annotated[SequenceDocument[FlowDocument] | None, BARE] = Field(
+        None, description="flows one after another, as one entry"
+    )
+    within: Annotated[WithinDocument[FlowDocument] | None, BARE] = Field(
+        None, description="flows limited to a region"
+    )
+    placed: Annotated[PlacedDocument[FlowDocument] | None, BARE] = Field(
+        None, description="flows that are scaled, then turned, then moved"
+    )
+    mirrored: Annotated[MirroredDocument[FlowDocument] | None, BARE] = Field(
+        None, description="flows across a plane"
+    )
+    blend: Annotated[BlendDocument[FlowDocument] | None, BARE] = Field(
+        None, description="from one flow, or from rest, to another"
+    )
+    reversed: Annotated[ReversedDocument[FlowDocument] | None, BARE] = Field(
+        None, description="flows backwards"
+    )
+    repeated: Annotated[RepeatedDocument[FlowDocument] | None, BARE] = Field(
+        None, description="flows from 0 to the end of the period, again and again"
+    )
 
     def build(self, clock: Clock, follow: Follow) -> Flow:
         """Return the flow; `follow` integrates velocity fields as the shot says."""

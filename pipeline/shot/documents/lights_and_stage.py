@@ -1,63 +1,68 @@
-"""What a shot file says under `lights` and `stage`, and what it becomes."""
+"""The entries `lights` and `stage` of a shot file, and what they become."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Iterator, Mapping
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
 
-from pipeline.errors import suggestion
-from pipeline.shot.checks.file_checks import Problem
-from pipeline.shot.documents.fields import DEGREE, Colour, Document, Positive, Triple, one_of, vector
-from pipeline.shot.yaml.parse_context import Surroundings, finding
-from pipeline.shot.yaml.source import Source
+from pipeline.shot.documents.fields import (
+    DEGREE,
+    Colour,
+    Degrees,
+    Document,
+    Positive,
+    Triple,
+    ZeroToOne,
+    one_of,
+    vector,
+)
+from pipeline.shot.yaml.parse_context import ParseContext, finding
 from render.base.errors import RenderError
 from render.scene.daylight import Daylight, sun_position
 from render.scene.environment import Environment, read_map
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
 from render.scene.stage import STAGES, Stage
 
-MIDDLE = [0.0, 1.0, 0.0]
-Degrees = Annotated[float, Field(ge=-3600, le=3600)]
-Strength = Annotated[float, Field(ge=0, le=1e6)]
-Light = Annotated[
-    Annotated[Strength, Tag("plain")]
-    | Annotated[Annotated[list[Strength], Field(min_length=3, max_length=3)], Tag("list")],
+SUBJECT_MIDDLE = [0.0, 1.0, 0.0]
+Intensity = Annotated[float, Field(ge=0, le=1e6)]
+Radiance = Annotated[
+    Annotated[Intensity, Tag("plain")]
+    | Annotated[Annotated[list[Intensity], Field(min_length=3, max_length=3)], Tag("list")],
     Discriminator(lambda value: "list" if isinstance(value, list) else "plain"),
 ]
-Strengths = Annotated[
-    Annotated[Strength, Tag("of all")] | Annotated[dict[str, Strength], Tag("by name")],
+Intensities = Annotated[
+    Annotated[Intensity, Tag("of all")] | Annotated[dict[str, Intensity], Tag("by name")],
     Discriminator(lambda value: "by name" if isinstance(value, dict) else "of all"),
 ]
-AROUND = ("sun", "sky", "hdri")
-"""What shines from all sides, of which there is one."""
+ENVIRONMENTS = ("sun", "sky", "hdri")
+"""Lights from all directions; a shot has one of them."""
 
 
-def _readable(name: str, info: ValidationInfo) -> str:
-    """A file that holds a map of light; its digest is noted."""
-    around = Surroundings.of(info)
-    path = around.file(name)
+def _check_map(name: str, info: ValidationInfo) -> str:
+    """Check that a file holds an environment map, and note its digest."""
+    context = ParseContext.of(info)
+    path = context.file(name)
     try:
-        read_map(str(path), around.digests[path])
+        read_map(str(path), context.digests[path])
     except RenderError as error:
         raise finding(str(error)) from None
     return name
 
 
-Map = Annotated[str, AfterValidator(_readable)]
+EnvironmentMap = Annotated[str, AfterValidator(_check_map)]
 
 
 class SoftboxDocument(Document):
-    """See `Softbox`."""
-
-    position: Triple
-    width: Positive = 1.6
-    height: Positive = 1.6
-    radiance: Light
-    target: Triple = MIDDLE
+    position: Triple = Field(description="right, up, towards the camera; the subject has a half-size of 1")
+    width: Positive = Field(1.6, description="in half-sizes of the subject")
+    height: Positive = Field(1.6, description="in half-sizes of the subject")
+    radiance: Radiance = Field(
+        description="linear Rec.709 or a number; 20 for a large softbox, 150 for a small one"
+    )
+    target: Triple = Field(SUBJECT_MIDDLE, description="point it faces; [0, 1, 0] is the subject's middle")
 
     @model_validator(mode="after")
     def _faces_somewhere(self) -> SoftboxDocument:
@@ -70,49 +75,62 @@ class SoftboxDocument(Document):
             vector(self.position),
             float(self.width),
             float(self.height),
-            _light(self.radiance),
+            _radiance(self.radiance),
             vector(self.target),
         )
 
 
 class SkyDocument(Document):
-    """See `Sky`."""
-
-    zenith: Light
-    horizon: Light | None = None
-    nadir: Light | None = None
-    visible: bool = False
+    zenith: Radiance = Field(description="radiance from above, linear Rec.709 or a number")
+    horizon: Radiance | None = Field(None, description="radiance from the horizon; by default as from above")
+    nadir: Radiance | None = Field(None, description="radiance from below; by default as from the horizon")
+    visible: bool = Field(False, description="true if the camera sees it where the stage leaves it")
 
     def build(self) -> Sky:
-        zenith = _light(self.zenith)
-        horizon = zenith if self.horizon is None else _light(self.horizon)
-        return Sky(zenith, horizon, horizon if self.nadir is None else _light(self.nadir), self.visible)
+        zenith = _radiance(self.zenith)
+        horizon = zenith if self.horizon is None else _radiance(self.horizon)
+        return Sky(zenith, horizon, horizon if self.nadir is None else _radiance(self.nadir), self.visible)
 
 
 class SunDocument(Document):
-    """A clear day; angles in degrees. See `Daylight`."""
+    """Sun and sky of a clear day."""
 
-    time: Annotated[float, Field(ge=0, le=24)] | None = None
-    latitude: Annotated[float, Field(ge=-90, le=90)] | None = None
-    day: Annotated[int, Field(ge=1, le=366)] | None = None
-    north: Degrees | None = None
-    elevation: Annotated[float, Field(gt=0, le=90)] | None = None
-    azimuth: Degrees | None = None
-    turbidity: Annotated[float, Field(ge=1, le=10)] = 3.0
-    width: Annotated[float, Field(ge=0.1, le=20)] | None = None
-    visible: bool = True
+    time: Annotated[float, Field(ge=0, le=24)] | None = Field(
+        None, description="solar time: the sun is highest at 12 (hours)"
+    )
+    latitude: Annotated[float, Field(ge=-90, le=90)] | None = Field(
+        None, description="north positive; by default 48 (degrees)"
+    )
+    day: Annotated[int, Field(ge=1, le=366)] | None = Field(
+        None, description="of the year; by default 172, midsummer in the north"
+    )
+    north: Degrees | None = Field(
+        None, description="azimuth of north; by default 180, behind the subject (degrees)"
+    )
+    elevation: Annotated[float, Field(gt=0, le=90)] | None = Field(
+        None, description="above the horizon, in place of a time; by default 32 (degrees)"
+    )
+    azimuth: Degrees | None = Field(
+        None,
+        description="0 shines from the front, positive from the right; by default -78 (degrees)",
+    )
+    turbidity: Annotated[float, Field(ge=1, le=10)] = Field(3.0, description="haze, from 1 to 10")
+    width: Annotated[float, Field(ge=0.1, le=20)] | None = Field(
+        None, description="of its disc, by default 0.54; larger ones have softer shadows (degrees)"
+    )
+    visible: bool = Field(True, description="true if the camera sees the sky where the stage leaves it")
 
     @model_validator(mode="after")
-    def _stands_somewhere(self) -> SunDocument:
+    def _has_one_position(self) -> SunDocument:
         by_time, by_angle = ("latitude", "day", "north"), ("elevation", "azimuth")
-        others = by_time if self.time is None else by_angle
-        strangers = [name for name in others if getattr(self, name) is not None]
-        if strangers:
+        unused = by_time if self.time is None else by_angle
+        others_given = [name for name in unused if getattr(self, name) is not None]
+        if others_given:
             raise finding(
-                f"sun has {strangers[0]} {'without' if self.time is None else 'beside'} time; its place is "
-                "told by time, latitude, day and north, or by elevation and azimuth. Write one of the two."
+                f"sun has {others_given[0]} {'without' if self.time is None else 'beside'} time; it stands "
+                "by time, latitude, day and north, or by elevation and azimuth. Write one of the two."
             )
-        if self.time is not None and (height := self._stands()[0]) <= 0.0:
+        if self.time is not None and (height := self._position()[0]) <= 0.0:
             raise finding(
                 f"sun is {-height / DEGREE:.1f}° below the horizon at {self.time:g} h on day {self._day} at "
                 f"latitude {self._latitude:g}°; it must be above. {self._remedy()}"
@@ -127,8 +145,8 @@ class SunDocument(Document):
     def _latitude(self) -> float:
         return 48.0 if self.latitude is None else self.latitude
 
-    def _stands(self) -> tuple[float, float]:
-        """Elevation, and azimuth as cameras have it, radians."""
+    def _position(self) -> tuple[float, float]:
+        """Return elevation and azimuth, radians; azimuth as cameras have it."""
         assert self.time is not None
         elevation, clockwise = sun_position(self.time, self._latitude * DEGREE, self._day)
         north = 180.0 if self.north is None else self.north
@@ -136,48 +154,61 @@ class SunDocument(Document):
 
     def _remedy(self) -> str:
         hours = [hour / 4 for hour in range(97)]
-        up = [t for t in hours if sun_position(t, self._latitude * DEGREE, self._day)[0] > 0.0]
-        if not up:
+        day = [t for t in hours if sun_position(t, self._latitude * DEGREE, self._day)[0] > 0.0]
+        if not day:
             return "It does not rise on that day; take another, or another latitude."
-        return f"Write a time from {up[0]:g} to {up[-1]:g}."
+        return f"Write a time from {day[0]:g} to {day[-1]:g}."
 
     def build(self) -> Daylight:
-        plain = Daylight()
+        default = Daylight()
         if self.time is not None:
-            elevation, azimuth = self._stands()
+            elevation, azimuth = self._position()
         else:
-            elevation = plain.elevation if self.elevation is None else self.elevation * DEGREE
-            azimuth = plain.azimuth if self.azimuth is None else self.azimuth * DEGREE
-        width = plain.width if self.width is None else self.width * DEGREE
+            elevation = default.elevation if self.elevation is None else self.elevation * DEGREE
+            azimuth = default.azimuth if self.azimuth is None else self.azimuth * DEGREE
+        width = default.width if self.width is None else self.width * DEGREE
         return Daylight(elevation, azimuth, float(self.turbidity), width, visible=self.visible)
 
 
 class LightsDocument(Document):
-    """A rig of the registry, lamps of one's own, and what shines from all around. Angles in degrees."""
+    """A light rig of the registry, softboxes, and one light from all directions."""
 
-    rig: Annotated[str, one_of(LIGHTS, "light rig")] | None = None
-    softboxes: Annotated[list[SoftboxDocument], Field(min_length=1, max_length=64)] | None = None
-    sky: SkyDocument | None = None
-    sun: SunDocument | None = None
-    hdri: Map | None = None
-    visible: bool = True
-    turn: Degrees = 0.0
-    intensity: Strengths = 1.0
-    exposure: Annotated[float, Field(ge=-20, le=20)] = 0.0
+    rig: Annotated[str, one_of(LIGHTS, "light rig")] | None = Field(
+        None, description="lights by name; studio if no lights are written out"
+    )
+    softboxes: Annotated[list[SoftboxDocument], Field(min_length=1, max_length=64)] | None = Field(
+        None, description="area lights, alone or beside those of a rig"
+    )
+    sky: SkyDocument | None = Field(
+        None, description="a gradient of light from all directions, in place of the rig's"
+    )
+    sun: SunDocument | None = Field(
+        None, description="the sun and sky of a clear day, at rest while the camera moves"
+    )
+    hdri: EnvironmentMap | None = Field(
+        None, description="an environment map beside the shot file, EXR or HDR, twice as wide as high"
+    )
+    visible: bool = Field(True, description="true if the camera sees the hdri where the stage leaves it")
+    turn: Degrees = Field(
+        0.0, description="of all lights about the vertical, anticlockwise from above (degrees)"
+    )
+    intensity: Intensities = Field(1.0, description="factor on all lights, or on each by its name")
+    exposure: Annotated[float, Field(ge=-20, le=20)] = Field(0.0, description="brightness (stops)")
 
     _environment: Environment | None = PrivateAttr(None)
 
     @model_validator(mode="after")
-    def _agrees(self, info: ValidationInfo) -> LightsDocument:
-        around = [name for name in AROUND if getattr(self, name) is not None]
-        if len(around) > 1:
+    def _is_consistent(self, info: ValidationInfo) -> LightsDocument:
+        given = [name for name in ENVIRONMENTS if getattr(self, name) is not None]
+        if len(given) > 1:
             raise finding(
-                f"lights has both {around[0]} and {around[1]}; light from all around is one of sky, sun and "
-                "hdri. Remove one of them."
+                f"lights has both {given[0]} and {given[1]}; light from all directions is one of sky, sun "
+                "and hdri. Remove one of them."
             )
         if self.hdri is not None:
-            path = Surroundings.of(info).folder / self.hdri
-            digest = Surroundings.of(info).digests[path]
+            context = ParseContext.of(info)
+            path = context.folder / self.hdri
+            digest = context.digests[path]
             self._environment = Environment(digest, visible=self.visible, path=str(path))
         elif "visible" in self.model_fields_set:
             raise finding(
@@ -186,18 +217,18 @@ class LightsDocument(Document):
         return self
 
     def build(self) -> LightRig:
-        rig = self._plain()
-        strengths = self.intensity
-        if not isinstance(strengths, dict):
-            strengths = dict.fromkeys((*rig.names, ""), float(strengths))
+        rig = self._unscaled()
+        intensities = self.intensity
+        if not isinstance(intensities, dict):
+            intensities = dict.fromkeys((*rig.names, ""), float(intensities))
         return dataclasses.replace(
-            rig.dimmed(strengths).turned(self.turn * DEGREE), exposure=float(self.exposure)
+            rig.dimmed(intensities).turned(self.turn * DEGREE), exposure=float(self.exposure)
         )
 
-    def _plain(self) -> LightRig:
-        """Before it is turned and dimmed. What is written out stands alone, unless a rig is named too."""
-        own = self.softboxes or [getattr(self, name) for name in AROUND if getattr(self, name) is not None]
-        rig = LIGHTS[self.rig] if self.rig else LightRig() if own else LIGHTS["studio"]
+    def _unscaled(self) -> LightRig:
+        """Return the rig before turn and intensity. Written lights stand alone unless a rig is named too."""
+        written = self.softboxes or any(getattr(self, name) is not None for name in ENVIRONMENTS)
+        rig = LIGHTS[self.rig] if self.rig else LightRig() if written else LIGHTS["studio"]
         boxes = tuple(box.build() for box in self.softboxes or ())
         rig = dataclasses.replace(rig, softboxes=rig.softboxes + boxes)
         if self.sky is not None:
@@ -210,25 +241,32 @@ class LightsDocument(Document):
 
 
 class StageDocument(Document):
-    """A stage of the registry with some of its values replaced."""
+    """A stage of the registry with some of its settings replaced."""
 
-    kind: Annotated[str, one_of(STAGES, "stage")] = "cyclorama"
-    colour: Colour | None = None
-    roughness: Annotated[float, Field(ge=0, le=1)] | None = None
-    width: Annotated[float, Field(ge=0.2, le=10)] | None = None
-    height: Annotated[float, Field(ge=0.2, le=10)] | None = None
-    round: bool | None = None
+    kind: Annotated[str, one_of(STAGES, "stage")] = Field("cyclorama", description="its name")
+    colour: Colour | None = Field(
+        None, description="of floor and wall, linear Rec.709: red, green, blue from 0 to 1"
+    )
+    roughness: ZeroToOne | None = Field(
+        None, description="of a coat on the floor: 0.05 mirrors, 0.4 shimmers; by default matt"
+    )
+    width: Annotated[float, Field(ge=0.2, le=10)] | None = Field(
+        None, description="of the plinth, in half-sizes of the subject; by default 1.7"
+    )
+    height: Annotated[float, Field(ge=0.2, le=10)] | None = Field(
+        None, description="of the plinth, in half-sizes of the subject; by default 1.6"
+    )
+    round: bool | None = Field(None, description="a round plinth instead of a square one")
 
     @model_validator(mode="after")
-    def _has_what_it_says(self) -> StageDocument:
-        heeded = {"plinth": ("colour", "roughness", "width", "height", "round"), "none": ()}
-        for name in ("colour", "roughness", "width", "height", "round"):
-            if getattr(self, name) is not None and name not in heeded.get(self.kind, ("colour", "roughness")):
-                fitting = " or ".join(
-                    kind for kind in STAGES if name in heeded.get(kind, ("colour", "roughness"))
-                )
+    def _kind_has_all(self) -> StageDocument:
+        all_settings = ("colour", "roughness", "width", "height", "round")
+        settings = dict.fromkeys(STAGES, all_settings[:2]) | {"plinth": all_settings, "none": ()}
+        for name in all_settings:
+            if getattr(self, name) is not None and name not in settings[self.kind]:
+                fitting = " or ".join(kind for kind in STAGES if name in settings[kind])
                 raise finding(
-                    f"stage has {name}, which {self.kind} does not heed. Remove it, or take {fitting}."
+                    f"stage has {name}, which {self.kind} does not use. Remove it, or take {fitting}."
                 )
         return self
 
@@ -239,38 +277,13 @@ class StageDocument(Document):
         return dataclasses.replace(STAGES[self.kind], **given)
 
 
-def lights_of(said: str | LightsDocument) -> LightRig:
-    """By name, or spelt out."""
-    return LIGHTS[said] if isinstance(said, str) else said.build()
+def lights_of(written: str | LightsDocument) -> LightRig:
+    return LIGHTS[written] if isinstance(written, str) else written.build()
 
 
-def stage_of(said: str | StageDocument) -> Stage:
-    """By name, or spelt out."""
-    return STAGES[said] if isinstance(said, str) else said.build()
+def stage_of(written: str | StageDocument) -> Stage:
+    return STAGES[written] if isinstance(written, str) else written.build()
 
 
-def dimmed(source: Source) -> Iterator[Problem]:
-    """The lights whose intensity is set are there."""
-    said, strengths = source.get("lights"), source.get("lights", "intensity")
-    if not (isinstance(said, dict) and isinstance(strengths, dict)):
-        return
-    names = _names(said)
-    for name in strengths if names else ():
-        if name not in names:
-            yield ("lights", "intensity", name), f"{name} is no light here. {suggestion(str(name), names)}"
-
-
-def _names(said: Mapping[str, Any]) -> tuple[str, ...]:
-    """Of all that `intensity` can dim; none where that cannot be told."""
-    own = any(said.get(name) is not None for name in ("softboxes", *AROUND))
-    rig = said.get("rig") or (None if own else "studio")
-    if rig is None:
-        return ("sun", "sky") if said.get("sun") is not None else ("sky",)
-    if rig not in LIGHTS:
-        return ()
-    names = LIGHTS[rig].names
-    return (*names, "sun") if said.get("sun") is not None and "sun" not in names else names
-
-
-def _light(value: float | list[float]) -> tuple[float, float, float]:
+def _radiance(value: float | list[float]) -> tuple[float, float, float]:
     return vector(value) if isinstance(value, list) else (float(value), float(value), float(value))

@@ -1,53 +1,62 @@
-"""What a shot file says under `pigment`: a pattern of colours, and its values. Colours are linear Rec.709."""
+"""Parts of the entry `look`: patterns, measures, pictures from files, and how they are projected.
+
+Colours are linear Rec.709.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
 from pydantic_core import PydanticCustomError
 
-from pipeline.shot.checks.file_checks import Problem
 from pipeline.shot.documents.fields import (
     DEGREE,
+    ORIGIN,
     Axis,
     Colour,
+    Degrees,
     Document,
     Positive,
     Real,
     Triple,
+    ZeroToOne,
     axis,
     exactly_one,
     one_of,
     vector,
 )
-from pipeline.shot.yaml.parse_context import Surroundings, finding
-from pipeline.shot.yaml.source import Source
+from pipeline.shot.yaml.parse_context import ParseContext, finding
 from render.base.errors import RenderError
 from render.scene.colour_maps import COLOUR_MAPS
-from render.scene.look import LOOKS, Relief
+from render.scene.look import Absorption, Relief
 from render.scene.measure import KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment
 from render.scene.texture_projection import PROJECTIONS, Projection
 from render.scene.textures import Texture, read_picture
+from render.scene.wireframe import Wireframe
 
-HERE = [0.0, 0.0, 0.0]
-Share = Annotated[float, Field(ge=0, le=1)]
-Colours = Annotated[list[Colour], Field(min_length=2, max_length=16)]
+_PROJECTIONS_WITH = {
+    "axis": ("planar", "cylindrical", "spherical"),
+    "scale": ("planar", "box", "cylindrical"),
+    "repeats": ("cylindrical", "spherical"),
+}
+"""The projections that have a setting, where not all have it."""
 
 
 class PatternDocument(Document):
-    """See `Pigment`."""
-
-    colours: Colours
-    scale: Positive = 1.0
-    axis: Axis = "y"
-    centre: Triple = HERE
-    softness: Share = 0.04
-    turbulence: Annotated[float, Field(ge=0, le=10)] = 0.0
-    octaves: Annotated[int, Field(ge=1, le=8)] = 4
-    seed: Annotated[int, Field(ge=0, lt=2**32)] = 0
+    colours: Annotated[list[Colour], Field(min_length=2, max_length=16)] = Field(
+        description="two to sixteen, linear Rec.709"
+    )
+    scale: Positive = Field(1.0, description="size of the pattern (units)")
+    axis: Axis = Field("y", description="the pattern's direction or axis: x, y, z or a vector")
+    centre: Triple = Field(ORIGIN, description="origin of the pattern (units)")
+    softness: ZeroToOne = Field(0.04, description="of the borders between colours")
+    turbulence: Annotated[float, Field(ge=0, le=10)] = Field(
+        0.0, description="strength of the noise that displaces it"
+    )
+    octaves: Annotated[int, Field(ge=1, le=8)] = Field(4, description="of that noise: how fine it is")
+    seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(0, description="another one, another pattern")
 
     def build(self, pattern: str) -> Pigment:
         given = self.model_dump(exclude={"colours", "axis", "centre"})
@@ -56,18 +65,15 @@ class PatternDocument(Document):
 
 
 class MarbleDocument(PatternDocument):
-    """share: how much of the ground the veins take"""
-
-    share: Share = 0.15
-    softness: Share = 0.6
-    turbulence: Annotated[float, Field(ge=0, le=10)] = 0.9
-    octaves: Annotated[int, Field(ge=1, le=8)] = 4
+    share: ZeroToOne = Field(0.15, description="fraction of the ground that the veins take")
+    softness: ZeroToOne = Field(0.6, description="of the borders between colours")
+    turbulence: Annotated[float, Field(ge=0, le=10)] = Field(
+        0.9, description="strength of the noise that displaces it"
+    )
 
 
 class SpecklesDocument(PatternDocument):
-    """share: the radius of the largest speckle, in cells"""
-
-    share: Share = 0.45
+    share: ZeroToOne = Field(0.45, description="the radius of the largest speckle, in cells")
 
 
 class PigmentDocument(Document):
@@ -75,14 +81,14 @@ class PigmentDocument(Document):
 
     model_config = exactly_one(*PATTERNS)
 
-    layers: PatternDocument | None = None
-    gradient: PatternDocument | None = None
-    rings: PatternDocument | None = None
-    marble: MarbleDocument | None = None
-    speckles: SpecklesDocument | None = None
+    layers: PatternDocument | None = Field(None, description="bands along an axis")
+    gradient: PatternDocument | None = Field(None, description="from colour to colour along an axis")
+    rings: PatternDocument | None = Field(None, description="bands about an axis")
+    marble: MarbleDocument | None = Field(None, description="veins in a ground")
+    speckles: SpecklesDocument | None = Field(None, description="dots in a ground")
 
     @model_validator(mode="after")
-    def _is_one(self) -> PigmentDocument:
+    def _names_one(self) -> PigmentDocument:
         if len(self.model_fields_set) != 1:
             raise PydanticCustomError(
                 "pigment",
@@ -94,23 +100,19 @@ class PigmentDocument(Document):
 
     def build(self) -> Pigment:
         (pattern,) = self.model_fields_set
-        built: Pigment = getattr(self, pattern).build(pattern)
-        return built
-
-
-_HEEDING = {
-    "axis": ("planar", "cylindrical", "spherical"),
-    "scale": ("planar", "box", "cylindrical"),
-    "repeats": ("cylindrical", "spherical"),
-}
-"""The projections that heed a value, where not all do."""
+        pigment: Pigment = getattr(self, pattern).build(pattern)
+        return pigment
 
 
 class ScaleDocument(Document):
-    """The colours of numbers, and what their ends stand for."""
+    """The colour map of a measure, and the values of its ends."""
 
-    colours: Annotated[str, one_of(COLOUR_MAPS, "colour map")] | None = None
-    range: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = None
+    colours: Annotated[str, one_of(COLOUR_MAPS, "colour map")] | None = Field(
+        default=None, description="the colour map: viridis, inferno or another"
+    )
+    range: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = Field(
+        default=None, description="values of its two ends, the same in every frame"
+    )
 
     def build(self, of: str) -> Measure:
         low, high = self.range or (None, None)
@@ -118,16 +120,20 @@ class ScaleDocument(Document):
 
 
 class MeasureDocument(Document):
-    """What is measured, by its name."""
+    """A measured number, by its name."""
 
     model_config = exactly_one(*KINDS)
 
-    speed: ScaleDocument | None = None
-    stretch: ScaleDocument | None = None
-    area: ScaleDocument | None = None
+    speed: ScaleDocument | None = Field(None, description="of the flow at each point (units/s)")
+    stretch: ScaleDocument | None = Field(
+        None, description="largest factor by which a direction has lengthened since the rest"
+    )
+    area: ScaleDocument | None = Field(
+        None, description="factor by which the surface has grown since the rest"
+    )
 
     @model_validator(mode="after")
-    def _is_one(self) -> MeasureDocument:
+    def _names_one(self) -> MeasureDocument:
         if len(self.model_fields_set) != 1:
             raise finding(
                 f"measure names {len(self.model_fields_set)} things; it is one of {', '.join(KINDS)}. Write "
@@ -146,10 +152,10 @@ class MeasureDocument(Document):
 
 
 def _texture(name: str, space: str | None, info: ValidationInfo) -> Texture:
-    """A picture that can be read; its digest is noted. Raises a finding for one that cannot."""
-    around = Surroundings.of(info)
-    path = around.file(name)
-    digest = around.digests[path]
+    """Return a picture that can be read, and note its digest. Raises a finding for others."""
+    context = ParseContext.of(info)
+    path = context.file(name)
+    digest = context.digests[path]
     try:
         read_picture(str(path), digest, space)
     except RenderError as error:
@@ -157,19 +163,21 @@ def _texture(name: str, space: str | None, info: ValidationInfo) -> Texture:
     return Texture(digest, space, str(path))
 
 
-def _colours(name: str, info: ValidationInfo) -> Any:
+def _colour_texture(name: str, info: ValidationInfo) -> Any:
     return _texture(name, None, info)
 
 
-def _numbers(name: str, info: ValidationInfo) -> Any:
+def _data_texture(name: str, info: ValidationInfo) -> Any:
     return _texture(name, "data", info)
 
 
 class PictureDocument(Document):
-    """A picture of colours, and what its pixels are."""
+    """A picture of colours, and its colour space."""
 
-    file: str
-    space: str | None = None
+    file: str = Field(description="an EXR, PNG, JPEG or TIFF beside the shot file")
+    space: str | None = Field(
+        None, description="srgb, linear, data, or a colour space of OpenColorIO; by default the file's own"
+    )
 
     _texture: Texture = PrivateAttr()
 
@@ -183,17 +191,17 @@ class PictureDocument(Document):
 
 
 class ReliefDocument(Document):
-    """See `Relief`."""
-
-    file: Annotated[str, AfterValidator(_numbers)]
-    height: Real = 0.02
+    file: Annotated[str, AfterValidator(_data_texture)] = Field(
+        description="an EXR, PNG, JPEG or TIFF beside the shot file"
+    )
+    height: Real = Field(0.02, description="of white over black; below 0 dark parts stand out (units)")
 
     def build(self) -> Relief:
         texture: Any = self.file
         return Relief(texture, float(self.height))
 
 
-def _form(value: Any) -> str:
+def _colour_form(value: Any) -> str:
     if isinstance(value, str):
         return "by name"
     return "spelt out" if isinstance(value, dict) else "plain"
@@ -201,36 +209,44 @@ def _form(value: Any) -> str:
 
 ColourOrPicture = Annotated[
     Annotated[Colour, Tag("plain")]
-    | Annotated[str, AfterValidator(_colours), Tag("by name")]
+    | Annotated[str, AfterValidator(_colour_texture), Tag("by name")]
     | Annotated[PictureDocument, Tag("spelt out")],
-    Discriminator(_form),
+    Discriminator(_colour_form),
 ]
-ShareOrPicture = Annotated[
-    Annotated[Share, Tag("plain")] | Annotated[str, AfterValidator(_numbers), Tag("by name")],
+NumberOrPicture = Annotated[
+    Annotated[ZeroToOne, Tag("plain")] | Annotated[str, AfterValidator(_data_texture), Tag("by name")],
     Discriminator(lambda value: "by name" if isinstance(value, str) else "plain"),
 ]
-"""Of the names of files validation makes textures."""
+"""Validation turns the names of files into textures."""
 
 
 class ProjectionDocument(Document):
-    """See `Projection`; angles in degrees."""
-
-    kind: Annotated[str, one_of(PROJECTIONS, "projection")] = "box"
-    axis: Axis | None = None
-    centre: Triple = Field(default_factory=lambda: [0.0, 0.0, 0.0])
-    scale: Positive = 2.0
-    repeats: Annotated[int, Field(ge=1, le=1000)] = 1
-    turn: Annotated[float, Field(ge=-3600, le=3600)] = 0.0
+    kind: Annotated[str, one_of(PROJECTIONS, "projection")] = Field(
+        "box", description="planar, box, cylindrical or spherical"
+    )
+    axis: Axis | None = Field(
+        None,
+        description="a planar projection's direction, or the axis that others go around: x, y, z or a vector",
+    )
+    centre: Triple = Field(
+        default_factory=lambda: [*ORIGIN], description="the middle of the picture, or the axis (units)"
+    )
+    scale: Positive = Field(2.0, description="width of a picture, or height of a cylindrical one (units)")
+    repeats: Annotated[int, Field(ge=1, le=1000)] = Field(
+        1, description="number of pictures on the way around"
+    )
+    turn: Degrees = Field(0.0, description="in its plane, anticlockwise, or about the axis (degrees)")
     offset: Annotated[list[Real], Field(min_length=2, max_length=2)] = Field(
-        default_factory=lambda: [0.0, 0.0]
+        default_factory=lambda: [0.0, 0.0],
+        description="to the right and up, as fractions of the picture",
     )
 
     @model_validator(mode="after")
-    def _has_what_it_says(self) -> ProjectionDocument:
-        for name, kinds in _HEEDING.items():
+    def _kind_has_all(self) -> ProjectionDocument:
+        for name, kinds in _PROJECTIONS_WITH.items():
             if name in self.model_fields_set and self.kind not in kinds:
                 raise finding(
-                    f"projection has {name}, which {self.kind} does not heed. Remove it, or take "
+                    f"projection has {name}, which {self.kind} does not use. Remove it, or take "
                     f"{' or '.join(kinds)}."
                 )
         return self
@@ -248,17 +264,24 @@ class ProjectionDocument(Document):
         )
 
 
-def measurable(source: Source) -> Iterator[Problem]:
-    """Points of a cloud have a speed; what is stretched are triangles."""
-    subject, look = source.get("subject"), source.get("look")
-    if not (isinstance(subject, dict) and "cloud" in subject):
-        return
-    said = source.get("look", "measure")
-    name = look.get("material") if isinstance(look, dict) else look
-    own = LOOKS[name].measure if isinstance(name, str) and name in LOOKS else None
-    of = next(iter(said), None) if isinstance(said, dict) else own.of if own else None
-    if of in ("stretch", "area"):
-        yield (
-            ("look", "measure") if said else ("look",),
-            f"look shows {of}, which triangles have, and a cloud has none. Take speed.",
-        )
+class AbsorptionDocument(Document):
+    colour: Annotated[list[Annotated[float, Field(gt=0, le=1)]], Field(min_length=3, max_length=3)] = Field(
+        description="of white light that has gone so far: red, green, blue up to 1"
+    )
+    depth: Annotated[float, Field(gt=0, le=1000)] = Field(
+        1.0, description="that distance, in halves of the subject's size"
+    )
+
+    def build(self) -> Absorption:
+        return Absorption(vector(self.colour), float(self.depth))
+
+
+class WireframeDocument(Document):
+    colour: Colour | None = Field(
+        None, description="of the lines; linear Rec.709: red, green, blue from 0 to 1"
+    )
+    width: Annotated[float, Field(gt=0, le=100)] = Field(1.0, description="of the lines (pixels)")
+
+    def build(self) -> Wireframe:
+        colour = {} if self.colour is None else {"colour": vector(self.colour)}
+        return Wireframe(width=float(self.width), **colour)

@@ -1,4 +1,4 @@
-"""What a shot file says under `region`, and the region it becomes."""
+"""The entry `region` of a flow, and the region it becomes."""
 
 from __future__ import annotations
 
@@ -11,61 +11,57 @@ from pydantic_core import CoreSchema, PydanticCustomError
 from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
 from pipeline.flow.regions import (
     FALLOFF_TYPES,
-    BoxRegion,
-    CapsuleRegion,
-    CylinderRegion,
+    Box,
+    Capsule,
+    Cylinder,
     FalloffType,
-    HalfSpaceRegion,
+    HalfSpace,
     Region,
-    SphereRegion,
+    Sphere,
 )
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NotNegativeField, PlaceField, PositiveField, number, place
-from pipeline.shot.documents.fields import Axis, Document, Positive, axis, exactly_one, one_of
-from pipeline.shot.yaml.parse_context import Surroundings, told
-
-HERE = [0.0, 0.0, 0.0]
+from pipeline.shot.documents.fields import ORIGIN, Axis, Document, Positive, axis, exactly_one, one_of
+from pipeline.shot.yaml.parse_context import ParseContext, as_finding
 
 SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 
 
 class SphereDocument(Document):
-    centre: PlaceField = HERE
-    radius: PositiveField
+    centre: PlaceField = Field(ORIGIN, description="its middle (units)")
+    radius: PositiveField = Field(description="its size (units)")
 
-    def build(self, clock: Clock, **rim: Any) -> Region:
-        return SphereRegion(place(self.centre, clock), number(self.radius, clock), **rim)
+    def build(self, clock: Clock, **falloff: Any) -> Region:
+        return Sphere(place(self.centre, clock), number(self.radius, clock), **falloff)
 
 
 class BoxDocument(Document):
-    """size: its sides along x, y and z"""
+    centre: PlaceField = Field(ORIGIN, description="its middle (units)")
+    size: Annotated[list[Positive], Field(min_length=3, max_length=3)] = Field(
+        description="its sides along x, y and z (units)"
+    )
 
-    centre: PlaceField = HERE
-    size: Annotated[list[Positive], Field(min_length=3, max_length=3)]
-
-    def build(self, clock: Clock, **rim: Any) -> Region:
+    def build(self, clock: Clock, **falloff: Any) -> Region:
         x, y, z = map(float, self.size)
-        return BoxRegion(place(self.centre, clock), (x, y, z), **rim)
+        return Box(place(self.centre, clock), (x, y, z), **falloff)
 
 
 class HalfSpaceDocument(Document):
-    """Everything below the plane through `centre`; `normal` points up from it."""
+    centre: PlaceField = Field(ORIGIN, description="a point of its plane (units)")
+    normal: Axis = Field("y", description="points up from the plane, and out: x, y, z or a vector")
 
-    centre: PlaceField = HERE
-    normal: Axis = "y"
-
-    def build(self, clock: Clock, **rim: Any) -> Region:
-        return HalfSpaceRegion(place(self.centre, clock), axis(self.normal), **rim)
+    def build(self, clock: Clock, **falloff: Any) -> Region:
+        return HalfSpace(place(self.centre, clock), axis(self.normal), **falloff)
 
 
 class RoundDocument(Document):
-    """A piece of a line and what is within a radius of it."""
+    """A segment of a line with a radius."""
 
-    axis: Axis = "y"
-    centre: PlaceField = HERE
-    length: PositiveField
-    radius: PositiveField
+    axis: Axis = Field("y", description="direction of its segment: x, y, z or a vector")
+    centre: PlaceField = Field(ORIGIN, description="its middle (units)")
+    length: PositiveField = Field(description="of its segment (units)")
+    radius: PositiveField = Field(description="around the segment (units)")
 
     def measures(self, clock: Clock) -> dict[str, Any]:
         return {
@@ -77,21 +73,21 @@ class RoundDocument(Document):
 
 
 class CapsuleDocument(RoundDocument):
-    def build(self, clock: Clock, **rim: Any) -> Region:
-        return CapsuleRegion(**self.measures(clock), **rim)
+    def build(self, clock: Clock, **falloff: Any) -> Region:
+        return Capsule(**self.measures(clock), **falloff)
 
 
 class CylinderDocument(RoundDocument):
-    def build(self, clock: Clock, **rim: Any) -> Region:
-        return CylinderRegion(**self.measures(clock), **rim)
+    def build(self, clock: Clock, **falloff: Any) -> Region:
+        return Cylinder(**self.measures(clock), **falloff)
 
 
 class MeshDocument(Document):
-    """What the closed surface in a file holds; `mesh: stone.obj` is `mesh: {file: stone.obj}`."""
+    """The inside of the closed surface in a file; `mesh: stone.obj` is `mesh: {file: stone.obj}`."""
 
-    file: str
-    centre: PlaceField = HERE
-    scale: PositiveField = 1.0
+    file: str = Field(description="an OBJ, PLY, STL, OFF or GLB beside the shot file")
+    centre: PlaceField = Field(ORIGIN, description="position of its origin (units)")
+    scale: PositiveField = Field(1.0, description="factor on its coordinates")
 
     _surface: ClosedSurface = PrivateAttr()
 
@@ -105,30 +101,36 @@ class MeshDocument(Document):
         return {"anyOf": [handler(core), {"type": "string"}]}
 
     @model_validator(mode="after")
-    def _closed(self, info: ValidationInfo) -> MeshDocument:
-        path = Surroundings.of(info).file(self.file)
-        self._surface = told(lambda: ClosedSurface.of(read_mesh(path), str(path)))
+    def _is_closed(self, info: ValidationInfo) -> MeshDocument:
+        path = ParseContext.of(info).file(self.file)
+        self._surface = as_finding(lambda: ClosedSurface.of(read_mesh(path), str(path)))
         return self
 
-    def build(self, clock: Clock, **rim: Any) -> Region:
-        return MeshRegion(self._surface, place(self.centre, clock), number(self.scale, clock), **rim)
+    def build(self, clock: Clock, **falloff: Any) -> Region:
+        return MeshRegion(self._surface, place(self.centre, clock), number(self.scale, clock), **falloff)
 
 
 class RegionDocument(Document):
-    """Exactly one shape by its name, and how it ends."""
+    """Exactly one shape by its name, and its falloff."""
 
     model_config = exactly_one(*SHAPES)
     renamed: ClassVar[Mapping[str, str]] = {"fall": "falloff_type"}
 
-    sphere: SphereDocument | None = None
-    box: BoxDocument | None = None
-    half_space: HalfSpaceDocument | None = None
-    capsule: CapsuleDocument | None = None
-    cylinder: CylinderDocument | None = None
-    mesh: MeshDocument | None = None
-    falloff: NotNegativeField = 0.0
-    falloff_type: Annotated[str, one_of(FALLOFF_TYPES, "falloff type")] = "smooth"
-    invert: bool = False
+    sphere: SphereDocument | None = Field(None, description="all within a radius of a point")
+    box: BoxDocument | None = Field(None, description="all within sides along x, y and z")
+    half_space: HalfSpaceDocument | None = Field(None, description="all below a plane")
+    capsule: CapsuleDocument | None = Field(
+        None, description="all within a radius of a segment of a line; round ends"
+    )
+    cylinder: CylinderDocument | None = Field(None, description="a capsule with flat ends")
+    mesh: MeshDocument | None = Field(None, description="the inside of the closed surface in a file")
+    falloff: NotNegativeField = Field(
+        0.0, description="distance over which the weight falls to 0, outside (units)"
+    )
+    falloff_type: Annotated[str, one_of(FALLOFF_TYPES, "falloff type")] = Field(
+        "smooth", description="profile of the falloff"
+    )
+    invert: bool = Field(False, description="the outside instead of the inside")
 
     @model_validator(mode="after")
     def _names_one(self) -> RegionDocument:
@@ -136,14 +138,14 @@ class RegionDocument(Document):
         if len(named) != 1:
             raise PydanticCustomError(
                 "one_shape",
-                "a region is one of {shapes}, and this has {found}. Write one.",
-                {"shapes": ", ".join(SHAPES), "found": " and ".join(named) or "none"},
+                "a region is one of {shapes}, and this has {named}. Write one.",
+                {"shapes": ", ".join(SHAPES), "named": " and ".join(named) or "none"},
             )
         return self
 
     def build(self, clock: Clock) -> Region:
         shape = next(shape for name in SHAPES if (shape := getattr(self, name)) is not None)
-        falloff_type: FalloffType = self.falloff_type  # type: ignore[assignment]  # one of them, as its validator says
+        falloff_type: FalloffType = self.falloff_type  # type: ignore[assignment]  # as its validator says
         region: Region = shape.build(
             clock, falloff=number(self.falloff, clock), falloff_type=falloff_type, invert=self.invert
         )

@@ -1,46 +1,44 @@
-"""What a shot file says under `resample`, and the resampling it becomes.
+"""The entry `resample` of a shot file, and the resampling it becomes.
 
-Angles are degrees in the file and radians from here on.
+Angles are degrees in the file and radians in the code.
 """
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, ClassVar
 
-from pydantic import BeforeValidator, Discriminator, Field, Tag, model_validator
+from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
-from pipeline.flow.keyframes import Curve, Number, VectorParameter, number_at, vector_at
+from pipeline.flow.keyframes import Curve, Number, Place, number_at, place_at
 from pipeline.formula import PLACE, Expression
-from pipeline.mesh.pn_triangles import MOST_PIECES
-from pipeline.resample import Curvature, DistanceToCamera, Formula, Thresholds
+from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
 from pipeline.resample.sizing_field import FORMULA_NAMES
 from pipeline.resample.thresholds import DEFAULT_HARD_ANGLE, Threshold
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
 from pipeline.shot.documents.fields import (
-    A_NUMBER_TOO,
     DEGREE,
+    NUMBER_OR_TEXT,
     Document,
     Positive,
-    Told,
+    ZeroToOne,
     exactly_one,
+    formula_over,
     one_of,
-    over,
 )
 from pipeline.shot.motion import Resampling
 
-Angle = Annotated[float, Field(gt=0, lt=180)]
-ThresholdText = Annotated[str, A_NUMBER_TOO, over(FORMULA_NAMES)]
+HardAngle = Annotated[float, Field(gt=0, lt=180)]
+ThresholdText = Annotated[str, NUMBER_OR_TEXT, formula_over(FORMULA_NAMES)]
 
 
 @dataclass(frozen=True)
 class KeyedThreshold:
-    """A threshold that is the same everywhere and changes in time."""
+    """A threshold that is the same everywhere and changes over time."""
 
     value: Curve
 
@@ -52,7 +50,7 @@ class KeyedThreshold:
 class KeyedCamera:
     """A `DistanceToCamera` whose camera moves: the same parameters, constant or keyed."""
 
-    position: VectorParameter
+    position: Place
     pixels: Number
     finest: float
     coarsest: float
@@ -61,7 +59,7 @@ class KeyedCamera:
 
     def at(self, frame: int, time: float) -> DistanceToCamera:
         return DistanceToCamera(
-            vector_at(self.position, time),
+            place_at(self.position, time),
             number_at(self.pixels, time),
             self.finest,
             self.coarsest,
@@ -72,7 +70,7 @@ class KeyedCamera:
 
 @dataclass(frozen=True)
 class WithinFormula:
-    """A region: where a formula over x, y and z is true, or not 0."""
+    """The region where a formula over x, y and z is true, or not 0."""
 
     text: str
     _expression: Expression = field(init=False, repr=False, compare=False)
@@ -81,27 +79,27 @@ class WithinFormula:
         object.__setattr__(self, "_expression", Expression(self.text, PLACE))
 
     def __call__(self, points: Points) -> AnyArray:
-        """(N,) flags of points (N, 3). Raises UsageError where the formula is not finite."""
+        """Return (N,) flags of points (N, 3). Raises UsageError where the formula is not finite."""
         x, y, z = points.T
-        found: AnyArray = self._expression(x=x, y=y, z=z) != 0
-        return found
+        inside: AnyArray = self._expression(x=x, y=y, z=z) != 0
+        return inside
 
 
 class CurvatureDocument(Document):
-    tolerance: Positive
-    finest: Positive
-    coarsest: Positive
+    tolerance: Positive = Field(
+        description="distance from the middle of an edge to the surface, at most (units)"
+    )
+    finest: Positive = Field(description="no edge is made shorter (units)")
+    coarsest: Positive = Field(description="nor longer (units)")
 
 
 class CameraDistanceDocument(Document):
-    """field_of_view: degrees"""
-
-    position: PlaceField
-    pixels: PositiveField
-    finest: Positive
-    coarsest: Positive
-    field_of_view: PositiveField = 26.0
-    width: Positive = 1920.0
+    position: PlaceField = Field(description="of the camera (units)")
+    pixels: PositiveField = Field(description="length of edges in the picture (pixels)")
+    finest: Positive = Field(description="no edge is made shorter (units)")
+    coarsest: Positive = Field(description="nor longer (units)")
+    field_of_view: PositiveField = Field(26.0, description="horizontal (degrees)")
+    width: Positive = Field(1920.0, description="of the picture (pixels)")
 
     def build(self, clock: Clock) -> Threshold:
         camera = KeyedCamera(
@@ -117,9 +115,9 @@ class CameraDistanceDocument(Document):
 
 
 class ActiveAngleDocument(Document):
-    """A hard angle that is a function; the formula's value is in degrees."""
+    """A hard angle that is a function of place and time."""
 
-    formula: ThresholdText
+    formula: ThresholdText = Field(description="over x, y, z, frame and t, seconds (degrees)")
 
 
 class ActiveLengthDocument(Document):
@@ -127,9 +125,9 @@ class ActiveLengthDocument(Document):
 
     model_config = exactly_one("formula", "curvature", "camera")
 
-    formula: ThresholdText | None = None
-    curvature: CurvatureDocument | None = None
-    camera: CameraDistanceDocument | None = None
+    formula: ThresholdText | None = Field(None, description="over x, y, z, frame and t, seconds (units)")
+    curvature: CurvatureDocument | None = Field(None, description="longer where the surface is flatter")
+    camera: CameraDistanceDocument | None = Field(None, description="of a constant size in a picture")
 
     @model_validator(mode="after")
     def _names_one(self) -> ActiveLengthDocument:
@@ -137,8 +135,8 @@ class ActiveLengthDocument(Document):
         if len(named) != 1:
             raise PydanticCustomError(
                 "one_length",
-                "a length is one of formula, curvature, camera or keys, and this has {found}. Write one.",
-                {"found": " and ".join(named) or "nothing"},
+                "a length is one of formula, curvature, camera or keys, and this has {named}. Write one.",
+                {"named": " and ".join(named) or "nothing"},
             )
         return self
 
@@ -159,23 +157,25 @@ ShortestField = Annotated[
     | Annotated[ActiveLengthDocument, Tag("active")],
     Discriminator(_form),
 ]
-AngleField = Annotated[
-    Annotated[Angle, Tag("plain")]
-    | Annotated[Keyed[Angle], Tag("keyed")]
+HardAngleField = Annotated[
+    Annotated[HardAngle, Tag("plain")]
+    | Annotated[Keyed[HardAngle], Tag("keyed")]
     | Annotated[ActiveAngleDocument, Tag("active")],
     Discriminator(_form),
 ]
 
 
-class RegionDocument(Document):
-    """Where a formula holds at rest: there is no moment that it could speak of."""
+class CreaseRegionDocument(Document):
+    """Edges that stay hard by their place at rest, whatever the time."""
 
-    formula: Annotated[str, A_NUMBER_TOO, over(PLACE)]
+    formula: Annotated[str, NUMBER_OR_TEXT, formula_over(PLACE)] = Field(
+        description="over x, y and z: edges stay hard where it holds at rest"
+    )
 
 
 CreasesField = Annotated[
     Annotated[str, one_of(("rest", "model", "none"), "source of creases"), Tag("plain")]
-    | Annotated[RegionDocument, Tag("active")],
+    | Annotated[CreaseRegionDocument, Tag("active")],
     Discriminator(lambda value: "active" if isinstance(value, dict) else "plain"),
 ]
 
@@ -185,20 +185,48 @@ class ResampleDocument(Document):
 
     renamed: ClassVar[Mapping[str, str]] = {"renew": "rest_interval", "shape": "min_roundness"}
 
-    max_edge_length: LengthField
-    min_edge_length: ShortestField | None = None
-    hard_angle: AngleField = 40.0
-    max_vertices: Annotated[int, Field(ge=4)] | None = None
-    gradation: Annotated[Positive, Field(le=100)] | None = None
-    method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = None
-    placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = None
-    splits: Annotated[str, one_of(("edges", "faces"), "way to split")] | None = None
-    min_roundness: Annotated[float, Field(ge=0, le=1)] | None = None
-    normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = None
-    rest_interval: Annotated[int, Field(ge=1)] | None = None
-    creases: CreasesField | None = None
-    cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = None
-    collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = None
+    max_edge_length: LengthField = Field(description="edges longer than this are split (units)")
+    min_edge_length: ShortestField | None = Field(
+        None, description="shorter edges collapse; below half the maximum, by default 40% (units)"
+    )
+    hard_angle: HardAngleField = Field(
+        40.0, description="an edge over which the surface turns by more is a crease (degrees)"
+    )
+    max_vertices: Annotated[int, Field(ge=4)] | None = Field(
+        None, description="a frame that needs more fails"
+    )
+    gradation: Annotated[Positive, Field(le=100)] | None = Field(
+        None, description="difference of lengths between the ends of an edge, as a fraction of it, at most"
+    )
+    method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = Field(
+        None, description="triangles, or polyhedra: faces of any number of sides, sliced by planes"
+    )
+    placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = Field(
+        None,
+        description="where new vertices go: exact, on the surface at rest; curved, on a smooth one; chord, "
+        "in the middle of the edge",
+    )
+    splits: Annotated[str, one_of(("edges", "faces"), "way to split")] | None = Field(
+        None, description="edges in two, or faces in four (with placement: chord)"
+    )
+    min_roundness: ZeroToOne | None = Field(
+        None, description="triangles less round are repaired: 0 none, 0.85 demanding"
+    )
+    normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = Field(
+        None, description="carried through the flow, or of the geometry of each frame"
+    )
+    rest_interval: Annotated[int, Field(ge=1)] | None = Field(
+        None, description="frames after which the present surface becomes the undeformed one"
+    )
+    creases: CreasesField | None = Field(
+        None, description="edges that stay hard: those hard at rest, those of the model's file, a region"
+    )
+    cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = Field(
+        None, description="of polyhedra: all parallel cuts at once, or in two and again"
+    )
+    collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = Field(
+        None, description="of polyhedra: short edges, or small faces"
+    )
 
     def build(self, clock: Clock) -> Resampling:
         angle = _angle(self.hard_angle, clock)
@@ -212,7 +240,7 @@ class ResampleDocument(Document):
         )
         settings = [field.name for field in fields(Resampling) if field.name != "thresholds"]
         given = self._given(*settings)
-        if isinstance(self.creases, RegionDocument):
+        if isinstance(self.creases, CreaseRegionDocument):
             given["creases"] = WithinFormula(self.creases.formula)
         return Resampling(thresholds, **given)
 
@@ -221,11 +249,11 @@ class ResampleDocument(Document):
 
 
 def _length(value: float | Keyed[Any] | ActiveLengthDocument, clock: Clock, hard_angle: float) -> Threshold:
-    """A parsed length; `hard_angle` tells curvature what a crease is."""
+    """Return a parsed length; curvature takes edges beyond `hard_angle` as creases."""
     if not isinstance(value, ActiveLengthDocument):
         return _keyed(number(value, clock))
     if value.formula is not None:
-        return Formula(value.formula)
+        return ThresholdFormula(value.formula)
     if value.camera is not None:
         return value.camera.build(clock)
     assert value.curvature is not None, "exactly one is named"
@@ -235,49 +263,9 @@ def _length(value: float | Keyed[Any] | ActiveLengthDocument, clock: Clock, hard
 
 def _angle(value: float | Keyed[Any] | ActiveAngleDocument, clock: Clock) -> Threshold:
     if isinstance(value, ActiveAngleDocument):
-        return Formula(value.formula, unit=DEGREE)
+        return ThresholdFormula(value.formula, unit=DEGREE)
     return _keyed(number(value, clock, DEGREE))
 
 
 def _keyed(value: Number) -> Threshold:
     return KeyedThreshold(value) if isinstance(value, Curve) else value
-
-
-_PIXELS = r"^\s*(\d+\.?\d*|\.\d+)\s*px\s*$"
-
-
-def _pixels(value: Any) -> Any:
-    """`2px` as 2.0."""
-    if not isinstance(value, str):
-        return value
-    match = re.match(_PIXELS, value)
-    if not match:
-        raise PydanticCustomError(
-            "pixels", "{text} is no length in pixels. Write 2px.", {"text": repr(value)}
-        )
-    return float(match[1])
-
-
-Pixels = Annotated[
-    float,
-    BeforeValidator(_pixels),
-    Field(ge=0.25, le=1000),
-    Told(type=["number", "string"], pattern=_PIXELS),
-]
-
-
-class SmoothDocument(Document):
-    """Pieces of each edge by their number, or by how long they are in the picture."""
-
-    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = None
-    dicing: Pixels | None = None
-
-    @model_validator(mode="after")
-    def _says_one(self) -> SmoothDocument:
-        if self.tessellate is not None and self.dicing is not None:
-            raise PydanticCustomError(
-                "two_measures",
-                "two measures: tessellate, a number of pieces, and dicing, how long they are in the picture. "
-                "Remove one of them.",
-            )
-        return self

@@ -1,9 +1,8 @@
-"""JSON Schemas (draft 2020-12) of shot and film files, made from their documents, for editors to complete
-and check by.
+"""JSON Schemas (draft 2020-12) of shot and film files, by which editors complete and check them.
 
-pydantic writes most of it. What it cannot see is marked where it is checked (`fields.Told`), and what names
-mean is said by the flows and by `hints`. A schema sees one file and no further than its form: whether keys
-lie within the shot, what a formula means and what a shot extends is told by `flowsculpt validate`.
+pydantic writes most of them; `fields.SchemaKeywords` adds the rules of validators. A schema sees the form of
+one file. Whether keys lie within the shot, what a formula means and what a shot extends is for
+`flowsculpt validate`.
 """
 
 from __future__ import annotations
@@ -16,96 +15,96 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from pipeline.shot.documents.flow_parameters import FlowParameters
+from pipeline.shot.documents.film import FilmDocument
+from pipeline.shot.documents.flow_parameters import FlowParameters, description_of
 from pipeline.shot.documents.flows import FlowDocument, VelocityDocument
-from pipeline.shot.documents.shot import FilmDocument, ShotDocument
-from pipeline.shot.hints import hint, in_a_line
+from pipeline.shot.documents.shot import ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 Schema = dict[str, Any]
 
 
-def shot_schema(said: Collection[str] = ()) -> Schema:
-    """Of a shot file, beside a `defaults.yaml` that says the names in `said`.
+def shot_schema(defaults: Collection[str] = ()) -> Schema:
+    """Return the schema of shot files beside a `defaults.yaml` that sets the names in `defaults`.
 
-    What has no default must be there, unless the shot extends another, which may say it.
+    Names without a default are required unless the shot extends another, which may set them.
     """
-    schema = _made(ShotDocument, "A shot of flowsculpt")
-    needs = {name: _moved_needs(value, schema["$defs"]) for name, value in schema["properties"].items()}
+    schema = _schema_of(ShotDocument, "A shot of flowsculpt")
+    needs = {name: _extracted_needs(value, schema["$defs"]) for name, value in schema["properties"].items()}
     alone = {
-        "required": [name for name in schema.pop("required") if name not in said],
-        "properties": {name: need for name, need in needs.items() if need and name not in said},
+        "required": [name for name in schema.pop("required") if name not in defaults],
+        "properties": {name: need for name, need in needs.items() if need and name not in defaults},
     }
-    if "resample" not in said:
+    if "resample" not in defaults:
         points = {"anyOf": [{"required": [kind]} for kind in ("cloud", "net")]}
         alone |= {"if": {"properties": {"subject": {"not": points}}}, "then": {"required": ["resample"]}}
     return {**schema, "if": {"not": {"required": ["extends"]}}, "then": alone}
 
 
 def defaults_schema() -> Schema:
-    """Of `defaults.yaml`: the names of a shot, none of them needed."""
+    """Return the schema of `defaults.yaml`: the names of a shot, none of them required."""
     schema = shot_schema()
     del schema["if"], schema["then"]
     return {**schema, "title": "Defaults of flowsculpt's shots"}
 
 
 def film_schema() -> Schema:
-    """Of a film file."""
-    return _made(FilmDocument, "A film of flowsculpt")
+    """Return the schema of film files."""
+    return _schema_of(FilmDocument, "A film of flowsculpt")
 
 
 class _Generator(GenerateJsonSchema):
-    """pydantic's, with names that mean something to people."""
+    """pydantic's generator, without titles and class docstrings."""
 
     schema_dialect = DIALECT
 
     def tagged_union_schema(self, schema: core_schema.TaggedUnionSchema) -> JsonSchemaValue:
-        """Which form a value has is plain to see here: whichever fits."""
+        """Return a union without its tags: the forms differ visibly, so any that fits will do."""
         forms = super().tagged_union_schema(schema)["oneOf"]
         different = [form for i, form in enumerate(forms) if form not in forms[:i]]
         return different[0] if len(different) == 1 else {"anyOf": different}
 
     def model_schema(self, schema: core_schema.ModelSchema) -> JsonSchemaValue:
-        found, document = super().model_schema(schema), schema["cls"]
-        del found["title"]
+        result, document = super().model_schema(schema), schema["cls"]
+        del result["title"]
         if not issubclass(document, FlowParameters):
-            found.pop("description", None)  # it speaks of the code
-        for name, value in found["properties"].items():
+            result.pop("description", None)  # a docstring is for readers of the code
+        own = {p.name: p for p in document.own} if issubclass(document, FlowParameters) else {}
+        for name, value in result["properties"].items():
             value.pop("title", None)
             if value.get("default", ...) is None:
                 del value["default"]
-            sense = hint(document, name)
-            if sense is not None:
-                value["description"] = in_a_line(sense)
-        return found
+            if name in own:
+                value["description"] = description_of(own[name])
+        return result
 
 
-def _made(document: type[BaseModel], title: str) -> Schema:
+def _schema_of(document: type[BaseModel], title: str) -> Schema:
     schema = document.model_json_schema(schema_generator=_Generator)
     definitions = schema.get("$defs", {})
     for entry in (FlowDocument, VelocityDocument):
         if entry.__name__ in definitions:
-            _tell_entries(definitions[entry.__name__]["properties"], definitions)
-    return _renamed({"$schema": DIALECT, "title": title, **schema})
+            _describe_flows(definitions[entry.__name__]["properties"], definitions)
+    return _with_short_names({"$schema": DIALECT, "title": title, **schema})
 
 
-def _tell_entries(properties: Schema, definitions: Schema) -> None:
-    """Each flow says what it does; its name alone will do (`- enright:`) where it needs nothing."""
+def _describe_flows(properties: Schema, definitions: Schema) -> None:
+    """Copy the summary of each flow to its entry; a flow without needs may be a name alone (`- enright:`)."""
     for entry in properties.values():
         flow = entry["anyOf"][0]
-        there = definitions[_name(flow["$ref"])] if "$ref" in flow else {}
-        there = there.get("anyOf", [there])[0]
-        if not there or "required" in there:
+        definition = definitions[_name(flow["$ref"])] if "$ref" in flow else {}
+        definition = definition.get("anyOf", [definition])[0]
+        if not definition or "required" in definition:
             entry.update(flow)
             del entry["anyOf"]
-        entry.setdefault("description", there.get("description", ""))
+        entry.setdefault("description", definition.get("description", ""))
 
 
-def _moved_needs(value: Schema, definitions: Schema) -> Schema:
-    """What the documents that a name of a shot can hold need: taken out of these, which may rest on others'.
+def _extracted_needs(value: Schema, definitions: Schema) -> Schema:
+    """Remove the needs of the documents that a name can hold, for those may inherit; return them.
 
-    Keys and formulas stay as they are: they replace others as a whole.
+    Keys and formulas keep theirs: they replace others as a whole.
     """
     forms = [definitions[_name(form["$ref"])] for form in value.get("anyOf", [value]) if "$ref" in form]
     needs = [
@@ -121,11 +120,11 @@ def _name(reference: str) -> str:
     return reference.removeprefix("#/$defs/")
 
 
-def _renamed(schema: Schema) -> Schema:
-    """With short names for the definitions: the class, without what pydantic makes of its parameters."""
+def _with_short_names(schema: Schema) -> Schema:
+    """Shorten the names of definitions to the class, without what pydantic adds for type parameters."""
     names: dict[str, str] = {}
     for name in schema.get("$defs", {}):
-        short = re.sub(r"^pipeline__shot__|Document|Parameters|_?Annotated.*|_+$", "", name).strip("_")
+        short = re.sub(r"Document|Parameters|_?Annotated.*|_+$", "", name).strip("_")
         number = sum(re.fullmatch(rf"{short}\d*", other) is not None for other in names.values())
         names[name] = f"{short}{number + 1 if number else ''}"
     for inner in _mappings(schema):

@@ -1,4 +1,4 @@
-"""The layout of shot and film files: what may stand in them, of which kind."""
+"""The layout of shot files."""
 
 from __future__ import annotations
 
@@ -11,40 +11,17 @@ from pydantic_core import PydanticCustomError
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.shot.documents.camera import CameraDocument
 from pipeline.shot.documents.curves import NumberField
-from pipeline.shot.documents.fields import Count, Document, Positive, Told, one_of
+from pipeline.shot.documents.fields import Count, Document, Positive, SchemaKeywords, one_of
 from pipeline.shot.documents.flows import FlowDocument
 from pipeline.shot.documents.lights_and_stage import LightsDocument, StageDocument
 from pipeline.shot.documents.look import LookDocument
-from pipeline.shot.documents.resampling import ResampleDocument, SmoothDocument
-from pipeline.shot.documents.subject import CloudDocument, NetDocument, SolidDocument
-from pipeline.shot.documents.views import ViewDocument
-from pipeline.shot.shutter import LayersField, ShutterDocument
+from pipeline.shot.documents.picture import AovsField, ShutterDocument, SmoothDocument, ViewDocument
+from pipeline.shot.documents.resampling import ResampleDocument
+from pipeline.shot.documents.subject import SubjectDocument
 from render.scene.lights import LIGHTS
 from render.scene.look import LOOKS
 from render.scene.quality import MOST_TEMPORAL_FRAMES, PASS_SAMPLES
 from render.scene.stage import STAGES
-
-
-class ModelDocument(Document):
-    model: str
-    scale: Positive = 1.0
-
-
-_SUBJECTS = {"model": "a model file", "cloud": "a cloud", "net": "a net"}
-
-
-def _subject_form(value: Any) -> str:
-    named = [form for name, form in _SUBJECTS.items() if isinstance(value, dict) and name in value]
-    return named[0] if named else "a solid"
-
-
-SubjectDocument = Annotated[
-    Annotated[SolidDocument, Tag("a solid")]
-    | Annotated[ModelDocument, Tag("a model file")]
-    | Annotated[CloudDocument, Tag("a cloud")]
-    | Annotated[NetDocument, Tag("a net")],
-    Discriminator(_subject_form),
-]
 
 
 def _named_or_spelt_out(value: Any) -> str:
@@ -57,12 +34,12 @@ Resample = Annotated[
 ]
 
 
-def _in_passes(samples: int) -> int:
+def _check_samples(samples: int) -> int:
     if samples > PASS_SAMPLES and samples % PASS_SAMPLES:
         raise PydanticCustomError(
             "passes",
-            "{samples} samples do not divide into passes of {each}. Write up to {each}, or a multiple of it.",
-            {"samples": samples, "each": PASS_SAMPLES},
+            "{samples} samples do not divide into passes of {size}. Write up to {size}, or a multiple of it.",
+            {"samples": samples, "size": PASS_SAMPLES},
         )
     return samples
 
@@ -70,8 +47,8 @@ def _in_passes(samples: int) -> int:
 Samples = Annotated[
     int,
     Field(ge=1, le=65536),
-    AfterValidator(_in_passes),
-    Told(anyOf=[{"maximum": PASS_SAMPLES}, {"multipleOf": PASS_SAMPLES}]),
+    AfterValidator(_check_samples),
+    SchemaKeywords(anyOf=[{"maximum": PASS_SAMPLES}, {"multipleOf": PASS_SAMPLES}]),
 ]
 
 
@@ -80,27 +57,42 @@ class QualityDocument(Document):
 
     renamed: ClassVar[Mapping[str, str]] = {"guides": "auxiliary_samples", "steady": "temporal_denoise"}
 
-    samples: Samples | None = None
-    auxiliary_samples: Samples | None = None
-    depth: Annotated[int, Field(ge=2, le=100)] | None = None
-    denoise: Literal["off", "fast", "balanced", "high"] | None = None
-    temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = None
-    noise_threshold: Annotated[float, Field(gt=0, le=1)] | None = None
+    samples: Samples | None = Field(
+        default=None, description="of light, for each pixel: up to 16, or a multiple of it"
+    )
+    auxiliary_samples: Samples | None = Field(
+        default=None, description="of albedo, normal and depth, which guide the denoiser, for each pixel"
+    )
+    depth: Annotated[int, Field(ge=2, le=100)] | None = Field(
+        default=None, description="longest path of light, in vertices"
+    )
+    denoise: Literal["off", "fast", "balanced", "high"] | None = Field(
+        default=None, description="effort of the denoiser"
+    )
+    temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = Field(
+        default=None,
+        description="frames before and after that the temporal denoiser reads; 0 is off (frames)",
+    )
+    noise_threshold: Annotated[float, Field(gt=0, le=1)] | None = Field(
+        default=None, description="noise at which a picture needs no more samples, such as 0.03"
+    )
 
 
 class QualitiesDocument(Document):
-    preview: QualityDocument = QualityDocument()
-    draft: QualityDocument = QualityDocument()
-    daily: QualityDocument = QualityDocument()
-    final: QualityDocument = QualityDocument()
+    preview: QualityDocument = Field(
+        default=QualityDocument(), description="480×270, for looks while working"
+    )
+    draft: QualityDocument = Field(default=QualityDocument(), description="480×270, one bounce more")
+    daily: QualityDocument = Field(default=QualityDocument(), description="960×540, for review")
+    final: QualityDocument = Field(default=QualityDocument(), description="1920×1080, for delivery")
 
 
-Frames = Annotated[str, Told(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")]
-"""Those of a shot have no gaps, as `checks` says."""
+Frames = Annotated[str, SchemaKeywords(pattern=r"^\s*-?\d+(--?\d+)?(,-?\d+(--?\d+)?)*\s*$")]
+"""A range without gaps, which `clock.parse_frames` checks."""
 
 Rate = Annotated[
     Any,
-    Told(
+    SchemaKeywords(
         anyOf=[
             {"type": "number", "minimum": float(SLOWEST), "maximum": float(FASTEST)},
             {"type": "string", "pattern": r"^\s*\+?\d+(\.\d*)?(/\d+)?\s*$"},
@@ -112,91 +104,66 @@ Rate = Annotated[
 class ShotDocument(Document):
     renamed: ClassVar[Mapping[str, str]] = {"stride": "max_step"}
 
-    title: str
-    extends: str | None = None
-    intent: str = ""
-    frames: Frames
-    rate: Rate = 24
-    subject: SubjectDocument
-    resample: Resample = Field("off", validate_default=False)
-    flows: list[FlowDocument] = Field(default_factory=list)
-    substeps: Count | None = None
-    integrator: Annotated[str, one_of(("rk4", "adaptive"), "integrator")] = "rk4"
-    tolerance: Positive | None = None
-    max_step: Positive | None = None
-    speed: NumberField = 1.0
+    title: str = Field(description="the name of the shot")
+    extends: str | None = Field(
+        None, description="the shot beside this file from which it inherits what it leaves out"
+    )
+    intent: str = Field("", description="what the shot should show, in a sentence")
+    frames: Frames = Field(
+        description="the first and the last, as in 1-96; the first shows the subject at rest"
+    )
+    rate: Rate = Field(24, description="24, 23.976 or 24000/1001 (frames per second)")
+    subject: SubjectDocument = Field(
+        description="what flows: a solid by name, a model from a file, a cloud or a net"
+    )
+    resample: Resample = Field(
+        "off",
+        validate_default=False,
+        description="thresholds of the surface's edges while it flows; off for comparisons",
+    )
+    flows: list[FlowDocument] = Field(
+        default_factory=list, description="what moves the subject, one after another within each frame"
+    )
+    substeps: Count | None = Field(
+        None, description="steps that a frame is cut into; by default as many as the flow needs"
+    )
+    integrator: Annotated[str, one_of(("rk4", "adaptive"), "integrator")] = Field(
+        "rk4", description="of velocity fields: rk4, or adaptive for fields that are steep somewhere"
+    )
+    tolerance: Positive | None = Field(
+        None, description="error of a sub-step of the adaptive integrator, at most (units)"
+    )
+    max_step: Positive | None = Field(
+        None, description="longest move of a vertex in a sub-step (maximum edges)"
+    )
+    speed: NumberField = Field(
+        1.0, description="rate of the flow's time: 1 as it is, 0 stands still, below 0 backwards"
+    )
     look: Annotated[
         Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
-    ] = "clay"
-    smooth: SmoothDocument = SmoothDocument()
-    camera: CameraDocument = CameraDocument()
+    ] = Field("clay", description="the material, by name or spelt out")
+    smooth: SmoothDocument = Field(default=SmoothDocument(), description="curved patches over the triangles")
+    camera: CameraDocument = Field(
+        default=CameraDocument(), description="the view of the subject; framing finds distance and target"
+    )
     lights: Annotated[
         Annotated[str, one_of(LIGHTS, "light rig"), Tag("by name")]
         | Annotated[LightsDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
-    ] = "studio"
+    ] = Field("studio", description="the light rig, by name or spelt out")
     stage: Annotated[
         Annotated[str, one_of(STAGES, "stage"), Tag("by name")] | Annotated[StageDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
-    ] = "cyclorama"
-    shutter: ShutterDocument | None = None
-    aovs: LayersField = Field(default_factory=list)
-    view: ViewDocument = ViewDocument()
-    quality: QualitiesDocument = QualitiesDocument()
-
-
-CardSeconds = Annotated[float, Field(ge=0, le=60)]
-DissolveFrames = Annotated[int, Field(ge=0, le=1000)]
-Seconds = Annotated[float, Field(ge=0, le=86400)]
-
-
-class ClipDocument(Document):
-    """A shot, of which the film shows all or a part."""
-
-    shot: str
-    frames: str | None = None
-    dissolve: DissolveFrames = 0
-
-
-class CardDocument(Document):
-    """Words between shots."""
-
-    card: str
-    subtitle: str = ""
-    seconds: Annotated[float, Field(gt=0, le=60)] = 2.0
-    dissolve: DissolveFrames = 0
-
-
-class SoundDocument(Document):
-    """What is heard with a film; its file lies beside the edit."""
-
-    file: str
-    start: Annotated[float, Field(ge=-86400, le=86400)] = 0.0
-    gain: Annotated[float, Field(ge=-60, le=24)] = 0.0
-    fade_in: Seconds = 0.0
-    fade_out: Seconds = 0.0
-
-
-def _entry_form(value: Any) -> str:
-    return ("a card" if "card" in value else "a shot") if isinstance(value, dict) else "by name"
-
-
-class FilmDocument(Document):
-    """Shots are names of files beside the film's, without their ending, in the order of the edit."""
-
-    title: str
-    subtitle: str = ""
-    credits: list[str] = Field(default_factory=list)
-    shots: list[
-        Annotated[
-            Annotated[str, Tag("by name")]
-            | Annotated[ClipDocument, Tag("a shot")]
-            | Annotated[CardDocument, Tag("a card")],
-            Discriminator(_entry_form),
-        ]
-    ] = Field(min_length=1)
-    sound: SoundDocument | None = None
-    rate: Rate = 24
-    title_seconds: CardSeconds = 3.0
-    credits_seconds: CardSeconds = 3.0
+    ] = Field("cyclorama", description="the ground below the subject, by name or spelt out")
+    shutter: ShutterDocument | None = Field(None, description="exposure of a frame in time: motion blur")
+    aovs: AovsField = Field(
+        default_factory=list, description="AOVs beside the beauty: names, or names with half or float"
+    )
+    view: ViewDocument = Field(
+        default=ViewDocument(),
+        description="colour view: a view of an OpenColorIO config; by default ACES 2.0",
+    )
+    quality: QualitiesDocument = Field(
+        default=QualitiesDocument(), description="settings of qualities that this shot replaces"
+    )

@@ -1,4 +1,4 @@
-"""What flows take beyond their own parameters: formulas, targets, curves, samples and Python."""
+"""Documents of flows that need more than parameters: formulas, targets, curves, samples and Python files."""
 
 from __future__ import annotations
 
@@ -19,46 +19,51 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
-from pipeline.flow.catalogue.formula import MAX_NUMBERS, FormulaField
-from pipeline.flow.catalogue.noise import CurlNoise
-from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
+from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, SampledFiles, Target, Wind
+from pipeline.flow.catalogue.formula import MOST_NUMBERS
 from pipeline.flow.parameters import Sense
 from pipeline.flow.python_file import PythonFlow
 from pipeline.formula import FUNCTIONS
-from pipeline.formula.compiled import NAMES
+from pipeline.formula.compiled import KNOWN
 from pipeline.formula.words import CONSTANTS
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number
-from pipeline.shot.documents.fields import A_NUMBER_TOO, Positive, Triple, exactly_one, readable, vector
+from pipeline.shot.documents.fields import (
+    NUMBER_OR_TEXT,
+    Positive,
+    Triple,
+    exactly_one,
+    parsed_formula,
+    vector,
+)
 from pipeline.shot.documents.flow_parameters import FlowParameters
-from pipeline.shot.yaml.parse_context import Surroundings, finding, told
+from pipeline.shot.yaml.parse_context import ParseContext, as_finding, finding
 
 
-def _names_a_number(word: str) -> str:
-    if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
+def _check_name(word: str) -> str:
+    if not word.isidentifier() or word in {*KNOWN, *CONSTANTS, *FUNCTIONS}:
         raise finding(f"{word!r} cannot name a number: it is no word, or has a meaning. Choose another.")
     return word
 
 
-def _readable(text: str, info: ValidationInfo) -> str:
+def _check_formula(text: str, info: ValidationInfo) -> str:
     if "numbers" not in info.data:
-        return text  # what is wrong with these is told; who knows which words they were to be
-    return readable(text, (*NAMES, *info.data["numbers"]))
+        return text  # the names are wrong themselves, so the formula's words are unknown
+    return parsed_formula(text, (*KNOWN, *info.data["numbers"]))
 
 
-Text = Annotated[str, A_NUMBER_TOO, AfterValidator(_readable)]
+Text = Annotated[str, NUMBER_OR_TEXT, AfterValidator(_check_formula)]
 
 
 class FormulaDocument(FlowParameters):
-    """`[-y, x, 0.3 * sin(t)]`, or with words of its own under `with`; these are read first."""
+    """`[-y, x, 0.3 * sin(t)]`, or with numbers of its own under `with`, which are validated first."""
 
-    flow = FormulaField
+    flow = Formula
 
     numbers: Annotated[
-        dict[Annotated[str, AfterValidator(_names_a_number)], NumberField],
-        Field(default_factory=dict, alias="with", max_length=MAX_NUMBERS),
+        dict[Annotated[str, AfterValidator(_check_name)], NumberField],
+        Field(default_factory=dict, alias="with", max_length=MOST_NUMBERS),
         Sense("numbers for the formulas by their names, each constant or keyed"),
     ]
     velocity: Annotated[
@@ -78,30 +83,24 @@ class FormulaDocument(FlowParameters):
         bare = {"type": "array", "items": {"type": ["string", "number"]}, "minItems": 3, "maxItems": 3}
         return {"anyOf": [handler(core), bare]}
 
-    def more(self, clock: Clock) -> dict[str, Any]:
+    def own_values(self, clock: Clock) -> dict[str, Any]:
         words = tuple((name, number(value, clock)) for name, value in self.numbers.items())
-        return {"texts": tuple(self.velocity), "words": words, **self._beginning(clock)}
-
-    @staticmethod
-    def _beginning(clock: Clock) -> dict[str, Any]:
-        """What `frame` is counted by."""
-        return {"fps": float(clock.rate.fps), "first": clock.frames.first}
+        rate = {"fps": float(clock.rate.fps), "first": clock.frames.first}  # which `frame` counts by
+        return {"texts": tuple(self.velocity), "words": words, **rate}
 
     @model_validator(mode="after")
     def _fits(self) -> FormulaDocument:
-        """There is room for all numbers, and for `frame`."""
-        told(lambda: FormulaField(tuple(self.velocity), tuple((name, 0.0) for name in self.numbers)))  # type: ignore[arg-type]  # three, as the field says
+        """Check that all numbers and `frame` fit the flow."""
+        as_finding(lambda: Formula(tuple(self.velocity), tuple((name, 0.0) for name in self.numbers)))  # type: ignore[arg-type]  # three, as the field says
         return self
 
 
 class CurlNoiseDocument(FlowParameters):
-    """Nothing beyond."""
-
     flow = CurlNoise
 
 
 class AttractionDocument(FlowParameters):
-    """To points, a curve or a mesh: exactly one of them."""
+    """Attraction to points, a curve or a mesh: exactly one of them."""
 
     model_config = exactly_one("points", "curve", "mesh")
 
@@ -114,7 +113,7 @@ class AttractionDocument(FlowParameters):
         list[Triple] | None, Field(min_length=2), Sense("a smooth curve through these attracts", "units")
     ] = None
     mesh: Annotated[str | None, Sense("the surface in this file attracts")] = None
-    closed: Annotated[bool, Sense("from its last point the curve goes on to the first")] = False
+    closed: Annotated[bool, Sense("joins the last point of the curve to the first")] = False
     scale: Annotated[Positive, Sense("factor on the mesh")] = 1.0
 
     _target: Target = PrivateAttr()
@@ -123,21 +122,22 @@ class AttractionDocument(FlowParameters):
     def _to_one(self, info: ValidationInfo) -> AttractionDocument:
         given = [name for name in ("points", "curve", "mesh") if getattr(self, name) is not None]
         if not given:
-            raise finding("attraction needs a place to go to; write one of points, curve and mesh")
+            raise finding("attraction has no target; write one of points, curve and mesh")
         if len(given) > 1:
             raise finding(
-                f"attraction goes to one of points, curve and mesh, not to {' and '.join(given)}; write one"
+                f"attraction has {' and '.join(given)}; its target is one of points, curve and mesh. "
+                "Write one."
             )
         if self.points is not None:
             self._target = Target.points(np.array(self.points))
         elif self.curve is not None:
             self._target = Target.curve(np.array(self.curve), self.closed)
         else:
-            file = Surroundings.of(info).file(str(self.mesh))
-            self._target = told(lambda: Target.surface(read_mesh(file), float(self.scale)))
+            file = ParseContext.of(info).file(str(self.mesh))
+            self._target = as_finding(lambda: Target.surface(read_mesh(file), float(self.scale)))
         return self
 
-    def more(self, clock: Clock) -> dict[str, Any]:
+    def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"target": self._target}
 
 
@@ -148,20 +148,21 @@ class WindDocument(FlowParameters):
 
     @field_validator("through")
     @classmethod
-    def _goes_somewhere(cls, through: list[list[float]]) -> list[list[float]]:
-        for here, there in pairwise(through):
-            if here == there:
+    def _has_directions(cls, through: list[list[float]]) -> list[list[float]]:
+        for point, following in pairwise(through):
+            if point == following:
                 raise finding(
-                    f"the curve goes through {here} twice in a row; it stands still there. Remove one."
+                    f"the curve goes through {point} twice in a row, so it has no direction there. "
+                    "Remove one."
                 )
         return through
 
-    def more(self, clock: Clock) -> dict[str, Any]:
+    def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"through": tuple(vector(point) for point in self.through)}
 
 
 class SampledDocument(FlowParameters):
-    """Files are read when the shot is: what is wrong with them is told with the shot."""
+    """Samples from files, which are read with the shot, so that their mistakes are reported with it."""
 
     flow = Sampled
 
@@ -172,19 +173,19 @@ class SampledDocument(FlowParameters):
     _files: SampledFiles = PrivateAttr()
 
     @model_validator(mode="after")
-    def _sound(self, info: ValidationInfo) -> SampledDocument:
-        surroundings = Surroundings.of(info)
-        paths = surroundings.files(self.file)
-        self._files = told(lambda: SampledFiles.of(paths, self.array, float(self.interval)))
-        surroundings.digests.update(zip(paths, self._files.samples.digests, strict=True))
+    def _are_readable(self, info: ValidationInfo) -> SampledDocument:
+        context = ParseContext.of(info)
+        paths = context.files(self.file)
+        self._files = as_finding(lambda: SampledFiles.of(paths, self.array, float(self.interval)))
+        context.digests.update(zip(paths, self._files.samples.digests, strict=True))
         return self
 
-    def more(self, clock: Clock) -> dict[str, Any]:
+    def own_values(self, clock: Clock) -> dict[str, Any]:
         return {"files": self._files}
 
 
 class PythonDocument(FlowParameters):
-    """Only looked at here, whether it is Python; to run it needs permission."""
+    """A Python function, which is only parsed here; running it needs permission."""
 
     flow = PythonFlow
 
@@ -203,22 +204,22 @@ class PythonDocument(FlowParameters):
         return function
 
     @model_validator(mode="after")
-    def _there(self, info: ValidationInfo) -> PythonDocument:
-        surroundings = Surroundings.of(info)
-        self._path, self._allowed = surroundings.file(self.file), surroundings.allow_code
-        self._digest = surroundings.digests[self._path]
+    def _is_python(self, info: ValidationInfo) -> PythonDocument:
+        context = ParseContext.of(info)
+        self._path, self._allowed = context.file(self.file), context.allow_code
+        self._digest = context.digests[self._path]
         try:
             ast.parse(self._path.read_bytes(), str(self._path))
         except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
             line = f" (line {error.lineno})" if isinstance(error, SyntaxError) and error.lineno else ""
             raise finding(
-                f"{self._path}: it is no Python{line}: {getattr(error, 'msg', error)}. Mend it there."
+                f"{self._path}: this is not Python{line}: {getattr(error, 'msg', error)}. Correct it there."
             ) from None
         return self
 
-    def more(self, clock: Clock) -> dict[str, Any]:
-        of_file = {"digest": self._digest, "path": self._path, "allowed": self._allowed}
-        return {"function": self.function, **of_file}
+    def own_values(self, clock: Clock) -> dict[str, Any]:
+        file = {"digest": self._digest, "path": self._path, "allowed": self._allowed}
+        return {"function": self.function, **file}
 
 
 OWN: dict[str, type[FlowParameters]] = {
@@ -229,4 +230,4 @@ OWN: dict[str, type[FlowParameters]] = {
     "sampled": SampledDocument,
     "python": PythonDocument,
 }
-"""Flows of a shot's own making, in the order of the docs."""
+"""Their documents by name, in the order of the docs."""

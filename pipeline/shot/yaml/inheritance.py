@@ -1,7 +1,7 @@
-"""Shots that rest on other files: what they say over what a shot that they extend says, over the defaults.
+"""Shots that inherit: a shot file over the shots that it extends, and these over the defaults.
 
-Mappings merge; everything else replaces, and so does a mapping that says another kind of thing: other keys, a
-formula, another subject. Every value keeps the place where it stands.
+Mappings merge. Everything else replaces, also a mapping that defines another kind of thing: other keys, a
+formula, another subject. Every value keeps its position.
 """
 
 from __future__ import annotations
@@ -13,120 +13,120 @@ from typing import Any
 from pipeline.errors import MissingInputError, ShotError, suggestion
 from pipeline.shot.yaml.lookup import DEFAULTS, shown
 from pipeline.shot.yaml.overrides import with_settings
-from pipeline.shot.yaml.source import Source, Where
+from pipeline.shot.yaml.source import Where, YamlSource
 
-ANOTHER_KIND = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
-"""A mapping with one of these names says what a thing is, and is not mixed with another."""
+KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
+"""Names that define the kind of their mapping: one that has any of them replaces the inherited mapping."""
 
-Look = Callable[[str], str | None]
-"""The text of a file beside the shot, by its name; None where there is none."""
+ReadText = Callable[[str], str | None]
+"""Returns the text of a file beside the shot by its name; None if there is none."""
 
 
-def layered(
+def inherited(
     path: Path, text: str | None, settings: tuple[str, ...], beside: Mapping[str, str] | None
-) -> Source:
-    """A shot file with everything it rests on, and settings from outside on top.
+) -> YamlSource:
+    """Return a shot file with everything it inherits, and settings of the command line on top.
 
-    Raises ShotError and MissingInputError, with the place, where a file is no YAML or not there, where shots
+    Raises ShotError and MissingInputError, with the place, where a file is not YAML or not there, where shots
     extend each other in a circle, and where a setting has no place in the shot.
     """
-    look = beside.get if beside is not None else lambda name: _text(path.with_name(name))
-    source = _extended(Source.read(path, text), look, (path.name,))
-    defaults = look(DEFAULTS) if path.name != DEFAULTS else None
+    read_text = beside.get if beside is not None else lambda name: _text(path.with_name(name))
+    source = _extended(YamlSource.read(path, text), read_text, (path.name,))
+    defaults = read_text(DEFAULTS) if path.name != DEFAULTS else None
     if defaults is not None and isinstance(source.data, dict):
-        source = over(source, _mapping(Source.read(path.with_name(DEFAULTS), defaults)))
+        source = over(source, _require_mapping(YamlSource.read(path.with_name(DEFAULTS), defaults)))
     return with_settings(source, settings)
 
 
-def rests_on(path: Path, text: str) -> dict[str, str]:
-    """The text of all other files that a shot is made of, by their names.
+def inherited_files(path: Path, text: str) -> dict[str, str]:
+    """Return the texts of all other files that a shot inherits from, by name.
 
-    Files that are missing or no YAML end the search; `layered` tells.
+    The search ends at files that are missing or not YAML, which `inherited` reports.
     """
-    found: dict[str, str] = {}
+    texts: dict[str, str] = {}
 
-    def look(name: str) -> str | None:
-        there = _text(path.with_name(name))
-        if there is not None:
-            found[name] = there
-        return there
+    def read_text(name: str) -> str | None:
+        content = _text(path.with_name(name))
+        if content is not None:
+            texts[name] = content
+        return content
 
-    look(DEFAULTS)
+    read_text(DEFAULTS)
     try:
-        _extended(Source.read(path, text), look, (path.name,))
+        _extended(YamlSource.read(path, text), read_text, (path.name,))
     except (ShotError, MissingInputError):
-        return found
-    return found
+        return texts
+    return texts
 
 
-def _extended(source: Source, look: Look, chain: tuple[str, ...]) -> Source:
-    """A file over the one that it extends, and that over the next."""
+def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -> YamlSource:
+    """Return a file over the one that it extends, and that over the next."""
     parent = source.get("extends")
     if not isinstance(parent, str):
         return source
     name, place = f"{parent}.yaml", source.place(("extends",))
     if name in chain:
         circle = " extends ".join(Path(link).stem for link in (*chain[chain.index(name) :], name))
-        raise ShotError(f"{place}: {circle}; a shot cannot rest on itself. Take one of them out.")
-    text = look(name) if "/" not in parent else None
+        raise ShotError(f"{place}: {circle}; a shot cannot extend itself. Take one of them out.")
+    text = read_text(name) if "/" not in parent else None
     if text is None:
         known = sorted(p.stem for p in source.path.parent.glob("*.yaml") if p.name not in (*chain, DEFAULTS))
         hint = suggestion(parent, known) if known else "There are none."
         raise MissingInputError(
             f"{place}: there is no shot {shown(parent)} beside this file to extend. {hint}"
         )
-    base = _mapping(Source.read(source.path.with_name(name), text))
-    return over(source, _extended(base, look, (*chain, name)))
+    base = _require_mapping(YamlSource.read(source.path.with_name(name), text))
+    return over(source, _extended(base, read_text, (*chain, name)))
 
 
-def over(source: Source, base: Source) -> Source:
-    """What `source` says, and where it is silent what `base` says."""
+def over(source: YamlSource, base: YamlSource) -> YamlSource:
+    """Return the values of `source`, and those of `base` that it does not have."""
     if not isinstance(source.data, dict):
         return source
     replaced: list[Where] = []
     data = _merged(source.data, base.data, (), replaced)
 
-    def kept(where: Where) -> bool:
+    def is_kept(where: Where) -> bool:
         return where not in source.places and not any(where[: len(r)] == r for r in replaced)
 
-    others = {where: base.others.get(where, str(base.path)) for where in base.places if kept(where)}
+    others = {where: base.others.get(where, str(base.path)) for where in base.places if is_kept(where)}
     problems = []
-    for i, (where, problem) in enumerate(
-        base.problems
-    ):  # they keep their places, whatever becomes of the values
+    for i, (where, problem) in enumerate(base.problems):  # reported even where their values are replaced
         file, line, column = base.spot_of(where)
         others[base.path.name, i], source.places[base.path.name, i] = file, (line, column)
         problems.append(((base.path.name, i), problem))
-    return Source(
+    return YamlSource(
         source.path,
         data,
-        {**{where: place for where, place in base.places.items() if kept(where)}, **source.places},
+        {**{where: place for where, place in base.places.items() if is_kept(where)}, **source.places},
         [*source.problems, *problems],
-        {**{where: place for where, place in base.texts.items() if kept(where)}, **source.texts},
+        {**{where: place for where, place in base.texts.items() if is_kept(where)}, **source.texts},
         {**others, **source.others},
     )
 
 
-def _merged(mine: Any, theirs: Any, where: Where, replaced: list[Where]) -> Any:
-    """Mine over theirs; notes where theirs are gone for good."""
-    both = isinstance(mine, dict) and isinstance(theirs, dict)
-    if not both or (where and ANOTHER_KIND & set(mine)):
+def _merged(value: Any, base: Any, where: Where, replaced: list[Where]) -> Any:
+    """Return a value merged over a base; append the paths where the base is replaced as a whole."""
+    both = isinstance(value, dict) and isinstance(base, dict)
+    if not both or (where and KIND_NAMES & set(value)):
         replaced.append(where)
-        return mine
-    merged = dict(theirs)
-    for name, value in mine.items():
-        merged[name] = _merged(value, theirs[name], (*where, name), replaced) if name in theirs else value
+        return value
+    merged = dict(base)
+    for name, item in value.items():
+        merged[name] = _merged(item, base[name], (*where, name), replaced) if name in base else item
     return merged
 
 
-def _mapping(base: Source) -> Source:
+def _require_mapping(base: YamlSource) -> YamlSource:
     if not isinstance(base.data, dict):
-        raise ShotError(f"{base.path}:1:1: this is no mapping; a file for shots to rest on is `name: value`")
+        raise ShotError(
+            f"{base.path}:1:1: this is no mapping; a file that shots inherit from is `name: value`"
+        )
     return base
 
 
 def _text(path: Path) -> str | None:
     try:
         return path.read_text(encoding="utf-8")
-    except (OSError, ValueError):  # not there, no UTF-8, or a name that no file can have
+    except (OSError, ValueError):  # not there, not UTF-8, or a name that no file can have
         return None

@@ -1,4 +1,4 @@
-"""Files that shots and commands name: whether they are there, what they hold, how messages show names."""
+"""Files beside shots: whether they are there, what they hold, which are edits, and names in messages."""
 
 from __future__ import annotations
 
@@ -8,17 +8,34 @@ from pathlib import Path
 
 from pipeline.errors import MissingInputError
 
+DEFAULTS = "defaults.yaml"
+"""The file beside shots that holds defaults for all of them."""
+
+_EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subject|extends)\s*:", re.MULTILINE)
+
 
 def is_there(path: Path) -> bool:
-    """Whether a path names a file; one that can name none, being too long for one, does not."""
+    """Tell whether a path names a file; a name too long for a file does not."""
     try:
         return path.is_file()
     except (OSError, ValueError):
         return False
 
 
+def is_edit(path: Path) -> bool:
+    """Tell whether a file is an edit: it lists shots and has no subject. Works on broken YAML too.
+
+    False for a file that cannot be read; whoever reads it reports why.
+    """
+    try:
+        text = path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return False
+    return bool(_EDIT.search(text)) and not _SHOT.search(text)
+
+
 def digest_of_file(path: Path) -> str:
-    """SHA-256 of a file's contents. Raises MissingInputError where it cannot be read."""
+    """Return the SHA-256 of a file's contents. Raises MissingInputError where it cannot be read."""
     try:
         with path.open("rb") as file:
             return hashlib.file_digest(file, "sha256").hexdigest()
@@ -29,24 +46,6 @@ def digest_of_file(path: Path) -> str:
 
 
 def shown(name: str | Path) -> str:
-    """A name as a message holds it: not too long, and without what cannot be printed."""
+    """Return a name for a message: at most 200 characters, and printable."""
     text = str(name) if str(name).isprintable() else repr(str(name))
     return text if len(text) <= 200 else f"{text[:100]}…{text[-40:]}"
-
-
-DEFAULTS = "defaults.yaml"
-"""Beside shots: what holds for all of them unless they say otherwise."""
-
-_EDIT, _SHOT = re.compile(r"^shots\s*:", re.MULTILINE), re.compile(r"^(subject|extends)\s*:", re.MULTILINE)
-
-
-def is_edit(path: Path) -> bool:
-    """Whether a file names shots, and no subject of its own: told even where it is no good YAML.
-
-    A file that cannot be read is none; whoever reads it says why.
-    """
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError):
-        return False
-    return bool(_EDIT.search(text)) and not _SHOT.search(text)

@@ -1,4 +1,4 @@
-"""pydantic's findings in our words: place, fact, rule, remedy."""
+"""Validation of a file by a document: every problem with line and column, as place, fact, rule, remedy."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from pydantic_core import ErrorDetails
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, suggestion
 from pipeline.frames import shortened
-from pipeline.shot.yaml.source import Source, Where
+from pipeline.shot.yaml.source import Problem, Where, YamlSource
 
-_WANTED = {
+_EXPECTED = {
     "float_type": "a number. Write it plainly, without quotes or units",
     "float_parsing": "a number. Write it plainly, without quotes or units",
     "int_type": "a whole number. Write it without a point or quotes",
@@ -27,26 +27,26 @@ _WANTED = {
 }
 
 
-def findings(error: ValidationError, source: Source, document: type[BaseModel]) -> list[tuple[Where, str]]:
-    """Every problem of a ValidationError: where it is in the file, and what to tell."""
-    found = []
+def problems_of(error: ValidationError, source: YamlSource, document: type[BaseModel]) -> list[Problem]:
+    """Return every problem of a ValidationError: its path in the file and its message."""
+    problems = []
     for details in error.errors(include_url=False):
         where = _in_file(source, details["loc"])
         message = _message(details, where, _models_at(document, details["loc"][:-1]))
         if details["type"] == "formula":
             where, message = in_formula(source, where, details["ctx"]["column"], details["msg"])
-        found.append((where, message))
-    return list(dict.fromkeys(found))
+        problems.append((where, message))
+    return list(dict.fromkeys(problems))
 
 
-def in_formula(source: Source, where: Where, column: int, message: str) -> tuple[Where, str]:
-    """Where a mistake in a formula stands, and what to tell: the column of the file, where it has it so."""
+def in_formula(source: YamlSource, where: Where, column: int, message: str) -> tuple[Where, str]:
+    """Return the place and message of a mistake in a formula, with its column in the file if known."""
     spot = source.spot(where, column)
     return (spot, message) if spot else (where, f"column {column} of the formula: {message}")
 
 
-def _in_file(source: Source, loc: Where) -> Where:
-    """A pydantic location without the names of unions' branches, which the file does not have."""
+def _in_file(source: YamlSource, loc: Where) -> Where:
+    """Return a pydantic location without the tags of unions, which the file does not have."""
     where: Where = ()
     for step in loc:
         if (*where, step) in source.places:
@@ -73,16 +73,16 @@ def _unknown(name: Any, where: Where, models: list[type[BaseModel]]) -> str:
 
 
 def _models(model: type[BaseModel], name: Any) -> list[type[BaseModel]]:
-    """The documents within a field's annotation, through unions, lists and aliases."""
+    """Return the documents in a field's annotation, through unions, lists and aliases."""
     waiting: list[Any] = [model.model_fields[name].annotation]
-    found = []
+    models = []
     while waiting:
         kind = waiting.pop()
         if isinstance(kind, type) and issubclass(kind, BaseModel):
-            found.append(kind)
+            models.append(kind)
         else:
             waiting += typing.get_args(kind)
-    return found
+    return models
 
 
 def _message(details: ErrorDetails, where: Where, models: list[type[BaseModel]]) -> str:
@@ -104,8 +104,8 @@ def _message(details: ErrorDetails, where: Where, models: list[type[BaseModel]])
         bound = context.get("min_length", context.get("max_length"))
         least = "at least" if kind == "too_short" else "at most"
         return f"{name} has {context['actual_length']} items; it must have {least} {bound}"
-    if kind in _WANTED:
-        return f"{name} is {_shown(value)}; it must be {_WANTED[kind]}."
+    if kind in _EXPECTED:
+        return f"{name} is {_shown(value)}; it must be {_EXPECTED[kind]}."
     if kind == "bad_curve":
         return f"{name} {details['msg']}"
     return f"{name}: {details['msg']}" if name else details["msg"]
@@ -138,22 +138,29 @@ def _shown(value: Any) -> str:
 D = TypeVar("D", bound=BaseModel)
 
 
-def parsed(
-    source: Source,
+def validated(
+    source: YamlSource,
     kind: type[D],
-    problems: list[tuple[Where, str]],
-    missing: list[tuple[Where, str]],
+    problems: list[Problem],
+    missing: list[Problem],
     failed: list[FlowsculptError] | None = None,
     context: Mapping[str, Any] | None = None,
 ) -> D:
-    """The file as a document, or all problems together; only missing files make a MissingInputError."""
+    """Return the file as a document.
+
+    problems  mistakes that checks have found
+    missing   files that are named and not there
+    failed    errors of other files
+
+    Raises ShotError with all of them in the order of the file; MissingInputError if only files are missing.
+    """
     wrong, document = [*source.problems, *problems], None
     try:
         document = kind.model_validate(source.data, context=dict(context or {}))
     except ValidationError as error:
-        wrong += findings(error, source, kind)
-    told = {where for where, _ in wrong}
-    absent = [f"{source.place(where)}: {text}" for where, text in missing if where not in told]
+        wrong += problems_of(error, source, kind)
+    reported = {where for where, _ in wrong}
+    absent = [f"{source.place(where)}: {text}" for where, text in missing if where not in reported]
     others = failed or []
     absent += [str(error) for error in others if isinstance(error, MissingInputError)]
     lines = [

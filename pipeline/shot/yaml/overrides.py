@@ -1,4 +1,4 @@
-"""Values of a shot that are set from outside: `flows.0.vortex.strength=2`."""
+"""Overrides: values of a shot set on the command line, such as `flows.0.vortex.strength=2`."""
 
 from __future__ import annotations
 
@@ -8,9 +8,9 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import ShotError, suggestion
-from pipeline.shot.checks.file_checks import read_clock
-from pipeline.shot.yaml.source import Source, Where
+from pipeline.errors import ShotError, UsageError, suggestion
+from pipeline.shot.clock import Clock, parse_frames, parse_rate
+from pipeline.shot.yaml.source import Where, YamlSource
 
 OPTION = "--set"
 
@@ -19,121 +19,130 @@ _FRAME = re.compile(r"[+-]?\d+(\.\d+)?")
 _TIME = re.compile(r"[+-]?\d+\.\d+s?")
 
 
-def with_settings(source: Source, settings: Iterable[str]) -> Source:
-    """The source with settings in place of its values, or beside them; a later one counts over one before.
+def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
+    """Return the source with settings that replace or add values; later ones win.
 
-    A value is YAML, as in the file. Names that are not there yet may be the last of a path, or stand at the
-    top of the shot. Under `keys` a time is one name, its point too: `keys.0.5s=2`; one that is not there yet
-    takes its place among the others. Raises ShotError, with the setting in place of a line, where one is no
-    setting or leads nowhere; what its value does wrong is for the document to say.
+    A value is YAML, as in the file. New names may be the last of a path, or stand at the top of the shot.
+    Under `keys` a time is one name, also with a decimal point: `keys.0.5s=2`; a new one is sorted in. Raises
+    ShotError, with the setting in place of a line, where one has no form or no place in the shot; the
+    document checks its value.
     """
     for setting in settings:
         source = _set(source, setting)
     return source
 
 
-def _set(source: Source, setting: str) -> Source:
+def _set(source: YamlSource, setting: str) -> YamlSource:
     place = f"{OPTION} {setting}"
     match = _FORM.fullmatch(setting)
     if not match:
         raise ShotError(f"{place}: this is no setting. Write name=value, such as flows.0.twist.amount=90.")
     if match[1].split(".")[0] == "extends":
         raise ShotError(
-            f"{place}: what a shot extends is said in its file alone; settings come on top of both. "
+            f"{place}: only a file can say what its shot extends; settings come on top of both. "
             "Write extends there, or set the values themselves."
         )
     try:
-        value = Source.read(Path(OPTION), match[2] if match[2].strip() else "null").data
+        value = YamlSource.read(Path(OPTION), match[2] if match[2].strip() else "null").data
     except ShotError:
         raise ShotError(
-            f"{place}: {match[2]!r} is no YAML. Quote it for the shell, and look at its brackets."
+            f"{place}: {match[2]!r} is not YAML. Quote it for the shell, and look at its brackets."
         ) from None
     data = copy.deepcopy(source.data)
     where = _put(data, match[1].split("."), value, place)
     _sort_keys(source, data, where)
     new = [where[:i] for i in range(1, len(where) + 1) if i == len(where) or where[:i] not in source.places]
 
-    def kept(path: Where) -> bool:
+    def is_kept(path: Where) -> bool:
         return path[: len(where)] != where
 
-    return Source(
+    return YamlSource(
         source.path,
         data,
-        {**{path: spot for path, spot in source.places.items() if kept(path)}, **dict.fromkeys(new, (0, 0))},
+        {
+            **{path: spot for path, spot in source.places.items() if is_kept(path)},
+            **dict.fromkeys(new, (0, 0)),
+        },
         source.problems,
-        {path: spot for path, spot in source.texts.items() if kept(path)},
-        {**{path: file for path, file in source.others.items() if kept(path)}, **dict.fromkeys(new, place)},
+        {path: spot for path, spot in source.texts.items() if is_kept(path)},
+        {
+            **{path: file for path, file in source.others.items() if is_kept(path)},
+            **dict.fromkeys(new, place),
+        },
     )
 
 
 def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
-    """Put a value where the steps lead; the path to it, with the keys as they are in the data."""
+    """Put a value where the steps lead, and return its path with the keys as they are in the data."""
     where: Where = ()
-    here, steps = data, list(steps)
+    holder, steps = data, list(steps)
     while steps:
-        said = ".".join(map(str, where)) or "the shot"
-        step = _taken(steps, here, of_keys=where[-1:] == ("keys",))
-        if isinstance(here, list):
-            if not step.isdigit() or int(step) >= len(here):
-                many = f"it has {len(here)} items, 0 to {len(here) - 1}" if here else "it is empty"
-                raise ShotError(f"{place}: {said} has no item {step}; {many}. Name one of them.")
+        name = ".".join(map(str, where)) or "the shot"
+        step = _take(steps, holder, in_keys=where[-1:] == ("keys",))
+        if isinstance(holder, list):
+            if not step.isdigit() or int(step) >= len(holder):
+                items = f"it has {len(holder)} items, 0 to {len(holder) - 1}" if holder else "it is empty"
+                raise ShotError(f"{place}: {name} has no item {step}; {items}. Name one of them.")
             key: Any = int(step)
-        elif isinstance(here, dict):
-            key = _named(here, step)
-            if steps and key not in here:
+        elif isinstance(holder, dict):
+            key = _key(holder, step)
+            if steps and key not in holder:
                 if where:
-                    raise ShotError(f"{place}: {said} has no {step}. {_hint(where, step, here)}")
-                here[key] = {}
-            if steps and here[key] is None:
-                here[key] = {}
+                    raise ShotError(f"{place}: {name} has no {step}. {_hint(where, step, holder)}")
+                holder[key] = {}
+            if steps and holder[key] is None:
+                holder[key] = {}
         else:
-            raise ShotError(f"{place}: {said} is {here!r}, which holds no {step}. Set {said} as a whole.")
+            raise ShotError(f"{place}: {name} is {holder!r}, which holds no {step}. Set {name} as a whole.")
         where = (*where, key)
         if not steps:
-            here[key] = value
+            holder[key] = value
         else:
-            here = here[key]
+            holder = holder[key]
     return where
 
 
-def _hint(where: Where, step: str, here: dict[Any, Any]) -> str:
-    """What there is; times are not mistyped names of each other."""
+def _hint(where: Where, step: str, holder: dict[Any, Any]) -> str:
+    """Return the names that exist; times get no did-you-mean."""
     if where[-1] == "keys":
-        return f"There are: {', '.join(map(str, here))}. Set a new key as a whole."
-    return suggestion(step, map(str, here))
+        return f"There are: {', '.join(map(str, holder))}. Set a new key as a whole."
+    return suggestion(step, map(str, holder))
 
 
-def _taken(steps: list[str], here: Any, of_keys: bool) -> str:
-    """The next name, taken from the steps: of keys two of them, where together they are a time.
+def _take(steps: list[str], holder: Any, in_keys: bool) -> str:
+    """Remove the next name from the steps and return it: under `keys` two steps, if together they are a time.
 
-    `keys.17.1` is the second number of key 17 where that is a list, and otherwise key 17.1.
+    `keys.17.1` is the second number of key 17 if that is a list, and otherwise key 17.1.
     """
     joined = ".".join(steps[:2])
-    if of_keys and isinstance(here, dict) and len(steps) > 1 and _TIME.fullmatch(joined):
-        holder = here.get(_named(here, steps[0]))
-        if _named(here, joined) in here or not isinstance(holder, list | dict):
+    if in_keys and isinstance(holder, dict) and len(steps) > 1 and _TIME.fullmatch(joined):
+        item = holder.get(_key(holder, steps[0]))
+        if _key(holder, joined) in holder or not isinstance(item, list | dict):
             del steps[:2]
             return joined
     return steps.pop(0)
 
 
-def _named(here: dict[Any, Any], step: str) -> Any:
-    """The key of a mapping that a step names: the one that is written so, or else a new one."""
+def _key(holder: dict[Any, Any], step: str) -> Any:
+    """Return the key of a mapping that is written like a step, or else a new one."""
     new: Any = step
     if _FRAME.fullmatch(step):
         new = float(step) if "." in step else int(step)
-    return next((name for name in here if str(name) == step), new)
+    return next((name for name in holder if str(name) == step), new)
 
 
-def _sort_keys(source: Source, data: Any, where: Where) -> None:
-    """Give a key that is new its place among the others, where these go forward and it is a time."""
+def _sort_keys(source: YamlSource, data: Any, where: Where) -> None:
+    """Sort a new key in among the others, if those ascend and all are times."""
     if "keys" not in where[:-1]:
         return
     holder = data
     for step in where[: where.index("keys")]:
         holder = holder[step]
-    clock, _ = read_clock(Source(source.path, data, {}))
-    times = {key: clock.seconds(key) if clock else None for key in holder["keys"]}
-    *before, _ = known = [time for time in times.values() if time is not None]
-    if len(known) == len(times) and before == sorted(before):
+    try:
+        clock = Clock(parse_frames(data["frames"]), parse_rate(data.get("rate")))
+    except (UsageError, KeyError, TypeError):
+        return  # the file's own checks report these
+    times = {key: clock.seconds(key) for key in holder["keys"]}
+    known = [time for time in times.values() if time is not None]
+    if len(known) == len(times) and known[:-1] == sorted(known[:-1]):
         holder["keys"] = dict(sorted(holder["keys"].items(), key=lambda item: times[item[0]] or 0.0))

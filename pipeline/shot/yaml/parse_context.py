@@ -1,4 +1,4 @@
-"""What a document needs to know beyond its text: where its files lie, and what is allowed."""
+"""The context of a document's validation: the folder of its files, and what they may do."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True)
-class Surroundings:
-    """What documents find as `surroundings` in the context that they are validated in.
+class ParseContext:
+    """The entry `parse_context` of the context in which documents are validated.
 
-    folder      of the shot file: files named in it stand relative to that
-    allow_code  whether Python files that it names may be run
-    digests     SHA-256 of the contents of the files that documents have asked for
+    folder      of the shot file; files that it names are relative to it
+    allow_code  True if Python files that it names may run
+    digests     SHA-256 of the contents of the files that documents have opened
     """
 
     folder: Path = Path()
@@ -30,54 +30,57 @@ class Surroundings:
     digests: dict[Path, str] = field(default_factory=dict)
 
     @classmethod
-    def of(cls, info: ValidationInfo) -> Surroundings:
-        found = (info.context or {}).get("surroundings")
-        return found if isinstance(found, cls) else cls()
+    def of(cls, info: ValidationInfo) -> ParseContext:
+        context = (info.context or {}).get("parse_context")
+        return context if isinstance(context, cls) else cls()
 
     def file(self, name: str) -> Path:
-        """A file that is there, its digest noted. Raises a finding for pydantic to report at its place."""
-        path = self._found(name)
-        self.digests[path] = told(lambda: digest_of_file(path))
+        """Return the path of a file, and note its digest. Raises a finding where it is not there."""
+        path = self._path(name)
+        self.digests[path] = as_finding(lambda: digest_of_file(path))
         return path
 
-    def _found(self, name: str) -> Path:
+    def _path(self, name: str) -> Path:
         path = self.folder / name
         if not is_there(path):
-            raise finding(
-                f"file {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
-                "Put it there or correct the name."
-            )
+            raise finding(missing_file(name, path))
         return path
 
     def files(self, name: str) -> tuple[Path, ...]:
-        """A file, or where the last part of its name has a *, all that fit, in the order of their names.
+        """Return the path of a file, or the sorted paths that match a name whose last part has a *.
 
-        Their digests are for those to note who read them, and hash what they read.
+        Whoever reads the files hashes them and notes their digests.
         """
         if "*" not in name:
-            return (self._found(name),)
-        around = self.folder / Path(name).parent
+            return (self._path(name),)
+        folder = self.folder / Path(name).parent
         try:
-            found = sorted(path for path in around.glob(Path(name).name) if is_there(path))
+            paths = sorted(path for path in folder.glob(Path(name).name) if is_there(path))
         except (OSError, ValueError):
             raise finding(
                 f"file {shown(name)} is no name of a sequence; each * stands for any letters. "
                 "Write one where names differ, as in wind_*.npz."
             ) from None
-        if not found:
-            raise finding(
-                f"no file fits {shown(name)}; they are looked for in {shown(around)}. Correct the name."
-            )
-        return tuple(found)
+        if not paths:
+            raise finding(f"no file matches {shown(name)} in {shown(folder)}. Correct the name.")
+        return tuple(paths)
+
+
+def missing_file(name: str, path: Path, kind: str = "file") -> str:
+    """Return the message about a file that a shot file names and that is not there."""
+    return (
+        f"{kind} {shown(name)} is not there; it is looked for beside the shot file, as {shown(path)}. "
+        "Put it there or correct the name."
+    )
 
 
 def finding(text: str) -> PydanticCustomError:
-    """Something wrong, in our words."""
+    """Return an error for pydantic that carries a message of ours."""
     return PydanticCustomError("finding", "{text}", {"text": text})
 
 
-def told(make: Callable[[], T]) -> T:
-    """What `make` makes; where it raises an error of ours, a finding that tells it."""
+def as_finding(make: Callable[[], T]) -> T:
+    """Return what `make` returns; turn an error of ours into a finding."""
     try:
         return make()
     except FlowsculptError as error:

@@ -1,4 +1,4 @@
-"""YAML text as plain values that remember where they stand.
+"""YAML text as plain values with their positions.
 
 ruamel.yaml's node tree is walked directly: YAML 1.2 (`on` and `12:30` are text), every key with its line
 and column, and every duplicate key reported instead of the first only.
@@ -20,23 +20,26 @@ from ruamel.yaml.reader import ReaderError
 from pipeline.errors import MissingInputError, ShotError
 
 TOO_LARGE = 10**300
-"""Whole numbers from here on are infinite, as other numbers are that no float can hold."""
+"""Whole numbers from here on count as infinite, as decimal numbers do that no float can hold."""
 
 _FOLD = "\a"
-"""What ruamel leaves where folded text (`>`) has the ends of its lines."""
+"""ruamel's mark for the line ends of folded text (`>`)."""
 
 Where = tuple[Any, ...]
-"""The way to a value: keys of mappings and indices of lists, from the top."""
+"""The path to a value: keys of mappings and indices of lists, from the top."""
+
+Problem = tuple[Where, str]
+"""A mistake in a file: the path to it, and the message."""
 
 
 @dataclass(frozen=True)
-class Source:
+class YamlSource:
     """A file's text as dicts, lists, numbers and strings.
 
     places    line and column, from 1, of each key (or list item) by its path
-    problems  what is wrong with the text itself, ready to report
-    texts     line and column of the first character of each text that stands in one line as it is
-    others    what does not stand in the file itself, by its path: where else it does
+    problems  mistakes in the text itself
+    texts     line and column of the first character of each text that stands unchanged in one line
+    others    the file of each value that comes from another one, by its path
     """
 
     path: Path
@@ -47,10 +50,10 @@ class Source:
     others: dict[Where, str] = field(default_factory=dict)
 
     @classmethod
-    def read(cls, path: Path, text: str | None = None) -> Source:
-        """The file at `path`, or `text` as if it stood there.
+    def read(cls, path: Path, text: str | None = None) -> YamlSource:
+        """Parse the file at `path`, or `text` in its place.
 
-        Raises MissingInputError where there is no such file, ShotError where it is no YAML.
+        Raises MissingInputError where there is no such file, ShotError where it is not YAML.
         """
         try:
             text = path.read_text(encoding="utf-8") if text is None else text
@@ -63,9 +66,9 @@ class Source:
                 f"{path}:1:1: byte {error.start} is not UTF-8; a shot file is plain text. Save it as UTF-8."
             ) from None
         try:
-            return cls._of(path, YAML().compose(text))
+            return cls._from_node(path, YAML().compose(text))
         except YAMLError as error:
-            raise ShotError(f"{path}:{_what_is_no_yaml(error, text)}") from None
+            raise ShotError(f"{path}:{_yaml_fault(error, text)}") from None
         except RecursionError:
             raise ShotError(
                 f"{path}:1:1: lists or mappings are nested too deep to be read; a shot needs about ten "
@@ -73,7 +76,7 @@ class Source:
             ) from None
 
     @classmethod
-    def _of(cls, path: Path, node: Node | None) -> Source:
+    def _from_node(cls, path: Path, node: Node | None) -> YamlSource:
         if node is None:
             raise ShotError(f"{path}:1:1: the file is empty; it must hold at least title, frames and subject")
         source = cls(path, None, {})
@@ -81,24 +84,24 @@ class Source:
         return source
 
     def place(self, where: Where) -> str:
-        """`file:line:column` of a path, or of the nearest thing around it that stands in the file."""
+        """Return `file:line:column` of a path, or of the nearest mapping or list around it."""
         file, line, column = self.spot_of(where)
         return f"{file}:{line}:{column}" if line else file
 
     def order(self, where: Where) -> tuple[bool, str, int, int]:
-        """By this, paths sort as they stand: those of the file itself first."""
+        """Return a sort key that orders paths by position, those of the file itself first."""
         file, line, column = self.spot_of(where)
         return file != str(self.path), file, line, column
 
     def spot_of(self, where: Where) -> tuple[str, int, int]:
-        """File, line and column of a path, or of the nearest thing around it that stands somewhere."""
+        """Return file, line and column of a path, or of the nearest mapping or list around it."""
         for length in range(len(where), -1, -1):
             if where[:length] in self.places:
                 return self.others.get(where[:length], str(self.path)), *self.places[where[:length]]
         return str(self.path), 1, 1
 
     def spot(self, where: Where, column: int) -> Where | None:
-        """A path whose place is that character (from 1) of a text; None where the file has it otherwise."""
+        """Return a path to a character (from 1) of a text; None if the file writes it otherwise."""
         if where not in self.texts:
             return None
         line, first = self.texts[where]
@@ -108,7 +111,7 @@ class Source:
         return (*where, column)
 
     def get(self, *where: Any) -> Any:
-        """The value at a path, or None."""
+        """Return the value at a path, or None."""
         value = self.data
         for step in where:
             try:
@@ -118,7 +121,7 @@ class Source:
         return value
 
     def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:
-        """All mappings of the file with their paths, from the top down."""
+        """Yield all mappings of the file with their paths, from the top down."""
         waiting: list[tuple[Where, Any]] = [((), self.data)]
         while waiting:
             where, value = waiting.pop(0)
@@ -128,29 +131,29 @@ class Source:
             elif isinstance(value, list):
                 waiting += [((*where, index), inner) for index, inner in enumerate(value)]
 
-    def _value(self, node: Node, where: Where, around: tuple[Node, ...]) -> Any:
+    def _value(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
         self.places.setdefault(where, (node.start_mark.line + 1, node.start_mark.column + 1))
-        if any(node is outer for outer in around):
-            self.problems.append((where, "an alias stands within what it names; write the value out"))
+        if any(node is parent for parent in parents):
+            self.problems.append((where, "this alias contains itself; write the value out"))
             return None
         if isinstance(node, MappingNode):
-            return self._mapping(node, where, (*around, node))
+            return self._mapping(node, where, (*parents, node))
         if isinstance(node, SequenceNode):
             items = enumerate(node.value)
-            return [self._value(item, (*where, index), (*around, node)) for index, item in items]
+            return [self._value(item, (*where, index), (*parents, node)) for index, item in items]
         if not isinstance(node, ScalarNode):
             return None
         self._note_text(node, where)
         return _scalar(node)
 
     def _note_text(self, node: ScalarNode, where: Where) -> None:
-        """Note where the characters of a text begin, if they stand in the file one by one."""
+        """Note the position of a text's first character, if the file writes its characters one by one."""
         start, end = node.start_mark, node.end_mark
         quotes = 1 if node.style in ("'", '"') else 0
         if start.line == end.line and end.column - start.column == len(node.value) + 2 * quotes:
             self.texts[where] = start.line + 1, start.column + 1 + quotes
 
-    def _mapping(self, node: MappingNode, where: Where, around: tuple[Node, ...]) -> dict[Any, Any]:
+    def _mapping(self, node: MappingNode, where: Where, parents: tuple[Node, ...]) -> dict[Any, Any]:
         values: dict[Any, Any] = {}
         for key_node, value_node in node.value:
             key = _scalar(key_node) if isinstance(key_node, ScalarNode) else str(key_node.value)
@@ -164,17 +167,17 @@ class Source:
                 self.problems.append(((*where, key, "again"), problem))
                 continue
             self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
-            values[key] = self._value(value_node, (*where, key), around)
+            values[key] = self._value(value_node, (*where, key), parents)
         return values
 
 
-def _what_is_no_yaml(error: YAMLError, text: str) -> str:
-    """`line:column: …` of what the parser stumbled over."""
+def _yaml_fault(error: YAMLError, text: str) -> str:
+    """Return `line:column: message` about the place where the parser gave up."""
     if isinstance(error, ReaderError):
         before = text[: error.position]
         line, column = before.count("\n") + 1, error.position - before.rfind("\n")
         code = f"U+{ord(text[error.position]):04X}"
-        return f"{line}:{column}: the character {code} cannot stand in YAML; it is not printable. Remove it."
+        return f"{line}:{column}: the character {code} is not printable; YAML allows none. Remove it."
     mark = (error.problem_mark or error.context_mark) if isinstance(error, MarkedYAMLError) else None
     place = f"{mark.line + 1}:{mark.column + 1}" if mark else "1:1"
     fact = (error.problem or error.context) if isinstance(error, MarkedYAMLError) else error
@@ -182,7 +185,7 @@ def _what_is_no_yaml(error: YAMLError, text: str) -> str:
 
 
 def _scalar(node: ScalarNode) -> Any:
-    """A scalar by the core schema of YAML 1.2; what is quoted is text."""
+    """Convert a scalar by the core schema of YAML 1.2; quoted ones are text."""
     text = node.value.replace(_FOLD, "") if node.style == ">" else node.value
     kind = str(node.tag).rpartition(":")[2]
     try:

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.render_request import Take
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.tasks.job import Context
@@ -52,8 +52,8 @@ class Desk:
     def project(self) -> Project:
         return Project(self.root, 2)
 
-    def take(self, quality: str) -> Take:
-        return self.project().take(self.root / "shots" / f"{NAME}.yaml", quality)
+    def request(self, quality: str) -> RenderRequest:
+        return self.project().request(self.root / "shots" / f"{NAME}.yaml", quality)
 
     def command(self, *words: str) -> tuple[int, str]:
         return commanded(self.root, *words)
@@ -67,24 +67,24 @@ def simulated(root: Path, shot: str = SHOT) -> Desk:
     (root / "shots").mkdir(parents=True)
     (root / "shots" / f"{NAME}.yaml").write_text(shot)
     desk = Desk(root)
-    _done(root, desk.project().surfaces(desk.take("preview")))
+    _done(root, desk.project().surfaces(desk.request("preview")))
     return desk
 
 
 def furnish(root: Path) -> Desk:
     """Simulate the shot, and lay numbered pictures where renders would lie: of two qualities and a wedge."""
     desk = simulated(root)
-    project, take = desk.project(), desk.take("preview")
-    there = [number for number in take.poses if number not in (MISSING, FAILED)]
-    hang(desk, take, there, dark)
-    hang(desk, desk.take("draft"), take.poses, bright)
+    project, request = desk.project(), desk.request("preview")
+    there = [number for number in request.angles if number not in (MISSING, FAILED)]
+    hang(desk, request, there, dark)
+    hang(desk, desk.request("draft"), request.angles, bright)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
     log.write("fail", stage="render", shot=NAME, quality="preview", frame=FAILED, message="a lamp fell over")
     wedge = Wedge(
         project, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
     )
-    _done(root, project.surfaces(wedge.takes[0][1]))
-    for (_, cell), paint in zip(wedge.takes, (dusky, bright), strict=True):
+    _done(root, project.surfaces(wedge.requests[0][1]))
+    for (_, cell), paint in zip(wedge.requests, (dusky, bright), strict=True):
         hang(desk, cell, cell.requested, paint)
     wedge.draw()
     return desk
@@ -95,18 +95,18 @@ def _done(root: Path, plan: Plan) -> None:
         assert task_of(job.task)(Context.of(root, plan, job.name))
 
 
-def hang(desk: Desk, take: Take, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:
+def hang(desk: Desk, request: RenderRequest, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:
     """Lay the pictures of a take where renders would lie."""
     store = desk.project().store
-    keys = take.picture_keys(store)
+    keys = request.picture_keys(store)
     assert keys is not None
     for number in numbers:
         key, pixels = keys[number].frame, paint(number)
-        header = {"key": key, "seed": take.seed(number), "samples": 4, "quality": take.quality_name}
+        header = {"key": key, "seed": request.seed(number), "samples": 4, "quality": request.quality_name}
         store.put(
             "frame", key, lambda p, x=pixels, h=header: write_exr(p, RenderedFrame({"beauty": x}, {}), h)
         )
-        store.link("frame", key, take.folders.frame(take.quality_name, number))
+        store.link("frame", key, request.folders.frame(request.quality_name, number))
 
 
 def dark(number: int) -> Picture:

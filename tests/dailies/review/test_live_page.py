@@ -46,7 +46,7 @@ def follower(browser: Browser, tmp_path: Path) -> Iterator[Follower]:
     shot.write_text(TINY)
 
     def sketch() -> Sketch:
-        return Sketch(Project(tmp_path, 2).take(shot, "preview", None, variant="none"))
+        return Sketch(Project(tmp_path, 2).request(shot, "preview", None, variant="none"))
 
     screen, complaints = LiveFeed(), []
     with SurfaceStream(Project(tmp_path, 2).store) as stream, serving(screen) as address:

@@ -12,18 +12,18 @@ from hypothesis import strategies as st
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, require
-from pipeline.mesh.solids.bars import MOST_CROSSINGS, Bars, lattice
+from pipeline.mesh.solids.bars import MOST_CROSSINGS, BarLattice, lattice
 from pipeline.shot import Solid, read_shot
 
 counts = st.tuples(*[st.integers(1, 4)] * 3)
 
 
-def of(bars: tuple[int, int, int], pitch: float = 0.6, thickness: float = 0.15) -> Bars:
+def of(bars: tuple[int, int, int], pitch: float = 0.6, thickness: float = 0.15) -> BarLattice:
     x, y, z = (pitch * (n - 1) + thickness if n > 1 else thickness for n in bars)
-    return Bars((x, y, z), pitch, thickness)
+    return BarLattice((x, y, z), pitch, thickness)
 
 
-def meshed(shape: Bars, edge_length: float | None = None) -> TriangleMesh:
+def meshed(shape: BarLattice, edge_length: float | None = None) -> TriangleMesh:
     return lattice(shape.size, shape.spacing, shape.thickness, edge_length)
 
 
@@ -68,14 +68,14 @@ def test_its_sides_are_flat_its_edges_right_angled_and_its_triangles_as_small_as
 
 
 def test_spacing_gives_way_so_that_the_outer_bars_end_where_the_size_does() -> None:
-    shape = Bars((2.0, 1.0, 0.1), 0.4, 0.1)
+    shape = BarLattice((2.0, 1.0, 0.1), 0.4, 0.1)
     assert shape.crossings == (6, 3, 1)
     assert np.allclose(shape.pitch, (0.38, 0.45, 0.0))
     assert np.allclose(meshed(shape).bounds, [(-1, -0.5, -0.05), (1, 0.5, 0.05)])
 
 
 def test_bars_never_meet_however_the_spacing_gives_way() -> None:
-    shape = Bars((2.5, 1.0, 1.0), 1.0, 0.9 / 2)
+    shape = BarLattice((2.5, 1.0, 1.0), 1.0, 0.9 / 2)
     assert (shape.pitch > shape.thickness).all()
     require(meshed(shape), closed=True)
 
@@ -128,7 +128,7 @@ def test_bars_that_cannot_be_are_refused(
     size: tuple[float, float, float], spacing: float, thickness: float, fact: str
 ) -> None:
     with pytest.raises(UsageError, match=fact):
-        Bars(size, spacing, thickness)
+        BarLattice(size, spacing, thickness)
 
 
 def test_a_shot_may_name_it_and_is_told_where_its_bars_meet(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet, torus
-from pipeline.mesh.solids.analytic_surfaces import Sphere, Torus, TrueSurface
+from pipeline.mesh.solids.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
 from pipeline.resample.placement.rest_surface import ASTRAY, NORMAL, REST
 
@@ -45,9 +45,9 @@ def random_motion(seed: int) -> Motion:
 def test_all_vertices_lie_where_their_rest_points_are_carried_and_these_on_the_true_surface(
     seed: int, name: str
 ) -> None:
-    subjects: dict[str, tuple[TriangleMesh, TrueSurface | None]] = {
-        "ball": (icosphere(6), Sphere(1.0)),
-        "ring": (torus(1.0, 0.4, 0.25), Torus(1.0, 0.4)),
+    subjects: dict[str, tuple[TriangleMesh, AnalyticSurface | None]] = {
+        "ball": (icosphere(6), SphereSurface(1.0)),
+        "ring": (torus(1.0, 0.4, 0.25), TorusSurface(1.0, 0.4)),
         "cube": (box(edge_length=0.4), None),
     }
     subject, truth = subjects[name]
@@ -79,7 +79,9 @@ def turned_aside(points: Points) -> Points:
 def test_what_would_fold_stays_on_its_chord_and_is_counted() -> None:
     """New points are carried where their neighbours are not: most would fold the surface."""
     ball = icosphere(6)
-    resampler = Resampler(ball, Thresholds(0.2, 0.0), Exact(turned_aside, Sphere(1.0)), min_roundness=0)
+    resampler = Resampler(
+        ball, Thresholds(0.2, 0.0), Exact(turned_aside, SphereSurface(1.0)), min_roundness=0
+    )
     report = resampler.resample()
     mesh = resampler.mesh
     astray = mesh.attributes[ASTRAY] > 0
@@ -98,7 +100,7 @@ def test_vertices_left_off_the_surface_return_to_it_when_they_can() -> None:
     def carry(points: Points) -> Points:
         return turned_aside(points) if wild else points
 
-    resampler = Resampler(ball, Thresholds(0.2, 0.0), Exact(carry, Sphere(1.0)), min_roundness=0)
+    resampler = Resampler(ball, Thresholds(0.2, 0.0), Exact(carry, SphereSurface(1.0)), min_roundness=0)
     resampler.resample()
     mesh = resampler.mesh
     here = mesh.attributes[ASTRAY] == 0
@@ -117,7 +119,7 @@ def test_carry_is_asked_at_most_twice_a_pass_for_all_points_together() -> None:
         calls.append(len(points))
         return points * (3.0, 0.5, 1.0)
 
-    resampler = Resampler(icosphere(8), Thresholds(0.25), Exact(carry, Sphere(1.0)), min_roundness=0)
+    resampler = Resampler(icosphere(8), Thresholds(0.25), Exact(carry, SphereSurface(1.0)), min_roundness=0)
     resampler.vertices[:] *= (3.0, 0.5, 1.0)
     report = resampler.resample()
     assert report.splits > 500
@@ -129,7 +131,9 @@ def test_new_normals_are_those_of_the_true_surface_carried() -> None:
     """On an ellipsoid that a ball was stretched to, against its gradient; never of the facets."""
     ball, stretch = icosphere(10), np.array([2.0, 0.6, 1.0])
     resampler = Resampler(
-        ball.with_attributes(normal=ball.vertices), Thresholds(0.2), Exact(lambda p: p * stretch, Sphere(1.0))
+        ball.with_attributes(normal=ball.vertices),
+        Thresholds(0.2),
+        Exact(lambda p: p * stretch, SphereSurface(1.0)),
     )
     resampler.vertices[:] *= stretch
     normals = resampler.vectors(NORMAL)
@@ -257,7 +261,7 @@ def squeezed(shape: float) -> float:
             points = np.column_stack([x + 0.03 * np.sin(2 * y + frame), y + 0.03 * np.sin(2 * z), z])
         return points
 
-    resampler = Resampler(ball, Thresholds(0.25), Exact(carry, Sphere(1.0)), shape)
+    resampler = Resampler(ball, Thresholds(0.25), Exact(carry, SphereSurface(1.0)), shape)
     for _ in range(20):
         frames[0] += 1
         resampler.vertices[:] = carry(resampler.mesh.attributes[REST])

@@ -10,22 +10,29 @@ from hypothesis import strategies as st
 from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.normals import vertex_normals
-from pipeline.mesh.solids.analytic_surfaces import Sphere
+from pipeline.mesh.solids.analytic_surfaces import SphereSurface
 from pipeline.resample import Exact, Resampler, Thresholds
-from pipeline.resample._kernels_flip import worth_flipping
-from pipeline.resample._kernels_rest import MOST_BLADES, blades, moved_at_rest, overturns, upright
-from pipeline.resample._kernels_ring import new_ring, walk
-from pipeline.resample.placement.closest_point import nearest
+from pipeline.resample.kernels.flip import should_flip
+from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.rest_surface import (
+    MAX_OPPOSITE,
+    move_at_rest,
+    opposite_corners,
+    rest_orientation,
+    would_flip,
+)
+from pipeline.resample.kernels.ring import collect_ring, new_ring
+from pipeline.resample.placement.closest_point import closest_points
 from pipeline.resample.placement.rest_surface import ASTRAY, REST
 
 BALL, RING, CLOTH, CUBE = icosphere(4), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25), box(edge_length=0.5)
 
 
-def at_rest(mesh: TriangleMesh, rest: Points) -> tuple[HalfedgeMesh, AnyArray]:
+def at_rest(mesh: TriangleMesh, rest: Points) -> tuple[HalfedgeMesh, Limits]:
     """A mesh with those places at rest, its normals as they are, and limits that let everything be."""
     live = HalfedgeMesh(mesh.with_attributes(rest=rest, rest_normal=vertex_normals(mesh)))
     columns = live.column("rest"), live.column("rest_normal")
-    return live, np.array([math.inf, 0.0, -2.0, 1.0, -1.0, 1.0, 1.0, *columns], dtype=float)
+    return live, Limits(math.inf, 0.0, -2.0, True, -1, 1.0, 1.0, *columns)
 
 
 def slow_upright(rest: Points, normals: Points, face: Indices) -> float:
@@ -45,18 +52,18 @@ def test_a_vertex_moves_at_rest_only_if_no_more_faces_look_inwards_then(
     rng = np.random.default_rng(seed)
     rest = mesh.vertices + 0.1 * rng.normal(size=mesh.vertices.shape)
     (live, limits), ring, normals = at_rest(mesh, rest), new_ring(), vertex_normals(mesh)
-    carried = live.surface.carried
+    carried = live.arrays.attributes
     for v, spoke in list(spokes_of(mesh).items())[:40]:
         faces = mesh.faces[(mesh.faces == v).any(axis=1)]
         for face in faces:
-            value = upright(carried, limits, *(int(k) for k in face))
+            value = rest_orientation(carried, limits, *(int(k) for k in face))
             assert value == pytest.approx(slow_upright(rest, normals, face), abs=1e-12)
         goal = rest[v] + 0.3 * rng.normal(size=3)
         after = rest.copy()
         after[v] = goal
         was, then = (sum(slow_upright(p, normals, face) <= 0 for face in faces) for p in (rest, after))
-        assert walk(live.surface, spoke, ring)
-        assert moved_at_rest(carried, ring, v, goal[None], 0, limits) == (then <= was)
+        assert collect_ring(live.arrays, spoke, ring)
+        assert move_at_rest(carried, ring, v, goal[None], 0, limits) == (then <= was)
         rest = after if then <= was else rest
         assert np.array_equal(live.attributes()["rest"], rest)
 
@@ -67,7 +74,7 @@ def test_a_merge_overturns_if_a_face_that_stays_turns_to_look_inwards(mesh: Tria
     rest = mesh.vertices + 0.1 * np.random.default_rng(seed).normal(size=mesh.vertices.shape)
     (live, limits), ring, normals = at_rest(mesh, rest), new_ring(), vertex_normals(mesh)
     for v, spoke in list(spokes_of(mesh).items())[:40]:
-        assert walk(live.surface, spoke, ring)
+        assert collect_ring(live.arrays, spoke, ring)
         other = int(ring.vertex[0])
         faces = mesh.faces[(mesh.faces == v).any(axis=1) & (mesh.faces != other).all(axis=1)]
         merged = np.where(faces == v, other, faces)
@@ -75,7 +82,7 @@ def test_a_merge_overturns_if_a_face_that_stays_turns_to_look_inwards(mesh: Tria
             slow_upright(rest, normals, now) <= 0 < slow_upright(rest, normals, before)
             for before, now in zip(faces, merged, strict=True)
         )
-        assert overturns(live.surface.carried, ring, v, other, limits) == turns
+        assert would_flip(live.arrays.attributes, ring, v, other, limits) == turns
 
 
 def test_an_edge_is_not_turned_where_its_faces_at_rest_would_overlap() -> None:
@@ -87,13 +94,13 @@ def test_an_edge_is_not_turned_where_its_faces_at_rest_would_overlap() -> None:
         rest = now.copy()
         rest[2:, 0] = tip
         live, limits = at_rest(kite, rest)
-        assert worth_flipping(live.surface, 0, limits) == worth
+        assert should_flip(live.arrays, 0, limits) == worth
 
 
 def test_around_a_vertex_lie_its_faces_and_on_a_crease_only_the_edges_along_it() -> None:
     def around(mesh: TriangleMesh, v: int) -> set[tuple[int, int]]:
-        live, found = HalfedgeMesh(mesh), np.empty((1, MOST_BLADES, 2), np.int32)
-        blades(live.surface, np.array([spokes_of(mesh)[v]], np.int32), new_ring(), found)
+        live, found = HalfedgeMesh(mesh), np.empty((1, MAX_OPPOSITE, 2), np.int32)
+        opposite_corners(live.arrays, np.array([spokes_of(mesh)[v]], np.int32), new_ring(), found)
         return {(int(a), int(b)) for a, b in found[0] if a >= 0}
 
     def beside(mesh: TriangleMesh, v: int) -> set[tuple[int, int]]:
@@ -121,13 +128,13 @@ def test_the_nearest_place_is_as_near_as_a_fine_search_finds(seed: int, alone: b
 
     turns = np.linspace(0, 2 * np.pi, 6, endpoint=False)
     rim = np.column_stack([np.cos(turns), np.sin(turns), 0 * turns])
-    corners = np.full((1, MOST_BLADES, 2, 3), np.nan)
+    corners = np.full((1, MAX_OPPOSITE, 2, 3), np.nan)
     corners[0, :6, 0], corners[0, :6, 1] = rim, np.roll(rim, -1, axis=0)
     if alone:  # a crease
         corners[0, 1:] = np.nan
         corners[0, 0, 1] = corners[0, 0, 0]
     goal = carried(np.array([[0.3, 0.2, 0.0]])) + 0.1 * rng.normal(size=(1, 3))
-    found, place = nearest(carried, lambda p: p, np.zeros((1, 3)), corners, goal)
+    found, place = closest_points(carried, lambda p: p, np.zeros((1, 3)), corners, goal)
     assert np.allclose(carried(found), place)
     u, v = rng.uniform(size=(2, 20_000))
     inside = rim[0] * np.sqrt(u)[:, None] if alone else np.column_stack([*_in_disc(u, v), 0 * u])
@@ -153,7 +160,7 @@ def test_a_ball_that_flows_there_and_back_comes_back_without_a_fold() -> None:
     def carry(points: Points) -> Points:
         return sheared(points, now[0])
 
-    ball, truth = icosphere(6), Sphere(1.0)
+    ball, truth = icosphere(6), SphereSurface(1.0)
     resampler = Resampler(ball, Thresholds(0.25), Exact(carry, truth))
     for much in [*np.linspace(0, 1, 24), *np.linspace(1, 0, 24)]:
         now[0] = float(much)

@@ -10,20 +10,22 @@ from pipeline.errors import UsageError
 from pipeline.mesh import PolygonMesh, require, require_polygons
 from pipeline.resample import PolyhedralResampler, Thresholds, edges_by_angle, edges_in_region
 from pipeline.resample.creases import WithinBall, WithinBox
-from pipeline.resample.polyhedra.length_limits import Bracket
+from pipeline.resample.polyhedra.editor import PolyhedronEditor
+from pipeline.resample.polyhedra.length_limits import LengthLimits
 from pipeline.resample.polyhedra.polyhedron import Polyhedron
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
-from pipeline.resample.polyhedra.workpiece import Workpiece
 
 KINDS = ["cube", "ell", "comb", "star", "drum", "ring", "open box", "leaf", "tetrahedron", "ball", "cloth"]
 COARSE = Thresholds(0.3)
 
 
-def sliced(mesh: PolygonMesh, longest: float, cutting: Cutting = "slice") -> tuple[Workpiece, list[int]]:
+def sliced(
+    mesh: PolygonMesh, longest: float, cutting: Cutting = "slice"
+) -> tuple[PolyhedronEditor, list[int]]:
     """The first face cut once round, its sides as they are."""
-    piece = Workpiece(Polyhedron(mesh), Bracket(Thresholds(longest, 0.0), mesh))
-    parts, _ = Slicer(piece, cutting).faces([0])
-    return piece, parts
+    editor = PolyhedronEditor(Polyhedron(mesh), LengthLimits(Thresholds(longest, 0.0), mesh))
+    parts, _ = Slicer(editor, cutting).faces([0])
+    return editor, parts
 
 
 def leaf(*outline: tuple[float, float]) -> PolygonMesh:
@@ -60,17 +62,17 @@ def test_p16_any_polyhedron_is_subdivided_edges_and_faces(
 
 
 def test_p17_the_longest_dimension_is_cut_across() -> None:
-    piece, parts = sliced(leaf((0, 0), (3, 0), (3, 2), (0, 2)), 2.0)
+    editor, parts = sliced(leaf((0, 0), (3, 0), (3, 2), (0, 2)), 2.0)
     assert len(parts) == 2
-    chords = [piece.surface.mesh().vertices[4:]]
+    chords = [editor.surface.mesh().vertices[4:]]
     assert sorted(map(tuple, chords[0].tolist())) == [(1.5, 0, -2), (1.5, 0, 0)]
 
 
 def test_p18_figure_c_the_bread_slicer_makes_all_cuts_at_once() -> None:
     bread = leaf((0, 0), (7, 0), (7, 1), (0, 1))
-    piece, parts = sliced(bread, 1.0, "slice")
+    editor, parts = sliced(bread, 1.0, "slice")
     assert len(parts) == 7
-    assert piece.surface.mesh().extents.tolist() == pytest.approx([1.0] * 7)
+    assert editor.surface.mesh().extents.tolist() == pytest.approx([1.0] * 7)
     assert len(sliced(bread, 1.0, "recurse")[1]) == 2, "the other way cuts in two, and comes back"
 
 

@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, require_polygons
 from pipeline.resample import Thresholds
-from pipeline.resample.polyhedra.can_collapse import judge
+from pipeline.resample.polyhedra.can_collapse import can_collapse
 from pipeline.resample.polyhedra.collapse import Collapser
+from pipeline.resample.polyhedra.editor import PolyhedronEditor
 from pipeline.resample.polyhedra.geometry import between
-from pipeline.resample.polyhedra.length_limits import Bracket
+from pipeline.resample.polyhedra.length_limits import LengthLimits
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
-from pipeline.resample.polyhedra.workpiece import Workpiece
 
 Step = Callable[[Polyhedron, np.random.Generator], None]
 
@@ -52,12 +52,12 @@ def _joined(surface: Polyhedron, h: int, k: int) -> bool:
 def collapse(surface: Polyhedron, rng: np.random.Generator) -> None:
     """A few random edges, where the guards let them."""
     mesh, _ = surface.renumber()
-    piece = Workpiece(surface, Bracket(Thresholds(100.0), mesh))
+    editor = PolyhedronEditor(surface, LengthLimits(Thresholds(100.0), mesh))
     for _ in range(int(rng.integers(1, 6))):
         h = int(rng.choice([h for h, v in enumerate(surface.origin) if v != OUTSIDE]))
-        verdict = judge(piece, h)
-        if verdict.share is not None:
-            piece.collapse(h, verdict.share)
+        decision = can_collapse(editor, h)
+        if decision.share is not None:
+            editor.collapse(h, decision.share)
             assert surface.fault() is None
 
 
@@ -66,7 +66,7 @@ def collapse_face(surface: Polyhedron, rng: np.random.Generator) -> None:
     mesh, _ = surface.renumber()
     f = int(rng.integers(len(mesh)))
     size = float(np.sqrt(mesh.areas[f])) * 2
-    Collapser(Workpiece(surface, Bracket(Thresholds(100.0, size), mesh))).faces([f], [])
+    Collapser(PolyhedronEditor(surface, LengthLimits(Thresholds(100.0, size), mesh))).faces([f], [])
 
 
 @settings(max_examples=80, deadline=None)

@@ -1,1 +1,0 @@
-"""Compiled kernels of flows: velocity programs, deformations and what they look up."""

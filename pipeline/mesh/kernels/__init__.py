@@ -1,0 +1,1 @@
+"""Compiled kernels of meshes: arrays in, arrays or counts out."""

@@ -1,0 +1,1 @@
+"""Compiled kernels of resampling: arrays in, arrays or counts out."""

@@ -1,0 +1,242 @@
+"""Curved patches over split edges (P37): midpoints on a surface that is smooth between creases."""
+
+from __future__ import annotations
+
+import math
+
+import numba
+
+from pipeline.arrays import Floats, Indices, Points, Vectors
+from pipeline.kernels import kernel
+from pipeline.mesh.kernels.halfedge import (
+    LEAN,
+    MATRIX,
+    MESH_ARRAYS,
+    VECTOR,
+    MeshArrays,
+    following,
+    preceding,
+)
+from pipeline.resample.kernels.limits import area_vector, squared_length
+from pipeline.resample.kernels.ring import RING, Ring, collect_ring
+from pipeline.resample.kernels.split import BIRTH_HALFEDGE
+
+_TABLE = numba.int32[:, ::1]
+_LEAST_COSINE = 0.5  # a crease that turns by more than 60 degrees has a corner there
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64), **LEAN)
+def _is_hard(mesh: MeshArrays, h: int, cosine: float) -> bool:
+    """Tell whether the edge of h is tagged, a boundary, or turns by more than the angle with that cosine."""
+    back = mesh.twin[h]
+    if back < 0 or mesh.tagged[h]:
+        return True
+    if cosine <= -1.0:
+        return False
+    vert, points = mesh.vert, mesh.points
+    a, b = vert[h], vert[following(h)]
+    mx, my, mz = area_vector(points, a, b, vert[preceding(h)])
+    nx, ny, nz = area_vector(points, b, a, vert[preceding(back)])
+    dot = mx * nx + my * ny + mz * nz
+    both = (mx * mx + my * my + mz * mz) * (nx * nx + ny * ny + nz * nz)
+    return bool(dot * abs(dot) < cosine * abs(cosine) * both)
+
+
+@kernel((MESH_ARRAYS, numba.int64, VECTOR, numba.int64), **LEAN)
+def _add_face_normal(mesh: MeshArrays, h: int, total: Floats, at: int) -> None:
+    """Add the unit normal of the face of h, weighted by its angle at the start of h, to `total[at:]`."""
+    vert, points = mesh.vert, mesh.points
+    a, b, c = vert[h], vert[following(h)], vert[preceding(h)]
+    x, y, z = area_vector(points, a, b, c)
+    area = math.sqrt(x * x + y * y + z * z)
+    if area == 0.0:
+        return
+    dot = 0.0
+    for k in range(3):
+        dot += (points[b, k] - points[a, k]) * (points[c, k] - points[a, k])
+    weight = math.atan2(area, dot) / area
+    total[at] += weight * x
+    total[at + 1] += weight * y
+    total[at + 2] += weight * z
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.float64, VECTOR, numba.int64), **LEAN)
+def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -> None:
+    """Write the unit normal of the smooth surface at the start of h, up to the next creases, into `out[at:]`.
+
+    The edge of h must be soft.
+    """
+    twin = mesh.twin
+    out[at] = out[at + 1] = out[at + 2] = 0.0
+    k, whole = h, False
+    while True:
+        _add_face_normal(mesh, k, out, at)
+        if _is_hard(mesh, preceding(k), cosine):
+            break
+        k = twin[preceding(k)]
+        if k == h:
+            whole = True
+            break
+    k = h
+    while not whole and not _is_hard(mesh, k, cosine):
+        k = following(twin[k])
+        _add_face_normal(mesh, k, out, at)
+    length = math.sqrt(out[at] ** 2 + out[at + 1] ** 2 + out[at + 2] ** 2)
+    if length > 0.0:
+        for i in range(3):
+            out[at + i] /= length
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64, numba.float64), **LEAN)
+def _next_along_crease(mesh: MeshArrays, h: int, before: int, cosine: float) -> int:
+    """Return the vertex where the crease from `before` continues beyond the start of h; -1 at its end."""
+    vert, twin = mesh.vert, mesh.twin
+    found, many, k = -1, 0, h
+    while True:
+        if vert[following(k)] != before and _is_hard(mesh, k, cosine):
+            found, many = vert[following(k)], many + 1
+        back = preceding(k)
+        k = twin[back]
+        if k < 0 and vert[back] != before:
+            found, many = vert[back], many + 1
+        if k < 0 or k == h:
+            break
+    while k < 0 and twin[h] >= 0:  # the fan is open: on to its other side
+        h = following(twin[h])
+        if vert[following(h)] != before and _is_hard(mesh, h, cosine):
+            found, many = vert[following(h)], many + 1
+    return found if many == 1 else -1
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)
+def _tangent(mesh: MeshArrays, v: int, to: int, beyond: int, at: int, out: Floats) -> bool:
+    """Write the unit tangent at v of the circle through `beyond`, v, `to` to `out[at:]`; False at a corner.
+
+    The tangent is the mean of the two chords, each weighted by the length of the other. `out[6]` holds the
+    first vertex of this pass: if `beyond` is such a vertex, it is the midpoint of the chord.
+    """
+    if beyond < 0:
+        return False
+    points = mesh.points
+    p, q = math.sqrt(squared_length(points, v, beyond)), math.sqrt(squared_length(points, to, v))
+    whole = 2.0 * p if beyond >= out[6] else p
+    if p == 0.0 or q == 0.0:
+        return False
+    turn, length = 0.0, 0.0
+    for k in range(3):
+        one, two = (points[v, k] - points[beyond, k]) / p, (points[to, k] - points[v, k]) / q
+        turn += one * two
+        out[at + k] = q * one + whole * two
+        length += out[at + k] * out[at + k]
+    if turn < _LEAST_COSINE:
+        return False
+    for k in range(3):
+        out[at + k] /= math.sqrt(length)
+    return True
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, numba.int64), **LEAN)
+def _bend_crease(
+    mesh: MeshArrays, h: int, new: int, cosine: float, scratch: Floats, places: Points, i: int
+) -> None:
+    """Move `places[i]` from the midpoint of a crease's edge onto the crease's curve (cubic Hermite).
+
+    Where the crease begins or ends at a corner, the curve is taken for a circle.
+    """
+    vert, points = mesh.vert, mesh.points
+    a, middle, b = vert[h], vert[new], vert[following(new)]
+    begins = _tangent(mesh, a, b, _next_along_crease(mesh, h, middle, cosine), 0, scratch)
+    ends = _tangent(mesh, b, a, _next_along_crease(mesh, following(new), middle, cosine), 3, scratch)
+    length = math.sqrt(squared_length(points, a, b))
+    if not (begins or ends) or length == 0.0:
+        return
+    along, known = 0.0, 0 if begins else 3
+    for k in range(3):
+        along += scratch[known + k] * (points[b, k] - points[a, k]) / length
+    for k in range(3):
+        mirrored = scratch[known + k] - 2.0 * along * (points[b, k] - points[a, k]) / length
+        start, end = scratch[k] if begins else mirrored, scratch[3 + k] if ends else mirrored
+        places[i, k] += 0.125 * length * (start + end)
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.float64, VECTOR, MATRIX, MATRIX, numba.int64), **LEAN)
+def _bend_patch(
+    mesh: MeshArrays,
+    h: int,
+    new: int,
+    cosine: float,
+    scratch: Floats,
+    places: Points,
+    normals: Vectors,
+    i: int,
+) -> None:
+    """Move `places[i]` from the midpoint of a soft edge onto the cubic normal to the surface at both ends.
+
+    Source: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles* (2001), the border curve at one half.
+    """
+    points, vert = mesh.points, mesh.vert
+    a, b = vert[h], vert[following(new)]
+    side_normal(mesh, h, cosine, scratch, 0)
+    side_normal(mesh, mesh.twin[new], cosine, scratch, 3)
+    rise, fall, length = 0.0, 0.0, 0.0
+    for k in range(3):
+        rise += (points[b, k] - points[a, k]) * scratch[k]
+        fall += (points[a, k] - points[b, k]) * scratch[3 + k]
+        normals[i, k] = scratch[k] + scratch[3 + k]
+        length += normals[i, k] ** 2
+    for k in range(3):
+        places[i, k] -= 0.125 * (rise * scratch[k] + fall * scratch[3 + k])
+        normals[i, k] /= math.sqrt(length) if length > 0.0 else 1.0
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64), **LEAN)
+def incoming(mesh: MeshArrays, new: int, a: int) -> int:
+    """Return the half-edge a→vertex, given the half-edge from that vertex to its other parent.
+
+    If its face was cut again in the same pass, it has moved in the table since the vertex was made.
+    """
+    k = preceding(new)
+    while mesh.vert[k] != a:
+        k = preceding(mesh.twin[k])
+    return int(k)
+
+
+@kernel((MESH_ARRAYS, _TABLE, numba.float64, VECTOR, MATRIX, MATRIX))
+def curved_midpoints(
+    mesh: MeshArrays, births: Indices, cosine: float, scratch: Floats, places: Points, normals: Vectors
+) -> None:
+    """Compute positions and normals of the new vertices of `births` (N, BIRTH_SIZE) on a smooth surface.
+
+    Soft edges bend with the normals at their ends, which stop at creases. Crease edges bend with the crease
+    and get a zero normal. Flat faces and straight creases stay exact. With a cosine of -1 only tagged edges
+    and boundaries are creases. `scratch` has seven entries.
+    """
+    if len(births):
+        scratch[6] = mesh.vert[births[0, BIRTH_HALFEDGE]]
+    for i in range(len(births)):
+        a, b, new = births[i, 0], births[i, 1], births[i, BIRTH_HALFEDGE]
+        h = incoming(mesh, new, a)
+        for k in range(3):
+            places[i, k] = 0.5 * (mesh.points[a, k] + mesh.points[b, k])
+            normals[i, k] = 0.0
+        if _is_hard(mesh, h, cosine):
+            _bend_crease(mesh, h, new, cosine, scratch, places, i)
+        else:
+            _bend_patch(mesh, h, new, cosine, scratch, places, normals, i)
+
+
+@kernel((MESH_ARRAYS, _TABLE, numba.int64, RING, MATRIX))
+def copy_rest_positions(mesh: MeshArrays, births: Indices, column: int, ring: Ring, rest: Points) -> None:
+    """Copy the rest positions, `column` on, of the rings of the new vertices' parents into `rest` (V, 3)."""
+    vert, attributes = mesh.vert, mesh.attributes
+    for i in range(len(births)):
+        new = births[i, BIRTH_HALFEDGE]
+        for spoke in (incoming(mesh, new, births[i, 0]), following(new)):
+            if not collect_ring(mesh, spoke, ring):
+                continue
+            for k in range(3):
+                rest[vert[spoke], k] = attributes[vert[spoke], column + k]
+            for j in range(ring.size[1]):
+                v = ring.vertex[j]
+                for k in range(3):
+                    rest[v, k] = attributes[v, column + k]

@@ -1,0 +1,218 @@
+"""Flip soft edges of changed faces where angles improve; creases and the shape of the surface stay (P36)."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from pipeline.arrays import Indices, Points
+from pipeline.kernels import kernel
+from pipeline.mesh.kernels.halfedge import (
+    INTS,
+    LEAN,
+    MATRIX,
+    MESH_ARRAYS,
+    MeshArrays,
+    after,
+    before,
+    following,
+    join,
+    preceding,
+)
+from pipeline.resample.kernels.limits import (
+    LIMITS,
+    Limits,
+    area_vector,
+    hard_cosine,
+    length_limits,
+    squared_length,
+)
+from pipeline.resample.kernels.rest_surface import rest_orientation
+from pipeline.resample.kernels.work_lists import CHANGES, FRESH, UNLISTED, Changes, enqueue, push, touch
+
+_GAIN = 0.1  # cot α + cot β must be below -_GAIN: a flip must be worth the change of the surface
+MAX_STACK = 128  # edges to test around one flip and those that follow from it; each flip adds four
+_FLAT = 0.94  # cosine of 20 degrees: the largest angle between the two faces before and after
+
+
+@kernel(numba.float64(MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
+def _corner_dot(points: Points, apex: int, a: int, b: int) -> float:
+    """Return the scalar product of a triangle's two sides at `apex`; negative where the angle is obtuse."""
+    i, j, k = np.uint64(apex), np.uint64(a), np.uint64(b)
+    x = (points[j, 0] - points[i, 0]) * (points[k, 0] - points[i, 0])
+    y = (points[j, 1] - points[i, 1]) * (points[k, 1] - points[i, 1])
+    z = (points[j, 2] - points[i, 2]) * (points[k, 2] - points[i, 2])
+    return float(x + y + z)
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.uint64, numba.int64), **LEAN)
+def _are_adjacent(mesh: MeshArrays, h: np.uint64, other: int) -> bool:
+    """Tell whether an edge joins the start c of h, a side of a triangle, with vertex `other` outside it.
+
+    The corners before and after c are known, so the walk around c begins beyond one and ends at the other.
+    """
+    vert, twin = mesh.vert, mesh.twin
+    a = vert[after(h)]
+    k = twin[before(h)]
+    while k >= 0:
+        back = before(np.uint64(k))
+        if vert[back] == other:
+            return True
+        if vert[back] == a:
+            return False
+        k = twin[back]
+    k = twin[h]  # the fan is open: walk its other side
+    while k >= 0:
+        onward = after(np.uint64(k))
+        if vert[after(onward)] == other:
+            return True
+        k = twin[onward]
+    return False
+
+
+@kernel(numba.boolean(numba.float64, numba.float64, numba.float64, numba.float64), **LEAN)
+def _turns_beyond(dot: float, cosine: float, m: float, n: float) -> bool:
+    """Tell whether vectors with squared lengths m and n enclose more than the acute angle of that cosine."""
+    return bool(dot < 0 or dot * dot < cosine * cosine * m * n)
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
+def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
+    """Tell whether the edge of h is soft, not Delaunay, and its other diagonal legal on the same surface."""
+    points, vert, twin = mesh.points, mesh.vert, mesh.twin
+    i = np.uint64(h)
+    k = np.uint64(twin[i])
+    a, b, c, d = vert[i], vert[after(i)], vert[before(i)], vert[before(k)]
+    at_c, at_d = _corner_dot(points, c, a, b), _corner_dot(points, d, a, b)
+    if (at_c >= 0 and at_d >= 0) or mesh.tagged[i]:
+        return False
+    mx, my, mz = area_vector(points, a, b, c)
+    nx, ny, nz = area_vector(points, b, a, d)
+    m, n = mx * mx + my * my + mz * mz, nx * nx + ny * ny + nz * nz
+    root_m, root_n = np.sqrt(m), np.sqrt(n)
+    if m == 0 or n == 0 or at_c * root_n + at_d * root_m > -_GAIN * root_m * root_n:
+        return False
+    if _turns_beyond(mx * nx + my * ny + mz * nz, max(_FLAT, hard_cosine(mesh, limits, a)), m, n):
+        return False
+    crossing, (max_squared, min_squared) = squared_length(points, c, d), length_limits(mesh, limits, c, d)
+    if crossing > max_squared or crossing < min_squared:
+        return False
+    px, py, pz = area_vector(points, a, d, c)
+    qx, qy, qz = area_vector(points, b, c, d)
+    sx, sy, sz = mx + nx, my + ny, mz + nz
+    p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
+    if _turns_beyond(px * sx + py * sy + pz * sz, _FLAT, p, s) or _turns_beyond(
+        qx * sx + qy * sy + qz * sz, _FLAT, q, s
+    ):
+        return False
+    if limits.rest_column >= 0:  # no face may turn over at rest
+        attributes = mesh.attributes
+        inwards = (rest_orientation(attributes, limits, a, d, c) <= 0) + (
+            rest_orientation(attributes, limits, b, c, d) <= 0
+        )
+        already = (rest_orientation(attributes, limits, a, b, c) <= 0) + (
+            rest_orientation(attributes, limits, b, a, d) <= 0
+        )
+        if inwards > already:
+            return False
+    return not _are_adjacent(mesh, before(i), d)
+
+
+@kernel((MESH_ARRAYS, numba.int64), **LEAN)
+def flip_edge(mesh: MeshArrays, h: int) -> None:
+    """Flip the edge of h: a→b between c and d becomes d→c. Half-edges c→a and d→b keep their places."""
+    vert, twin, tagged = mesh.vert, mesh.twin, mesh.tagged
+    back = twin[h]
+    i, j = np.uint64(h), np.uint64(back)
+    i1, j1 = after(i), after(j)
+    c, d = vert[after(i1)], vert[after(j1)]
+    beside, beyond = twin[j1], twin[i1]
+    vert[i1], vert[j1] = d, c
+    tagged[i], tagged[j] = tagged[j1], tagged[i1]
+    tagged[i1] = tagged[j1] = 0
+    join(twin, h, beside)
+    join(twin, back, beyond)
+    twin[i1], twin[j1] = j1, i1
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64), **LEAN)
+def _facing_obtuse(mesh: MeshArrays, f: int) -> int:
+    """Return the half-edge of face f opposite its obtuse corner; -1 where all corners are acute."""
+    points, vert = mesh.points, mesh.vert
+    h = 3 * f
+    i = np.uint64(h)
+    a, b, c = vert[i], vert[i + np.uint64(1)], vert[i + np.uint64(2)]
+    if _corner_dot(points, c, a, b) < 0:
+        return h
+    if _corner_dot(points, a, b, c) < 0:
+        return h + 1
+    return h + 2 if _corner_dot(points, b, c, a) < 0 else -1
+
+
+@kernel((MESH_ARRAYS, numba.int64, CHANGES), **LEAN)
+def _flip_and_touch(mesh: MeshArrays, h: int, changes: Changes) -> None:
+    """Flip the edge of h, touch its faces, and keep listed edges listed under their new half-edges."""
+    k = mesh.twin[h]
+    beside, beyond = following(k), following(h)
+    flip_edge(mesh, h)
+    touch(changes, h // 3)
+    touch(changes, k // 3)
+    if changes.edge_states[beside] != UNLISTED:
+        enqueue(changes, h)
+    if changes.edge_states[beyond] != UNLISTED:
+        enqueue(changes, k)
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, LIMITS, CHANGES, INTS), **LEAN)
+def _flip_from(mesh: MeshArrays, h: int, limits: Limits, changes: Changes, stack: Indices) -> int:
+    """Flip the edge of h if it should flip, then the four edges around, and so on; return the flips done.
+
+    On a curved surface flips might repeat for ever, so the walk ends when `stack` is full.
+    """
+    twin = mesh.twin
+    stack[0], stack[1] = 1, h
+    flips, at = 0, 1
+    while at <= stack[0]:
+        h = stack[np.uint64(at)]
+        k = twin[np.uint64(h)]
+        at += 1
+        if k >= 0 and should_flip(mesh, h, limits):
+            _flip_and_touch(mesh, h, changes)
+            flips += 1
+            push(stack, h)
+            push(stack, preceding(h))
+            push(stack, k)
+            push(stack, preceding(k))
+    return flips
+
+
+@kernel(numba.int64(MESH_ARRAYS, LIMITS, CHANGES, INTS, INTS), **LEAN)
+def flip_fresh(
+    mesh: MeshArrays, limits: Limits, changes: Changes, obtuse_edges: Indices, stack: Indices
+) -> int:
+    """Flip edges of `obtuse_edges` and of FRESH faces where they should flip, and then around each flip.
+
+    Only an edge opposite an obtuse corner can be worth a flip, and a face has at most one: each FRESH face
+    tests one edge, and its unchanged neighbours test theirs. Empties `obtuse_edges`; `stack` is scratch.
+    """
+    vert, twin, fresh, face_states = mesh.vert, mesh.twin, changes.fresh, changes.face_states
+    flips = 0
+    before = int(fresh[0])
+    for i in range(1, obtuse_edges[0] + 1):
+        if vert[obtuse_edges[i]] >= 0:
+            flips += _flip_from(mesh, obtuse_edges[i], limits, changes, stack)
+    obtuse_edges[0] = 0
+    for i in range(1, before + 1):
+        f = fresh[i]
+        if vert[np.uint64(3 * f)] < 0:
+            continue
+        for h in range(3 * f, 3 * f + 3):
+            k = twin[np.uint64(h)]
+            if k < 0 or face_states[np.uint64(k) // np.uint64(3)] == FRESH:
+                continue
+            if _facing_obtuse(mesh, k // 3) == k:
+                flips += _flip_from(mesh, k, limits, changes, stack)
+        h = _facing_obtuse(mesh, f)
+        if h >= 0:
+            flips += _flip_from(mesh, h, limits, changes, stack)
+    return flips

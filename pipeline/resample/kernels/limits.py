@@ -1,0 +1,84 @@
+"""Thresholds as kernels take them, and the measures that kernels compare with them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numba
+import numpy as np
+
+from pipeline.arrays import Points
+from pipeline.kernels import kernel
+from pipeline.mesh.kernels.halfedge import LEAN, MATRIX, MESH_ARRAYS, MeshArrays, after
+
+
+class Limits(NamedTuple):
+    """The thresholds of one frame.
+
+    The limit of an edge is the geometric mean of the limits at its two ends, which needs no root: kernels
+    compare squared lengths.
+    """
+
+    max_edge_length: float  # scene units; where limits vary, the largest of all
+    min_edge_length: float  # scene units; where limits vary, the smallest of all
+    hard_cosine: float  # cosine of hard_angle
+    merges_at_midpoint: bool = True  # two soft ends merge halfway, or else at one of them
+    field_column: int = (
+        -1
+    )  # in `MeshArrays.attributes`, where limits vary: max, min, cosine; -1 if they do not
+    longest_share: float = 1.0  # of a triangle's longest side in its summed squared sides; above it is obtuse
+    squared_slack: float = 1.0  # factor on the squared maximum for edges that a collapse makes
+    rest_column: int = -1  # in `MeshArrays.attributes`: position at rest; -1 if there is none
+    rest_normal_column: int = -1  # in `MeshArrays.attributes`: normal at rest; -1 if there is none
+
+
+_F, _I = numba.float64, numba.int64
+LIMITS = numba.types.NamedTuple([_F, _F, _F, numba.boolean, _I, _F, _F, _I, _I], Limits)
+_PAIR = numba.types.UniTuple(numba.float64, 2)
+_TRIPLE = numba.types.UniTuple(numba.float64, 3)
+
+
+@kernel(_PAIR(MESH_ARRAYS, LIMITS, numba.int64, numba.int64), **LEAN)
+def length_limits(mesh: MeshArrays, limits: Limits, a: int, b: int) -> tuple[float, float]:
+    """Return the largest and the smallest squared length that an edge between a and b may have."""
+    column, attributes = limits.field_column, mesh.attributes
+    if column < 0:
+        longest, shortest = limits.max_edge_length, limits.min_edge_length
+        return longest * longest, shortest * shortest
+    return attributes[a, column] * attributes[b, column], attributes[a, column + 1] * attributes[
+        b, column + 1
+    ]
+
+
+@kernel(numba.float64(MESH_ARRAYS, LIMITS, numba.int64), **LEAN)
+def hard_cosine(mesh: MeshArrays, limits: Limits, v: int) -> float:
+    """Return the cosine of the angle above which an edge at vertex v is hard."""
+    column = limits.field_column
+    return float(limits.hard_cosine if column < 0 else mesh.attributes[v, column + 2])
+
+
+@kernel(numba.float64(MATRIX, numba.int64, numba.int64), **LEAN)
+def squared_length(points: Points, a: int, b: int) -> float:
+    """Return the squared distance between two vertices."""
+    u, v = np.uint64(a), np.uint64(b)  # unsigned: a signed index costs a test for negative ones
+    x = points[u, 0] - points[v, 0]
+    y = points[u, 1] - points[v, 1]
+    z = points[u, 2] - points[v, 2]
+    return float(x * x + y * y + z * z)
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, LIMITS), **LEAN)
+def is_short(mesh: MeshArrays, h: int, limits: Limits) -> bool:
+    """Tell whether the edge of half-edge h is shorter than its minimum."""
+    k = np.uint64(h)
+    a, b = mesh.vert[k], mesh.vert[after(k)]
+    return bool(squared_length(mesh.points, a, b) < length_limits(mesh, limits, a, b)[1])
+
+
+@kernel(_TRIPLE(MATRIX, numba.int64, numba.int64, numba.int64), **LEAN)
+def area_vector(points: Points, a: int, b: int, c: int) -> tuple[float, float, float]:
+    """Return the normal of triangle abc, with twice its area as length."""
+    i, j, k = np.uint64(a), np.uint64(b), np.uint64(c)
+    ux, uy, uz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
+    vx, vy, vz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
+    return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx

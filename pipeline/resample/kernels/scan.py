@@ -1,0 +1,191 @@
+"""Find edges outside their limits and the range of edge lengths: of all faces once, then of changed ones.
+
+The first pass only flags faces with an edge outside its limits or a wide corner. It takes no branches and
+works in chunks of faces, which threads may share without influence on the result. Lengths are summarised by
+blocks of faces, so that a second look costs little more than the changed part of the surface.
+"""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from pipeline.arrays import Indices, Points
+from pipeline.kernels import kernel
+from pipeline.mesh.kernels.halfedge import INTS, LEAN, MATRIX, MESH_ARRAYS, MeshArrays, following
+from pipeline.resample.kernels.limits import LIMITS, Limits, length_limits, squared_length
+from pipeline.resample.kernels.work_lists import CHANGES, FRESH, UNCHANGED, Changes, enqueue, push
+
+BLOCK = 16
+CHUNK = 1 << 15  # faces; a multiple of BLOCK
+_PAIR = numba.types.UniTuple(numba.float64, 2)
+_TRIPLE = numba.types.UniTuple(numba.float64, 3)
+
+
+@kernel(_TRIPLE(MESH_ARRAYS, numba.int64), **LEAN)
+def _squared_sides(mesh: MeshArrays, f: int) -> tuple[float, float, float]:
+    """Return the squared lengths of the three edges of face f."""
+    points, vert = mesh.points, mesh.vert
+    h = np.uint64(3 * f)
+    a, b, c = vert[h], vert[h + np.uint64(1)], vert[h + np.uint64(2)]
+    return squared_length(points, a, b), squared_length(points, b, c), squared_length(points, c, a)
+
+
+@kernel(_PAIR(numba.float64, numba.float64, numba.float64), **LEAN)
+def _min_max(x: float, y: float, z: float) -> tuple[float, float]:
+    """Return the smallest and largest of three numbers without branches; `min` and `max` branch for nan."""
+    min_squared, max_squared = x if x < y else y, x if x > y else y
+    return z if z < min_squared else min_squared, z if z > max_squared else max_squared
+
+
+@kernel(_PAIR(numba.float64, numba.float64, numba.float64, numba.float64), **LEAN)
+def _widened(low: float, high: float, small: float, large: float) -> tuple[float, float]:
+    """Return the range low..high extended by small and large."""
+    return small if small < low else low, large if large > high else high
+
+
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64, LIMITS), **LEAN)
+def _is_outside(mesh: MeshArrays, h: int, length: float, limits: Limits) -> bool:
+    """Tell whether the edge of h, of that squared length, is outside its own limits."""
+    max_squared, min_squared = length_limits(mesh, limits, mesh.vert[h], mesh.vert[following(h)])
+    return bool((length > max_squared) | (length < min_squared))
+
+
+@kernel(numba.float64(MESH_ARRAYS, numba.int64, numba.int64, LIMITS, INTS, INTS, MATRIX), **LEAN)
+def _flag_chunk(
+    mesh: MeshArrays,
+    chunk: int,
+    faces: int,
+    limits: Limits,
+    flagged: Indices,
+    counts: Indices,
+    block_ranges: Points,
+) -> float:
+    """Run `flag_faces` on one chunk."""
+    max_squared = limits.max_edge_length * limits.max_edge_length
+    min_squared = limits.min_edge_length * limits.min_edge_length
+    longest_share, varies = limits.longest_share, limits.field_column >= 0
+    first, last = CHUNK * chunk, min(CHUNK * (chunk + 1), faces)
+    start = first + chunk  # each chunk has a spare entry: the next one is written before it counts
+    found, total = 0, 0.0
+    for block in range(first // BLOCK, -(-last // BLOCK)):
+        low, high = np.inf, 0.0
+        for f in range(BLOCK * block, min(BLOCK * (block + 1), last)):
+            ab, bc, ca = _squared_sides(mesh, f)
+            small, large = _min_max(ab, bc, ca)
+            total_squared = ab + bc + ca
+            total += total_squared
+            out = (large > max_squared) | (small < min_squared)
+            if varies:
+                out = _is_outside(mesh, 3 * f, ab, limits) | _is_outside(mesh, 3 * f + 1, bc, limits)
+                out |= _is_outside(mesh, 3 * f + 2, ca, limits)
+            flagged[np.uint64(start + found)] = f
+            found += out | (large > longest_share * total_squared)
+            low, high = _widened(low, high, np.inf if out else small, 0.0 if out else large)
+        block_ranges[block, 0], block_ranges[block, 1] = low, high
+    counts[chunk] = found
+    return total
+
+
+@kernel(numba.float64(MESH_ARRAYS, numba.int64, LIMITS, INTS, INTS, MATRIX))
+def flag_faces(
+    mesh: MeshArrays, faces: int, limits: Limits, flagged: Indices, counts: Indices, block_ranges: Points
+) -> float:
+    """Flag faces with an edge outside its limits or a corner much wider than a right angle.
+
+    Returns a sum that is finite if all lengths are. Chunk c writes its `counts[c]` faces into `flagged` from
+    (CHUNK + 1) c on. `block_ranges` (blocks, 2) receives the smallest and largest squared length of each
+    block, over the faces within limits. No face may be removed.
+    """
+    total = 0.0
+    for chunk in range(len(counts)):
+        total += _flag_chunk(mesh, chunk, faces, limits, flagged, counts, block_ranges)
+    return total
+
+
+@kernel(numba.float64(MESH_ARRAYS, numba.int64, LIMITS, INTS, INTS, MATRIX), parallel=True)
+def flag_faces_parallel(
+    mesh: MeshArrays, faces: int, limits: Limits, flagged: Indices, counts: Indices, block_ranges: Points
+) -> float:
+    """Run `flag_faces` on several threads."""
+    totals = np.empty(len(counts))
+    for chunk in numba.prange(len(counts)):
+        totals[chunk] = _flag_chunk(mesh, chunk, faces, limits, flagged, counts, block_ranges)
+    return float(totals.sum())
+
+
+@kernel((MESH_ARRAYS, LIMITS, INTS, INTS, INTS, INTS, CHANGES))
+def list_flagged_edges(
+    mesh: MeshArrays,
+    limits: Limits,
+    flagged: Indices,
+    counts: Indices,
+    long_edges: Indices,
+    obtuse_edges: Indices,
+    changes: Changes,
+) -> None:
+    """List each edge of the flagged faces outside its limits once, and the edges opposite wide corners."""
+    vert, twin = mesh.vert, mesh.twin
+    for chunk in range(len(counts)):
+        start = (CHUNK + 1) * chunk
+        for i in range(start, start + counts[chunk]):
+            f = flagged[i]
+            ab, bc, ca = _squared_sides(mesh, f)
+            large = max(ab, bc, ca)
+            if large > limits.longest_share * (ab + bc + ca):
+                push(obtuse_edges, 3 * f if large == ab else (3 * f + 1 if large == bc else 3 * f + 2))
+            for h in range(3 * f, 3 * f + 3):
+                length = ab if h == 3 * f else (bc if h == 3 * f + 1 else ca)
+                max_squared, min_squared = length_limits(mesh, limits, vert[h], vert[following(h)])
+                if (length > max_squared or length < min_squared) and twin[h] < h:
+                    if length > max_squared:
+                        push(long_edges, h)
+                    else:
+                        enqueue(changes, h)
+
+
+@kernel((MESH_ARRAYS, LIMITS, CHANGES, INTS))
+def list_long_edges(mesh: MeshArrays, limits: Limits, changes: Changes, long_edges: Indices) -> None:
+    """List the edges of FRESH faces that are too long, each once."""
+    vert, twin, fresh = mesh.vert, mesh.twin, changes.fresh
+    for i in range(1, fresh[0] + 1):
+        if vert[3 * fresh[i]] < 0:
+            continue
+        for h in range(3 * fresh[i], 3 * fresh[i] + 3):
+            a, b = vert[h], vert[following(h)]
+            first = twin[h] < h or changes.face_states[twin[h] // 3] != FRESH
+            if first and squared_length(mesh.points, a, b) > length_limits(mesh, limits, a, b)[0]:
+                push(long_edges, h)
+
+
+@kernel(_PAIR(MESH_ARRAYS, INTS, numba.int64, numba.int64), **LEAN)
+def _listed_range(mesh: MeshArrays, listed: Indices, first: int, last: int) -> tuple[float, float]:
+    """Return the smallest and largest squared length over the faces listed from `first` to before `last`."""
+    low, high = np.inf, 0.0
+    for i in range(first, last):
+        if mesh.vert[3 * listed[i]] >= 0:
+            low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, listed[i])))
+    return low, high
+
+
+@kernel(_PAIR(MESH_ARRAYS, numba.int64, CHANGES, MATRIX))
+def length_range(mesh: MeshArrays, faces: int, changes: Changes, block_ranges: Points) -> tuple[float, float]:
+    """Return the smallest and largest squared length now, before the arrays are compacted.
+
+    Measures the changed faces and those of `short_edges`, which `flag_faces` left out of its ranges, and of
+    the other faces only blocks that reach beyond the range so far. `faces` is their number before the pass.
+    """
+    low, high = _listed_range(mesh, changes.changed, 1, changes.changed[0] + 1)
+    for i in range(1, changes.short_edges[0] + 1):
+        h = changes.short_edges[i]
+        low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, h // 3)))
+        back = mesh.twin[h]
+        if back >= 0:
+            low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, back // 3)))
+    for block in range(len(block_ranges)):
+        if block_ranges[block, 0] >= low and block_ranges[block, 1] <= high:
+            continue
+        for f in range(BLOCK * block, min(BLOCK * (block + 1), faces)):
+            if changes.face_states[f] == UNCHANGED:
+                low, high = _widened(low, high, *_min_max(*_squared_sides(mesh, f)))
+    return low, high

@@ -1,0 +1,145 @@
+"""Split long edges with their two faces (Figure D of the paper; P8, P24, P25)."""
+
+from __future__ import annotations
+
+import numba
+import numpy as np
+
+from pipeline.arrays import Indices
+from pipeline.kernels import kernel
+from pipeline.mesh.kernels.halfedge import (
+    INTS,
+    LEAN,
+    MESH_ARRAYS,
+    MeshArrays,
+    following,
+    join,
+    preceding,
+)
+from pipeline.resample.kernels.limits import LIMITS, Limits, length_limits, squared_length
+from pipeline.resample.kernels.work_lists import CHANGES, Changes, classify_edge, push, touch
+
+BIRTH_HALFEDGE = 2  # index of the half-edge that leaves the new vertex
+BIRTH_SIZE = 3  # numbers recorded for each new vertex: parents a and b, half-edge vertex→b
+_CLASSES = 4
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.int64), **LEAN)
+def _split_face(mesh: MeshArrays, h: int, middle: int, face: int) -> None:
+    """Cut the face of h: a→b along the line from `middle` to its third corner c.
+
+    `face` becomes (middle, b, c). Half-edge b→c moves to the new face; its old place holds the line from
+    `middle` to c.
+    """
+    vert, twin, tagged = mesh.vert, mesh.twin, mesh.tagged
+    onward, new = following(h), 3 * face
+    tagged[new], tagged[new + 1], tagged[new + 2] = tagged[h], tagged[onward], 0
+    tagged[onward] = 0
+    vert[new], vert[new + 1], vert[new + 2] = middle, vert[onward], vert[preceding(h)]
+    vert[onward] = middle
+    join(twin, new + 1, twin[onward])
+    join(twin, onward, new + 2)
+
+
+@kernel(numba.int64(MESH_ARRAYS, numba.int64, numba.int64, numba.int64), **LEAN)
+def split_edge(mesh: MeshArrays, h: int, middle: int, faces: int) -> int:
+    """Insert vertex `middle` into the edge of h and cut its faces; return the new number of faces."""
+    twin = mesh.twin
+    back, new = twin[h], 3 * faces
+    _split_face(mesh, h, middle, faces)
+    if back < 0:
+        twin[new] = -1
+        return faces + 1
+    _split_face(mesh, back, middle, faces + 1)
+    join(twin, h, new + 3)
+    join(twin, back, new)
+    return faces + 2
+
+
+@kernel((MESH_ARRAYS, numba.int64, numba.int64, numba.int64), **LEAN)
+def _interpolate(mesh: MeshArrays, middle: int, a: int, b: int) -> None:
+    """Set position and attributes of vertex `middle` from its parents a and b."""
+    points, attributes, blends = mesh.points, mesh.attributes, mesh.blends
+    for k in range(3):
+        points[middle, k] = 0.5 * (points[a, k] + points[b, k])
+    for k in range(attributes.shape[1]):
+        attributes[middle, k] = (
+            0.5 * (attributes[a, k] + attributes[b, k]) if blends[k] > 0 else attributes[a, k]
+        )
+
+
+@kernel(INTS(MESH_ARRAYS, INTS, LIMITS, INTS))
+def longest_edges_first(mesh: MeshArrays, long_edges: Indices, limits: Limits, remaining: Indices) -> Indices:
+    """Return the edges of this pass, longest first in a few classes; edges below 1/√2 of the longest wait.
+
+    No new edge is longer than √(1 - 1/8) of the longest one, so splitting ends, and thin triangles are cut
+    across rather than along.
+    """
+    excess = np.empty(long_edges[0])  # squared length over the square of the longest allowed
+    longest = 0.0
+    for i in range(long_edges[0]):
+        a, b = mesh.vert[long_edges[i + 1]], mesh.vert[following(long_edges[i + 1])]
+        excess[i] = squared_length(mesh.points, a, b) / length_limits(mesh, limits, a, b)[0]
+        longest = max(longest, excess[i])
+    bar = max(1.0, 0.5 * longest)
+    start = np.zeros(_CLASSES + 1, np.int32)
+    rank = np.empty(long_edges[0], np.int32)
+    for i in range(long_edges[0]):
+        rank[i] = -1
+        if excess[i] > bar:
+            rank[i] = max(0, min(_CLASSES - 1, int((2.0 - excess[i] / bar) * _CLASSES)))
+            start[rank[i] + 1] += 1
+        elif excess[i] > 1.0:
+            push(remaining, long_edges[i + 1])
+    for c in range(_CLASSES):
+        start[c + 1] += start[c]
+    order = np.empty(start[_CLASSES], np.int32)
+    for i in range(long_edges[0]):
+        if rank[i] >= 0:
+            order[start[rank[i]]] = long_edges[i + 1]
+            start[rank[i]] += 1
+    return order
+
+
+@kernel((MESH_ARRAYS, numba.int64[::1], LIMITS, INTS, INTS, INTS, CHANGES), **LEAN)
+def split_edges(
+    mesh: MeshArrays,
+    sizes: Indices,
+    limits: Limits,
+    order: Indices,
+    remaining: Indices,
+    births: Indices,
+    changes: Changes,
+) -> None:
+    """Split the edges of `order` that are long, each once; edges that are long afterwards go to `remaining`.
+
+    New vertices lie at the midpoints of their parents. `births` records three numbers for each, so that a
+    placement can move all of them before the next pass: its parents a and b, and the half-edge vertex→b. The
+    arrays must have room for as many vertices, and twice as many faces, as `order` has entries.
+    """
+    vert, twin = mesh.vert, mesh.twin
+    fresh = sizes[0]
+    for h in order:
+        a, b = vert[h], vert[following(h)]
+        if (
+            a >= fresh
+            or b >= fresh
+            or squared_length(mesh.points, a, b) <= length_limits(mesh, limits, a, b)[0]
+        ):
+            continue
+        middle, first = sizes[0], sizes[1]
+        back = twin[h]
+        _interpolate(mesh, middle, a, b)
+        sizes[0] = middle + 1
+        sizes[1] = split_edge(mesh, h, middle, first)
+        push(births, a)
+        push(births, b)
+        push(births, 3 * first)
+        classify_edge(mesh, h, limits, remaining, changes)
+        for g in range(first, sizes[1]):
+            touch(changes, g)
+            for i in range(3):
+                classify_edge(mesh, 3 * g + i, limits, remaining, changes)
+        touch(changes, h // 3)
+        if back >= 0:
+            touch(changes, back // 3)

@@ -1,0 +1,155 @@
+"""PolyhedronEditor: operations on a polyhedron that keep its limits, attributes and normals up to date."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.errors import FrameError
+from pipeline.resample.polyhedra.geometry import between, difference, dot, newell, norm
+from pipeline.resample.polyhedra.length_limits import LengthLimits
+from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Point, Polyhedron
+
+
+class Inheritance(NamedTuple):
+    """A vertex takes its attributes from the point at `share` between vertices a and b."""
+
+    vertex: int
+    a: int
+    b: int
+    share: float
+
+
+def inherited(
+    attributes: Mapping[str, AnyArray], inheritance: Sequence[Inheritance], kept: AnyArray
+) -> dict[str, AnyArray]:
+    """Return the attributes after a frame for the vertices `kept`, by applying the inheritances in order.
+
+    Floating-point numbers mix; integers and flags are those of the nearer parent, `a` on a tie.
+    """
+    after = {}
+    for name, values in attributes.items():
+        rows = np.zeros(
+            (max([len(values), *(step.vertex + 1 for step in inheritance)]), *values.shape[1:]), values.dtype
+        )
+        rows[: len(values)] = values
+        if values.dtype.kind == "f":
+            for vertex, a, b, share in inheritance:
+                rows[vertex] = rows[a] + (rows[b] - rows[a]) * share if share < 1 else rows[b]
+        else:
+            for vertex, a, b, share in inheritance:
+                rows[vertex] = rows[b] if share > 0.5 else rows[a]
+        after[name] = rows[kept]
+    return after
+
+
+class PolyhedronEditor:
+    """A polyhedron under change, its limits, and the history of its vertices in this frame.
+
+    inheritance   in order of events: the sources of the attributes of new and merged vertices
+    splits, cuts, collapses   operations done
+    """
+
+    def __init__(self, surface: Polyhedron, limits: LengthLimits) -> None:
+        self.surface, self.limits = surface, limits
+        self.inheritance: list[Inheritance] = []
+        self.splits = self.cuts = self.collapses = 0
+        self._normals: dict[int, Point] = {}
+
+    def split(self, h: int, shares: Sequence[float]) -> list[int]:
+        """Insert vertices into the edge of h, at these shares of its length from its origin, in order.
+
+        Raises FrameError where the vertices would exceed the budget.
+        """
+        self.keep_to_budget(len(shares))
+        surface = self.surface
+        a, b = surface.origin[h], surface.origin[h ^ 1]
+        start, end = surface.points[a], surface.points[b]
+        made = surface.split_edge(h, [between(start, end, share) for share in shares])
+        for vertex, share in zip(made, shares, strict=True):
+            self.inheritance.append(Inheritance(vertex, a, b, share))
+            self.limits.add(a, b, share)
+        self.splits += len(made)
+        return made
+
+    def keep_to_budget(self, more: float) -> None:
+        """Raise FrameError if that many more vertices would exceed the budget."""
+        now, budget = len(self.surface.points), self.limits.max_vertices
+        if now + more > budget:
+            raise FrameError(
+                f"{now} vertices and {more:.0f} more on one edge or face exceed the budget of {budget} "
+                "vertices; raise max_vertices or max_edge_length"
+            )
+
+    def cut(self, h: int, k: int) -> int:
+        """Join the origins of h and k across their face; return the half-edge between them.
+
+        If an edge joins them elsewhere, the new edge gets a vertex in its middle: no two edges of a
+        polyhedron join the same two vertices.
+        """
+        surface = self.surface
+        doubled = surface.joined(surface.origin[h], surface.origin[k])
+        self._normals.pop(surface.face[h], None)
+        chord = surface.cut_face(h, k)
+        self.cuts += 1
+        if doubled:
+            self.split(chord, [0.5])
+        return chord
+
+    def collapse(self, h: int, share: float) -> int:
+        """Merge the ends of h at that share of its length from its origin; return the merged vertex."""
+        surface = self.surface
+        a, b = surface.origin[h], surface.origin[h ^ 1]
+        for v in (a, b):
+            for one in surface.star(v):
+                self._normals.pop(surface.face[one], None)
+        self.collapses += 1
+        place = self.place(h, share)
+        if share > 0:
+            self.inheritance.append(Inheritance(a, a, b, share))
+            self.limits.merge(a, b, share)
+        return surface.collapse_edge(h, place)
+
+    def place(self, h: int, share: float) -> Point:
+        """Return a point on the edge of h; its ends exactly."""
+        start = self.surface.points[self.surface.origin[h]]
+        end = self.surface.points[self.surface.origin[h ^ 1]]
+        if share in (0.0, 1.0):
+            return end if share else start
+        return between(start, end, share)
+
+    def length(self, h: int) -> float:
+        """Return the length of the edge of h, scene units."""
+        surface = self.surface
+        return norm(difference(surface.points[surface.origin[h]], surface.points[surface.origin[h ^ 1]]))
+
+    def is_too_long(self, h: int) -> bool:
+        surface = self.surface
+        return self.length(h) > self.limits.max_edge_length(surface.origin[h], surface.origin[h ^ 1])
+
+    def is_too_short(self, h: int) -> bool:
+        surface = self.surface
+        return self.length(h) < self.limits.min_edge_length(surface.origin[h], surface.origin[h ^ 1])
+
+    def normal(self, f: int) -> Point:
+        """Return the Newell vector of a face, twice as long as its area."""
+        known = self._normals.get(f)
+        if known is None:
+            known = self._normals[f] = newell(self.surface.corners(f))
+        return known
+
+    def is_hard(self, h: int) -> bool:
+        """Tell whether an edge is tagged, on a boundary, or bent by more than the hard angle.
+
+        A face without area does not count (P29, P31).
+        """
+        surface = self.surface
+        f, g = surface.face[h], surface.face[h ^ 1]
+        if surface.crease[h >> 1] or f == OUTSIDE or g == OUTSIDE:
+            return True
+        one, two = self.normal(f), self.normal(g)
+        cosine = self.limits.hard_cosine(surface.origin[h], surface.origin[h ^ 1])
+        return dot(one, two) < cosine * norm(one) * norm(two)

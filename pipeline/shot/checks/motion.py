@@ -1,0 +1,149 @@
+"""Checks of flows, their integration and the thresholds of resampling."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any, TypeGuard
+
+from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
+from pipeline.shot.documents.fields import is_number
+from pipeline.shot.documents.flow_catalogue import DOCUMENTS
+from pipeline.shot.yaml.source import Problem, Where, YamlSource
+
+AXIAL = {
+    name: {p.name: p.default_in_file for p in document.parameters}
+    for name, document in DOCUMENTS.items()
+    if {"axis", "direction"} <= document.model_fields.keys()
+}
+"""The flows with a direction across their axis, and the defaults of their parameters."""
+
+AXES = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0)}
+
+THRESHOLDS = ("max_edge_length", "min_edge_length", "hard_angle")
+BOUNDED = ("curvature", "camera")
+
+
+def directions(source: YamlSource) -> Iterator[Problem]:
+    """Check that axes have a direction, and that flows with a direction have it across their axis."""
+    for where, mapping in source.mappings():
+        for name in ("axis", "direction", "normal"):
+            value = mapping.get(name)
+            if _is_triple(value) and math.hypot(*value) < 1e-12:
+                yield (*where, name), f"{name} {value} has no direction. Write x, y, z or a vector."
+        flow = where[-1] if where else None
+        if flow in AXIAL:
+            axis, direction = (_vector(mapping.get(p, AXIAL[flow][p])) for p in ("axis", "direction"))
+            if axis and direction and _are_parallel(axis, direction):
+                does = "slides" if flow == "shear" else "is turned"
+                yield (
+                    where,
+                    f"{flow} {does} along its own axis; direction must lie across axis. Turn one of them.",
+                )
+
+
+def _vector(value: Any) -> tuple[float, ...] | None:
+    if _is_triple(value):
+        return tuple(value)
+    return AXES.get(value) if isinstance(value, str) else None
+
+
+def _is_triple(value: Any) -> TypeGuard[list[float]]:
+    return isinstance(value, list) and len(value) == 3 and all(is_number(x) for x in value)
+
+
+def _are_parallel(a: tuple[float, ...], b: tuple[float, ...]) -> bool:
+    """True if two vectors are parallel, or one is 0."""
+    cross = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    return math.hypot(*cross) <= 1e-9 * math.hypot(*a) * math.hypot(*b)
+
+
+def tolerance(source: YamlSource) -> Iterator[Problem]:
+    """Check that a tolerance stands beside the integrator that estimates errors."""
+    if source.get("tolerance") is not None and source.get("integrator") != "adaptive":
+        yield (
+            ("tolerance",),
+            "tolerance is for the error that integrator: adaptive estimates, and rk4 estimates none. "
+            "Write integrator: adaptive, or take it out.",
+        )
+
+
+def ratio(source: YamlSource) -> Iterator[Problem]:
+    """Check P13: with a minimum of half the maximum or more, splitting and collapsing undo each other."""
+    longest, at_longest = _extreme(source, "max_edge_length", min)
+    shortest, at_shortest = _extreme(source, "min_edge_length", max)
+    if longest is None or shortest is None or longest <= 0:
+        return
+    both_change = len(at_longest) > 2 and len(at_shortest) > 2
+    if both_change or shortest < HIGHEST_RATIO * longest:
+        return  # lengths that both change are checked at each frame
+    yield (
+        at_shortest if len(at_shortest) > 2 else at_longest if len(at_longest) > 2 else at_shortest,
+        f"min_edge_length {shortest:g} is {shortest / longest:.0%} of max_edge_length {longest:g}; "
+        f"it must be below 50% (P13), or splitting and collapsing undo each other. "
+        f"Try {DEFAULT_RATIO * longest:.3g}.",
+    )
+
+
+def bounds(source: YamlSource) -> Iterator[Problem]:
+    """Check that the finest edge is no longer than the coarsest."""
+    for name in THRESHOLDS:
+        for kind in BOUNDED:
+            where: Where = ("resample", name, kind)
+            finest, coarsest = source.get(*where, "finest"), source.get(*where, "coarsest")
+            if is_number(finest) and is_number(coarsest) and finest > coarsest > 0:
+                yield (
+                    (*where, "finest"),
+                    f"finest {finest:g} is longer than coarsest {coarsest:g}; it must not be. Exchange them.",
+                )
+
+
+def splits(source: YamlSource) -> Iterator[Problem]:
+    """Check that faces are split in four with chord placement only, at the middles of their edges."""
+    placement = source.get("resample", "placement")
+    polyhedra = source.get("resample", "method") == "polyhedra"
+    if source.get("resample", "splits") != "faces" or polyhedra or placement == "chord":
+        return
+    actual = "by default placement is exact" if placement is None else f"placement is {placement}"
+    yield (
+        ("resample", "splits"),
+        f"splits: faces puts new vertices in the middle of their edges, and {actual}. "
+        "Write placement: chord, or leave splits out.",
+    )
+
+
+def resample(source: YamlSource) -> Iterator[Problem]:
+    """Check that surfaces have the entry `resample`, and points have not."""
+    subject = source.get("subject")
+    kind = next((kind for kind in ("cloud", "net") if isinstance(subject, dict) and kind in subject), None)
+    written = source.get("resample")
+    if kind is None and isinstance(source.data, dict) and "resample" not in source.data:
+        yield (), "resample is missing; it has no default. Add `resample: …`."
+    elif kind is not None and written not in (None, "off"):
+        fact = "points of a cloud have no edges" if kind == "cloud" else "the points of a net keep their rows"
+        yield ("resample",), f"{fact}, and are not resampled. Write resample: off, or leave it out."
+
+
+def _extreme(source: YamlSource, name: str, of: Any) -> tuple[float | None, Where]:
+    """Return the least or greatest value of a threshold, if the file shows it, and its place."""
+    value, where = source.get("resample", name), ("resample", name)
+    if is_number(value):
+        return value, where
+    if not isinstance(value, dict):
+        return None, where
+    if isinstance(value.get("keys"), dict):
+        inner = {
+            key: item["value"] if isinstance(item, dict) and "value" in item else item
+            for key, item in value["keys"].items()
+        }
+        numbers = {key: item for key, item in inner.items() if is_number(item)}
+        if not numbers:
+            return None, where
+        key = of(numbers, key=numbers.__getitem__)
+        return numbers[key], (*where, "keys", key)
+    bound = "finest" if of is min else "coarsest"
+    for kind in BOUNDED:
+        limit = source.get(*where, kind, bound)
+        if is_number(limit):
+            return limit, (*where, kind, bound)
+    return None, where

@@ -1,0 +1,114 @@
+"""Checks of look, camera, lights and qualities."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+from pipeline.errors import suggestion
+from pipeline.shot.documents.fields import is_number
+from pipeline.shot.documents.lights_and_stage import ENVIRONMENTS
+from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from render.scene.lights import LIGHTS
+from render.scene.look import LOOKS
+from render.scene.quality import FEWEST_ADAPTIVE, QUALITIES
+
+ALTERNATIVES = (
+    ("focal_length", "field_of_view"),
+    ("dolly", "distance"),
+    *(("position", name) for name in ("azimuth", "elevation", "orbit", "distance", "dolly")),
+)
+"""Settings of a camera that exclude each other."""
+
+_IS_OPEN = (
+    "is for closed surfaces, and a sheet is open. Take a thin box, or a look that light does not go through."
+)
+
+
+def clear_look(source: YamlSource) -> Iterator[Problem]:
+    """Check that light does not enter a sheet, which is open and has no inside."""
+    subject, look = source.get("subject"), source.get("look")
+    name = look.get("material") if isinstance(look, dict) else look
+    if not (isinstance(subject, dict) and subject.get("solid") == "sheet"):
+        return
+    if isinstance(name, str) and name in LOOKS and LOOKS[name].is_clear:
+        yield ("look",), f"look {name} {_IS_OPEN}"
+    clear = _clear_bsdfs(source.get("look", "bsdf"), ("look", "bsdf"))
+    yield from ((where, f"a {kind} {_IS_OPEN}") for where, kind in clear)
+
+
+def _clear_bsdfs(bsdf: Any, where: Where) -> Iterator[tuple[Where, str]]:
+    """Yield place and type of the materials within a material that light enters."""
+    if isinstance(bsdf, dict):
+        if bsdf.get("type") in ("dielectric", "roughdielectric"):
+            yield (*where, "type"), bsdf["type"]
+        for name, part in bsdf.items():
+            yield from _clear_bsdfs(part, (*where, name))
+
+
+def measurable(source: YamlSource) -> Iterator[Problem]:
+    """Check that a cloud shows its speed: stretch and area are of triangles."""
+    subject, look = source.get("subject"), source.get("look")
+    if not (isinstance(subject, dict) and "cloud" in subject):
+        return
+    measure = source.get("look", "measure")
+    name = look.get("material") if isinstance(look, dict) else look
+    default = LOOKS[name].measure if isinstance(name, str) and name in LOOKS else None
+    of = next(iter(measure), None) if isinstance(measure, dict) else default.of if default else None
+    if of in ("stretch", "area"):
+        yield (
+            ("look", "measure") if measure else ("look",),
+            f"look shows {of}, which triangles have, and a cloud has none. Take speed.",
+        )
+
+
+def camera(source: YamlSource) -> Iterator[Problem]:
+    """Check that a camera has no two settings that exclude each other."""
+    written = source.get("camera")
+    if not isinstance(written, dict):
+        return
+    given = [name for name, value in written.items() if value is not None]
+    for one, other in ALTERNATIVES:
+        if one in given and other in given:
+            yield (
+                ("camera", one),
+                f"{one} and {other} set the same thing in two ways; a camera has one of them. Take one out, "
+                f"or, if {other} is inherited, write `{other}:` with nothing after it.",
+            )
+
+
+def dimmed(source: YamlSource) -> Iterator[Problem]:
+    """Check that the lights whose intensity is set are there."""
+    lights, intensities = source.get("lights"), source.get("lights", "intensity")
+    if not (isinstance(lights, dict) and isinstance(intensities, dict)):
+        return
+    names = _light_names(lights)
+    for name in intensities if names else ():
+        if name not in names:
+            yield ("lights", "intensity", name), f"{name} is no light here. {suggestion(str(name), names)}"
+
+
+def _light_names(lights: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the names that `intensity` can have; none for an unknown rig."""
+    written = any(lights.get(name) is not None for name in ("softboxes", *ENVIRONMENTS))
+    rig = lights.get("rig") or (None if written else "studio")
+    if rig is None:
+        return ("sun", "sky") if lights.get("sun") is not None else ("sky",)
+    if rig not in LIGHTS:
+        return ()
+    names = LIGHTS[rig].names
+    return (*names, "sun") if lights.get("sun") is not None and "sun" not in names else names
+
+
+def noise_threshold(source: YamlSource) -> Iterator[Problem]:
+    """Check that a quality with a noise threshold has enough samples to stop at fewer."""
+    for name, quality in QUALITIES.items():
+        place = ("quality", name, "noise_threshold")
+        samples = source.get("quality", name, "samples")
+        samples = quality.samples if samples is None else samples
+        if is_number(source.get(*place)) and is_number(samples) and samples < FEWEST_ADAPTIVE:
+            yield (
+                place,
+                f"{name} takes {samples} samples, too few to stop earlier; noise_threshold needs "
+                f"{FEWEST_ADAPTIVE} or more. Write samples: 256 beside it.",
+            )

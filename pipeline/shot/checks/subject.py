@@ -1,0 +1,167 @@
+"""Checks of the subject: measures of solids, files, and the points of clouds and nets."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import MeshError, MissingInputError, UsageError, suggestion
+from pipeline.mesh.control_net import LEAST, Lattice
+from pipeline.mesh.io.points import read_net, read_points
+from pipeline.shot.documents.fields import LARGEST, is_number
+from pipeline.shot.documents.subject import net_form
+from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
+from pipeline.shot.subject import SOLIDS, Measure, Solid
+from pipeline.shot.yaml.lookup import digest_of_file, is_there
+from pipeline.shot.yaml.parse_context import missing_file
+from pipeline.shot.yaml.source import Problem, Where, YamlSource
+
+MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
+
+_SETTINGS = {
+    "cloud": {"a file": ("scale",), "a solid": ("count", "fill", "seed")},
+    "net": {
+        "a file": ("columns", "closed", "scale"),
+        "rows": ("closed",),
+        "a solid": ("rows", "columns"),
+    },
+}
+"""Settings of a cloud or net by what it is made from."""
+
+
+def files(source: YamlSource) -> Iterator[Problem]:
+    """Check that the subject's file is there and readable. These problems are missing inputs."""
+    for kind in ("model", "cloud", "net"):
+        name = source.get("subject", kind)
+        if not isinstance(name, str):
+            continue
+        path = source.path.parent / name
+        if not is_there(path):
+            yield ("subject", kind), missing_file(name, path, f"{kind} file")
+            continue
+        try:
+            digest_of_file(path)
+        except MissingInputError as error:
+            yield ("subject", kind), str(error)
+
+
+def solid(source: YamlSource) -> Iterator[Problem]:
+    """Check the measures of solids: the subject, what a cloud fills, and the shape of a net."""
+    for where, kinds in (("subject",), SOLIDS), (("subject", "cloud"), SOLIDS), (("subject", "net"), NETS):
+        given = source.get(*where)
+        name = given.get("solid") if isinstance(given, dict) else None
+        if isinstance(name, str) and name in kinds:
+            yield from _measures(where, name, kinds[name].measures, given)
+
+
+def _measures(
+    where: Where, name: str, measures: Mapping[str, Measure], given: dict[str, Any]
+) -> Iterator[Problem]:
+    unknown = [m for m in given if m in MEASURES and m not in measures]
+    yield from (((*where, m), f"{m} is no measure of a {name}. {suggestion(m, measures)}") for m in unknown)
+    size = given.get("size")
+    if isinstance(size, list) and "size" in measures and len(size) != np.size(measures["size"]):
+        wanted = np.size(measures["size"])
+        yield (
+            (*where, "size"),
+            f"size of a {name} has {wanted} numbers, not {len(size)}. Write all of them.",
+        )
+    elif not unknown:
+        yield from _contradictions(where, name, {m: given[m] for m in measures if m in given})
+
+
+def _contradictions(where: Where, name: str, given: dict[str, Any]) -> Iterator[Problem]:
+    """Check that measures are consistent, by building the coarsest mesh of them."""
+    parts = [part for value in given.values() for part in (value if isinstance(value, list) else [value])]
+    if not all(isinstance(part, str) or (is_number(part) and 0 < part <= LARGEST) for part in parts):
+        return
+    try:
+        if where[-1] == "net":
+            NetOfSolid.of(name, given).build()
+        else:
+            Solid.of(name, given).build(100 * LARGEST)
+    except UsageError as error:
+        yield where, f"{error}"
+
+
+def points(source: YamlSource) -> Iterator[Problem]:
+    """Check the settings and the points of a cloud or net."""
+    for kind in _SETTINGS:
+        written = source.get("subject", kind)
+        if isinstance(written, str | list | dict) and net_form(written) in _SETTINGS[kind]:
+            yield from _foreign_settings(source, kind, net_form(written))
+            yield from _bad_points(source, kind, written)
+
+
+def _foreign_settings(source: YamlSource, kind: str, made_from: str) -> Iterator[Problem]:
+    every = {name for names in _SETTINGS[kind].values() for name in names}
+    for name in sorted(every - set(_SETTINGS[kind][made_from])):
+        if source.get("subject", name) is not None:
+            owners = [form for form, names in _SETTINGS[kind].items() if name in names]
+            yield (
+                ("subject", name),
+                f"{name} is for a {kind} of {' or '.join(owners)}; this is one of {made_from}. Leave it out.",
+            )
+
+
+def _bad_points(source: YamlSource, kind: str, written: Any) -> Iterator[Problem]:
+    """Check the points themselves; `files` reports missing files."""
+    where = ("subject", kind)
+    try:
+        if isinstance(written, str):
+            path = source.path.parent / written
+            if is_there(path):
+                _require_good_file(source, kind, path)
+        elif isinstance(written, list):
+            yield from _bad_rows(written)
+        elif kind == "cloud":
+            yield from _unfillable(source, written)
+    except MissingInputError:
+        return  # `files` reports it
+    except MeshError as error:
+        yield where, str(error)
+
+
+def _unfillable(source: YamlSource, written: dict[str, Any]) -> Iterator[Problem]:
+    """Check that a cloud fills a solid with a volume, and that its radius is a number."""
+    fill, radius = source.get("subject", "fill"), source.get("subject", "radius")
+    if written.get("solid") == "sheet" and fill in (None, "volume"):
+        yield ("subject", "cloud"), "a sheet encloses no volume to fill. Write fill: surface."
+    if isinstance(radius, str):
+        yield ("subject", "radius"), f"points in a solid have no attribute {radius!r}; write a number."
+
+
+def _require_good_file(source: YamlSource, kind: str, path: Path) -> None:
+    """Raise MeshError for a file that holds no cloud or net."""
+    if kind == "cloud":
+        radius = source.get("subject", "radius")
+        radii_of(read_points(path), radius if isinstance(radius, str) else 1.0, str(path))
+        return
+    columns = source.get("subject", "columns")
+    is_known = isinstance(columns, int) and not isinstance(columns, bool) and columns >= LEAST
+    grid = read_net(path, columns if is_known else None)
+    Lattice(*grid.shape[:2])
+
+
+def _bad_rows(rows: list[Any]) -> Iterator[Problem]:
+    """Check that a net has enough rows, all of one length; the document checks the points."""
+    where = ("subject", "net")
+    if not all(isinstance(row, list) for row in rows) or not rows:
+        if not rows:
+            yield where, "the net has no rows; a bicubic patch needs 4 × 4 points. Write them."
+        return
+    odd = next((k for k, row in enumerate(rows) if len(row) != len(rows[0])), None)
+    if odd is not None:
+        yield (
+            (*where, odd),
+            f"row {odd} has {len(rows[odd])} points and row 0 has {len(rows[0])}; all rows of a net are "
+            "equally long. Add or remove points.",
+        )
+        return
+    try:
+        Lattice(len(rows), len(rows[0]))
+    except MeshError as error:
+        yield where, str(error)

@@ -1,0 +1,173 @@
+"""The entries `smooth`, `shutter`, `aovs` and `view` of a shot file."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Discriminator,
+    Field,
+    Tag,
+    ValidationInfo,
+    model_validator,
+)
+from pydantic_core import PydanticCustomError
+
+from pipeline.errors import UsageError
+from pipeline.flow.keyframes import number_at
+from pipeline.mesh.pn_triangles import MOST_PIECES
+from pipeline.shot.camera import Shutter
+from pipeline.shot.clock import Clock
+from pipeline.shot.documents.curves import NumberField, number, sampled_frames
+from pipeline.shot.documents.fields import DEGREE, Document, SchemaKeywords, one_of
+from pipeline.shot.yaml.parse_context import ParseContext, finding
+from render.base.errors import BadInputError
+from render.post.view import ACES, BUILT_IN, ColourView, view_of
+from render.scene.aovs import AOVS
+
+_PIXELS = r"^\s*(\d+\.?\d*|\.\d+)\s*px\s*$"
+
+_TABLE = re.compile(r"\bsrc\s*:\s*([^,}\n]+)")
+"""An OpenColorIO config's reference to a table file."""
+
+
+def _pixels(value: Any) -> Any:
+    """Parse `2px` as 2.0."""
+    if not isinstance(value, str):
+        return value
+    match = re.match(_PIXELS, value)
+    if not match:
+        raise PydanticCustomError(
+            "pixels", "{text} is no length in pixels. Write 2px.", {"text": repr(value)}
+        )
+    return float(match[1])
+
+
+Pixels = Annotated[
+    float,
+    BeforeValidator(_pixels),
+    Field(ge=0.25, le=1000),
+    SchemaKeywords(type=["number", "string"], pattern=_PIXELS),
+]
+
+
+class SmoothDocument(Document):
+    """Segments of each edge, by their number or by their length in the picture."""
+
+    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = Field(
+        default=None, description="segments that each edge is cut into; 1 is off"
+    )
+    dicing: Pixels | None = Field(
+        default=None, description="longest segment of an edge in the picture, such as 2px (pixels)"
+    )
+
+    @model_validator(mode="after")
+    def _has_one(self) -> SmoothDocument:
+        if self.tessellate is not None and self.dicing is not None:
+            raise finding(
+                "smooth has both tessellate, a number of segments, and dicing, their length in the picture; "
+                "one of them can act. Remove the other."
+            )
+        return self
+
+
+def _degrees(low: float, high: float, usual: str) -> AfterValidator:
+    """Return a validator: degrees that stay within bounds at every half frame of the shot."""
+    rule = f"it must stay from {low:g} to {high:g} degrees. Write {usual}."
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        clock: Clock | None = (info.context or {}).get("clock")
+        if clock is None:
+            return value
+        try:
+            curve = number(value, clock)
+            for frame in sampled_frames(clock):
+                if not low <= (degrees := number_at(curve, clock.time(frame))) <= high:
+                    fault = f"is {degrees:.4g} at frame {frame:g}; {rule}"
+                    raise PydanticCustomError("bad_curve", "{fault}", {"fault": fault})
+        except (UsageError, AssertionError):  # other checks report these
+            return value
+        return value
+
+    return AfterValidator(check)
+
+
+class ShutterDocument(Document):
+    angle: Annotated[NumberField, _degrees(0.0, 360.0, "180, which film cameras have")] = Field(
+        default=180.0, description="opening of the shutter; 360 is a whole frame, 0 no blur (degrees)"
+    )
+    phase: Annotated[NumberField, _degrees(-360.0, 0.0, "-90")] | None = Field(
+        default=None, description="when it opens, before the frame; by default half the angle (degrees)"
+    )
+
+    def build(self, clock: Clock) -> Shutter:
+        phase = None if self.phase is None else number(self.phase, clock, DEGREE)
+        return Shutter(number(self.angle, clock, DEGREE), phase)
+
+
+AovName = Annotated[str, one_of(AOVS, "AOV")]
+Precision = Literal["half", "float"]
+
+AovsField = Annotated[
+    Annotated[dict[AovName, Precision], Tag("with precision")] | Annotated[list[AovName], Tag("by name")],
+    Discriminator(lambda value: "with precision" if isinstance(value, dict) else "by name"),
+]
+"""`[velocity, noise]`, or `{velocity: half, position: half}`."""
+
+
+class ViewDocument(Document):
+    """A view of an OpenColorIO config; what is left out is the config's default."""
+
+    config: str = Field(
+        default=ACES.config,
+        description="of OpenColorIO: ocio://default, another built-in config, or a file beside the shot file",
+    )
+    view: str | None = Field(default=None, description="a view of the config by its name there")
+    display: str | None = Field(
+        default=None,
+        description="a display of the config; by default Rec.709 for movies and sRGB for pictures",
+    )
+    space: str | None = Field(
+        default=None, description="the config's name of linear Rec.709, if it is an unusual one"
+    )
+
+    _view: ColourView = ACES
+
+    @model_validator(mode="after")
+    def _is_there(self, info: ValidationInfo) -> ViewDocument:
+        if not self.model_fields_set:  # the default needs no OpenColorIO, which takes time to import
+            return self
+        try:
+            config, digest = self._locate(ParseContext.of(info))
+            self._view = view_of(config, self.view, self.display, self.space, digest)
+        except BadInputError as error:
+            raise finding(str(error)) from None
+        return self
+
+    def build(self) -> ColourView:
+        return self._view
+
+    def _locate(self, context: ParseContext) -> tuple[str, str]:
+        """Return the config's path or built-in name, and a digest of all files that its colours depend on."""
+        if self.config.startswith(BUILT_IN):
+            return self.config, ""
+        path = context.file(self.config)
+        files = [path, *_tables(path)]
+        for table in files[1:]:
+            context.file(str(table.relative_to(context.folder)))
+        digests = [context.digests[file] for file in files]
+        return str(path), hashlib.sha256("".join(digests).encode()).hexdigest()
+
+
+def _tables(config: Path) -> list[Path]:
+    """Return the files beside a config, or below, whose names it mentions as tables."""
+    if config.suffix != ".ocio":
+        return []
+    text = config.read_text(encoding="utf-8", errors="replace")
+    names = {Path(name.strip().strip("'\"")).name for name in _TABLE.findall(text)}
+    return sorted(file for name in names if name for file in config.parent.rglob(name) if file.is_file())
