@@ -20,7 +20,7 @@ class Container:
 
 @dataclass(frozen=True)
 class Encode:
-    """How frames become a movie file. Codecs and pixel formats have FFmpeg's names.
+    """A way to write movies. Codecs and pixel formats have FFmpeg's names.
 
     purpose       what it is for, in a line
     pixel_format  of the file; alpha_format, for frames with coverage, which is dropped where it is None

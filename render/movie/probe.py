@@ -18,7 +18,7 @@ _UNSPECIFIED = 2
 
 @dataclass(frozen=True)
 class MovieFacts:
-    """What a movie holds, decoded in full; the four colour numbers are ITU-T H.273 codes (1 is BT.709).
+    """Facts about a movie, decoded in full; the four colour numbers are ITU-T H.273 codes (1 is BT.709).
 
     range     1 is limited, 2 full
     tag       the codec's name in the container, such as hvc1

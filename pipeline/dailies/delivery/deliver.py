@@ -24,7 +24,7 @@ from render.graphics.slate import Slate
 from render.movie.codecs import Encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
-from render.movie.prefetch import ahead
+from render.movie.sequences import prefetch
 from render.movie.sound import Samples, blocks
 from render.movie.timecode import timecode
 from render.post.colour import quantise
@@ -147,7 +147,7 @@ class Delivery:
         frames = self._slates(encode, look) if what == "apart" else self._frames(encode, look)
         first = reel.start - (self._slate_frames if self.order.slate and what == "apart" else self._leader)
         sound = self._sound() if what == "reel" and encode.container.audio_codec else None
-        write_movie(path, _told(ahead(frames), passed), rate, encode, timecode(first, rate), sound)
+        write_movie(path, _told(prefetch(frames), passed), rate, encode, timecode(first, rate), sound)
 
     def _frames(self, encode: Encode, look: Look) -> Iterator[Frame]:
         if self._leader:

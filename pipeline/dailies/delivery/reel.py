@@ -17,9 +17,9 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.movies import cut_together
-from render.movie.dissolve import dissolved, mixed
 from render.movie.planes import Frame
-from render.movie.timecode import FILM_BEGINS
+from render.movie.sequences import dissolve, mix_frames
+from render.movie.timecode import FILM_START
 
 T = TypeVar("T")
 
@@ -99,7 +99,7 @@ def of_film(edit: Edit, requests: Sequence[RenderRequest], store: Store, failed:
         def card(frame: Frame) -> Shown:
             return opaque(frame, look), {"quality": quality_name, "shot": edit.name}
 
-        return dissolved(list(cut_together(edit, size, clip, card)), _mixed)
+        return dissolve(list(cut_together(edit, size, clip, card)), _mixed)
 
     poster = _middle([(each, n) for each, n in wanted if each.holds(n)])
     shots = dict.fromkeys(f"{each.request.name} {each.version}" for each in rushes)
@@ -110,7 +110,7 @@ def of_film(edit: Edit, requests: Sequence[RenderRequest], store: Store, failed:
         folder=paths.film(quality_name, edit.name).parent / "deliver",
         rate=rate,
         size=size,
-        start=FILM_BEGINS * ceil(rate.fps),
+        start=FILM_START * ceil(rate.fps),
         count=edit.length,
         facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
         content=[edit.as_data()["pieces"], *(each.content(each.request.requested) for each in rushes)],
@@ -124,7 +124,7 @@ def of_film(edit: Edit, requests: Sequence[RenderRequest], store: Store, failed:
 
 def _mixed(before: Shown, after: Shown, share: float) -> Shown:
     """What is seen more of says what is burnt in."""
-    return mixed(before[0], after[0], share), after[1] if share >= 0.5 else before[1]
+    return mix_frames(before[0], after[0], share), after[1] if share >= 0.5 else before[1]
 
 
 def _middle(of: Sequence[T]) -> T:

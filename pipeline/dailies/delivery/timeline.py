@@ -19,7 +19,7 @@ from pipeline.production.request.edit import Edit, EditItem
 from pipeline.production.request.render_request import RenderRequest
 from render.base.atomic_write import atomic_write
 from render.movie.codecs import ENCODES, Encode
-from render.movie.timecode import FILM_BEGINS
+from render.movie.timecode import FILM_START
 
 MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
 """What clips can refer to: finished frames, or deliverables of whole shots."""
@@ -51,7 +51,7 @@ class Timeline:
         """The timeline, as opentimelineio has it."""
         import opentimelineio as otio
 
-        start = self._time(FILM_BEGINS * ceil(self._fps))
+        start = self._time(FILM_START * ceil(self._fps))
         timeline = otio.schema.Timeline(self.edit.name, global_start_time=start)
         pictures = otio.schema.Track("pictures", kind=otio.schema.TrackKind.Video)
         for part in self._parts():

@@ -28,7 +28,7 @@ from pipeline.production.versions.wedge import shown_picture
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, reduction
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
-from render.movie.prefetch import ahead
+from render.movie.sequences import prefetch
 from render.post.image import write_png
 
 ROW = 4
@@ -132,7 +132,7 @@ class TurntableSheets:
                     shown()
 
             encode = movie_encode(movie_bits(first.quality_name))
-            write_movie(path, ahead(pages()), first.shot.rate.fps, encode)
+            write_movie(path, prefetch(pages()), first.shot.rate.fps, encode)
 
         cells = [(index, number) for index in every for number in first.requested]
         key = self._key("movie", cells, captions, columns, str(first.source.summary.rate))

@@ -19,10 +19,9 @@ from pipeline.production.tasks.job import Context
 from render.frame.rendered_frame import RenderedFrame
 from render.graphics.titles import TitleCard, title_frames
 from render.movie.codecs import movie_encode
-from render.movie.dissolve import Piece, dissolved, mixed
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
-from render.movie.prefetch import ahead
+from render.movie.sequences import ClipFrames, dissolve, mix_frames, prefetch
 from render.movie.sound import Samples, blocks
 from render.post.colour import quantise, to_display
 
@@ -60,7 +59,7 @@ def film(context: Context) -> bool:
         request = requests[clip]
         return _shown(context, request, context.picture_keys(request), list(request.requested))
 
-    frames = dissolved(list(cut_together(edit, size, shown, lambda frame: frame)), mixed)
+    frames = dissolve(list(cut_together(edit, size, shown, lambda frame: frame)), mix_frames)
     rate = edit.frame_rate
     return _movie(context, key, edit.path(quality_name), frames, rate, quality_name, _sound(edit))
 
@@ -74,7 +73,7 @@ def _movie(
     quality_name: str,
     sound: Iterator[Samples] | None = None,
 ) -> bool:
-    counted = _told(context, ahead(frames))
+    counted = _told(context, prefetch(frames))
     encode = movie_encode(movie_bits(quality_name))
     try:
         context.make("movie", key, target, lambda p: write_movie(p, counted, rate.fps, encode, sound=sound))
@@ -99,8 +98,8 @@ def _sound(edit: Edit) -> Iterator[Samples] | None:
 
 def cut_together(
     edit: Edit, size: tuple[int, int], shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
-) -> Iterator[Piece[T]]:
-    """The pieces of a film, as `render.movie.dissolve.dissolved` takes them.
+) -> Iterator[ClipFrames[T]]:
+    """Yield the clips of a film for `render.movie.sequences.dissolve`.
 
     size   width and height of cards
     shown  the frames of the film's take in a place

@@ -8,7 +8,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.movie.dissolve import dissolved, mixed
+from render.movie.sequences import dissolve, mix_frames
 
 Shown = dict[str, float]
 
@@ -23,7 +23,7 @@ def mix(before: Shown, after: Shown, share: float) -> Shown:
 
 
 def test_a_dissolve_overlaps_the_end_of_one_and_the_beginning_of_the_next() -> None:
-    shown = list(dissolved([(4, 0, clip("a", 4)), (5, 3, clip("b", 5))], mix))
+    shown = list(dissolve([(4, 0, clip("a", 4)), (5, 3, clip("b", 5))], mix))
     assert shown == [
         {"a0": 1.0},
         {"a1": 0.75, "b0": 0.25},
@@ -48,7 +48,7 @@ def edits(draw: st.DrawFn) -> list[tuple[int, int]]:
 @given(edits())
 def test_every_frame_is_shown_once_and_all_light_adds_up(pieces: list[tuple[int, int]]) -> None:
     names = "abcdef"
-    shown = list(dissolved([(n, d, clip(names[i], n)) for i, (n, d) in enumerate(pieces)], mix))
+    shown = list(dissolve([(n, d, clip(names[i], n)) for i, (n, d) in enumerate(pieces)], mix))
     assert len(shown) == sum(n - d for n, d in pieces)
     assert all(abs(sum(frame.values()) - 1.0) < 1e-12 for frame in shown)
     seen = [name for frame in shown for name in frame]
@@ -57,5 +57,5 @@ def test_every_frame_is_shown_once_and_all_light_adds_up(pieces: list[tuple[int,
 
 def test_frames_are_mixed_by_their_display_values() -> None:
     black, white = (np.full((2, 2, 3), value, dtype=np.uint16) for value in (0, 65535))
-    assert (mixed(black, white, 0.25) == 16384).all()
-    assert mixed(black, white, 0.25).dtype == np.uint16
+    assert (mix_frames(black, white, 0.25) == 16384).all()
+    assert mix_frames(black, white, 0.25).dtype == np.uint16
