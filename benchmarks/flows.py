@@ -21,17 +21,19 @@ from numba import prange
 from benchmarks.measures import told
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import Points
-from pipeline.flow import Streamlines, Sum, VelocityField, catalogue
-from pipeline.flow import _kernels_attractor as attractor
-from pipeline.flow import _kernels_cellular as cellular
-from pipeline.flow import _kernels_expansion as expansion
-from pipeline.flow import _kernels_linear as linear
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow import _kernels_velocity as kernels
-from pipeline.flow import _kernels_vortex as vortex
-from pipeline.flow._kernels_region import ball_weight
+from pipeline.flow import Streamlines, Sum, VelocityField
+from pipeline.flow.catalogue import FLOWS
+from pipeline.flow.catalogue.expansion import Expansion
+from pipeline.flow.catalogue.linear import Rotation, Strain
+from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.kernels import attractors as attractor
+from pipeline.flow.kernels import cellular, expansion, linear
+from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels import vortices as vortex
+from pipeline.flow.kernels.regions import ball_weight
 from pipeline.flow.parameters import shot_name
-from pipeline.flow.program import Instruction, Program, grouped, kinds_of, table_of
+from pipeline.flow.program import Instruction, Program, grouped, opcodes_of, table_of
 
 POINTS, SUBSTEPS, STEP, REPEATS = 640_000, 4, 0.01, 5
 FRAME, TOLERANCES = 1 / 24, (1e-5, 1e-9, 1e-11)
@@ -50,9 +52,9 @@ IN_A_BALL = (0.0, 0.0, 0.0, 0.8, 0.0, 0.0, 0.5, 0.5, 0.0)
 
 def fields() -> dict[str, Program]:
     """One of every opcode of a field, by its name."""
-    flows = [flow() for flow in catalogue.FLOWS if issubclass(flow, VelocityField)]
-    flows += [catalogue.Vortex(profile="gaussian"), catalogue.Vortex(profile="rankine")]
-    flows += [catalogue.Expansion("disc")]
+    flows = [flow() for flow in FLOWS if issubclass(flow, VelocityField)]
+    flows += [Vortex(profile="gaussian"), Vortex(profile="rankine")]
+    flows += [Expansion("disc")]
     named = {f"{shot_name(type(flow))}": flow.program(0.2) for flow in flows[:-3]}
     named |= {
         name: flow.program(0.2)
@@ -62,14 +64,14 @@ def fields() -> dict[str, Program]:
 
 
 def composition() -> Program:
-    inner = catalogue.Vortex(radius=0.7, strength=3.0).program(0.0) + catalogue.Strain(rate=0.8).program(0.0)
-    return grouped(inner, Instruction(op.CLOSE_BALL, IN_A_BALL)) + catalogue.Rotation().program(0.0)
+    inner = Vortex(radius=0.7, strength=3.0).program(0.0) + Strain(rate=0.8).program(0.0)
+    return grouped(inner, Instruction(op.CLOSE_BALL, IN_A_BALL)) + Rotation().program(0.0)
 
 
 def by_hand(program: Program) -> Any:
     """The equation of one field, or of the composition, for a tuple of its numbers."""
     if len(program) == 1:
-        return numba.njit(EQUATIONS[program[0].kind].py_func)
+        return numba.njit(EQUATIONS[program[0].opcode].py_func)
     swirl, stretch, turn, weigh = (
         numba.njit(one.py_func) for one in (vortex.lamb_oseen, linear.strain, linear.rotation, ball_weight)
     )
@@ -108,10 +110,10 @@ def fused(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
 
 def ours(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
     """The kernel that runs any program."""
-    kinds, tables = kinds_of(program), np.tile(table_of(program).ravel(), 3)
+    kinds, tables = opcodes_of(program), np.tile(table_of(program).ravel(), 3)
     steps, spans = np.zeros((SUBSTEPS, 6), np.int64), np.full((SUBSTEPS, 3), np.inf)
     steps[:, 1], spans[:, 0] = len(kinds), STEP
-    advect = kernels.advect_together if parallel else kernels.advect
+    advect = kernels.advect_parallel if parallel else kernels.advect
     return lambda points, out: advect(points, kinds, tables, steps, spans, out)
 
 
@@ -121,7 +123,7 @@ def by_error(points: Points) -> list[Row]:
     Four vortices of which each is steep in a small core alone; what is exact has 32 times the sub-steps.
     """
     cores = [(x, y, 0.0) for x in (-0.6, 0.6) for y in (-0.6, 0.6)]
-    field = Sum(tuple(catalogue.Vortex(centre=core, radius=0.05, strength=0.5) for core in cores))
+    field = Sum(tuple(Vortex(centre=core, radius=0.05, strength=0.5) for core in cores))
     exact = Streamlines(field, 32 * len(Streamlines(field).step_plan(0.0, FRAME).spans)).displace(
         points, 0.0, FRAME
     )
@@ -173,7 +175,7 @@ def main() -> list[Target]:
     show("Following a velocity field, milliseconds", rows)
     keep("flows", rows)
     adaptive = by_error(points[: POINTS // 10])
-    show("Sub-steps by steepness, and by their error", adaptive)
+    show("Sub-steps by the gradient bound, and by their error", adaptive)
     keep("integrators", adaptive)
     rows = [row for row in rows if row["flow"] != "translation"]  # by hand it is one addition
     worst = {ratio: max(told(row, ratio) for row in rows) for ratio in ("ratio, 1 thread", "ratio, all")}

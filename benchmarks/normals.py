@@ -19,8 +19,9 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import Floats, Points, Vectors
 from pipeline.flow import Flow, Streamlines
-from pipeline.flow.catalogue import Enright, Lorenz
-from pipeline.flow.flow_map import Step
+from pipeline.flow.catalogue.attractors import Lorenz
+from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases
 from pipeline.mesh.normals import trusted_normals
@@ -154,7 +155,7 @@ def resamples(motion: Motion) -> Iterator[tuple[TriangleMesh, MeshFrame]]:
     last = None
     for frame in animate(motion):
         if last is not None:
-            step = Step(motion.flow, *motion.clock.step(frame.number), frame.number)
+            step = FrameStep(motion.flow, *motion.clock.step(frame.number), frame.number)
             moved, normals = step.apply(last.vertices), last.attributes["normal"]
             normals = carried_normals(step.apply, last.vertices, moved, normals)
             yield last.with_vertices(moved).with_attributes(normal=normals), frame

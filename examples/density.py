@@ -8,7 +8,7 @@ from examples.drawing import COOL, INK, WARM, page, save
 from examples.film import edge_lengths, resampled, unresampled
 from pipeline.arrays import Floats
 from pipeline.flow import Flow, Streamlines, Sum
-from pipeline.flow.catalogue import Vortex
+from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.mesh import icosphere
 from pipeline.resample import Resampler, Thresholds
 

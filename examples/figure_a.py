@@ -7,7 +7,7 @@ from collections import deque
 from examples.drawing import page, save
 from examples.film import resampled, unresampled
 from pipeline.flow import Flow, Streamlines, Sum
-from pipeline.flow.catalogue import Vortex
+from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.mesh import TriangleMesh, box
 from pipeline.resample import Resampler, Thresholds
 

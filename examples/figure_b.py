@@ -9,7 +9,7 @@ import numpy as np
 from examples.drawing import COOL, WARM, page, ruled, save
 from examples.film import resampled, unresampled
 from pipeline.flow import Flow, Streamlines, Sum
-from pipeline.flow.catalogue import Expansion
+from pipeline.flow.catalogue.expansion import Expansion
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.resample import PolyhedralResampler, Resampler, Thresholds
 

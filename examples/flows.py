@@ -14,25 +14,16 @@ import numpy as np
 from examples.drawing import COOL, FAINT, INK, PICTURES, WARM, save
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow import Streamlines, VelocityField, keyed
-from pipeline.flow.catalogue import (
-    FLOWS,
-    Attraction,
-    Bend,
-    CurlNoise,
-    DoubleGyre,
-    Formula,
-    Rotation,
-    Sampled,
-    SampledFiles,
-    Scaling,
-    Squeeze,
-    Strain,
-    Target,
-    Translation,
-    Wind,
-)
+from pipeline.flow.catalogue import FLOWS
+from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.attractors import Attractor
-from pipeline.flow.catalogue.deformations import Deformation
+from pipeline.flow.catalogue.cellular import DoubleGyre
+from pipeline.flow.catalogue.deformations import Bend, Deformation
+from pipeline.flow.catalogue.expansion import Squeeze
+from pipeline.flow.catalogue.formula import FormulaField
+from pipeline.flow.catalogue.linear import Rotation, Scaling, Strain, Translation
+from pipeline.flow.catalogue.noise import CurlNoise
+from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
 from pipeline.flow.parameters import shot_name
 
 if TYPE_CHECKING:
@@ -57,7 +48,7 @@ SHOWN: dict[type, VelocityField] = {
 CURVE = ((-1.3, -0.6, 0.0), (-0.5, 0.7, 0.4), (0.5, -0.4, -0.4), (1.3, 0.6, 0.0))
 
 WRITTEN: tuple[VelocityField, ...] = (
-    Formula(("-y - 0.5 * z", "x * cos(2 * z)", "0.4 * sin(3 * x)")),
+    FormulaField(("-y - 0.5 * z", "x * cos(2 * z)", "0.4 * sin(3 * x)")),
     CurlNoise(octaves=2),
     Attraction(Target.curve(np.array(CURVE)), rate=4.0, radius=1.2),
     Wind(CURVE, radius=0.7),

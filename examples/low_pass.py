@@ -7,7 +7,7 @@ import math
 from examples.drawing import COOL, GREY, WARM, page, save
 from examples.film import resampled, sphericity
 from pipeline.flow import Flow, Sequence, keyed
-from pipeline.flow.catalogue import Twist
+from pipeline.flow.catalogue.deformations import Twist
 from pipeline.mesh import TriangleMesh, box
 from pipeline.resample import Resampler, Thresholds
 

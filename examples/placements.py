@@ -10,7 +10,7 @@ from examples.drawing import COOL, OCHRE, WARM, page, save
 from examples.figure_a import stirring
 from examples.film import RATE
 from pipeline.arrays import Floats, Points
-from pipeline.flow.flow_map import History, Step
+from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds
 
@@ -23,7 +23,7 @@ NAMES = ("chord", "curved", "exact")
 
 def filmed(name: str, thresholds: Thresholds, frames: int) -> Iterator[tuple[int, TriangleMesh]]:
     """A ball of radius 1 in two vortices and a third: each frame's number and its surface."""
-    history, flow = History(), stirring()
+    history, flow = FlowMap(), stirring()
     placements: dict[str, Placement] = {
         "chord": Chord(),
         "curved": Curved(),
@@ -31,7 +31,7 @@ def filmed(name: str, thresholds: Thresholds, frames: int) -> Iterator[tuple[int
     }
     resampler = Resampler(icosphere(14), thresholds, placements[name])
     for frame in range(1, frames + 1):
-        history.add(Step(flow, (frame - 1) / RATE, 1 / RATE, frame))
+        history.add(FrameStep(flow, (frame - 1) / RATE, 1 / RATE, frame))
         resampler.vertices[:] = flow.displace(resampler.vertices, (frame - 1) / RATE, 1 / RATE)
         resampler.resample()
         yield frame, resampler.mesh
@@ -72,9 +72,9 @@ def distances(points: Points, frame: int) -> Floats:
 
 def height_at_rest(points: Points, frame: int) -> Floats:
     """(N,) how far from the sphere points would be if the flow ran backwards to the first frame."""
-    back = History()
+    back = FlowMap()
     for number in range(frame, 0, -1):
-        back.add(Step(stirring(), number / RATE, -1 / RATE, number))
+        back.add(FrameStep(stirring(), number / RATE, -1 / RATE, number))
     height: Floats = np.linalg.norm(back.carry(points), axis=1) - 1.0
     return height
 

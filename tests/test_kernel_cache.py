@@ -54,7 +54,7 @@ print(dict(twist.stats.cache_misses), len(twist.stats.cache_hits))
 
 
 def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
-    module = "pipeline.flow._kernels_deform"
+    module = "pipeline.flow.kernels.deformations"
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     said = []
     for step in (PREPARE, CALL):
@@ -123,7 +123,7 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 
 
 CALLS = [
-    ("pipeline.flow._kernels_vortex", "pipeline.flow._kernels_program", "pipeline.flow._kernels_velocity"),
+    ("pipeline.flow.kernels.vortices", "pipeline.flow.kernels.program", "pipeline.flow.kernels.streamlines"),
     ("pipeline.resample.kernels.ring", "pipeline.resample.kernels.collapse"),
     ("render.raster.compiled", "render.raster.kernels.triangles"),
 ]

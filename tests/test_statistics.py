@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue import Enright
-from pipeline.flow.flow_map import Step
+from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, icosphere, split_at_creases
 from pipeline.mesh.tangents import carried_normals, tangents
@@ -30,7 +30,7 @@ def test_a_carried_normal_does_not_jump_at_a_resample_and_a_geometric_one_does(m
     last, jumps = None, []
     for frame in animate(motion):
         if last is not None:
-            step = Step(motion.flow, *motion.clock.step(frame.number), frame.number)
+            step = FrameStep(motion.flow, *motion.clock.step(frame.number), frame.number)
             moved = step.apply(last.vertices)
             normals = carried_normals(step.apply, last.vertices, moved, last.attributes["normal"])
             before = last.with_vertices(moved).with_attributes(normal=normals)

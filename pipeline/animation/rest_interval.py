@@ -5,14 +5,14 @@ from __future__ import annotations
 from functools import partial
 
 from pipeline.flow import Flow
-from pipeline.flow.flow_map import History, Step
+from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.resample import Exact
 from pipeline.shot import Motion, Resampling
 
 
-def step_into(motion: Motion, flow: Flow, frame: int) -> Step:
+def step_into(motion: Motion, flow: Flow, frame: int) -> FrameStep:
     """Return the step of the flow that leads into `frame`."""
-    return Step(motion.limit_steps(flow, frame), *motion.step(frame), frame)
+    return FrameStep(motion.limit_steps(flow, frame), *motion.step(frame), frame)
 
 
 class RestInterval:
@@ -28,7 +28,7 @@ class RestInterval:
         first, length = motion.frames.first, resampling.rest_interval
         start = first + (number - first) // length * length
         self.end = start + length
-        self.history = History()
+        self.history = FlowMap()
         for frame in range(start + 1, number + 1):
             self.history.add(step_into(motion, flow, frame))
         project = motion.subject.project if start == first else None

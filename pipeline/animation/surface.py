@@ -10,7 +10,7 @@ from pipeline.animation.frame import FrameReport, MeshFrame
 from pipeline.animation.queries import MATERIAL, material_of
 from pipeline.animation.rest_interval import RestInterval
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.flow.flow_map import Step
+from pipeline.flow.flow_map import FrameStep
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.identity import Register
@@ -35,7 +35,7 @@ class MovingSurface:
     def __init__(self, mesh: TriangleMesh, lattice: Lattice | None = None) -> None:
         self._mesh, self._register, self._lattice = mesh, Register.of(mesh), lattice
 
-    def move(self, step: Step) -> None:
+    def move(self, step: FrameStep) -> None:
         """Move the vertices by one step of the flow."""
         self._mesh = self._mesh.with_vertices(step.apply(self._mesh.vertices))
 
@@ -55,7 +55,7 @@ class _ResampledSurface(MovingSurface, Generic[R]):
         self._thresholds = partial(thresholds_at, motion, resampling)
         self._resampler: R = resampler
 
-    def move(self, step: Step) -> None:
+    def move(self, step: FrameStep) -> None:
         self._resampler.vertices[:] = step.apply(self._resampler.vertices)
 
     def _resample(self, number: int) -> Report:
@@ -97,7 +97,7 @@ class ExactSurface(TriangleSurface):
         super().__init__(motion, resampling, resampler)
         self._interval = interval
 
-    def move(self, step: Step) -> None:
+    def move(self, step: FrameStep) -> None:
         before = self._resampler.vertices.copy()
         super().move(step)
         normals = self._resampler.vectors(NORMAL)

@@ -1,15 +1,15 @@
-"""Flows: mappings of points into points, and how they are composed and choreographed."""
+"""Flows: mappings of points into points, their composition and their keyframes."""
 
 from pipeline.flow.checked_displacement import checked_displacement
 from pipeline.flow.compose import (
     Blend,
-    Frame,
     Mirror,
     Placed,
     Repeated,
     Reversed,
     Sequence,
     Sum,
+    Transform,
     Within,
 )
 from pipeline.flow.easing import EASINGS
@@ -24,7 +24,6 @@ __all__ = [
     "Curve",
     "Displacement",
     "Flow",
-    "Frame",
     "Function",
     "Keyframes",
     "Mirror",
@@ -34,6 +33,7 @@ __all__ = [
     "Sequence",
     "Streamlines",
     "Sum",
+    "Transform",
     "VelocityField",
     "Within",
     "as_flow",

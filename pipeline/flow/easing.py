@@ -1,9 +1,9 @@
-"""Easing curves by name: the share of the way from one key to the next, from the share of the time.
+"""Easing curves by name: the share of the change between two keys, from the share of the time.
 
 The names are Blender's interpolation and easing types joined: `sine_in_out`. `in` starts slowly, `out`
 ends slowly, `in_out` does both. Each maps 0 to 0 and 1 to 1. The formulas are Robert Penner's
-(*Programming Macromedia Flash MX*, 2002, chapter 7). Blender's `bezier` is no share of time alone, since it
-has handles: see `bezier.py`.
+(*Programming Macromedia Flash MX*, 2002, chapter 7). Blender's `bezier` has handles and
+is not an easing: see `keyframes.py`.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ def _sine(s: float) -> float:
 
 
 def _expo(s: float) -> float:
-    """2^(10 (s − 1)), shifted and scaled so that it starts at 0 and ends at 1 exactly."""
+    """Return 2^(10 (s − 1)), shifted and scaled so that it starts at 0 and ends at 1 exactly."""
     return (math.exp2(10.0 * s) - 1.0) / 1023.0
 
 
@@ -32,13 +32,13 @@ def _circ(s: float) -> float:
 
 
 def _back(s: float) -> float:
-    """Swings back by a tenth first."""
+    """Swing back by a tenth first."""
     overshoot = 1.70158
     return s * s * ((overshoot + 1.0) * s - overshoot)
 
 
 def _bounce(s: float) -> float:
-    """A ball let fall and seen backwards: four parabolas, the last hop the highest."""
+    """Bounce like a dropped ball seen backwards: four parabolas, the last hop the highest."""
     left = (1.0 - s) * 2.75
     for start, middle, height in _HOPS:
         if left >= start:
@@ -47,13 +47,13 @@ def _bounce(s: float) -> float:
 
 
 _HOPS = ((2.5, 2.625, 1 / 64), (2.0, 2.25, 1 / 16), (1.0, 1.5, 1 / 4), (0.0, 0.0, 1.0))
-"""Of a bounce that lasts 2.75: where each hop starts, its middle, and how high it goes."""
+"""The start, middle and height of each hop of a bounce that lasts 2.75."""
 
 
 def _elastic(s: float) -> float:
-    """Swings with a growing reach, three and a third times, as a spring let go and seen backwards.
+    """Swing with growing amplitude, three and a third times, like a released spring seen backwards.
 
-    The reach is that of `_expo`, which starts at 0; Penner's starts a two-thousandth off.
+    The amplitude is that of `_expo`, which starts at 0; Penner's starts a two-thousandth off.
     """
     return _expo(s) * math.cos((s - 1.0) * 2 * math.pi / 0.3)
 
@@ -88,11 +88,11 @@ EASINGS: dict[str, Ease] = {
 }
 
 OVERSHOOTING = frozenset(name for name in EASINGS if name.startswith(("back", "elastic")))
-"""Those that leave the values between the two keys on their way."""
+"""The easings that leave the range between the two keys."""
 
 
 def kinks(name: str) -> tuple[float, ...]:
-    """The shares of time between 0 and 1 at which an easing is not smooth, ascending."""
+    """Return the shares of time between 0 and 1 at which an easing is not smooth, ascending."""
     family, _, direction = name.partition("_")
     hops = [1.0 - start / 2.75 for start, _, _ in _HOPS[:3]] if family == "bounce" else []
     if direction == "out":

@@ -1,4 +1,4 @@
-"""Where points of the rest surface are now: a flow over all the frames since."""
+"""The flow map: the positions of rest points after all frames so far."""
 
 from __future__ import annotations
 
@@ -17,8 +17,8 @@ LARGEST_STEP_PLAN = 1 << 20
 
 
 @dataclass(frozen=True)
-class Step:
-    """What acts on the way into `frame`: a flow from `time` on, for `dt` seconds."""
+class FrameStep:
+    """The flow into `frame`, from `time` on, for `dt` seconds."""
 
     flow: Flow
     time: float
@@ -26,19 +26,19 @@ class Step:
     frame: int
 
     def apply(self, points: Points) -> Points:
-        """Points (N, 3) moved, and looked at. Raises FrameError."""
+        """Return moved points (N, 3), checked. Raises FrameError."""
         return checked_displacement(self.flow, points, self.time, self.dt, self.frame)
 
 
 @dataclass(frozen=True)
-class Leg:
+class PlannedSteps:
     """Steps along streamlines, followed by one compiled call; points that need finer ones go step by step."""
 
     plan: StepPlan
-    steps: tuple[Step, ...]
+    steps: tuple[FrameStep, ...]
 
     def apply(self, points: Points) -> Points:
-        """Points (N, 3) through all of it. Raises FrameError."""
+        """Return points (N, 3) moved by all steps. Raises FrameError."""
         moved = self.plan.follow(points)
         finite = np.isfinite(moved)
         if not finite.all():
@@ -52,74 +52,74 @@ class Leg:
             moved[lost] = alone
         return moved
 
-    def fits(self, more: Leg) -> bool:
-        """Whether one call can follow both."""
+    def fits(self, more: PlannedSteps) -> bool:
+        """Tell whether one call can follow both."""
         size = len(self.plan.tables) + len(more.plan.tables)
         return size <= LARGEST_STEP_PLAN and self.plan.halved == more.plan.halved
 
-    def joined(self, more: Leg) -> Leg:
-        return Leg(StepPlan.joined([self.plan, more.plan]), self.steps + more.steps)
+    def joined(self, more: PlannedSteps) -> PlannedSteps:
+        return PlannedSteps(StepPlan.joined([self.plan, more.plan]), self.steps + more.steps)
 
 
-class History:
-    """The steps of a shot since its rest frame, to carry rest points through all of them at once.
+class FlowMap:
+    """The steps of a shot since its rest frame, which move rest points through all of them at once.
 
-    A point carried arrives at the very bits where a vertex that started there was moved to, frame by frame:
-    the same sub-steps are taken in the same order. Streamlines are followed by one compiled call for as
-    many frames as LARGEST_STEP_PLAN allows, and their tables are worked out once; other flows act frame by
-    frame. The flow must move each point regardless of the others, as a mapping of points into points
-    does (P1).
+    A rest point arrives at exactly the bits of a vertex that started there and moved frame by frame: the same
+    sub-steps are taken in the same order. One compiled call follows streamlines for as many frames as
+    LARGEST_STEP_PLAN allows, and their tables are computed once; other flows act frame by frame. The flow
+    must move each point independently of the others, as a mapping of points into points does (P1).
     """
 
     def __init__(self) -> None:
-        self._steps: list[Step] = []
-        self._legs: list[Leg | Step] = []
+        self._steps: list[FrameStep] = []
+        self._parts: list[PlannedSteps | FrameStep] = []
 
     def __len__(self) -> int:
-        """How many frames it spans."""
+        """The number of frames."""
         return len(self._steps)
 
-    def add(self, step: Step) -> None:
-        """The next frame. Raises FrameError where a velocity field is too steep to follow."""
+    def add(self, step: FrameStep) -> None:
+        """Add the next frame. Raises FrameError where a velocity field needs too many sub-steps."""
         try:
-            parts = [Step(*part, step.frame) for part in step.flow.parts(step.time, step.dt)]
+            steps = [FrameStep(*part, step.frame) for part in step.flow.steps(step.time, step.dt)]
         except FrameError as error:
             raise error.of(step.frame) from None
-        legs = [_leg(part) for part in parts]
+        parts = [_planned(part) for part in steps]
         self._steps.append(step)
-        for leg in legs:
-            last = self._legs[-1] if self._legs else None
-            if isinstance(leg, Leg) and isinstance(last, Leg) and last.fits(leg):
-                self._legs[-1] = last.joined(leg)
+        for part in parts:
+            last = self._parts[-1] if self._parts else None
+            if isinstance(part, PlannedSteps) and isinstance(last, PlannedSteps) and last.fits(part):
+                self._parts[-1] = last.joined(part)
             else:
-                self._legs.append(leg)
+                self._parts.append(part)
 
     def carry(self, rest_points: Points) -> Points:
-        """Where points (N, 3) of the rest frame are at the last frame added: a new array, all finite.
+        """Return points (N, 3) of the rest frame at the last frame: a new array, all finite.
 
-        Raises FrameError, of the last frame, where the flow fails or takes a point out of the numbers.
+        Raises FrameError, of the last frame, where the flow fails or the result is not finite.
         """
         points = np.array(rest_points, dtype=np.float64)
         try:
-            with np.errstate(all="ignore"):  # what has left the numbers is told below, by frame
-                for leg in self._legs:
-                    points = leg.apply(points)
+            with np.errstate(all="ignore"):  # results that are not finite are reported below, by frame
+                for part in self._parts:
+                    points = part.apply(points)
             if not np.isfinite(points).all():
-                self._walk(rest_points)
+                self._apply_by_frame(rest_points)
         except FrameError as error:
             raise FrameError(f"on the way from the rest surface: {error}", self._steps[-1].frame) from error
         return points
 
-    def _walk(self, points: Points) -> None:
-        """Frame by frame, to find where it went wrong."""
+    def _apply_by_frame(self, points: Points) -> None:
+        """Move points frame by frame, so that the failing frame raises."""
         for step in self._steps:
             points = step.apply(points)
 
 
-def _leg(step: Step) -> Leg | Step:
+def _planned(step: FrameStep) -> PlannedSteps | FrameStep:
+    """Return a step along streamlines as planned sub-steps, and any other unchanged."""
     if not isinstance(step.flow, Streamlines):
         return step
     try:
-        return Leg(step.flow.step_plan(step.time, step.dt), (step,))
+        return PlannedSteps(step.flow.step_plan(step.time, step.dt), (step,))
     except (FlowsculptError, ArithmeticError) as error:
         raise flow_error(error, step.flow, step.frame) from error

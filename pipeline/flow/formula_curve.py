@@ -11,26 +11,26 @@ import numpy as np
 from pipeline.arrays import Floats
 from pipeline.flow.keyframes import Curve, Values
 from pipeline.formula import TIME, Expression
-from pipeline.formula.words import moment
+from pipeline.formula.words import time_values
 
-SAME_FRAME = 9
-"""Decimals to which the number of a frame is rounded, so that `floor(frame)` is that of the frame."""
+FRAME_DECIMALS = 9
+"""Decimals of the frame number, so that `floor(frame)` is the number of the frame."""
 
 
 def frame_at(seconds: Any, fps: float, first: int) -> Any:
-    """The number of the frame at seconds (…), with a fraction between frames."""
-    return first + np.round(np.multiply(seconds, fps), SAME_FRAME)
+    """Return the frame number at seconds (…), with a fraction between frames."""
+    return first + np.round(np.multiply(seconds, fps), FRAME_DECIMALS)
 
 
 @dataclass(frozen=True)
-class Formulated(Curve):
-    """One formula a value: `Formulated(("4 * sin(2 * pi * t)",), fps=24.0, first=1)`.
+class FormulaCurve(Curve):
+    """One formula a value: `FormulaCurve(("4 * sin(2 * pi * t)",), fps=24.0, first=1)`.
 
     fps    frames per second
     first  the number of the frame at 0 seconds
-    unit   what each value is multiplied by, to become the code's unit
+    unit   the factor from each value to the code's unit
 
-    Raises FormulaError for what cannot stand in a formula.
+    Raises FormulaError for invalid formulas.
     """
 
     texts: tuple[str, ...]
@@ -44,12 +44,12 @@ class Formulated(Curve):
         object.__setattr__(self, "_expressions", expressions)
 
     def at(self, time: float) -> Values:
-        """Raises UsageError where a formula is not finite."""
+        """Return the values at a time. Raises UsageError where a formula is not finite."""
         return tuple(self.over([time])[0].tolist())
 
     def over(self, times: Iterable[float]) -> Floats:
-        """The values (T, K) at many times. Raises UsageError with the first at which one is not finite."""
+        """Return the values (T, K) at many times. Raises UsageError with the first that is not finite."""
         seconds = np.fromiter(times, np.float64)
-        now = moment(frame_at(seconds, self.fps, self.first), seconds)
-        found = [formula(**now) for formula in self._expressions]
-        return self.unit * np.stack(found, axis=1)
+        now = time_values(frame_at(seconds, self.fps, self.first), seconds)
+        columns = [formula(**now) for formula in self._expressions]
+        return self.unit * np.stack(columns, axis=1)

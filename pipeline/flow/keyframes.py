@@ -1,4 +1,4 @@
-"""How parameters change in time: constants, keyframes, formulas."""
+"""Parameters that change in time: curves and keyframes, with easings or Bézier handles as in Blender."""
 
 from __future__ import annotations
 
@@ -9,14 +9,22 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
+from pipeline.errors import FrameError
 from pipeline.flow.easing import EASINGS
+from pipeline.flow.vectors import Vector
 
-Vector = tuple[float, float, float]
+Values = tuple[float, ...]
 
-SAME_MOMENT = 1e-9
+SAME_TIME = 1e-9
 """Seconds by which a sum of steps may miss the time of a key."""
 
-Beyond = Literal["hold", "loop", "ping_pong", "offset", "continue"]
+BEZIER = "bezier"
+"""The easing whose curve is drawn by handles."""
+
+BISECTIONS = 60
+"""After so many a number between 0 and 1 is exact to the last bit."""
+
+Extrapolation = Literal["hold", "loop", "ping_pong", "offset", "continue"]
 
 
 class Curve(ABC):
@@ -24,23 +32,67 @@ class Curve(ABC):
 
     @abstractmethod
     def at(self, time: float) -> Values:
-        """The values at a time, seconds from the start of the shot."""
+        """Return the values at a time, seconds from the start of the shot."""
+
+
+Number = float | Curve
+"""A scalar parameter: constant or changing in time."""
+
+VectorParameter = Vector | Curve
+"""A vector parameter: constant or changing in time."""
+
+
+def number_at(parameter: Number, time: float) -> float:
+    return parameter.at(time)[0] if isinstance(parameter, Curve) else parameter
+
+
+def vector_at(parameter: VectorParameter, time: float) -> Vector:
+    if isinstance(parameter, Curve):
+        x, y, z = parameter.at(time)
+        return x, y, z
+    return parameter
+
+
+def weight_at(weight: Number, time: float, name: str) -> float:
+    """Return the weight of the flow `name` at a time. Raises FrameError where it is not from 0 to 1."""
+    value = float(number_at(weight, time))
+    if not -1e-12 <= value <= 1.0 + 1e-12:
+        raise FrameError(
+            f"flow {name} has the weight {value:g} at {time:g} s; a weight is from 0 to 1. "
+            "Correct its keys, or choose an easing that does not overshoot."
+        )
+    return min(max(value, 0.0), 1.0)
+
+
+@dataclass(frozen=True)
+class Handle:
+    """The control point beside a key, relative to it.
+
+    seconds  0 or more right of the key, 0 or less left of it
+    values   as many as the key has
+    """
+
+    seconds: float
+    values: Values
+
+    def scaled(self, factor: float) -> Handle:
+        return Handle(self.seconds * factor, tuple(value * factor for value in self.values))
 
 
 @dataclass(frozen=True)
 class Keyframes(Curve):
-    """Values at times, and how to go from each to the next.
+    """Values at times, with an easing from each to the next.
 
     times   seconds from the start of the shot, ascending
     values  one a time: numbers or vectors (all of one length)
     eases   one a time, names of EASINGS or bezier: how the value leaves that key; the last is unused
-    left    handles beside the keys, of those ways that are Bézier's; None draws itself (see `automatic`)
-    right   the same on the other side
-    before  what happens before the first key:
-            hold, it stays; continue, it goes on along the last chord (of a Bézier way along its handle);
-            loop, all keys again, the last key being the moment of the first; ping_pong, there and back;
-            offset, again, and each round begins where the one before ended
-    after   the same after the last key
+    left    handles left of the keys, for bezier; None is automatic (see `automatic_slope`)
+    right   handles right of the keys, likewise
+    before  the extrapolation before the first key:
+            hold, the first value; continue, on along the last chord (for bezier along the handle);
+            loop, all keys again, the last key at the time of the first; ping_pong, forwards and backwards;
+            offset, again, each round starting at the value where the last one ended
+    after   the extrapolation after the last key
     """
 
     times: tuple[float, ...]
@@ -48,51 +100,52 @@ class Keyframes(Curve):
     eases: tuple[str, ...]
     left: tuple[Handle | None, ...] = ()
     right: tuple[Handle | None, ...] = ()
-    before: Beyond = "hold"
-    after: Beyond = "hold"
+    before: Extrapolation = "hold"
+    after: Extrapolation = "hold"
 
     def at(self, time: float) -> Values:
         start, length = self.times[0], self.times[-1] - self.times[0]
         mode = self.before if time < start else self.after
         if length <= 0 or mode == "hold":
-            return self._inside(time)
-        rounds = math.floor((time - start + SAME_MOMENT) / length)
+            return self._interpolated(time)
+        rounds = math.floor((time - start + SAME_TIME) / length)
         if mode == "continue":
-            return self._inside(time) if rounds == 0 else self._straight_on(time)
+            return self._interpolated(time) if rounds == 0 else self._continued(time)
         passed = time - start - rounds * length
         if mode == "ping_pong":
-            return self._inside(start + (length - passed if rounds % 2 else passed))
-        values = self._inside(start + passed)
+            return self._interpolated(start + (length - passed if rounds % 2 else passed))
+        values = self._interpolated(start + passed)
         if mode == "loop":
             return values
-        gained = zip(values, self.values[0], self.values[-1], strict=True)
-        return tuple(value + rounds * (last - first) for value, first, last in gained)
+        gains = zip(values, self.values[0], self.values[-1], strict=True)
+        return tuple(value + rounds * (last - first) for value, first, last in gains)
 
-    def _inside(self, time: float) -> Values:
-        """The value on the way between two keys; that of the nearest key outside of all."""
-        i = bisect_right(self.times, time + SAME_MOMENT) - 1
+    def _interpolated(self, time: float) -> Values:
+        """Return the values between two keys, or those of the nearest key outside of all."""
+        i = bisect_right(self.times, time + SAME_TIME) - 1
         if i < 0:
             return self.values[0]
         if i == len(self.times) - 1:
             return self.values[i]
-        here, there = self.values[i], self.values[i + 1]
+        start, end = self.values[i], self.values[i + 1]
         length = self.times[i + 1] - self.times[i]
         passed = min(max(time - self.times[i], 0.0), length)
         if self.eases[i] == BEZIER:
-            return Way(length, here, there, self._handle(i, 1), self._handle(i + 1, -1)).at(passed)
+            return BezierSegment(length, start, end, self._handle(i, 1), self._handle(i + 1, -1)).at(passed)
         share = EASINGS[self.eases[i]](passed / length)
-        return tuple(a + (b - a) * share for a, b in zip(here, there, strict=True))
+        return tuple(a + (b - a) * share for a, b in zip(start, end, strict=True))
 
     def _handle(self, i: int, side: int) -> Handle:
-        """The handle of key `i`, right of it (1) or left of it (-1)."""
+        """Return the handle of key `i`, right of it (1) or left of it (-1)."""
         drawn = self.right if side > 0 else self.left
         if drawn and (handle := drawn[i]) is not None:
             return handle
         third = (self.times[i + side] - self.times[i]) / 3.0
-        return Handle(third, tuple(slope * third for slope in automatic(self.times, self.values, i)))
+        slopes = automatic_slope(self.times, self.values, i)
+        return Handle(third, tuple(slope * third for slope in slopes))
 
-    def _straight_on(self, time: float) -> Values:
-        """Beyond the keys at the pace of the last way before them, seen from there."""
+    def _continued(self, time: float) -> Values:
+        """Return the values beyond the keys, along the line of the outermost segment."""
         end, side = (0, 1) if time < self.times[0] else (len(self.times) - 1, -1)
         ease = self.eases[end if side > 0 else end + side]
         along = Handle(
@@ -105,65 +158,23 @@ class Keyframes(Curve):
         return tuple(a + factor * v for a, v in zip(self.values[end], along.values, strict=True))
 
 
-Number = float | Curve
-"""A scalar parameter: constant or changing."""
-
-Place = Vector | Curve
-"""A vector parameter: constant or changing."""
-
-
 def keyed(
     times: tuple[float, ...], values: tuple[float, ...] | tuple[Vector, ...], ease: str = "sine_in_out"
 ) -> Keyframes:
-    """Keyframes with one easing throughout: `keyed((0, 1, 3), (0, 4, 4))`."""
+    """Return keyframes with one easing throughout: `keyed((0, 1, 3), (0, 4, 4))`."""
     rows = tuple(v if isinstance(v, tuple) else (float(v),) for v in values)
     return Keyframes(tuple(times), rows, (ease,) * len(rows))
 
 
-def number_at(parameter: Number, time: float) -> float:
-    return parameter.at(time)[0] if isinstance(parameter, Curve) else parameter
-
-
-def place_at(parameter: Place, time: float) -> Vector:
-    if isinstance(parameter, Curve):
-        x, y, z = parameter.at(time)
-        return x, y, z
-    return parameter
-
-
-BEZIER = "bezier"
-"""The easing whose way is drawn by handles."""
-
-Values = tuple[float, ...]
-
-HALVINGS = 60
-"""After so many a share of time between 0 and 1 is known to its last bit."""
-
-
 @dataclass(frozen=True)
-class Handle:
-    """The control point beside a key, as seen from it.
-
-    seconds  0 or more right of the key, 0 or less left of it
-    values   as many as the key has
-    """
-
-    seconds: float
-    values: Values
-
-    def shortened(self, factor: float) -> Handle:
-        return Handle(self.seconds * factor, tuple(value * factor for value in self.values))
-
-
-@dataclass(frozen=True)
-class Way:
+class BezierSegment:
     """The cubic curve from one key to the next.
 
-    length    seconds between them
-    right     the handle of the first key
-    left      that of the second
+    length  seconds between them
+    right   the handle of the first key
+    left    that of the second key
 
-    Handles that together are longer than the way would turn back in time: both are shortened in proportion.
+    Handles that together are longer than the segment would turn back in time: both are scaled down alike.
     """
 
     length: float
@@ -173,22 +184,22 @@ class Way:
     left: Handle
 
     def at(self, passed: float) -> Values:
-        """The values `passed` seconds after the first key."""
+        """Return the values `passed` seconds after the first key."""
         both = self.right.seconds - self.left.seconds
         factor = min(1.0, self.length / both) if both > 0 else 1.0
-        right, left = self.right.shortened(factor), self.left.shortened(factor)
+        right, left = self.right.scaled(factor), self.left.scaled(factor)
         s = _parameter(passed / self.length, right.seconds / self.length, 1.0 + left.seconds / self.length)
         rows = zip(self.start, self.end, right.values, left.values, strict=True)
         return tuple(_cubic(s, a, a + out, b + back, b) for a, b, out, back in rows)
 
 
-def automatic(times: Sequence[float], values: Sequence[Values], i: int) -> Values:
-    """The slope at key `i` where no handle is given, per second.
+def automatic_slope(times: Sequence[float], values: Sequence[Values], i: int) -> Values:
+    """Return the slope per second at key `i` where no handle is given: Blender's *auto clamped*.
 
     It is level at the first key, the last, and at peaks and troughs; elsewhere along the line through both
-    neighbours, but never so steep that the way would pass one of them (Blender's *auto clamped*).
+    neighbours, but never so steep that the curve would pass one of them. With handles a third of the segment
+    long, slopes up to three times those of the chords keep the curve monotone.
 
-    With handles a third of the way long, slopes up to three times those of the chords keep the way monotone.
     Source: Fritsch, Carlson, *Monotone Piecewise Cubic Interpolation*, SIAM Journal on Numerical
     Analysis 17 (1980).
     """
@@ -207,9 +218,9 @@ def automatic(times: Sequence[float], values: Sequence[Values], i: int) -> Value
 
 
 def _parameter(share: float, first: float, second: float) -> float:
-    """Where a cubic over time, from 0 by two control points to 1, has come to that share."""
+    """Return the parameter at which a cubic from 0 by two control points to 1 reaches `share`."""
     low, high = 0.0, 1.0
-    for _ in range(HALVINGS):
+    for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
         if _cubic(middle, 0.0, first, second, 1.0) < share:
             low = middle
@@ -219,6 +230,6 @@ def _parameter(share: float, first: float, second: float) -> float:
 
 
 def _cubic(s: float, a: float, b: float, c: float, d: float) -> float:
-    """Bernstein's cubic."""
+    """Evaluate a cubic in Bernstein's form."""
     r = 1.0 - s
     return r * r * r * a + 3.0 * s * r * (r * b + s * c) + s * s * s * d

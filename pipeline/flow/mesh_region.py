@@ -1,35 +1,35 @@
-"""A closed surface as the kernels look up how far points lie outside of it."""
+"""Regions inside closed surfaces."""
 
 from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.flow import _kernels_closed as kernels
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow.keyframes import Number, Place, Vector, place_at
+from pipeline.flow.kernels import closed_surface as kernels
+from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.keyframes import Number, VectorParameter, vector_at
 from pipeline.flow.program import Instruction
 from pipeline.flow.regions import Region
 from pipeline.flow.triangle_tree import TriangleTree
-from pipeline.flow.vectors import ORIGIN
+from pipeline.flow.vectors import ORIGIN, Vector
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import require
 
 NODES = 64
-"""Of the grid along the longest side: they make looking up fast, not more exact."""
+"""Grid nodes along the longest side: they make lookups fast, not more exact."""
 
-AFAR = 2.5
-"""Radii from the middle of a box from which on a dipole stands for its triangles. The winding then errs by
-less than 0.02, and 0.5 is what decides."""
+FAR = 2.5
+"""Radii from the middle of a box from which on a dipole stands for its triangles. The error of the winding
+number is then below 0.02, and 0.5 decides."""
 
 
 class Lookup(NamedTuple):
-    """memory: the flat array of `_kernels_closed`; low, high: the corners of a box around the surface."""
+    """memory: the flat array of `kernels.closed_surface`; low, high: the corners of the bounding box."""
 
     memory: Floats
     low: Vector
@@ -38,13 +38,13 @@ class Lookup(NamedTuple):
 
 @dataclass(frozen=True)
 class ClosedSurface:
-    """Its triangles, float64 (T, 3, 3); equal bytes, equal surface."""
+    """The triangles of a closed surface, float64 (T, 3, 3); equal bytes, equal surface."""
 
     data: bytes
 
     @classmethod
     def of(cls, mesh: TriangleMesh, name: str = "mesh") -> ClosedSurface:
-        """The surface of a mesh.
+        """Return the surface of a mesh.
 
         Raises MeshError, in one sentence that begins with `name`, where it is open or not manifold.
         """
@@ -57,7 +57,7 @@ class ClosedSurface:
 
     @property
     def lookup(self) -> Lookup:
-        """Made when it is first asked for, and shared by equal surfaces."""
+        """The kernels' array, built on first use and shared by equal surfaces."""
         return _lookup(self)
 
 
@@ -77,65 +77,59 @@ def _lookup(surface: ClosedSurface) -> Lookup:
 
 
 def _dipoles(tree: TriangleTree, corners: Floats) -> Floats:
-    """(B, 8) what the triangles (T, 3, 3), in the order of the tree, of each of its boxes are from afar."""
+    """Return the dipole (B, 8) of each box, from the triangles (T, 3, 3) in the order of the tree."""
     a, b, c = corners.transpose(1, 0, 2)
     areas = 0.5 * np.cross(b - a, c - a)
     sizes = np.linalg.norm(areas, axis=1, keepdims=True)
-    vector, size, moment = (_in_boxes(tree, rows) for rows in (areas, sizes, sizes * (a + b + c) / 3.0))
+    vector, size, moment = (_box_sums(tree, rows) for rows in (areas, sizes, sizes * (a + b + c) / 3.0))
     boxes = tree.memory[: tree.triangles].reshape(-1, 8)
     low, high = boxes[:, :3], boxes[:, 3:6]
     centre = np.where(size > 0, moment / np.where(size > 0, size, 1.0), 0.5 * (low + high))
     radius = np.linalg.norm(np.maximum(np.abs(low - centre), np.abs(high - centre)), axis=1)
-    return np.column_stack([centre, vector, (AFAR * radius) ** 2, np.zeros(len(boxes))])
+    return np.column_stack([centre, vector, (FAR * radius) ** 2, np.zeros(len(boxes))])
 
 
-def _in_boxes(tree: TriangleTree, rows: Floats) -> Floats:
-    """(B, k) the sums of rows (T, k) over the triangles of each box."""
+def _box_sums(tree: TriangleTree, rows: Floats) -> Floats:
+    """Return the sums (B, k) of rows (T, k) over the triangles of each box."""
     sums = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
     first, last = tree.ranges.T
-    found: Floats = sums[last] - sums[first]
-    return found
+    differences: Floats = sums[last] - sums[first]
+    return differences
 
 
-def _vector(place: Floats) -> Vector:
-    x, y, z = place.tolist()
+def _vector(row: Floats) -> Vector:
+    x, y, z = row.tolist()
     return x, y, z
 
 
 @dataclass(frozen=True)
 class MeshRegion(Region):
-    """All points within a closed surface, by their distance from it: exact, at any place and any falloff.
+    """All points inside a closed surface, by their exact distance from it.
 
-    surface  of a mesh; parts of it that reach into one another are one, shells within shells are hollows
-    centre   where the mesh's origin is put
+    surface  of a mesh; overlapping parts unite, shells within shells are hollows
+    centre   position of the mesh's origin
     scale    factor on the mesh
     """
 
+    opcode: ClassVar[int] = op.CLOSE_MESH
+
     surface: ClosedSurface
-    centre: Place = ORIGIN
+    centre: VectorParameter = ORIGIN
     scale: Number = 1.0
 
     def closing(self, time: float) -> Instruction:
-        """What stands for it in keys holds a digest of the surface in place of its address."""
+        """Return the closing bracket, with a digest of the surface instead of its address in keys."""
         closing = super().closing(time)
         known = [*closing.numbers[:4], self.surface.digest, *closing.numbers[5:]]
-        return closing._replace(identity=known, owner=self.surface.lookup)
-
-    @property
-    def _opcode(self) -> int:
-        return op.CLOSE_MESH
+        return closing._replace(cache_data=known, owner=self.surface.lookup)
 
     def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         address = float(self.surface.lookup.memory.ctypes.data)
-        return (*place_at(self.centre, time), self._size(self.scale, "scale", time), address), ()
+        return (*vector_at(self.centre, time), self._size(self.scale, "scale", time), address), ()
 
     def bounds(self, time: float) -> tuple[Vector, Vector]:
         scale, (_, low, high) = self._size(self.scale, "scale", time), self.surface.lookup
-        rim, put = self.falloff_at(time), place_at(self.centre, time)
-        x, y, z = (c + 0.5 * scale * (a + b) for c, a, b in zip(put, low, high, strict=True))
-        u, v, w = (0.5 * scale * (b - a) + rim for a, b in zip(low, high, strict=True))
+        falloff, centre = self.falloff_at(time), vector_at(self.centre, time)
+        x, y, z = (c + 0.5 * scale * (a + b) for c, a, b in zip(centre, low, high, strict=True))
+        u, v, w = (0.5 * scale * (b - a) + falloff for a, b in zip(low, high, strict=True))
         return (x, y, z), (u, v, w)
-
-    @property
-    def name(self) -> str:
-        return "mesh"

@@ -1,6 +1,6 @@
-"""What a flow's parameters are, read off its dataclass: the one place that knows them.
+"""The parameters of flows, read off their dataclasses: the one place that defines them.
 
-    strength: Annotated[Number, Sense("circulation, counter-clockwise about the axis", "units²/s")] = 1.0
+    strength: Annotated[Number, ParameterDoc("circulation about the axis", "units²/s")] = 1.0
 
 Shot files, their errors, the list of flows and its page in the docs are all made from these.
 """
@@ -15,10 +15,11 @@ import typing
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pipeline.flow.keyframes import Number, Place, Vector
+from pipeline.flow.keyframes import Number, VectorParameter
+from pipeline.flow.vectors import Vector
 
 Form = Literal[
-    "number", "place", "point", "direction", "constant", "whole", "choice", "switch", "text", "other"
+    "number", "vector", "point", "direction", "constant", "whole", "choice", "switch", "text", "other"
 ]
 
 POSITIVE, DIRECTION = "positive", "direction"
@@ -33,12 +34,12 @@ Direction = Annotated[Vector, DIRECTION]
 
 
 @dataclass(frozen=True)
-class Sense:
-    """What a parameter means.
+class ParameterDoc:
+    """The documentation of a parameter.
 
     text      one line
-    unit      of its values in shot files; what begins with degrees is radians in code
-    required  a shot has to say it, though Python has a default
+    unit      the unit in shot files; one that begins with degrees is radians in code
+    required  a shot must give it, though Python has a default
     """
 
     text: str
@@ -47,13 +48,13 @@ class Sense:
 
     @property
     def factor(self) -> float:
-        """What turns a value of a shot file into the code's."""
+        """The factor from a value in a shot file to the code's value."""
         return math.radians(1.0) if self.unit.startswith("degrees") else 1.0
 
 
 @dataclass(frozen=True)
-class Between:
-    """Where a constant has to be, its ends too."""
+class Bounds:
+    """The least and greatest value of a constant."""
 
     low: float
     high: float
@@ -63,73 +64,73 @@ class Between:
 class Parameter:
     """One parameter of a flow.
 
-    form      number and place may be keyed; point and constant are the same without keys
-    positive  whether it has to be above 0
-    bounds    where else it has to be
+    form      number and vector may be keyed; constant and point are the same without keys
+    positive  tells whether it must be above 0
+    bounds    further limits
     default   as in code; dataclasses.MISSING where it has none
-    choices   the words that a choice is between
-    kind      its type as annotated, for what has a form of its own
+    choices   the words of a choice
+    kind      its annotated type, for parameters with a form of their own
     """
 
     name: str
     form: Form
-    sense: Sense
+    doc: ParameterDoc
     positive: bool
-    bounds: Between | None
+    bounds: Bounds | None
     default: Any
     choices: tuple[str, ...]
     kind: Any
 
     @property
     def needed(self) -> bool:
-        """Whether a shot has to say it."""
-        return self.sense.required or self.default is dataclasses.MISSING
+        """Tell whether a shot must give it."""
+        return self.doc.required or self.default is dataclasses.MISSING
 
     @property
     def default_in_file(self) -> Any:
-        """Its default as a shot file would write it; None where it has to be said."""
+        """Its default as a shot file would write it; None where a shot must give it."""
         if self.needed:
             return None
         if self.form in ("number", "constant"):
-            return round(self.default / self.sense.factor, 12)
+            return round(self.default / self.doc.factor, 12)
         if self.form == "direction":
             return _AXES.get(self.default, list(self.default))
-        return list(self.default) if self.form in ("place", "point") else self.default
+        return list(self.default) if self.form in ("vector", "point") else self.default
 
 
 _AXES = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
 
 
 def parameters_of(flow: type) -> tuple[Parameter, ...]:
-    """The parameters of a flow's dataclass, in their order: its fields that have a Sense."""
+    """Return the parameters of a flow's dataclass, in their order: its fields that have a ParameterDoc."""
     kinds = typing.get_type_hints(flow, include_extras=True)
     return tuple(
         parameter(field.name, kinds[field.name], field.default)
         for field in dataclasses.fields(flow)
-        if any(isinstance(mark, Sense) for mark in _marks(kinds[field.name]))
+        if any(isinstance(mark, ParameterDoc) for mark in _marks(kinds[field.name]))
     )
 
 
 def shot_name(flow: type) -> str:
-    """What shot files and messages call a flow: `vortex_ring` for VortexRing."""
+    """Return a flow's name in shot files and messages: `vortex_ring` for VortexRing."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", "_", flow.__name__).lower()
 
 
 def summary(flow: type) -> str:
-    """The first sentence of what a flow says of itself."""
+    """Return the first sentence of a flow's docstring."""
     return inspect.cleandoc(flow.__doc__ or "").partition("\n")[0]
 
 
 def parameter(name: str, annotation: Any, default: Any) -> Parameter:
-    """What a field says of itself by its type's marks."""
+    """Return the parameter that a field's annotation describes."""
     marks = _marks(annotation)
     kind = typing.get_args(annotation)[0] if marks else annotation
     return Parameter(
         name=name,
         form=_form(kind, DIRECTION in marks),
-        sense=next((mark for mark in reversed(marks) if isinstance(mark, Sense)), Sense("")),
+        doc=next((mark for mark in reversed(marks) if isinstance(mark, ParameterDoc)), ParameterDoc("")),
         positive=POSITIVE in marks,
-        bounds=next((mark for mark in marks if isinstance(mark, Between)), None),
+        bounds=next((mark for mark in marks if isinstance(mark, Bounds)), None),
         default=default,
         choices=typing.get_args(kind) if typing.get_origin(kind) is Literal else (),
         kind=kind,
@@ -143,7 +144,7 @@ def _marks(annotation: Any) -> tuple[Any, ...]:
 def _form(kind: Any, direction: bool) -> Form:
     forms: dict[Any, Form] = {
         Number: "number",
-        Place: "place",
+        VectorParameter: "vector",
         float: "constant",
         int: "whole",
         bool: "switch",

@@ -1,4 +1,4 @@
-"""Flows that are Python functions in a file of the user's: run with permission only."""
+"""Flows that are Python functions in the user's files, run only with permission."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from pipeline.flow.flow import Displacement, Flow
 
 @dataclass(frozen=True)
 class PythonFlow(Flow):
-    """A function `points, time, dt -> points` of a Python file, which is run with permission only.
+    """A function `points, time, dt -> points` of a Python file, run only with permission.
 
-    digest   SHA-256 of the file: what keys hold. What the file imports is not looked at.
-    allowed  whether the file may be run; without that every step fails
+    digest   SHA-256 of the file, for keys; the modules it imports do not count
+    allowed  tells whether the file may run; otherwise every step fails
     """
 
     function: str
@@ -39,13 +39,13 @@ class PythonFlow(Flow):
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         require_permission(self)
-        function = _loaded(self.path, self.digest, self.function)
+        function = _function(self.path, self.digest, self.function)
         try:
-            return function(np.array(points, np.float64), time, dt)  # a copy: it may change what it is given
+            return function(np.array(points, np.float64), time, dt)  # a copy: it may write over its points
         except (Exception, SystemExit) as error:
             raise FrameError(
-                f"flow {self.function} at {time:g} s raised {_told(error, self.path)}; a flow takes points "
-                "(N, 3), time and dt and returns points (N, 3). Call it alone with these."
+                f"flow {self.function} at {time:g} s raised {_described(error, self.path)}; a flow takes "
+                "points (N, 3), time and dt and returns points (N, 3). Call it alone with these."
             ) from error
 
     def cache_data(self, time: float, dt: float) -> Any:
@@ -53,7 +53,7 @@ class PythonFlow(Flow):
 
     @property
     def advice(self) -> str:
-        """How it would go faster."""
+        """Advice on how to make it faster."""
         return (
             f"flow {self.name} runs in Python; a formula is compiled and runs on all cores. Where that is "
             "too slow write it as one, or decorate the function with numba.njit(cache=True)."
@@ -61,25 +61,25 @@ class PythonFlow(Flow):
 
 
 def python_flows(flow: Flow) -> Iterator[PythonFlow]:
-    """Those within a flow, however it is composed."""
-    waiting: list[Any] = [flow]
-    while waiting:
-        part = waiting.pop(0)
+    """Yield the Python flows of a composed flow."""
+    stack: list[Any] = [flow]
+    while stack:
+        part = stack.pop(0)
         if isinstance(part, PythonFlow):
             yield part
         elif isinstance(part, tuple | list):
-            waiting += part
+            stack += part
         elif dataclasses.is_dataclass(part):
-            waiting += [getattr(part, f.name) for f in dataclasses.fields(part)]
+            stack += [getattr(part, f.name) for f in dataclasses.fields(part)]
 
 
 def require_permission(flow: Flow) -> None:
-    """Raises UsageError for the first Python flow that may not be run."""
+    """Raise UsageError for the first Python flow without permission."""
     for part in python_flows(flow):
         if not part.allowed:
             raise UsageError(
                 f"{part.path}: the shot would run this Python file, which can do anything you can; "
-                "that needs permission. Look at the file, then add --allow-code "
+                "that needs permission. Read the file, then add --allow-code "
                 "(for snakemake, --config allow_code=true)."
             )
 
@@ -88,8 +88,8 @@ def digest_of(path: Path) -> str:
     return hashlib.sha256(path.read_bytes()).hexdigest()
 
 
-def _loaded(path: Path, digest: str, name: str) -> Displacement:
-    """A function of a file, as it was when it got that digest. Raises FrameError."""
+def _function(path: Path, digest: str, name: str) -> Displacement:
+    """Return a function of a file with that digest. Raises FrameError."""
     function: Displacement | None = getattr(_module(path, digest), name, None)
     if not callable(function):
         raise FrameError(f"{path}: it defines no function {name}; correct the name in the shot")
@@ -98,10 +98,10 @@ def _loaded(path: Path, digest: str, name: str) -> Displacement:
 
 @lru_cache(maxsize=64)
 def _module(path: Path, digest: str) -> ModuleType:
-    """A file, run as a module that others find: dataclasses look up the one that they are defined in."""
+    """Run a file as a module in sys.modules, where dataclasses look up their own."""
     source = path.read_bytes()
     if hashlib.sha256(source).hexdigest() != digest:
-        raise FrameError(f"{path}: it was changed since the work was planned; start again")
+        raise FrameError(f"{path}: it was changed since the work was planned; run again")
     module = ModuleType(f"flowsculpt_flow_{digest}")
     module.__file__ = str(path)
     sys.modules[module.__name__] = module
@@ -112,13 +112,13 @@ def _module(path: Path, digest: str) -> ModuleType:
         if not isinstance(error, Exception | SystemExit):
             raise
         raise FrameError(
-            f"{path}: running it raised {_told(error, path)}; a flow's file defines functions"
+            f"{path}: running it raised {_described(error, path)}; a flow's file defines functions"
         ) from error
     return module
 
 
-def _told(error: BaseException, path: Path) -> str:
-    """An exception with the last line of the file that it passed."""
+def _described(error: BaseException, path: Path) -> str:
+    """Return an exception's text with the last line of the file that it passed."""
     lines = [
         frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)
     ]

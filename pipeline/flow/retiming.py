@@ -1,4 +1,4 @@
-"""Time that runs at a speed of its own: how much of it has passed is the integral of the speed."""
+"""Retiming: the time that passes at a changing speed, as the integral of the speed."""
 
 from __future__ import annotations
 
@@ -7,42 +7,45 @@ from functools import lru_cache
 from itertools import pairwise
 
 from pipeline.flow.easing import kinks
-from pipeline.flow.keyframes import SAME_MOMENT, Beyond, Curve, Keyframes, Number, number_at
+from pipeline.flow.keyframes import SAME_TIME, Curve, Extrapolation, Keyframes, Number, number_at
 
 PIECE = 0.5
-"""Seconds: the longest piece that is integrated at once."""
+"""Seconds: the longest interval that is integrated at once."""
 
-HALF = 40
-"""Nodes of the rule on each side of the middle of a piece."""
+NODES = 40
+"""Nodes of the rule on each side of the middle of an interval."""
+
+MARGIN = 2 * SAME_TIME
+"""Seconds from the ends of an interval within which a key would count as reached."""
 
 
 def elapsed(speed: Number, time: float) -> float:
-    """Seconds that have passed by `time` at a speed: its integral from 0.
+    """Return the seconds that pass by `time` at a speed: its integral from 0.
 
-    Between keys it errs by about 1e-13 of the result. A formula is integrated by pieces of PIECE seconds, and
-    errs more where it has kinks within one. A key changes nothing before the key before it, save where the
-    keys are repeated before the first of them. NaN where a key is at infinity: no shot lets it be.
+    Between keys the error is about 1e-13 of the result. A formula is integrated by intervals of PIECE
+    seconds, with a larger error where it has kinks within one. A key changes nothing before the previous key,
+    unless the keys are repeated before the first. NaN where a key is at infinity, which no shot allows.
     """
     if not isinstance(speed, Curve):
         return speed * time
     if time < 0:
         return time * number_at(speed, 0.0)
     if not isinstance(speed, Keyframes):
-        return math.fsum(_pieces(speed, 0.0, time))
+        return math.fsum(_integrals(speed, 0.0, time))
     first, last = speed.times[0], speed.times[-1]
     if not math.isfinite(last - first):
         return math.nan
     return math.fsum(
         [
-            *_beyond(speed, speed.before, 0.0, min(first, time)),
-            *_pieces(speed, max(first, 0.0), min(last, time)),
-            *_beyond(speed, speed.after, max(last, 0.0), time),
+            *_extrapolated(speed, speed.before, 0.0, min(first, time)),
+            *_integrals(speed, max(first, 0.0), min(last, time)),
+            *_extrapolated(speed, speed.after, max(last, 0.0), time),
         ]
     )
 
 
-def _beyond(speed: Keyframes, mode: Beyond, start: float, end: float) -> list[float]:
-    """What the integral from `start` to `end` is the sum of, both before the first key or after the last.
+def _extrapolated(speed: Keyframes, mode: Extrapolation, start: float, end: float) -> list[float]:
+    """Return summands of the integral from `start` to `end`, both before the first key or after the last.
 
     Whole rounds of the keys are integrated once, however many there are.
     """
@@ -53,27 +56,29 @@ def _beyond(speed: Keyframes, mode: Beyond, start: float, end: float) -> list[fl
         return [(end - start) * number_at(speed, 0.5 * (start + end))]
     (n, since), (last, until) = (divmod(time - first, length) for time in (start, end))
     if n == last:
-        return _of_round(speed, mode, n, since, until)
-    parts = _of_round(speed, mode, n, since, length) + _of_round(speed, mode, last, 0.0, until)
+        return _round_integrals(speed, mode, n, since, until)
+    parts = _round_integrals(speed, mode, n, since, length) + _round_integrals(speed, mode, last, 0.0, until)
     if (whole := last - n - 1) > 0:
-        parts.append(whole * math.fsum(_of_round(speed, mode, 0.5 * (n + last), 0.0, length)))
+        parts.append(whole * math.fsum(_round_integrals(speed, mode, 0.5 * (n + last), 0.0, length)))
     return parts
 
 
-def _of_round(speed: Keyframes, mode: Beyond, n: float, since: float, until: float) -> list[float]:
-    """The same of the `n`th round, from `since` seconds after it began to `until`.
+def _round_integrals(
+    speed: Keyframes, mode: Extrapolation, n: float, since: float, until: float
+) -> list[float]:
+    """Return summands of the integral over the `n`th round, from `since` to `until` seconds into it.
 
-    What an offset adds is as much more each round, so that the mean of several is that of the middle one.
+    An offset grows by the same amount each round, so that the mean of several rounds is the middle one.
     """
     first, last = speed.times[0], speed.times[-1]
     if mode == "ping_pong" and n % 2:
-        return _pieces(speed, last - until, last - since)
+        return _integrals(speed, last - until, last - since)
     gained = speed.values[-1][0] - speed.values[0][0] if mode == "offset" else 0.0
-    return [*_pieces(speed, first + since, first + until), n * gained * (until - since)]
+    return [*_integrals(speed, first + since, first + until), n * gained * (until - since)]
 
 
-def _pieces(speed: Curve, start: float, end: float) -> list[float]:
-    """Integrals over the pieces between two times, where keys are not repeated; they are smooth within."""
+def _integrals(speed: Curve, start: float, end: float) -> list[float]:
+    """Return integrals over smooth intervals between two times where keys are not repeated."""
     if not start < end:
         return []
     marks = {PIECE * i for i in range(math.ceil(start / PIECE), math.ceil(end / PIECE))}
@@ -82,25 +87,20 @@ def _pieces(speed: Curve, start: float, end: float) -> list[float]:
         for (a, b), ease in zip(pairwise(speed.times), speed.eases, strict=False):
             marks |= {a + share * (b - a) for share in kinks(ease)}
     within = sorted(mark for mark in marks if start < mark < end)
-    return [_piece(speed, a, b) for a, b in pairwise([start, *within, end])]
-
-
-ASIDE = 2 * SAME_MOMENT
-"""Seconds from the ends of a piece: nearer, a key would be taken for reached."""
+    return [_integral(speed, a, b) for a, b in pairwise([start, *within, end])]
 
 
 @lru_cache(maxsize=4096)
-def _piece(speed: Curve, start: float, end: float) -> float:
-    """The integral over a piece that is smooth within.
+def _integral(speed: Curve, start: float, end: float) -> float:
+    """Return the integral over one smooth interval, by a rule that tolerates infinite slopes at its ends.
 
-    The rule does not mind infinite slopes at the ends. Source: Takahasi, Mori, *Double exponential formulas
-    for numerical integration*, Publ. RIMS 9 (1974).
+    Source: Takahasi, Mori, *Double exponential formulas for numerical integration*, Publ. RIMS 9 (1974).
     """
-    middle, half, step = 0.5 * (start + end), 0.5 * (end - start), 3.2 / HALF
-    aside, parts = min(ASIDE, half), []
-    for i in range(-HALF, HALF + 1):
+    middle, half, step = 0.5 * (start + end), 0.5 * (end - start), 3.2 / NODES
+    margin, parts = min(MARGIN, half), []
+    for i in range(-NODES, NODES + 1):
         s = 0.5 * math.pi * math.sinh(i * step)
         weight = 0.5 * math.pi * math.cosh(i * step) / math.cosh(s) ** 2
         time = middle + half * math.tanh(s)
-        parts.append(weight * number_at(speed, min(max(time, start + aside), end - aside)))
+        parts.append(weight * number_at(speed, min(max(time, start + margin), end - margin)))
     return half * step * math.fsum(parts)

@@ -1,4 +1,4 @@
-"""The flow that follows the streamlines of a velocity field, and its sub-steps as the kernels take them."""
+"""The flow along the streamlines of a velocity field, and its sub-steps as the kernels take them."""
 
 from __future__ import annotations
 
@@ -12,40 +12,72 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.errors import FrameError
-from pipeline.flow import _kernels_halving as halving
-from pipeline.flow import _kernels_velocity as kernels
-from pipeline.flow._kernels_halving import EMBEDDED
-from pipeline.flow._kernels_opcodes import COLUMNS
-from pipeline.flow.flow import Flow, for_kernels
-from pipeline.flow.program import Program, identity_of, kinds_of, owners_of, table_of
+from pipeline.flow.flow import Flow
+from pipeline.flow.kernels import adaptive
+from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels.opcodes import COLUMNS
+from pipeline.flow.program import Program, opcodes_of, table_of
+from pipeline.flow.vectors import kernel_points
 from pipeline.flow.velocity import VelocityField
 
 STEP_LIMIT = 0.1
-"""The longest sub-step times the steepest velocity gradient.
+"""The largest sub-step × gradient bound.
 
-The classical Runge-Kutta step leaves out the terms of the exponential from (h L)^5 / 120 on, so at a
-tenth one sub-step errs by about 1e-7 of the distance over which the field varies.
+The classical Runge-Kutta step leaves out the terms of the exponential from (h L)^5 / 120 on, so that at a
+tenth the error of a sub-step is about 1e-7 of the distance over which the field varies.
 """
 
-MOST_SUBSTEPS = 10_000
+ADAPTIVE_LIMIT = 0.5
+"""The largest sub-step × gradient bound where the error is estimated: within it the estimate is reliable."""
+
+DEFAULT_TOLERANCE = 1e-5
+"""The error of a sub-step in scene units: a hundredth of a pixel where a picture is some units wide."""
+
+MAX_SUBSTEPS = 10_000
+"""Sub-steps of one frame."""
+
+FIRST_HALVINGS = 2
+"""Halvings of a sub-step before a finer plan is computed."""
+
+RESOLVED, RESOLVED_MAX_STEP = 5, 2
+"""Halvings for whose sub-steps there are tables, with a tolerance and with a maximum step alone; finer
+sub-steps take the table nearest in time."""
+
+PARALLEL_FROM = 8000
+"""Points × sub-steps from which on several threads are faster than one."""
 
 
-WORTH_SHARING = 8000  # steps of points: fewer are done before a second thread has begun
+class Halving(NamedTuple):
+    """The limits of how points halve sub-steps.
+
+    deepest   halvings at most
+    resolved  halvings for whose sub-steps there are tables
+    parts     tables a sub-step, beside the first: at its middle and end, or its quarters
+    """
+
+    deepest: int = 0
+    resolved: int = 0
+    parts: int = 2
+
+    @property
+    def tables(self) -> int:
+        """Tables for each sub-step before halving, beside the first."""
+        return self.parts << self.resolved
 
 
 class StepPlan(NamedTuple):
     """Sub-steps along velocity fields, one after another, as a kernel takes them.
 
-    kinds    int32 (K,), the kinds of all the fields
+    opcodes  int32 (K,), the opcodes of all programs
     tables   float64, their tables, flat
-    steps    int64 (S, 6): the first field of each sub-step, the one after its last, where its tables begin,
-             how often a point may halve it, and what tables there are (see `_kernels_halving.follow`)
-    spans    float64 (S, 3): seconds; and how large, in scene units, error and way of a sub-step may be
-    owners   of the memory whose addresses stand in the tables
-    halved   whether points may halve the sub-steps
+    steps    int64 (S, 6): each sub-step's first opcode, the one after its last, the start of its tables, how
+             often a point may halve it, and its tables (see `kernels.adaptive.advect_adaptive`)
+    spans    float64 (S, 3): seconds, tolerance and maximum step of each sub-step
+    owners   keep the memory at the addresses in the tables
+    halved   tells whether points may halve the sub-steps
     """
 
-    kinds: Indices
+    opcodes: Indices
     tables: Floats
     steps: AnyArray
     spans: Floats
@@ -54,13 +86,13 @@ class StepPlan(NamedTuple):
 
     @classmethod
     def joined(cls, plans: Sequence[StepPlan]) -> StepPlan:
-        """All of them in order, as one. They are of one kind, `halved` or not."""
+        """Return all plans in order as one. They are all `halved` or all not."""
         shift, steps = np.zeros(6, np.int64), []
         for plan in plans:
             steps.append(plan.steps + shift)
-            shift[:3] += (len(plan.kinds), len(plan.kinds), len(plan.tables))
+            shift[:3] += (len(plan.opcodes), len(plan.opcodes), len(plan.tables))
         return cls(
-            np.concatenate([plan.kinds for plan in plans]),
+            np.concatenate([plan.opcodes for plan in plans]),
             np.concatenate([plan.tables for plan in plans]),
             np.concatenate(steps),
             np.concatenate([plan.spans for plan in plans]),
@@ -69,61 +101,29 @@ class StepPlan(NamedTuple):
         )
 
     def follow(self, points: Points) -> Points:
-        """Where points (N, 3) are at its end; not finite where it is too coarse for the point's way."""
-        points = for_kernels(points)
+        """Return the positions of points (N, 3) at its end; not finite where it is too coarse for a point."""
+        points = kernel_points(points)
         out = np.empty_like(points)
-        together = len(points) * len(self.spans) > WORTH_SHARING
+        parallel = len(points) * len(self.spans) > PARALLEL_FROM
         if self.halved:
-            kernel = halving.follow_together if together else halving.follow
+            advect = adaptive.advect_adaptive_parallel if parallel else adaptive.advect_adaptive
         else:
-            kernel = kernels.advect_together if together else kernels.advect
-        kernel(points, *self[:4], out)
+            advect = kernels.advect_parallel if parallel else kernels.advect
+        advect(points, *self[:4], out)
         return out
-
-
-ADAPTIVE_LIMIT = 0.5
-"""The same for sub-steps whose error is estimated: within it the estimate can be trusted."""
-
-DEFAULT_TOLERANCE = 1e-5
-"""Scene units that a sub-step may err: a hundredth of a pixel, where a picture is some units wide."""
-
-FIRST_HALVINGS = 2
-"""So often a sub-step may be halved before a finer plan is worked out."""
-
-RESOLVED, RESOLVED_BY_WAY = 5, 2
-"""What changes in time is known at the sub-steps of so many halvings, and finer ones take the nearest: with a
-tolerance, and with a maximum step alone."""
-
-
-class Halving(NamedTuple):
-    """How points may halve sub-steps.
-
-    deepest   how often
-    resolved  how often for the tables; those of finer sub-steps are the nearest
-    parts     tables for each sub-step, beside the first: its middle and end, or its quarters
-    """
-
-    deepest: int = 0
-    resolved: int = 0
-    parts: int = 2
-
-    @property
-    def nodes(self) -> int:
-        """Tables for each sub-step, beside the first."""
-        return self.parts << self.resolved
 
 
 @dataclass(frozen=True)
 class Streamlines(Flow):
     """Points carried along a velocity field by the classical Runge-Kutta method of order 4.
 
-    substeps   into how many steps a frame is divided; None chooses the least that keeps sub-step × steepness
-               of the field below STEP_LIMIT, with a tolerance ADAPTIVE_LIMIT
-    tolerance  scene units: how much a sub-step may err, by the estimate of an embedded method of order 3
-    max_step   scene units: how far a sub-step may take a point
+    substeps   the number of sub-steps of a frame; None chooses the fewest whose length × gradient bound is
+               below STEP_LIMIT, or with a tolerance ADAPTIVE_LIMIT
+    tolerance  the largest error of a sub-step, scene units, by the estimate of an embedded method of order 3
+    max_step   the longest displacement of a point in a sub-step, scene units
 
-    With one of the last two each point halves its sub-steps until they are small enough, up to MOST_SUBSTEPS
-    a frame: see `_kernels_halving`.
+    With a tolerance or a maximum step each point halves its sub-steps until they meet it, up to MAX_SUBSTEPS
+    a frame: see `kernels.adaptive`.
     """
 
     field: VelocityField
@@ -134,101 +134,103 @@ class Streamlines(Flow):
     order: ClassVar[int] = 4
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        """Raises FrameError where a point would need more sub-steps than there may be."""
+        """Advect points. Raises FrameError where a point would need more than MAX_SUBSTEPS."""
         moved = self.step_plan(time, dt).follow(points)
-        if self.limited:
+        if self.is_adaptive:
             finite = np.isfinite(moved)
             if not finite.all():
                 lost = ~finite.all(axis=1)
-                moved[lost] = self._closely(points[lost], time, dt)
+                moved[lost] = self._displace_finely(points[lost], time, dt)
         return moved
 
     def with_max_step(self, max_step: float) -> Streamlines:
         return replace(self, max_step=max_step)
 
     @property
-    def limited(self) -> bool:
-        """Whether its points halve their sub-steps."""
+    def is_adaptive(self) -> bool:
+        """Tell whether points halve their sub-steps."""
         return self.tolerance is not None or self.max_step is not None
 
-    def step_plan(self, time: float, dt: float, closely: bool = False) -> StepPlan:
-        """The sub-steps of this step; `closely`, as fine as points may have them.
+    def step_plan(self, time: float, dt: float, finest: bool = False) -> StepPlan:
+        """Return the sub-steps of a step; `finest`: as fine as a point may need them.
 
-        Raises FrameError where they are more than MOST_SUBSTEPS.
+        Raises FrameError where they are more than MAX_SUBSTEPS.
         """
         wanted = self._substeps(time, dt)
-        if not wanted <= MOST_SUBSTEPS:
+        if not wanted <= MAX_SUBSTEPS:
             raise FrameError(
-                f"flow {self.name} at {time:g} s is so steep or finely cut that a frame takes {wanted:.3g} "
-                f"sub-steps; {MOST_SUBSTEPS} are the most. Lower its strength or widen its radius."
+                f"flow {self.name} at {time:g} s needs {wanted:.3g} sub-steps a frame; {MAX_SUBSTEPS} are "
+                "the most. Lower its strength, widen its radius, or lower substeps."
             )
         count = int(wanted)
-        halving = self._halving(count, closely)
-        programs = self._programs(time, dt, count * halving.nodes)
-        kinds = kinds_of(programs[0])
+        halving = self._halving(count, finest)
+        programs = self._programs(time, dt, count * halving.tables)
+        opcodes = opcodes_of(programs[0])
         tables = np.concatenate([table_of(program) for program in programs])
         steps = np.zeros((count, 6), np.int64)
-        steps[:, 1], steps[:, 3:] = len(kinds), halving
-        steps[:, 2] = halving.nodes * len(kinds) * COLUMNS * np.arange(count)
+        steps[:, 1], steps[:, 3:] = len(opcodes), halving
+        steps[:, 2] = halving.tables * len(opcodes) * COLUMNS * np.arange(count)
         limits = [math.inf if limit is None else limit for limit in (self.tolerance, self.max_step)]
         spans = np.tile([dt / count, *limits], (count, 1))
-        halved = closely or self.tolerance is not None
-        return StepPlan(kinds, tables.ravel(), steps, spans, owners_of(programs[0]), halved)
+        owners = tuple(row.owner for row in programs[0] if row.owner is not None)
+        return StepPlan(opcodes, tables.ravel(), steps, spans, owners, finest or self.tolerance is not None)
 
     def cache_data(self, time: float, dt: float) -> Any:
-        """A field too steep to follow has data too, without a step: its frame fails, and not before."""
+        """Return data for too many sub-steps too, with no step: only their frame fails, when it is made."""
         wanted = self._substeps(time, dt)
-        feasible = wanted <= MOST_SUBSTEPS
+        feasible = wanted <= MAX_SUBSTEPS
         count = int(wanted) if feasible else 1
-        halving = self._halving(count, closely=self.limited)
-        programs = [identity_of(program) for program in self._programs(time, dt, count * halving.nodes)]
+        halving = self._halving(count, finest=self.is_adaptive)
+        programs = [
+            [row.as_data() for row in program] for program in self._programs(time, dt, count * halving.tables)
+        ]
         step = dt / count if feasible else None
-        if not self.limited:
+        if not self.is_adaptive:
             return {"streamlines": programs, "step": step}
         limits = {"tolerance": self.tolerance, "max_step": self.max_step}
-        same = [[len(list(group)), program] for program, group in groupby(programs)]
-        return {"streamlines": same, "step": step, **limits}
+        runs = [[len(list(group)), program] for program, group in groupby(programs)]
+        return {"streamlines": runs, "step": step, **limits}
 
     @property
     def name(self) -> str:
         return self.field.name
 
     def _substeps(self, time: float, dt: float) -> float:
-        """How many are given, or asked for by the limit at the start, middle and end of the step."""
+        """Return the given number of sub-steps, or that of the gradient bound at start, middle and end."""
         if self.substeps:
             return self.substeps
-        steepest = max(self.field.gradient_bound(t) for t in (time, time + dt / 2, time + dt))
-        wanted = steepest * abs(dt) / (STEP_LIMIT if self.tolerance is None else ADAPTIVE_LIMIT)
+        bound = max(self.field.gradient_bound(t) for t in (time, time + dt / 2, time + dt))
+        wanted = bound * abs(dt) / (STEP_LIMIT if self.tolerance is None else ADAPTIVE_LIMIT)
         return max(1, math.ceil(wanted)) if math.isfinite(wanted) else math.inf
 
-    def _halving(self, count: int, closely: bool) -> Halving:
-        """Of `count` sub-steps."""
+    def _halving(self, count: int, finest: bool) -> Halving:
+        """Return how points may halve each of `count` sub-steps."""
         estimated = self.tolerance is not None
-        if not (closely or estimated):
+        if not (finest or estimated):
             return Halving()
-        most = (MOST_SUBSTEPS // count).bit_length() - 1
-        deepest = most if closely else min(most, FIRST_HALVINGS)
-        resolved = min(deepest, RESOLVED if estimated else RESOLVED_BY_WAY)
-        return Halving(deepest, resolved, EMBEDDED if estimated else 2)
+        most = (MAX_SUBSTEPS // count).bit_length() - 1
+        deepest = most if finest else min(most, FIRST_HALVINGS)
+        resolved = min(deepest, RESOLVED if estimated else RESOLVED_MAX_STEP)
+        return Halving(deepest, resolved, adaptive.EMBEDDED if estimated else 2)
 
     def _programs(self, time: float, dt: float, count: int) -> list[Program]:
-        """At the ends of `count` equal parts of the step."""
+        """Return the programs at the ends of `count` equal parts of the step."""
         return [self.field.program(float(t)) for t in time + dt * np.arange(count + 1) / count]
 
-    def _closely(self, points: Points, time: float, dt: float) -> Points:
-        """Points (N, 3), by sub-steps as fine as they may be."""
-        moved = self.step_plan(time, dt, closely=True).follow(points)
+    def _displace_finely(self, points: Points, time: float, dt: float) -> Points:
+        """Advect points (N, 3) by sub-steps as fine as they need."""
+        moved = self.step_plan(time, dt, finest=True).follow(points)
         failed = np.flatnonzero(np.isinf(moved[:, 0]))
         if not failed.size:
             return moved
         where = ", ".join(f"{x:.4g}" for x in points[failed[0]])
         bounds = [
             f"{what} {limit:.3g} units"
-            for what, limit in (("err by at most", self.tolerance), ("go at most", self.max_step))
+            for what, limit in (("an error of", self.tolerance), ("a step of", self.max_step))
             if limit is not None
         ]
         raise FrameError(
-            f"flow {self.name} at {time:g} s moves a point from ({where}) so that sub-steps which "
-            f"{' and '.join(bounds)} would be more than {MOST_SUBSTEPS} a frame. Lower its strength, raise "
-            f"{'max_step' if self.tolerance is None else 'tolerance'}, or let a region end with a falloff."
+            f"flow {self.name} at {time:g} s needs more than {MAX_SUBSTEPS} sub-steps a frame to move the "
+            f"point at ({where}) with at most {' and '.join(bounds)}. Lower its strength, raise "
+            f"{'max_step' if self.tolerance is None else 'tolerance'}, or give its region a falloff."
         )

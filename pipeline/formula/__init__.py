@@ -1,4 +1,4 @@
-"""Formulas as artists write them: `0.02 + 0.01 * abs(y)`, checked word by word, evaluated or compiled."""
+"""Formulas as artists write them, `0.02 + 0.01 * abs(y)`: checked, then evaluated or compiled."""
 
 from pipeline.formula.expression import Expression
 from pipeline.formula.syntax import MOST_CHARACTERS, FormulaError

@@ -1,7 +1,8 @@
-"""Formulas as plain arithmetic on single numbers, one line an operation, for a compiler to read.
+"""Formulas compiled to functions that add a velocity to each point of a block.
 
-What is not finite, and which side of a comparison NaN is on, comes out as numpy has it in `words`: the two
-are tested against each other.
+A formula becomes Python source of plain arithmetic, one line an operation. Infinities and NaN come out as in
+numpy (see `words`): tests compare the two. The source is compiled on first use and cached with the kernels.
+The values of names are arguments: changing them compiles nothing.
 """
 
 from __future__ import annotations
@@ -44,12 +45,12 @@ _COMPARED: dict[type[ast.AST], str] = {
 
 
 class ScalarCode:
-    """Lines of code that compute checked formulas; what several of them share is computed once.
+    """Lines of code that compute checked formulas; common subexpressions are computed once.
 
-    words    what the code calls each name that formulas know
-    varying  those of the code's names whose values differ from point to point
+    words    the code's name for each name of a formula
+    varying  the code's names whose values differ from point to point
 
-    once, each  the lines that need no varying name, and those that do
+    once, each  the lines without varying names, and those with
     """
 
     def __init__(self, words: Mapping[str, str], varying: Iterable[str]) -> None:
@@ -60,7 +61,7 @@ class ScalarCode:
         self._known: dict[str, str] = {}
 
     def value(self, node: ast.expr) -> str:
-        """Has the value of a checked tree computed; returns the name or number that then stands for it."""
+        """Add lines that compute a checked tree; return the name or number of its value."""
         match node:
             case ast.Constant(value=int() | float() as number):
                 return repr(float(number))
@@ -87,7 +88,7 @@ class ScalarCode:
         raise AssertionError(f"{ast.dump(node)} was checked and is known")
 
     def _line(self, form: str, *parts: str) -> str:
-        """A line for an operation on names and numbers, unless there is one already; returns its name."""
+        """Add a line for an operation on names and numbers, unless it exists; return its name."""
         text = form.format(*parts)
         if text not in self._known:
             name = f"r{len(self._known)}"
@@ -102,7 +103,7 @@ class ScalarCode:
         left, right = self.value(node.left), node.right
         power = right.value if isinstance(node.op, ast.Pow) and isinstance(right, ast.Constant) else None
         if isinstance(power, int | float) and power == int(power):
-            return self._line(f"{{}} ** {int(power)}", left)  # which becomes a product
+            return self._line(f"{{}} ** {int(power)}", left)  # compiled to a product
         return self._line(f"{{}} {_BINARY[type(node.op)]} {{}}", left, self.value(right))
 
     def _comparison(self, node: ast.Compare) -> str:
@@ -139,11 +140,11 @@ class ScalarCode:
         return self._line("{0} if {0} >= {1} or {0} != {0} else {1}", a, b)
 
 
-KNOWN = (*PLACE, *TIME)
-"""What such formulas may always speak of."""
+NAMES = (*PLACE, *TIME)
+"""The names that such formulas may always use."""
 
 FRAME = "frame"
-"""Its number is handed over: those that speak of it have it among their numbers."""
+"""The name whose value is an argument: formulas that use it have it among their numbers."""
 
 _MODULE = """\
 def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
@@ -157,15 +158,15 @@ def formula(numbers, count, xs, ys, zs, t, us, vs, ws):
 """
 
 
-def compiled(
+def compile_formulas(
     formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()
 ) -> BlockKernel:
-    """The block function of three formulas over x, y, z, t, and `numbers`, in that order in its table."""
+    """Return the block function of three formulas over x, y, z, t and `numbers`, its first argument."""
     return _loaded(source(formulas, numbers))
 
 
 def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[str, ...] = ()) -> str:
-    """What is compiled, as Python."""
+    """Return the Python source of the function."""
     words = {name: f"number{k}" for k, name in enumerate(numbers)}
     code = ScalarCode({"x": "x", "y": "y", "z": "z", "t": "t", "time": "t", **words}, PLACE)
     u, v, w = (code.value(formula.tree) for formula in formulas)
@@ -181,7 +182,7 @@ def source(formulas: tuple[Expression, Expression, Expression], numbers: tuple[s
 
 @cache
 def _loaded(text: str) -> BlockKernel:
-    """The function of a text, which stands in a file named after it: numba files its result under that."""
+    """Return the function of a source, kept in a file named by its digest: numba caches by file name."""
     folder = cache_folder() / "formulas"
     folder.mkdir(exist_ok=True)
     file = folder / f"formula_{hashlib.sha256(text.encode()).hexdigest()[:24]}.py"
@@ -190,8 +191,6 @@ def _loaded(text: str) -> BlockKernel:
             draft.write_text(text)
     module = ModuleType(file.stem)
     vars(module).update(math=math, np=np)
-    sys.modules[file.stem] = module  # where numba looks up what it has filed
-    exec(
-        compile(text, str(file), "exec", dont_inherit=True), vars(module)
-    )  # our own words, written from a checked tree
+    sys.modules[file.stem] = module  # where numba looks up cached functions
+    exec(compile(text, str(file), "exec", dont_inherit=True), vars(module))  # generated from a checked tree
     return BlockKernel(vars(module)["formula"])

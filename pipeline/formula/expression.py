@@ -1,4 +1,4 @@
-"""A formula as a value, and what it comes to, by numpy."""
+"""Formulas as values, evaluated by numpy."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import Floats
 from pipeline.errors import UsageError
-from pipeline.formula.syntax import FormulaError, checked, shown
+from pipeline.formula.syntax import FormulaError, parse, shown
 from pipeline.formula.words import CONSTANTS, FUNCTIONS, OPERATORS
 
 
@@ -21,12 +21,12 @@ from pipeline.formula.words import CONSTANTS, FUNCTIONS, OPERATORS
 class Expression:
     """A formula over named values; true is 1 and false 0.
 
-    text   what is written
-    names  the values it may speak of, such as ("x", "y", "z", "time")
-    tree   its syntax, in which everything is allowed
+    text   as the user writes it
+    names  the values it may use, such as ("x", "y", "z", "time")
+    tree   its syntax tree, checked
 
-    Raises FormulaError, with the column, for anything that is no number, name, operator or function of ours,
-    and for what is not finite whatever the values are.
+    Raises FormulaError, with the column, for anything that is not a number, name, operator or function of
+    ours, and for constant parts that are not finite.
     """
 
     text: str
@@ -34,10 +34,10 @@ class Expression:
     tree: ast.expr = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "tree", checked(self.text, self.names))
+        object.__setattr__(self, "tree", parse(self.text, self.names))
         for part in constant_parts(self.tree):
-            if (found := guilty(part, CONSTANTS)) is not None:
-                node, value = found
+            if (culprit := not_finite_part(part, CONSTANTS)) is not None:
+                node, value = culprit
                 raise FormulaError(
                     self.text,
                     column_of(self.text, node),
@@ -46,35 +46,49 @@ class Expression:
 
     @cached_property
     def uses(self) -> frozenset[str]:
-        """The names that it speaks of."""
+        """The names it uses."""
         inner = ast.walk(self.tree)
         return frozenset(n.id for n in inner if isinstance(n, ast.Name)) & frozenset(self.names)
 
     @property
-    def told(self) -> tuple[str, ...]:
-        """The names whose values a message tells: of two for the same the one that is spoken of."""
-        spare = "t" if "time" in self.uses and "t" not in self.uses else "time"
+    def reported_names(self) -> tuple[str, ...]:
+        """The names whose values a message reports: of `t` and `time` only one, the one it uses."""
+        unused = "t" if "time" in self.uses and "t" not in self.uses else "time"
         both = {"t", "time"} <= set(self.names)
-        return tuple(name for name in self.names if not (both and name == spare))
+        return tuple(name for name in self.names if not (both and name == unused))
 
     def __call__(self, **values: ArrayLike) -> Floats:
-        """The formula's value, one for each row of the values, which are numbers or arrays of one length.
+        """Return the formula's values, one for each row of the arguments: numbers or arrays of one length.
 
-        Raises UsageError where a value is not finite, with the first place where that is so.
+        Raises UsageError where a value is not finite, with the first such row.
         """
         known = {name: np.asarray(values[name], np.float64) for name in self.uses}
-        with np.errstate(all="ignore"):  # what is not finite is told below, where it comes out
-            found = np.asarray(value_of(self.tree, {**CONSTANTS, **known}), np.float64)
-        everything = np.broadcast_shapes(found.shape, *(np.shape(value) for value in values.values()))
-        result = np.array(np.broadcast_to(found, everything))
+        with np.errstate(all="ignore"):  # values that are not finite raise below
+            evaluated = np.asarray(value_of(self.tree, {**CONSTANTS, **known}), np.float64)
+        shape = np.broadcast_shapes(evaluated.shape, *(np.shape(value) for value in values.values()))
+        result = np.array(np.broadcast_to(evaluated, shape))
         bad = np.flatnonzero(~np.isfinite(result))
         if bad.size:
             raise UsageError(self._not_finite(result, int(bad[0]), values))
         return result
 
+    def diagnose(self, values: Mapping[str, float]) -> str | None:
+        """Return the part that is not finite for these values, with its column; None where all is finite."""
+        known = {name: np.float64(value) for name, value in {**CONSTANTS, **values}.items()}
+        culprit = not_finite_part(self.tree, known)
+        if culprit is None:
+            return None
+        part, value = culprit
+        column = column_of(self.text, part)
+        place = ", ".join(f"{name} {values[name]:.4g}" for name in self.reported_names if name in values)
+        return (
+            f"formula {shown(self.text)!r}, column {column}: {shown(ast.unparse(part))} "
+            f"is {value:g} at {place}; it must be finite. Guard it with max, clamp or `… if … else …`."
+        )
+
     def _not_finite(self, result: Floats, row: int, values: Mapping[str, ArrayLike]) -> str:
         rows = {name: np.broadcast_to(value, result.shape).ravel()[row] for name, value in values.items()}
-        place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.told if name in rows)
+        place = ", ".join(f"{name} {float(rows[name]):g}" for name in self.reported_names if name in rows)
         return (
             f"formula {shown(self.text)!r} is {result.ravel()[row]:g} at {place}; "
             "it must be finite everywhere. Guard it with max, clamp or `… if … else …`."
@@ -82,7 +96,7 @@ class Expression:
 
 
 def value_of(node: ast.expr, known: Mapping[str, Any]) -> Any:
-    """The value of a checked tree. Both sides of a condition are evaluated, and one is taken at each row."""
+    """Return the value of a checked tree. Both branches of a condition are evaluated, each row takes one."""
     match node:
         case ast.Constant(value=int() | float() as number):
             return np.float64(number)
@@ -106,17 +120,17 @@ def value_of(node: ast.expr, known: Mapping[str, Any]) -> Any:
     raise AssertionError(f"{ast.dump(node)} was checked and is known")
 
 
-def guilty(node: ast.expr, known: Mapping[str, Any]) -> tuple[ast.expr, float] | None:
-    """The first innermost part of a tree that is not finite, and what it is, if the whole is not finite."""
+def not_finite_part(node: ast.expr, known: Mapping[str, Any]) -> tuple[ast.expr, float] | None:
+    """Return the first innermost part of a tree that is not finite, and its value; None if the whole is."""
     with np.errstate(all="ignore"):
-        found = float(value_of(node, known))
-    if np.isfinite(found):
+        value = float(value_of(node, known))
+    if np.isfinite(value):
         return None
-    return next(filter(None, (guilty(part, known) for part in _parts(node))), (node, found))
+    return next(filter(None, (not_finite_part(part, known) for part in _parts(node))), (node, value))
 
 
 def constant_parts(node: ast.expr) -> list[ast.expr]:
-    """The largest parts of a tree that are the same whatever the values are."""
+    """Return the largest parts of a tree that use no values."""
     names = {inner.id for inner in ast.walk(node) if isinstance(inner, ast.Name)}
     if names <= {*CONSTANTS, *FUNCTIONS}:
         return [node]
@@ -124,7 +138,7 @@ def constant_parts(node: ast.expr) -> list[ast.expr]:
 
 
 def column_of(text: str, part: ast.expr) -> int:
-    """Where a part of its tree begins in a text, from 1; the tree counts the bytes after its first word."""
+    """Return the column of a part of a text's tree, from 1; the tree counts bytes from the first word on."""
     line = text.lstrip()
     return len(text) - len(line) + len(line.encode()[: part.col_offset].decode(errors="ignore")) + 1
 
@@ -135,7 +149,7 @@ def _parts(node: ast.expr) -> list[ast.expr]:
 
 
 def _number(value: Any) -> Any:
-    """What is true as 1 and what is false as 0, so that it can be computed with."""
+    """Return true as 1 and false as 0."""
     return np.asarray(value, np.float64)
 
 
@@ -144,18 +158,3 @@ def _folded(function: Callable[..., Any], values: list[Any]) -> Any:
     for value in others:
         first = function(first, value)
     return first
-
-
-def trouble(formula: Expression, values: Mapping[str, float]) -> str | None:
-    """One line with the column and the values; None where the formula is finite."""
-    known = {name: np.float64(value) for name, value in {**CONSTANTS, **values}.items()}
-    told = guilty(formula.tree, known)
-    if told is None:
-        return None
-    part, found = told
-    column = column_of(formula.text, part)
-    place = ", ".join(f"{name} {values[name]:.4g}" for name in formula.told if name in values)
-    return (
-        f"formula {shown(formula.text)!r}, column {column}: {shown(ast.unparse(part))} "
-        f"is {found:g} at {place}; it must be finite. Guard it with max, clamp or `… if … else …`."
-    )

@@ -1,8 +1,8 @@
-"""What may stand in a formula, checked word by word when it is read.
+"""The syntax of formulas: parsed and checked when they are read.
 
-Nothing in a formula can reach beyond it: its syntax tree may hold numbers, the names that the caller gives,
-arithmetic, comparisons, `and`, `or`, `not`, `a if b else c`, and the functions listed in `words`. Anything
-else is refused.
+A formula cannot run code: its syntax tree may hold numbers, the names that the caller gives, arithmetic,
+comparisons, `and`, `or`, `not`, `a if b else c`, and the functions listed in `words`. Anything else is
+refused.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from pipeline.errors import UsageError, suggestion
 from pipeline.formula.words import CONSTANTS, FUNCTIONS, MEANT, OPERATORS
 
 MOST_CHARACTERS, MOST_PARTS, DEEPEST = 1000, 300, 40
-"""Beyond what anybody writes by hand, and far below what could exhaust a machine."""
+"""More than anybody writes by hand, and far less than exhausts a machine."""
 
 LARGEST_EXPONENT = 64
 
 
 class FormulaError(UsageError):
-    """What cannot stand in a formula, and where: `column` counts its characters from 1."""
+    """An invalid formula; `column` counts its characters from 1."""
 
     def __init__(self, text: str, column: int, message: str) -> None:
         super().__init__(f"formula {shown(text)!r}, column {column}: {message}")
@@ -28,11 +28,8 @@ class FormulaError(UsageError):
         self.message = message
 
 
-def checked(text: str, names: tuple[str, ...]) -> ast.expr:
-    """The syntax tree of a formula in which everything is allowed.
-
-    Raises FormulaError, with the column, for the first thing that is not.
-    """
+def parse(text: str, names: tuple[str, ...]) -> ast.expr:
+    """Return the syntax tree of a formula. Raises FormulaError, with the column, for an invalid part."""
     if len(text) > MOST_CHARACTERS:
         raise FormulaError(
             text, MOST_CHARACTERS, f"it is too long; {MOST_CHARACTERS} characters are the most"
@@ -43,7 +40,7 @@ def checked(text: str, names: tuple[str, ...]) -> ast.expr:
         raise FormulaError(text, 1, "it is empty. Write a number or a formula over " + ", ".join(names))
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # the parser's own advice on what is refused in any case
+            warnings.simplefilter("ignore")  # the parser's advice on parts that are refused anyway
             tree = ast.parse(line.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
         column = indent + (getattr(error, "offset", None) or len(line.strip()) + 1)
@@ -55,7 +52,7 @@ def checked(text: str, names: tuple[str, ...]) -> ast.expr:
 
 
 class _Check:
-    """Walks a syntax tree and stops at the first thing that is not allowed."""
+    """Walks a syntax tree and raises at the first invalid part."""
 
     def __init__(self, text: str, line: bytes, indent: int, names: tuple[str, ...]) -> None:
         self.text, self.line, self.indent, self.names = text, line, indent, names
@@ -71,7 +68,7 @@ class _Check:
             self.everything(inner, depth + 1)
 
     def inner(self, node: ast.expr) -> list[ast.expr]:
-        """The parts of a node, which itself is allowed."""
+        """Return the parts of a node, which itself is valid."""
         match node:
             case ast.Constant():
                 self.number(node)
@@ -150,5 +147,5 @@ def _refusal(node: ast.expr) -> str:
 
 
 def shown(text: str) -> str:
-    """As much of a text as a message has room for."""
+    """Return a text, shortened for a message."""
     return text if len(text) <= 80 else text[:77] + "…"

@@ -1,4 +1,4 @@
-"""The words of a formula and what they mean: constants, functions and operators."""
+"""The vocabulary of formulas: constants, names, functions and operators."""
 
 from __future__ import annotations
 
@@ -12,23 +12,23 @@ import numpy as np
 CONSTANTS = {"pi": np.pi, "e": np.e}
 
 PLACE = ("x", "y", "z")
-"""Where a formula looks at places: scene units."""
+"""The names of a position: scene units."""
 
 TIME = ("t", "time", "frame")
-"""Where it looks at moments: seconds since the first frame, by a short name and by a long one, and the number
-of the frame, with a fraction between frames."""
+"""The names of a time: seconds since the first frame, short and long, and the frame number, with a fraction
+between frames."""
 
 MEANT = {"seconds": "t", "sec": "t", "f": "frame"}
-"""Names that are written for others without being like them."""
+"""Words that users write for names they do not resemble."""
 
 
-def moment(frame: Any, seconds: Any) -> dict[str, Any]:
-    """The values of the names of TIME."""
+def time_values(frame: Any, seconds: Any) -> dict[str, Any]:
+    """Return the values of the names in TIME."""
     return {"t": seconds, "time": seconds, "frame": frame}
 
 
 def _smoothstep(low: Any, high: Any, x: Any) -> Any:
-    """0 below low, 1 above high, a cubic with level ends between."""
+    """Return 0 below low, 1 above high, and a cubic with level ends between."""
     share = np.clip((x - low) / (high - low), 0.0, 1.0)
     return share * share * (3.0 - 2.0 * share)
 
@@ -73,4 +73,4 @@ OPERATORS: Mapping[type[ast.AST], Callable[..., Any]] = {
     ast.Eq: operator.eq,
     ast.NotEq: operator.ne,
 }
-"""By the node of the syntax tree that stands for it."""
+"""By node of the syntax tree."""

@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.formula import PLACE, TIME, Expression
-from pipeline.formula.words import moment
+from pipeline.formula.words import time_values
 from pipeline.mesh.normals import NORMAL, split_at_creases
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.kernels.sizing_field import edge_curvature, limit_gradation
@@ -124,7 +124,7 @@ class ThresholdFormula:
 
     def __call__(self, mesh: TriangleMesh) -> Floats:
         """Return values (V,). Raises UsageError where a value is not finite, or the time is not known."""
-        now = moment(self.frame, self.time)
+        now = time_values(self.frame, self.time)
         missing = [name for name in now if name in self.expression.uses and now[name] is None]
         if missing:
             raise UsageError(f"formula {self.text!r} needs a {missing[0]}; ask for it `at` a frame first")

@@ -6,8 +6,9 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
+from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
 from pipeline.flow.retiming import elapsed
+from pipeline.flow.vectors import Vector
 
 FULL_FRAME = 36.0
 """Width of a full-frame sensor, millimetres."""
@@ -79,11 +80,11 @@ class CameraPath:
     orbit: Number = 0.0
     dolly: Number = 1.0
     distance: Number | None = None
-    target: Place | None = None
-    position: Place | None = None
+    target: VectorParameter | None = None
+    position: VectorParameter | None = None
     follow: float = 1.0
     aperture: Number | None = None
-    focus: Number | Place | None = None
+    focus: Number | VectorParameter | None = None
     unit: float | None = None
 
     def at(self, time: float) -> View:
@@ -97,8 +98,8 @@ class CameraPath:
             orbit=elapsed(self.orbit, time),
             dolly=number_at(self.dolly, time),
             distance=None if self.distance is None else number_at(self.distance, time),
-            target=None if self.target is None else place_at(self.target, time),
-            position=None if self.position is None else place_at(self.position, time),
+            target=None if self.target is None else vector_at(self.target, time),
+            position=None if self.position is None else vector_at(self.position, time),
             lens=self._lens(time),
         )
 
@@ -120,7 +121,7 @@ class CameraPath:
         if self.focus is None or isinstance(self.focus, float | tuple):
             return self.focus
         values = self.focus.at(time)
-        return values[0] if len(values) == 1 else place_at(self.focus, time)
+        return values[0] if len(values) == 1 else vector_at(self.focus, time)
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ def _changing(value: Any, names: tuple[str, ...], unit: str) -> Iterator[tuple[t
     if isinstance(value, Keyed | OverTime | OverTimeTriple):
         yield names, unit, value
     elif isinstance(value, BaseModel):
-        units = {p.name: p.sense.unit for p in getattr(value, "own", ())}
+        units = {p.name: p.doc.unit for p in getattr(value, "own", ())}
         for name, field in type(value).model_fields.items():
             if name in value.model_fields_set:
                 word = field.alias or name

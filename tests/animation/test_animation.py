@@ -15,7 +15,9 @@ from pipeline.animation import MeshFrame, animate, descent
 from pipeline.arrays import AnyArray, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Sequence, Streamlines, Sum, keyed
-from pipeline.flow.catalogue import Lorenz, Twist, Vortex
+from pipeline.flow.catalogue.attractors import Lorenz
+from pipeline.flow.catalogue.deformations import Twist
+from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, validate
 from pipeline.resample import Resampler, Thresholds

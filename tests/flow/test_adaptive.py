@@ -25,21 +25,16 @@ from pipeline.flow import (
     checked_displacement,
     keyed,
 )
-from pipeline.flow.catalogue import (
-    ABC,
-    Aizawa,
-    Formula,
-    Lorenz,
-    Rotation,
-    Strain,
-    Translation,
-    Twist,
-    Vortex,
-)
-from pipeline.flow.compose import Frame, Limited, Mirror, Placed, Within
-from pipeline.flow.flow_map import History, Step
-from pipeline.flow.regions import Sphere
-from pipeline.flow.streamlines import MOST_SUBSTEPS, StepPlan
+from pipeline.flow.catalogue.attractors import Aizawa, Lorenz
+from pipeline.flow.catalogue.cellular import ABC
+from pipeline.flow.catalogue.deformations import Twist
+from pipeline.flow.catalogue.formula import FormulaField
+from pipeline.flow.catalogue.linear import Rotation, Strain, Translation
+from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.compose import Mirror, Placed, RegionField, Transform, Within
+from pipeline.flow.flow_map import FlowMap, FrameStep
+from pipeline.flow.regions import SphereRegion
+from pipeline.flow.streamlines import MAX_SUBSTEPS, StepPlan
 
 DT = 1 / 24
 SWIRL = Sum((Vortex(radius=0.3, strength=keyed((0.0, 1.0), (0.0, 6.0))), Strain(rate=0.7)))
@@ -48,7 +43,7 @@ FIELDS: dict[str, VelocityField] = {
     "lorenz": Lorenz(time_scale=0.3),
     "aizawa": Aizawa(),
     "abc": ABC(),
-    "formula": Formula(("-y*cos(t)", "x", "0.3*sin(5*t)*z")),
+    "formula": FormulaField(("-y*cos(t)", "x", "0.3*sin(5*t)*z")),
 }
 each_field = pytest.mark.parametrize("field", FIELDS.values(), ids=FIELDS)
 TOLERANT = Streamlines(SWIRL, tolerance=1e-6)
@@ -181,10 +176,10 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
 ) -> None:
     points = np.random.default_rng(3).normal(size=(57, 3))
     kinds: list[Flow] = [*LIMITED, Streamlines(Translation((3.0, 0.0, 1.0)), max_step=0.02), Twist()]
-    flow, history = Sequence(tuple(kinds[i] for i in chosen)), History()
+    flow, history = Sequence(tuple(kinds[i] for i in chosen)), FlowMap()
     moved = points
     for frame in range(frames):
-        history.add(Step(flow, frame * DT, DT, frame + 2))
+        history.add(FrameStep(flow, frame * DT, DT, frame + 2))
         moved = checked_displacement(flow, moved, frame * DT, DT, frame + 2)
     assert history.carry(points).tobytes() == moved.tobytes()
 
@@ -195,7 +190,7 @@ def test_no_substep_takes_a_point_further_than_the_maximum_step(max_step: float,
     """The way of a frame, cut at the moments of the finest sub-steps that were needed, is no longer."""
     points = 0.6 * np.random.default_rng(seed).normal(size=(6, 3))
     flow = Streamlines(Rotation(axis=(0.0, 0.0, 1.0), speed=30.0), max_step=max_step)
-    plan = flow.step_plan(0.0, DT, closely=True)
+    plan = flow.step_plan(0.0, DT, finest=True)
     moved = flow.displace(points, 0.0, DT)
     turned = 30.0 * DT
     exact = points @ np.array(
@@ -204,12 +199,12 @@ def test_no_substep_takes_a_point_further_than_the_maximum_step(max_step: float,
     np.testing.assert_allclose(moved, exact, atol=1e-5)
     assert plan.halved and len(plan.spans) == 13
     for point, end in zip(points, moved, strict=True):
-        each = _shortest_course(point, max_step)
+        each = _advanced_alone(point, max_step)
         np.testing.assert_allclose(each, end, atol=1e-12)
 
 
-def _shortest_course(point: Points, max_step: float) -> Points:
-    """The 13 sub-steps of steepness, each halved alike while one goes further than the maximum step."""
+def _advanced_alone(point: Points, max_step: float) -> Points:
+    """Take the 13 sub-steps of the gradient bound, each halved alike while one exceeds the maximum step."""
     field = Rotation(axis=(0.0, 0.0, 1.0), speed=30.0)
     here = point[None]
     for _ in range(13):
@@ -227,25 +222,25 @@ def _shortest_course(point: Points, max_step: float) -> Points:
     return here[0]
 
 
-def test_a_stride_that_nothing_exceeds_changes_no_bit(points: Points) -> None:
+def test_a_maximum_step_that_nothing_exceeds_changes_no_bit(points: Points) -> None:
     for flow in (Streamlines(SWIRL), Streamlines(Translation((0.1, 0.2, 0.3)))):
         free = flow.displace(points, 0.3, DT)
         assert flow.with_max_step(10.0).displace(points, 0.3, DT).tobytes() == free.tobytes()
         assert flow.with_max_step(0.001).displace(points, 0.3, DT).tobytes() != free.tobytes()
 
 
-def test_compositions_hand_the_stride_on() -> None:
+def test_compositions_hand_the_maximum_step_on() -> None:
     inner = Streamlines(SWIRL)
-    ball = Sphere(centre=(0.0, 0.0, 0.0), radius=1.0)
+    ball = SphereRegion(centre=(0.0, 0.0, 0.0), radius=1.0)
     for flow in (
         Sequence((inner,)),
         Reversed(inner, 1.0),
         Placed(inner, Mirror()),
         Within(inner, ball),
-        Placed(inner, Frame(scale=2.0)),
+        Placed(inner, Transform(scale=2.0)),
     ):
         assert flow.with_max_step(0.01).cache_data(0.3, DT) != flow.cache_data(0.3, DT)
-    scaled = Placed(inner, Frame(scale=2.0)).with_max_step(0.02).cache_data(0.3, DT)
+    scaled = Placed(inner, Transform(scale=2.0)).with_max_step(0.02).cache_data(0.3, DT)
     assert scaled["flow"] == inner.with_max_step(0.01).cache_data(0.3, DT)
     function = Function(lambda points, time, dt: points)
     assert function.with_max_step(0.1) is function
@@ -272,26 +267,26 @@ def test_a_key_within_a_frame_is_in_the_data_of_an_adaptive_step() -> None:
 
 
 def test_a_tolerance_out_of_reach_is_told_with_the_place() -> None:
-    sharp = Limited(Translation((0.0, 100.0, 0.0)), Sphere(radius=0.5))
+    sharp = RegionField(Translation((0.0, 100.0, 0.0)), SphereRegion(radius=0.5))
     points = np.array([[0.1, 0.0, 0.0]])
     crossing = Streamlines(Sum((sharp, Translation((5.0, 0.0, 0.0)))), tolerance=1e-12)
     away, drift = np.array([[0.6, 0.0, 0.0]]), np.array([5.0 * DT, 0.0, 0.0])
     np.testing.assert_allclose(crossing.displace(away, 0.0, DT), away + drift, atol=1e-13)
     with pytest.raises(
         FrameError,
-        match=r"^frame 9: flow .* at 0 s moves a point from \(0\.4, 0, 0\.1\) so that "
-        r"sub-steps which err by at most 1e-12 units would be more than 10000 a frame.*raise tol",
+        match=r"^frame 9: flow .* at 0 s needs more than 10000 sub-steps a frame to move the point at "
+        r"\(0\.4, 0, 0\.1\) with at most an error of 1e-12 units.*raise tol",
     ):
         checked_displacement(crossing, np.array([[0.4, 0.0, 0.1]]), 0.0, DT, 9)
     with pytest.raises(
-        FrameError, match=r"which go at most 1e-06 units would be more than 10000 a frame.*max_step"
+        FrameError, match=r"more than 10000 sub-steps a frame .* at most a step of 1e-06 units.*max_step"
     ):
         Streamlines(Translation((50.0, 0.0, 0.0)), max_step=1e-6).displace(points, 0.0, DT)
-    assert MOST_SUBSTEPS == 10_000
+    assert MAX_SUBSTEPS == 10_000
 
 
 def test_a_formula_that_divides_by_zero_is_told_as_such() -> None:
-    flow = Streamlines(Formula(("1/x", "0", "0")), tolerance=1e-6)
+    flow = Streamlines(FormulaField(("1/x", "0", "0")), tolerance=1e-6)
     with pytest.raises(FrameError, match="formula"):
         checked_displacement(flow, np.zeros((3, 3)), 0.0, DT, 2)
 
@@ -300,8 +295,8 @@ def test_courses_of_both_kinds_are_not_joined(points: Points, monkeypatch: pytes
     calls = []
     follow = StepPlan.follow
     monkeypatch.setattr(StepPlan, "follow", lambda self, p: calls.append(self.halved) or follow(self, p))
-    history = History()
+    history = FlowMap()
     for frame in range(4):
-        history.add(Step(Sequence((TOLERANT, Streamlines(Strain()))), frame * DT, DT, frame + 2))
+        history.add(FrameStep(Sequence((TOLERANT, Streamlines(Strain()))), frame * DT, DT, frame + 2))
     history.carry(0.01 * points)
     assert calls[:2] == [True, False]

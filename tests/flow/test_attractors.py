@@ -13,8 +13,16 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue import Aizawa, Chen, Chua, Halvorsen, Lorenz, Rossler, Thomas
-from pipeline.flow.catalogue.attractors import Attractor
+from pipeline.flow.catalogue.attractors import (
+    Aizawa,
+    Attractor,
+    Chen,
+    Chua,
+    Halvorsen,
+    Lorenz,
+    Rossler,
+    Thomas,
+)
 
 Equations = Callable[[Floats, Floats, Floats], tuple[Floats, Floats, Floats]]
 

@@ -10,13 +10,15 @@ import pytest
 
 from pipeline.errors import FrameError
 from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, checked_displacement, keyed
-from pipeline.flow.catalogue import Rotation, Stretch, Twist, Vortex
+from pipeline.flow.catalogue.deformations import Stretch, Twist
+from pipeline.flow.catalogue.linear import Rotation
+from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.checked_displacement import checked_cache_data
-from pipeline.flow.compose import Frame, InFrame, Limited, Placed, Scaled, Within
-from pipeline.flow.flow_map import History, Step
-from pipeline.flow.formula_curve import Formulated
+from pipeline.flow.compose import Placed, RegionField, ScaledField, Transform, TransformedField, Within
+from pipeline.flow.flow_map import FlowMap, FrameStep
+from pipeline.flow.formula_curve import FormulaCurve
 from pipeline.flow.keyframes import Number
-from pipeline.flow.regions import Sphere
+from pipeline.flow.regions import SphereRegion
 
 POINTS = np.random.default_rng(3).uniform(-1, 1, size=(20, 3))
 DT = 0.1
@@ -26,11 +28,11 @@ DIP = keyed((0.0, 0.45, 0.5, 0.6, 0.65, 1.0), (1.0, 1.0, -0.5, -0.5, 1.0, 1.0), 
 TWIST = Twist(amount=keyed((0.0, 1.0), (0.0, 1.0)))
 
 BROKEN: dict[str, Callable[[Number], Flow]] = {
-    "a region without a size": lambda n: Streamlines(Limited(Rotation(), Sphere(radius=n))),
-    "the same about a map": lambda n: Within(TWIST, Sphere(radius=n)),
-    "a frame without room": lambda n: Streamlines(InFrame(Rotation(), Frame(scale=n))),
-    "the same about another map": lambda n: Placed(TWIST, Frame(scale=n)),
-    "a bad weight": lambda n: Streamlines(Scaled(Rotation(), n)),
+    "a region without a size": lambda n: Streamlines(RegionField(Rotation(), SphereRegion(radius=n))),
+    "the same about a map": lambda n: Within(TWIST, SphereRegion(radius=n)),
+    "a frame without room": lambda n: Streamlines(TransformedField(Rotation(), Transform(scale=n))),
+    "the same about another map": lambda n: Placed(TWIST, Transform(scale=n)),
+    "a bad weight": lambda n: Streamlines(ScaledField(Rotation(), n)),
     "a bad blend": lambda n: Blend(Sequence(()), TWIST, n),
     "within others": lambda n: Sequence((TWIST, Repeated(Blend(TWIST, Sequence(()), n), 10.0))),
 }
@@ -48,8 +50,8 @@ def test_only_the_frame_that_fails_is_known_by_its_failure(broken: Callable[[Num
             with pytest.raises(FrameError, match="frame 6: "):
                 checked_displacement(bad, POINTS, time, DT, 6)
             with pytest.raises(FrameError, match="frame 6: "):
-                history = History()
-                history.add(Step(bad, time, DT, 6))
+                history = FlowMap()
+                history.add(FrameStep(bad, time, DT, 6))
                 history.carry(POINTS)
         elif number not in (4, 6):
             assert data == checked_cache_data(good, time, DT)
@@ -59,11 +61,11 @@ def test_only_the_frame_that_fails_is_known_by_its_failure(broken: Callable[[Num
 @pytest.mark.parametrize(
     "flow",
     [
-        Streamlines(Vortex(strength=Formulated(("1 / (t - 0.55)",), 24.0, 1))),
-        Twist(amount=Formulated(("1 / (t - 0.5)",), 24.0, 1)),
-        Streamlines(Vortex(radius=Formulated(("1 if t < 0.5 else 0",), 24.0, 1))),
-        Streamlines(Vortex(radius=1e-110, strength=Formulated(("0 if t < 0.5 else 1e99",), 24.0, 1))),
-        Stretch(amount=Formulated(("1 if t < 0.55 else 0",), 24.0, 1)),
+        Streamlines(Vortex(strength=FormulaCurve(("1 / (t - 0.55)",), 24.0, 1))),
+        Twist(amount=FormulaCurve(("1 / (t - 0.5)",), 24.0, 1)),
+        Streamlines(Vortex(radius=FormulaCurve(("1 if t < 0.5 else 0",), 24.0, 1))),
+        Streamlines(Vortex(radius=1e-110, strength=FormulaCurve(("0 if t < 0.5 else 1e99",), 24.0, 1))),
+        Stretch(amount=FormulaCurve(("1 if t < 0.55 else 0",), 24.0, 1)),
     ],
     ids=lambda flow: flow.name,
 )
@@ -74,8 +76,8 @@ def test_numbers_that_are_none_fail_their_frame(flow: Flow) -> None:
     with np.errstate(all="ignore"), pytest.raises(FrameError, match="frame 6: "):
         checked_displacement(flow, POINTS, 0.5, DT, 6)
     with np.errstate(all="ignore"), pytest.raises(FrameError, match="frame 6: "):
-        history = History()
-        history.add(Step(flow, 0.5, DT, 6))
+        history = FlowMap()
+        history.add(FrameStep(flow, 0.5, DT, 6))
         history.carry(POINTS)
 
 

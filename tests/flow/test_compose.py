@@ -15,7 +15,6 @@ from pipeline.errors import FrameError, UsageError
 from pipeline.flow import (
     Blend,
     Flow,
-    Frame,
     Mirror,
     Placed,
     Repeated,
@@ -23,14 +22,19 @@ from pipeline.flow import (
     Sequence,
     Streamlines,
     Sum,
+    Transform,
     VelocityField,
     Within,
     as_flow,
     keyed,
 )
-from pipeline.flow.catalogue import Enright, Expansion, Rotation, Shear, Translation, Twist, Vortex
-from pipeline.flow.compose import InFrame, Limited, Scaled, blended, placed, within
-from pipeline.flow.regions import Box, Capsule, HalfSpace, Region, Sphere
+from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.catalogue.deformations import Shear, Twist
+from pipeline.flow.catalogue.expansion import Expansion
+from pipeline.flow.catalogue.linear import Rotation, Translation
+from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.compose import RegionField, ScaledField, TransformedField, blended, placed, within
+from pipeline.flow.regions import BoxRegion, CapsuleRegion, HalfSpaceRegion, Region, SphereRegion
 
 POINTS = np.random.default_rng(4).uniform(-1, 1, size=(300, 3))
 DT = 1 / 24
@@ -38,8 +42,8 @@ DT = 1 / 24
 TWIST = Twist(amount=keyed((0.0, 1.0), (0.0, 1.0)))
 SHEAR = Shear(amount=keyed((0.0, 1.0), (0.0, 0.8)))
 SWIRL = Streamlines(Sum((Vortex(radius=0.5, strength=3.0), Expansion(rate=keyed((0.0, 1.0), (0.0, 1.0))))))
-BALL = Sphere(centre=(0.3, 0.0, 0.0), radius=0.5, falloff=0.6)
-TURNING = Frame(
+BALL = SphereRegion(centre=(0.3, 0.0, 0.0), radius=0.5, falloff=0.6)
+TURNING = Transform(
     translate=keyed((0.0, 1.0), ((0.0, 0.0, 0.0), (1.0, 0.5, 0.0))),
     rotate=keyed((0.0, 1.0), ((0.0, 0.0, 0.0), (0.3, 1.0, -0.5))),
     scale=keyed((0.0, 1.0), (1.0, 1.5)),
@@ -52,14 +56,17 @@ MAPS: list[Flow] = [
     Placed(TWIST, Mirror((1.0, 1.0, 0.0), (0.2, 0.0, 0.0))),
     Repeated(TWIST, 0.3),
     Sequence((TWIST, Within(SHEAR, BALL))),
-    Within(Sequence((TWIST, Placed(SHEAR, Mirror()))), Capsule(radius=0.4, falloff=0.8)),
+    Within(Sequence((TWIST, Placed(SHEAR, Mirror()))), CapsuleRegion(radius=0.4, falloff=0.8)),
 ]
 FIELDS: list[VelocityField] = [
-    Limited(Vortex(radius=0.5, strength=3.0), BALL),
-    Scaled(Rotation(), keyed((0.0, 1.0), (0.0, 1.0))),
-    InFrame(Vortex(radius=0.5, strength=3.0), TURNING),
-    InFrame(Vortex(radius=0.5, strength=3.0), Mirror((1.0, 1.0, 0.0), (0.2, 0.0, 0.0))),
-    Limited(Sum((InFrame(Enright(period=2.0), TURNING), Rotation())), Box(size=(1, 1, 1), falloff=0.5)),
+    RegionField(Vortex(radius=0.5, strength=3.0), BALL),
+    ScaledField(Rotation(), keyed((0.0, 1.0), (0.0, 1.0))),
+    TransformedField(Vortex(radius=0.5, strength=3.0), TURNING),
+    TransformedField(Vortex(radius=0.5, strength=3.0), Mirror((1.0, 1.0, 0.0), (0.2, 0.0, 0.0))),
+    RegionField(
+        Sum((TransformedField(Enright(period=2.0), TURNING), Rotation())),
+        BoxRegion(size=(1, 1, 1), falloff=0.5),
+    ),
 ]
 
 
@@ -87,11 +94,13 @@ def test_what_a_composition_of_fields_does_is_undone_to_a_millionth(field: Veloc
     np.testing.assert_allclose(over(flow, there, -1.0, 24, 1.0), POINTS, atol=1e-6)
 
 
-IN_THE_RIM = HalfSpace(centre=(0.0, -3.0, 0.0), falloff=6.0)
-SMOOTH = [field for field in FIELDS if not isinstance(field, Limited)]
+IN_THE_RIM = HalfSpaceRegion(centre=(0.0, -3.0, 0.0), falloff=6.0)
+SMOOTH = [field for field in FIELDS if not isinstance(field, RegionField)]
 
 
-@pytest.mark.parametrize("field", [*SMOOTH, Limited(SWIRL.field, IN_THE_RIM)], ids=lambda field: field.name)
+@pytest.mark.parametrize(
+    "field", [*SMOOTH, RegionField(SWIRL.field, IN_THE_RIM)], ids=lambda field: field.name
+)
 def test_fields_composed_converge_with_order_four(field: VelocityField) -> None:
     """Also in a rim; at its ends, whose third derivatives jump, a few points lose a little."""
     ends = [Streamlines(field, n).displace(POINTS, 0.2, 0.8) for n in (20, 40, 80)]
@@ -118,8 +127,8 @@ def test_a_mirror_of_a_mirror_and_a_frame_at_rest_change_nothing(flow: Flow) -> 
     mirror = Mirror((1.0, 2.0, 0.0), (0.1, 0.0, 0.0))
     for same in (
         placed(placed(flow, mirror), mirror),
-        placed(flow, Frame()),
-        within(flow, HalfSpace(centre=(0.0, 9.0, 0.0))),
+        placed(flow, Transform()),
+        within(flow, HalfSpaceRegion(centre=(0.0, 9.0, 0.0))),
         blended(flow, Sequence(()), 0.0),
         blended(Sequence(()), flow, 1.0),
     ):
@@ -127,27 +136,32 @@ def test_a_mirror_of_a_mirror_and_a_frame_at_rest_change_nothing(flow: Flow) -> 
 
 
 @pytest.mark.parametrize(
-    "frame", [TURNING, Frame(translate=(1.0, 2.0, 0.0), rotate=(0.4, 0.2, 1.0), scale=2.0)]
+    "frame", [TURNING, Transform(translate=(1.0, 2.0, 0.0), rotate=(0.4, 0.2, 1.0), scale=2.0)]
 )
-def test_a_field_in_a_frame_is_the_map_in_that_frame_to_the_order_of_a_step(frame: Frame) -> None:
+def test_a_field_in_a_frame_is_the_map_in_that_frame_to_the_order_of_a_step(frame: Transform) -> None:
     """For a frame at rest to the last digits: the method of Runge and Kutta does not care for coordinates."""
-    as_field, as_map = Streamlines(InFrame(Rotation(), frame), 8), Placed(Streamlines(Rotation(), 8), frame)
+    as_field, as_map = (
+        Streamlines(TransformedField(Rotation(), frame), 8),
+        Placed(Streamlines(Rotation(), 8), frame),
+    )
     tolerance = 1e-3 if frame is TURNING else 1e-13
     np.testing.assert_allclose(over(as_field, POINTS, 1.0, 24), over(as_map, POINTS, 1.0, 24), atol=tolerance)
 
 
 def test_a_frame_scales_then_turns_then_moves() -> None:
-    frame = Frame((1.0, 0.0, 0.0), (0.0, 0.0, math.pi / 2), 2.0)
-    velocity = InFrame(Translation((1.0, 0.0, 0.0)), frame).velocity(np.zeros((1, 3)), 0.0)
+    frame = Transform((1.0, 0.0, 0.0), (0.0, 0.0, math.pi / 2), 2.0)
+    velocity = TransformedField(Translation((1.0, 0.0, 0.0)), frame).velocity(np.zeros((1, 3)), 0.0)
     np.testing.assert_allclose(velocity, [[0.0, 2.0, 0.0]], atol=1e-15)
-    quarter = Placed(Twist(amount=keyed((0, 1), (0, 1), "linear")), Frame((0.0, 5.0, 0.0)))
+    quarter = Placed(Twist(amount=keyed((0, 1), (0, 1), "linear")), Transform((0.0, 5.0, 0.0)))
     np.testing.assert_allclose(
         quarter.displace(np.array([[1.0, 5.0, 0.0]]), 0.0, 1.0), [[1.0, 5.0, 0.0]], atol=1e-15
     )
 
 
 def test_what_turns_left_turns_right_in_the_mirror() -> None:
-    seen = InFrame(Rotation(axis=(0.0, 1.0, 0.0), speed=1.0), Mirror((1.0, 0.0, 0.0))).velocity(POINTS, 0.0)
+    seen = TransformedField(Rotation(axis=(0.0, 1.0, 0.0), speed=1.0), Mirror((1.0, 0.0, 0.0))).velocity(
+        POINTS, 0.0
+    )
     np.testing.assert_allclose(
         seen, Rotation(axis=(0.0, 1.0, 0.0), speed=-1.0).velocity(POINTS, 0.0), atol=1e-15
     )
@@ -215,7 +229,7 @@ def test_rounds_without_number_are_refused() -> None:
 
 
 def test_a_fold_cannot_be_undone_and_is_told() -> None:
-    fold = Within(as_flow(lambda points, time, dt: points + 3.0), Sphere(radius=0.2, falloff=0.1))
+    fold = Within(as_flow(lambda points, time, dt: points + 3.0), SphereRegion(radius=0.2, falloff=0.1))
     with pytest.raises(FrameError, match=r"cannot be undone at .* widen its falloff"):
         fold.displace(np.array([[0.1, 0.0, 0.0]]), 1.0, -1.0)
 
@@ -229,7 +243,12 @@ def test_a_point_goes_its_way_whatever_the_others_do(flow: Flow) -> None:
             assert flow.displace(POINTS[part], 0.5, dt).tobytes() == together[part].tobytes()
 
 
-REGION: list[Region] = [Sphere(radius=0.5), Sphere(radius=0.6), Sphere(radius=0.5, invert=True), Box()]
+REGION: list[Region] = [
+    SphereRegion(radius=0.5),
+    SphereRegion(radius=0.6),
+    SphereRegion(radius=0.5, invert=True),
+    BoxRegion(),
+]
 
 
 def test_what_decides_the_motion_is_in_its_data_and_nothing_else() -> None:
@@ -239,9 +258,9 @@ def test_what_decides_the_motion_is_in_its_data_and_nothing_else() -> None:
     for compose in (
         lambda w: blended(TWIST, SHEAR, w),
         lambda w: blended(Sequence(()), SWIRL, w),
-        lambda w: within(SWIRL, Sphere(radius=0.3, falloff=w)),
+        lambda w: within(SWIRL, SphereRegion(radius=0.3, falloff=w)),
         lambda w: placed(
-            TWIST, Frame(translate=(0.0, 0.0, 0.0), scale=keyed((0.0, 1.0), (1.0, 1.0 + w.values[2][0])))
+            TWIST, Transform(translate=(0.0, 0.0, 0.0), scale=keyed((0.0, 1.0), (1.0, 1.0 + w.values[2][0])))
         ),
     ):
         one, other = compose(early), compose(late)

@@ -110,7 +110,7 @@ DAMAGED: dict[str, tuple[Callable[[Path], Path], str]] = {
         "cannot be read as a grid.*(300|out of bounds)",
     ),
     "no number": (lambda f: image(f / "a.vti", ">1 1", ">1 one"), "could not convert string to float: 'one'"),
-    "packed too much": (packed_too_much, "more numbers than the grid has room for"),
+    "packed too much": (packed_too_much, "more numbers than the grid has points"),
 }
 
 
@@ -160,7 +160,7 @@ def test_headers_tell_what_is_too_much_before_it_is_unpacked(tmp_path: Path) -> 
 def test_the_files_of_a_sequence_count_together(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     files = tuple(archive(tmp_path / f"{k}.npz", k=np.full(1, k)) for k in range(3))
     assert len(read_samples(files).velocity) == 3
-    monkeypatch.setattr(samples, "MOST_BYTES", 2 * ONES.nbytes)
+    monkeypatch.setattr(samples, "MAX_BYTES", 2 * ONES.nbytes)
     with pytest.raises(UsageError, match="4608 bytes of velocities are too many; 3072 bytes are the most"):
         read_samples(files, interval=2.0)
 

@@ -14,19 +14,19 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
-from pipeline.flow import _kernels_velocity as kernels
-from pipeline.flow.catalogue import Rotation
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull_rom
-from pipeline.flow.catalogue.formula import Formula
+from pipeline.flow.catalogue.formula import FormulaField
+from pipeline.flow.catalogue.linear import Rotation
 from pipeline.flow.catalogue.noise import RMS, CurlNoise
-from pipeline.flow.compose import Frame, InFrame, Mirror, Scaled
-from pipeline.flow.velocity import External
+from pipeline.flow.compose import Mirror, ScaledField, Transform, TransformedField
+from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.velocity import ExternalField
 from pipeline.mesh import icosphere, torus
 
 PATH = ((-1.0, 0.0, 0.0), (0.0, 1.0, 0.5), (1.0, 0.0, 0.0), (2.0, 0.5, 1.0))
-FIELDS: dict[str, External] = {
-    "formula": Formula(("-k * y", "k * x", "0.3 * sin(t) * z"), (("k", 2.0),)),
-    "functions": Formula(("sin(3 * y) * exp(-x * x)", "cos(x + t) - log(1 + z * z)", "exp(sin(5 * x))")),
+FIELDS: dict[str, ExternalField] = {
+    "formula": FormulaField(("-k * y", "k * x", "0.3 * sin(t) * z"), (("k", 2.0),)),
+    "functions": FormulaField(("sin(3 * y) * exp(-x * x)", "cos(x + t) - log(1 + z * z)", "exp(sin(5 * x))")),
     "curl noise": CurlNoise(0.8, 0.5, octaves=2),
     "attraction": Attraction(Target.points(np.array([[0.2, 0.1, 0.0]])), 1.5, 3.0),
     "repulsion": Attraction(Target.surface(icosphere(4, 0.5)), -0.5, 2.0),
@@ -40,14 +40,14 @@ def points() -> Points:
     return 0.4 * np.random.default_rng(7).normal(size=(300, 3))
 
 
-def gradients(field: External, points: Points, h: float = 1e-5, time: float = 0.3) -> Floats:
+def gradients(field: ExternalField, points: Points, h: float = 1e-5, time: float = 0.3) -> Floats:
     """(N, 3, 3): the derivative of velocity i in direction j, by central differences."""
     pairs = [field.alone(points + h * e, time) - field.alone(points - h * e, time) for e in np.eye(3)]
     return np.stack(pairs, axis=2) / (2 * h)
 
 
 @each_field
-def test_the_kernels_call_the_function_and_nothing_else(field: External, points: Points) -> None:
+def test_the_kernels_call_the_function_and_nothing_else(field: ExternalField, points: Points) -> None:
     np.testing.assert_array_equal(field.velocity(points, 0.3), field.alone(points, 0.3))
     both = Sum((Rotation(), field))
     expected = Rotation().velocity(points, 0.3) + field.alone(points, 0.3)
@@ -55,7 +55,7 @@ def test_the_kernels_call_the_function_and_nothing_else(field: External, points:
 
 
 @each_field
-def test_points_and_threads_change_no_bit(field: External) -> None:
+def test_points_and_threads_change_no_bit(field: ExternalField) -> None:
     many = np.random.default_rng(1).normal(size=(9001, 3))
     before, results = numba.get_num_threads(), []
     try:
@@ -73,7 +73,7 @@ def test_points_and_threads_change_no_bit(field: External) -> None:
 
 
 @each_field
-def test_what_acts_is_plain_data_without_addresses(field: External) -> None:
+def test_what_acts_is_plain_data_without_addresses(field: ExternalField) -> None:
     data = Streamlines(field).cache_data(0.25, 1 / 24)
     assert json.loads(json.dumps(data)) == data
     assert str(field.block.address) not in json.dumps(data)
@@ -97,51 +97,54 @@ def test_the_steepness_bounds_the_gradient_off_the_jumps(name: str, points: Poin
 
 def test_parameters_of_formulas_and_new_formulas_compile_no_kernel(points: Points) -> None:
     for k in range(4):
-        field = Formula(("-k * y", f"{k} * x", "0"), (("k", float(k)),))
+        field = FormulaField(("-k * y", f"{k} * x", "0"), (("k", float(k)),))
         Streamlines(Sum((field, Rotation())), 2).displace(points, 0.0, 0.1)
     assert len(kernels.advect.signatures) <= 1 and len(kernels.velocities.signatures) <= 1
-    assert Formula(("k", "0", "0"), (("k", 1.0),)).block is Formula(("k", "0", "0"), (("k", 2.0),)).block
+    assert (
+        FormulaField(("k", "0", "0"), (("k", 1.0),)).block
+        is FormulaField(("k", "0", "0"), (("k", 2.0),)).block
+    )
 
 
 def test_a_formula_turns_as_the_rotation_does(points: Points) -> None:
     speed = keyed((0.0, 1.0), (0.0, 2.0), "linear")
-    written = Formula(("-k * y", "k * x", "0"), (("k", speed),))
+    written = FormulaField(("-k * y", "k * x", "0"), (("k", speed),))
     built = Rotation((0.0, 0.0, 1.0), speed=speed)
     moved = [Streamlines(field, 8).displace(points, 0.2, 0.5) for field in (written, built)]
     np.testing.assert_allclose(*moved, atol=1e-13)
 
 
 def test_only_a_formula_that_speaks_of_time_acts_otherwise_later() -> None:
-    still, moving = (Streamlines(Formula((text, "0", "0")), 1) for text in ("x", "x * t"))
+    still, moving = (Streamlines(FormulaField((text, "0", "0")), 1) for text in ("x", "x * t"))
     assert still.cache_data(0.0, 0.1) == still.cache_data(5.0, 0.1)
     assert moving.cache_data(0.0, 0.1) != moving.cache_data(5.0, 0.1)
 
 
 def test_numbers_that_no_formula_speaks_of_do_not_act() -> None:
     one, other, used = (
-        Streamlines(Formula(("k", "0", "0"), (("k", k), ("j", j)))) for k, j in ((1, 2), (1, 3), (2, 2))
+        Streamlines(FormulaField(("k", "0", "0"), (("k", k), ("j", j)))) for k, j in ((1, 2), (1, 3), (2, 2))
     )
     assert one.cache_data(0.0, 0.1) == other.cache_data(0.0, 0.1) != used.cache_data(0.0, 0.1)
 
 
 def test_a_formula_that_divides_by_zero_is_told_with_column_and_place(points: Points) -> None:
     points[7] = (1.0, 0.0, 0.5)
-    flow = Streamlines(Sum((Rotation(speed=0.0), Formula(("0", "0", "0.1 / y")))), 1)
+    flow = Streamlines(Sum((Rotation(speed=0.0), FormulaField(("0", "0", "0.1 / y")))), 1)
     with pytest.raises(
         FrameError, match=r"^frame 9: flow .*column 1: 0.1 / y is inf at x 1, y 0, z 0.5, t 2"
     ):
         checked_displacement(flow, points, 2.0, 0.04, 9)
 
 
-DIVIDES = Formula(("0", "0", "0.1 / y"))
+DIVIDES = FormulaField(("0", "0", "0.1 / y"))
 
 
 @pytest.mark.parametrize(
     ("field", "height"),
     [
-        (InFrame(DIVIDES, Frame((1.0, 1.0, 0.5), (0.0, 0.0, 0.0), 2.0)), 1.0),
-        (InFrame(DIVIDES, Mirror((0.0, 1.0, 0.0), (0.0, 1.0, 0.0))), 2.0),
-        (Scaled(DIVIDES, 0.5), 0.0),
+        (TransformedField(DIVIDES, Transform((1.0, 1.0, 0.5), (0.0, 0.0, 0.0), 2.0)), 1.0),
+        (TransformedField(DIVIDES, Mirror((0.0, 1.0, 0.0), (0.0, 1.0, 0.0))), 2.0),
+        (ScaledField(DIVIDES, 0.5), 0.0),
     ],
     ids=["placed", "mirrored", "scaled"],
 )
@@ -156,8 +159,8 @@ def test_a_formula_within_a_composition_is_told_with_the_place_that_it_sees(
 def test_a_formula_has_ten_numbers_at_most() -> None:
     words = tuple((f"k{i}", 1.0) for i in range(11))
     with pytest.raises(UsageError, match="11 numbers of its own; 10 are the most"):
-        Formula(("k0", "0", "0"), words)
-    ten = Formula(("k9", "0", "0"), tuple((name, float(i)) for i, (name, _) in enumerate(words[:10])))
+        FormulaField(("k0", "0", "0"), words)
+    ten = FormulaField(("k9", "0", "0"), tuple((name, float(i)) for i, (name, _) in enumerate(words[:10])))
     np.testing.assert_array_equal(ten.velocity(np.zeros((1, 3)), 0.0), [[9.0, 0.0, 0.0]])
 
 

@@ -10,9 +10,10 @@ import pytest
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, checked_displacement
-from pipeline.flow.catalogue import Rotation, Translation, Vortex
+from pipeline.flow.catalogue.linear import Rotation, Translation
+from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.compose import Blend, Within
-from pipeline.flow.regions import Sphere
+from pipeline.flow.regions import SphereRegion
 from pipeline.resample import Resampler, resample
 
 POINTS = np.random.default_rng(5).normal(size=(40, 3))
@@ -74,7 +75,7 @@ def test_a_flow_leaves_the_points_it_is_given_alone() -> None:
 def test_a_callable_may_write_over_the_points_it_gets() -> None:
     """Composed with others, and undone, it moves points as one that returns new ones does."""
     flow, before = as_flow(drift_in_place), POINTS.copy()
-    half = Sphere(radius=0.8, falloff=1.0)
+    half = SphereRegion(radius=0.8, falloff=1.0)
     for composed in (Blend(Sequence(()), flow, 0.25), Blend(flow, as_flow(drift), 0.5), Within(flow, half)):
         same = replaced(composed, flow, as_flow(drift))
         for dt in (0.1, -0.1):

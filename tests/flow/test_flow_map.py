@@ -15,21 +15,15 @@ from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, checked_displacement, keyed
 from pipeline.flow import flow_map as module
-from pipeline.flow.catalogue import (
-    Attraction,
-    Enright,
-    Expansion,
-    Lorenz,
-    Rotation,
-    Shear,
-    Stretch,
-    Taper,
-    Target,
-    Twist,
-    Vortex,
-)
-from pipeline.flow.compose import Limited
-from pipeline.flow.flow_map import History, Step
+from pipeline.flow.catalogue.attraction import Attraction, Target
+from pipeline.flow.catalogue.attractors import Lorenz
+from pipeline.flow.catalogue.cellular import Enright
+from pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
+from pipeline.flow.catalogue.expansion import Expansion
+from pipeline.flow.catalogue.linear import Rotation
+from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.compose import RegionField
+from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.flow.regions import SampledRegion
 from pipeline.flow.streamlines import StepPlan
 
@@ -55,10 +49,10 @@ def points() -> Points:
     return np.random.default_rng(3).normal(size=(57, 3))
 
 
-def history_of(flow: Flow, frames: int) -> History:
-    history = History()
+def history_of(flow: Flow, frames: int) -> FlowMap:
+    history = FlowMap()
     for frame in range(frames):
-        history.add(Step(flow, frame * DT, DT, frame + 2))
+        history.add(FrameStep(flow, frame * DT, DT, frame + 2))
     return history
 
 
@@ -81,11 +75,11 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
 
 @pytest.mark.parametrize("flow", FLOWS, ids=lambda flow: flow.name)
 def test_it_grows_by_a_frame_at_a_time(flow: Flow, points: Points) -> None:
-    history, moved = History(), points
+    history, moved = FlowMap(), points
     for frame in range(4):
         assert len(history) == frame
         assert history.carry(points).tobytes() == moved.tobytes()
-        history.add(Step(flow, frame * DT, DT, frame + 2))
+        history.add(FrameStep(flow, frame * DT, DT, frame + 2))
         moved = checked_displacement(flow, moved, frame * DT, DT, frame + 2)
 
 
@@ -110,7 +104,7 @@ def test_what_a_course_reads_lives_as_long_as_the_course(points: Points) -> None
         distances = np.linalg.norm(np.indices((40, 40, 40)) - 20.0, axis=0) - 10.0
         region = SampledRegion(0.1 * distances, (-2.0, -2.0, -2.0), 0.1, falloff=0.5)
         pull = Attraction(Target.points(np.random.default_rng(1).normal(size=(5000, 3))), 2.0, 3.0)
-        return Streamlines(Sum((pull, Vortex())), 2), Streamlines(Limited(Rotation(), region), 2)
+        return Streamlines(Sum((pull, Vortex())), 2), Streamlines(RegionField(Rotation(), region), 2)
 
     one, other = flows()
     expected = other.displace(one.displace(points, 0.0, DT), 0.0, DT)
@@ -132,7 +126,7 @@ def test_what_a_course_reads_lives_as_long_as_the_course(points: Points) -> None
 
 def test_points_given_stay_as_they_are(points: Points) -> None:
     before = points.copy()
-    history = History()
+    history = FlowMap()
     assert history.carry(points) is not points
     history_of(FLOWS[-1], 2).carry(points)
     np.testing.assert_array_equal(points, before)
@@ -163,8 +157,8 @@ def test_a_user_flow_that_fails_is_told(points: Points) -> None:
 
 def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added() -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 0.1), (0.0, 100.0), "linear")))
-    history = History()
-    history.add(Step(flow, -DT, DT, 1))
-    with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s is so steep"):
-        history.add(Step(flow, 0.0, DT, 2))
+    history = FlowMap()
+    history.add(FrameStep(flow, -DT, DT, 1))
+    with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s needs .* sub-steps"):
+        history.add(FrameStep(flow, 0.0, DT, 2))
     assert len(history) == 1

@@ -11,8 +11,8 @@ from hypothesis import strategies as st
 
 from pipeline.flow import EASINGS, Keyframes, keyed
 from pipeline.flow.easing import OVERSHOOTING, kinks
-from pipeline.flow.formula_curve import Formulated
-from pipeline.flow.keyframes import Handle, number_at, place_at
+from pipeline.flow.formula_curve import FormulaCurve
+from pipeline.flow.keyframes import Handle, number_at, vector_at
 
 smooth = sorted(set(EASINGS) - {"constant"})
 swinging = ("back", "bounce", "elastic")
@@ -64,12 +64,12 @@ def test_every_key_may_have_an_easing_of_its_own() -> None:
 
 def test_vectors_are_keyed_as_numbers_are() -> None:
     keys = keyed((0.0, 1.0), ((0.0, 0.0, 0.0), (2.0, 4.0, -6.0)), "linear")
-    assert place_at(keys, 0.5) == (1.0, 2.0, -3.0)
+    assert vector_at(keys, 0.5) == (1.0, 2.0, -3.0)
 
 
 def test_a_constant_is_itself_at_any_time() -> None:
     assert number_at(3.5, 17.0) == 3.5
-    assert place_at((1.0, 2.0, 3.0), 17.0) == (1.0, 2.0, 3.0)
+    assert vector_at((1.0, 2.0, 3.0), 17.0) == (1.0, 2.0, 3.0)
 
 
 def test_blenders_names_are_all_there() -> None:
@@ -191,9 +191,9 @@ def test_a_key_of_its_own_goes_on_by_holding() -> None:
 
 
 def test_a_formula_knows_seconds_and_frames_between_them_too() -> None:
-    wave = Formulated(("4 * sin(2 * pi * t)",), fps=24.0, first=1)
+    wave = FormulaCurve(("4 * sin(2 * pi * t)",), fps=24.0, first=1)
     assert number_at(wave, 0.25) == pytest.approx(4.0, abs=1e-15)
-    assert number_at(Formulated(("frame",), 24.0, 101), 12.5 / 24) == 113.5
+    assert number_at(FormulaCurve(("frame",), 24.0, 101), 12.5 / 24) == 113.5
     assert [
-        number_at(Formulated(("floor(frame)",), 24000 / 1001, 1), k * 1001 / 24000) for k in range(200)
+        number_at(FormulaCurve(("floor(frame)",), 24000 / 1001, 1), k * 1001 / 24000) for k in range(200)
     ] == [k + 1 for k in range(200)]

@@ -13,7 +13,8 @@ from hypothesis import strategies as st
 from pipeline.animation import MeshFrame, animate, descent, mesh_at_subframe
 from pipeline.errors import UsageError
 from pipeline.flow import Flow, Sequence, Streamlines, keyed
-from pipeline.flow.catalogue import Lorenz, Twist
+from pipeline.flow.catalogue.attractors import Lorenz
+from pipeline.flow.catalogue.deformations import Twist
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.bspline import bspline_surface
 from pipeline.mesh.control_net import Lattice

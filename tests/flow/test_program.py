@@ -15,12 +15,13 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.flow import Streamlines, Sum, VelocityField
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow import _kernels_velocity as kernels
-from pipeline.flow._kernels_bracket import levels
-from pipeline.flow._kernels_region import weights
-from pipeline.flow.catalogue import Rotation, Strain, Vortex
-from pipeline.flow.program import Instruction, Program, grouped, kinds_of, placed, scaled
+from pipeline.flow.catalogue.linear import Rotation, Strain
+from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels.program import level_count
+from pipeline.flow.kernels.regions import weights
+from pipeline.flow.program import Instruction, Program, grouped, opcodes_of, placed, scaled
 from pipeline.kernels import BLOCK_SIGNATURE
 
 POINTS = np.random.default_rng(5).normal(size=(700, 3))
@@ -52,7 +53,7 @@ def weight(closing: Instruction, points: Points = POINTS) -> Floats:
     out = np.empty(len(points))
     row = np.zeros(op.COLUMNS)
     row[: len(closing.numbers)] = closing.numbers
-    weights(points, closing.kind, row, out)
+    weights(points, closing.opcode, row, out)
     return out
 
 
@@ -114,7 +115,7 @@ def test_brackets_nest() -> None:
     here = (POINTS - [0.1, 0.2, 0.3]) @ turn
     nested = 0.5 * (weight(BALL, here)[:, None] * VORTEX.velocity(here, 0.0) + STRAIN.velocity(here, 0.0))
     np.testing.assert_allclose(velocity(rows), STRAIN.velocity(POINTS, 0.0) + nested @ turn.T, atol=1e-13)
-    assert levels(kinds_of(rows)) == 4 and levels(kinds_of(VORTEX.program(0.0))) == 1
+    assert level_count(opcodes_of(rows)) == 4 and level_count(opcodes_of(VORTEX.program(0.0))) == 1
 
 
 def test_a_composition_moves_points_as_it_does_evaluated_apart() -> None:

@@ -12,17 +12,17 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, keyed
-from pipeline.flow.catalogue import Translation
-from pipeline.flow.compose import Limited
+from pipeline.flow.catalogue.linear import Translation
+from pipeline.flow.compose import RegionField
 from pipeline.flow.regions import (
-    STEEPEST_FALL,
-    Box,
-    Capsule,
-    Cylinder,
-    HalfSpace,
+    MAX_SLOPE,
+    BoxRegion,
+    CapsuleRegion,
+    CylinderRegion,
+    HalfSpaceRegion,
     Region,
     SampledRegion,
-    Sphere,
+    SphereRegion,
 )
 
 POINTS = np.random.default_rng(8).uniform(-2, 2, size=(700, 3))
@@ -30,11 +30,11 @@ AXIS = np.array([1.0, 2.0, -1.0]) / math.sqrt(6)
 LINE = {"axis": (1.0, 2.0, -1.0), "centre": (0.1, 0.0, -0.2), "length": 1.5, "radius": 0.6}
 
 REGIONS: list[Region] = [
-    Sphere(centre=(0.2, 0.1, 0.0), radius=0.9, falloff=0.7),
-    Box(centre=(0.1, -0.2, 0.0), size=(1.0, 2.0, 0.5), falloff=0.7),
-    HalfSpace(centre=(0.0, 0.3, 0.0), normal=(0.0, 3.0, 4.0), falloff=0.7),
-    Capsule(**LINE, falloff=0.7),
-    Cylinder(**LINE, falloff=0.7),
+    SphereRegion(centre=(0.2, 0.1, 0.0), radius=0.9, falloff=0.7),
+    BoxRegion(centre=(0.1, -0.2, 0.0), size=(1.0, 2.0, 0.5), falloff=0.7),
+    HalfSpaceRegion(centre=(0.0, 0.3, 0.0), normal=(0.0, 3.0, 4.0), falloff=0.7),
+    CapsuleRegion(**LINE, falloff=0.7),
+    CylinderRegion(**LINE, falloff=0.7),
 ]
 
 
@@ -50,16 +50,16 @@ def distance(region: Region, points: Points) -> Floats:
     """How far points lie outside, from the nearest point of the region."""
     p = points - np.array(region.centre)
     match region:
-        case Sphere():
+        case SphereRegion():
             return np.linalg.norm(p, axis=1) - region.radius
-        case Box():
+        case BoxRegion():
             nearest = np.clip(p, -np.array(region.size) / 2, np.array(region.size) / 2)
             return np.linalg.norm(p - nearest, axis=1)
-        case HalfSpace():
+        case HalfSpaceRegion():
             return p @ np.array([0.0, 0.6, 0.8])
     along = p @ AXIS
     on_line = np.clip(along, -0.75, 0.75)[:, None] * AXIS
-    if isinstance(region, Capsule):
+    if isinstance(region, CapsuleRegion):
         return np.linalg.norm(p - on_line, axis=1) - 0.6
     across = p - along[:, None] * AXIS
     lengths = np.linalg.norm(across, axis=1, keepdims=True)
@@ -78,41 +78,41 @@ def test_weights_are_one_inside_and_fall_to_nothing_over_the_falloff(region: Reg
 @pytest.mark.parametrize("invert", [False, True])
 def test_a_velocity_field_and_a_map_are_weighed_alike(region: Region, invert: bool) -> None:
     turned = type(region)(**{**vars(region), "invert": invert})
-    velocity = Limited(Translation((1.0, 0.0, -2.0)), turned).velocity(POINTS, 0.0)
+    velocity = RegionField(Translation((1.0, 0.0, -2.0)), turned).velocity(POINTS, 0.0)
     weights = turned.weight(POINTS, 0.0)
     np.testing.assert_allclose(velocity, weights[:, None] * [1.0, 0.0, -2.0], atol=1e-15)
     if invert:
         np.testing.assert_allclose(weights, 1 - region.weight(POINTS, 0.0), atol=1e-15)
 
 
-@pytest.mark.parametrize("fall", list(STEEPEST_FALL))
+@pytest.mark.parametrize("fall", list(MAX_SLOPE))
 def test_the_way_down_is_as_it_is_called(fall: str) -> None:
     t = np.linspace(0, 1, 2001)
     points = np.column_stack([1 + 0.5 * t, 0 * t, 0 * t])
-    weights = Sphere(radius=1.0, falloff=0.5, falloff_type=fall).weight(points, 0.0)  # type: ignore[arg-type]
+    weights = SphereRegion(radius=1.0, falloff=0.5, falloff_type=fall).weight(points, 0.0)  # type: ignore[arg-type]
     smooth = 1 - t**3 * (10 - 15 * t + 6 * t * t)
     expected = {"linear": 1 - t, "sine": (1 + np.cos(np.pi * t)) / 2, "smooth": smooth}[fall]
     np.testing.assert_allclose(weights, expected, atol=1e-12)
     steepest = np.abs(np.diff(weights)).max() * 2000
-    assert steepest == pytest.approx(STEEPEST_FALL[fall], rel=1e-4)  # type: ignore[index]
+    assert steepest == pytest.approx(MAX_SLOPE[fall], rel=1e-4)  # type: ignore[index]
 
 
 def test_without_a_falloff_a_region_ends_at_once() -> None:
     points = np.array([[0.999, 0, 0], [1.001, 0, 0]])
-    assert Sphere(radius=1.0).weight(points, 0.0).tolist() == [1.0, 0.0]
+    assert SphereRegion(radius=1.0).weight(points, 0.0).tolist() == [1.0, 0.0]
 
 
 def test_a_region_may_move_and_grow() -> None:
-    region = Sphere(centre=keyed((0, 1), ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)), "linear"), radius=1.0)
+    region = SphereRegion(centre=keyed((0, 1), ((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)), "linear"), radius=1.0)
     assert region.weight(np.array([[2.0, 0, 0]]), 0.5) == [1.0]
     assert region.weight(np.array([[2.0, 0, 0]]), 0.0) == [0.0]
 
 
 def test_a_region_without_a_size_is_refused() -> None:
-    with pytest.raises(UsageError, match=r"a box of the size \[1, 0, 1\] holds nothing"):
-        Box(size=(1, 0, 1))
-    with pytest.raises(FrameError, match=r"a sphere has the radius 0 at 0\.5 s, and nothing is in it"):
-        Sphere(radius=keyed((0, 0.5), (1, 0))).weight(POINTS, 0.5)
+    with pytest.raises(UsageError, match=r"a box of the size \[1, 0, 1\] is empty"):
+        BoxRegion(size=(1, 0, 1))
+    with pytest.raises(FrameError, match=r"a sphere has the radius 0 at 0\.5 s and is empty"):
+        SphereRegion(radius=keyed((0, 0.5), (1, 0))).weight(POINTS, 0.5)
 
 
 @settings(max_examples=20, deadline=None)
@@ -125,12 +125,12 @@ def test_a_weight_depends_on_no_other_point(many: int, first: int) -> None:
 
 def test_a_sampled_region_is_as_good_as_its_grid() -> None:
     """Between nodes h apart a distance from a ball errs by about h² / (4 r), and the weight by no more."""
-    exact = Sphere(centre=(0.2, 0.1, 0.0), radius=0.9, falloff=0.7).weight(POINTS, 0.0)
+    exact = SphereRegion(centre=(0.2, 0.1, 0.0), radius=0.9, falloff=0.7).weight(POINTS, 0.0)
     found = [sampled(spacing=h, falloff=0.7).weight(POINTS, 0.0) for h in (0.1, 0.05)]
     errors = [np.abs(weights - exact).max() for weights in found]
     assert errors[1] < 2.5e-3 and errors[0] / errors[1] > 3
     region = sampled(falloff=0.7, invert=True)
-    velocity = Limited(Translation((1.0, 0.0, 0.0)), region).velocity(POINTS, 0.0)
+    velocity = RegionField(Translation((1.0, 0.0, 0.0)), region).velocity(POINTS, 0.0)
     np.testing.assert_allclose(velocity[:, 0], region.weight(POINTS, 0.0), atol=1e-15)
     far = np.array([[50.0, 0.0, 0.0], [0.0, -9.0, 3.0]])
     assert sampled(falloff=0.5).weight(far, 0.0).tolist() == [0.0, 0.0]
@@ -139,7 +139,7 @@ def test_a_sampled_region_is_as_good_as_its_grid() -> None:
 def test_a_sampled_region_is_known_by_its_distances_and_not_by_where_they_lie() -> None:
     one, same, other = sampled(spacing=0.5), sampled(spacing=0.5), sampled(radius=0.8, spacing=0.5)
     assert one.cache_data(0.0) == same.cache_data(0.0) != other.cache_data(0.0)
-    flows = [Streamlines(Limited(Translation(), region)) for region in (one, same, other)]
+    flows = [Streamlines(RegionField(Translation(), region)) for region in (one, same, other)]
     assert flows[0].cache_data(0.0, 0.1) == flows[1].cache_data(0.0, 0.1) != flows[2].cache_data(0.0, 0.1)
 
 
@@ -150,7 +150,7 @@ def test_what_is_at_no_place_is_in_no_sampled_region_and_harms_nobody() -> None:
     for region in (*REGIONS, sampled(spacing=0.1, falloff=0.7)):
         found = region.weight(bad, 0.0)
         assert found[others].tobytes() == region.weight(POINTS, 0.0)[others].tobytes()
-        moved = Streamlines(Limited(Translation((1.0, 0.0, 0.0)), region), 2).displace(bad, 0.0, 0.1)
+        moved = Streamlines(RegionField(Translation((1.0, 0.0, 0.0)), region), 2).displace(bad, 0.0, 0.1)
         assert np.isfinite(moved[others]).all() and np.isnan(moved[[3, 40, 41]]).any(axis=1).all()
         if isinstance(region, SampledRegion):
             assert found[[3, 40, 41]].tolist() == [0.0, 0.0, 0.0]
@@ -158,5 +158,5 @@ def test_what_is_at_no_place_is_in_no_sampled_region_and_harms_nobody() -> None:
 
 @pytest.mark.parametrize("distances", [np.zeros((3, 3)), np.zeros((1, 4, 4)), np.full((2, 2, 2), np.nan)])
 def test_a_grid_that_is_none_is_refused(distances: Floats) -> None:
-    with pytest.raises(UsageError, match="are no grid to look up in"):
+    with pytest.raises(UsageError, match="are no grid"):
         SampledRegion(distances)

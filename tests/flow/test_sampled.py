@@ -284,16 +284,16 @@ WRONG = {
     "no XML": ("</VTKFile>", "", "it is no XML"),
     "unstructured": ('type="ImageData"', 'type="UnstructuredGrid"', "its type is UnstructuredGrid"),
     "too few points": ('Piece Extent="-2 2', 'Piece Extent="-2 1', "360 numbers for 96 points"),
-    "turned": ("Origin=", 'Direction="0 1 0 1 0 0 0 0 1" Origin=', "its axes are turned"),
+    "turned": ("Origin=", 'Direction="0 1 0 1 0 0 0 0 1" Origin=', "its axes are rotated"),
     "no vectors": ('NumberOfComponents="3"', 'NumberOfComponents="1"', "There are: none"),
     "another name": ('Vectors="u"', 'Vectors="q"', "no array q of three components"),
     "which": ('Vectors="u"', "", "not one array of three components at its points. There are: u, w"),
     "packer": (
         "byte_order",
         'compressor="vtkLZ4DataCompressor" byte_order',
-        "packed by vtkLZ4DataCompressor",
+        "compressed by vtkLZ4DataCompressor",
     ),
-    "cut short": ('"binary">', '"binary">////', "array u cannot be read .*bytes are promised"),
+    "cut short": ('"binary">', '"binary">////', "array u cannot be read .*bytes are announced"),
     "spacing": ('Spacing="0.5 1 2"', 'Spacing="0.5 one 2"', "Spacing is '0.5 one 2' and must be 3 numbers"),
 }
 

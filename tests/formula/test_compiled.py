@@ -1,4 +1,4 @@
-"""Formulas compiled: they are what numpy says, and nothing is compiled twice."""
+"""Formulas compile_formulas: they are what numpy says, and nothing is compile_formulas twice."""
 
 from __future__ import annotations
 
@@ -13,17 +13,16 @@ from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
 from pipeline.formula import Expression, FormulaError
-from pipeline.formula.compiled import KNOWN, compiled, source
-from pipeline.formula.expression import trouble
+from pipeline.formula.compiled import NAMES, compile_formulas, source
 
-NAMES = (*KNOWN, "k")
+NAMES = (*NAMES, "k")
 PLACES = np.array([[-1.5, 0.0, 0.5, 2.0], [3.0, 1.0, -2.0, 0.25], [0.0, -0.5, 1.0, 7.0]])
 
 
 def by_block(texts: tuple[str, str, str], time: float = 0.75, k: float = 3.0) -> np.ndarray:
     u, v, w = (Expression(text, NAMES) for text in texts)
     out = np.zeros_like(PLACES)
-    compiled((u, v, w), ("k",))(np.array([k]), PLACES, time, out)
+    compile_formulas((u, v, w), ("k",))(np.array([k]), PLACES, time, out)
     return out
 
 
@@ -49,7 +48,7 @@ def test_every_word_means_the_same_compiled(texts: tuple[str, str, str]) -> None
 
 
 def test_a_block_adds_to_what_is_there() -> None:
-    block = compiled(tuple(Expression(text, NAMES) for text in ("x", "y", "z")), ("k",))  # type: ignore[arg-type]
+    block = compile_formulas(tuple(Expression(text, NAMES) for text in ("x", "y", "z")), ("k",))  # type: ignore[arg-type]
     out = np.ones_like(PLACES)
     block(np.zeros(1), PLACES, 0.0, out)
     np.testing.assert_array_equal(out, PLACES + 1.0)
@@ -87,7 +86,7 @@ def test_any_formulas_are_what_numpy_makes_of_them(texts: tuple[str, str, str]) 
 
 def test_what_two_formulas_share_is_computed_once() -> None:
     shared = "exp(-(x ** 2 + y ** 2))"
-    u, v, w = (Expression(f"{factor} * {shared}", KNOWN) for factor in ("x", "y", "sin(t)"))
+    u, v, w = (Expression(f"{factor} * {shared}", NAMES) for factor in ("x", "y", "sin(t)"))
     text = source((u, v, w))
     assert text.count("math.exp") == 1
     assert text.index("math.sin") < text.index("for i in range"), "what no point changes is not in the loop"
@@ -95,10 +94,10 @@ def test_what_two_formulas_share_is_computed_once() -> None:
 
 ONCE = """
 from pipeline.formula import Expression
-from pipeline.formula.compiled import KNOWN, compiled
-block = compiled(tuple(Expression(text, KNOWN) for text in {texts!r}))
+from pipeline.formula.compiled import NAMES, compile_formulas
+block = compile_formulas(tuple(Expression(text, NAMES) for text in {texts!r}))
 block.address
-again = compiled(tuple(Expression(text, KNOWN) for text in {texts!r}))
+again = compile_formulas(tuple(Expression(text, NAMES) for text in {texts!r}))
 print(block._compiled.cache_hits, again is block)
 """
 
@@ -116,9 +115,9 @@ def test_a_new_formula_is_compiled_once_and_then_found(tmp_path) -> None:
 
 def test_trouble_is_told_with_its_column_and_the_place() -> None:
     values = {"x": 0.0, "y": 2.0, "z": 0.0, "t": 0.5, "k": 1.0}
-    told = trouble(Expression("y + 1 / x", NAMES), values)
+    told = Expression("y + 1 / x", NAMES).diagnose(values)
     assert told is not None and "column 5: 1 / x is inf at x 0, y 2" in told
-    told = trouble(Expression("  é * sqrt(x - 1)", ("é", "x")), {"é": 2.0, "x": 0.0})
+    told = Expression("  é * sqrt(x - 1)", ("é", "x")).diagnose({"é": 2.0, "x": 0.0})
     assert told is not None and "column 7: sqrt(x - 1) is nan" in told
-    assert trouble(Expression("1 / x if x else y", NAMES), values) is None
-    assert trouble(Expression("y", NAMES), values) is None
+    assert Expression("1 / x if x else y", NAMES).diagnose(values) is None
+    assert Expression("y", NAMES).diagnose(values) is None

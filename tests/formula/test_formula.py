@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
 from pipeline.formula import FUNCTIONS, MOST_CHARACTERS, PLACE, TIME, Expression, FormulaError
-from pipeline.formula.words import moment
+from pipeline.formula.words import time_values
 
 NAMES = ("x", "y", "z", "time")
 X, Y = np.array([-1.5, 0.0, 0.5, 2.0]), np.array([3.0, 1.0, -2.0, 0.25])
@@ -170,10 +170,10 @@ def test_the_vocabulary_is_one() -> None:
     """`t` and `time` are the same wherever there are moments, and messages tell the one that is spoken of."""
     names = (*PLACE, *TIME)
     both = Expression("t - time + 1 / (frame - 3)", names)
-    assert float(both(x=0, y=0, z=0, **moment(5.0, 0.25))) == 0.5
+    assert float(both(x=0, y=0, z=0, **time_values(5.0, 0.25))) == 0.5
     for text, says in (("1 / t", "t 0, frame 1;"), ("1 / time", "time 0, frame 1;")):
         with pytest.raises(UsageError, match=f"is inf at {says}"):
-            Expression(text, TIME)(**moment(1.0, 0.0))
+            Expression(text, TIME)(**time_values(1.0, 0.0))
     with pytest.raises(FormulaError, match=r"seconds is not known here\. Write t\."):
         Expression("seconds", TIME)
     with pytest.raises(FormulaError, match=r"tme is not known here\. Did you mean 'time'\?"):

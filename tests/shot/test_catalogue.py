@@ -14,7 +14,8 @@ import pytest
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.flow import Flow, VelocityField
-from pipeline.flow.catalogue import Bend, Vortex, VortexRing
+from pipeline.flow.catalogue.deformations import Bend
+from pipeline.flow.catalogue.vortices import Vortex, VortexRing
 from pipeline.flow.parameters import parameters_of, shot_name, summary
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import read_shot
@@ -61,7 +62,7 @@ def needed(name: str, folder: Path) -> dict[str, Any]:
     }
     parameters = DOCUMENTS[name].parameters
     return own.get(name, {}) | {
-        p.name: [0.5, 0.0, 0.0] if p.form == "place" else 0.5 for p in parameters if p.needed
+        p.name: [0.5, 0.0, 0.0] if p.form == "vector" else 0.5 for p in parameters if p.needed
     }
 
 
@@ -84,7 +85,7 @@ def test_every_parameter_says_what_it_means(name: str) -> None:
     flow = DOCUMENTS[name].flow
     assert summary(flow).endswith(".") and len(summary(flow)) < 100
     for parameter in (*parameters_of(flow), *DOCUMENTS[name].own):
-        assert parameter.sense.text, parameter.name
+        assert parameter.doc.text, parameter.name
         assert parameter.form != "choice" or parameter.choices
     assert "other" not in {parameter.form for parameter in parameters_of(flow)}
     if not DOCUMENTS[name].own:

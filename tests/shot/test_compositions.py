@@ -9,10 +9,30 @@ import numpy as np
 import pytest
 
 from pipeline.errors import ShotError
-from pipeline.flow import Blend, Flow, Frame, Repeated, Reversed, Sequence, Streamlines, Sum, Within, keyed
-from pipeline.flow.catalogue import Rotation, Twist, Vortex
-from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled
-from pipeline.flow.regions import Box, Capsule, Cylinder, HalfSpace, Region, Sphere
+from pipeline.flow import (
+    Blend,
+    Flow,
+    Repeated,
+    Reversed,
+    Sequence,
+    Streamlines,
+    Sum,
+    Transform,
+    Within,
+    keyed,
+)
+from pipeline.flow.catalogue.deformations import Twist
+from pipeline.flow.catalogue.linear import Rotation
+from pipeline.flow.catalogue.vortices import Vortex
+from pipeline.flow.compose import Mirror, RegionField, ScaledField, TransformedField
+from pipeline.flow.regions import (
+    BoxRegion,
+    CapsuleRegion,
+    CylinderRegion,
+    HalfSpaceRegion,
+    Region,
+    SphereRegion,
+)
 from pipeline.shot import read_shot
 
 SHOT = """\
@@ -49,19 +69,19 @@ def test_a_flow_within_a_region_is_weighed_by_its_kind() -> None:
         - twist: {amount: {keys: {1: 0, 49: 60}}}
 """
     )
-    ball = Sphere(centre=(0.0, 1.0, 0.0), radius=0.5, falloff=0.3)
-    assert flow == Sequence((Streamlines(Limited(Vortex(strength=2.0), ball)), Within(TWIST, ball)))
+    ball = SphereRegion(centre=(0.0, 1.0, 0.0), radius=0.5, falloff=0.3)
+    assert flow == Sequence((Streamlines(RegionField(Vortex(strength=2.0), ball)), Within(TWIST, ball)))
 
 
 REGIONS: list[tuple[str, Region]] = [
-    ("{box: {size: [1, 2, 3]}, invert: true}", Box(size=(1.0, 2.0, 3.0), invert=True)),
+    ("{box: {size: [1, 2, 3]}, invert: true}", BoxRegion(size=(1.0, 2.0, 3.0), invert=True)),
     ("{half_space: {normal: [0, 1, 1], centre: [0, 1, 0]}, falloff_type: sine, falloff: 0.5}",
-     HalfSpace((0.0, 1.0, 0.0), (0.0, 1.0, 1.0), falloff=0.5, falloff_type="sine")),
-    ("{capsule: {axis: x, length: 2, radius: 0.5}}", Capsule((1.0, 0.0, 0.0), length=2.0, radius=0.5)),
+     HalfSpaceRegion((0.0, 1.0, 0.0), (0.0, 1.0, 1.0), falloff=0.5, falloff_type="sine")),
+    ("{capsule: {axis: x, length: 2, radius: 0.5}}", CapsuleRegion((1.0, 0.0, 0.0), length=2.0, radius=0.5)),
     ("{cylinder: {length: 2, radius: 0.5}, falloff_type: linear}",
-     Cylinder(length=2.0, radius=0.5, falloff_type="linear")),
+     CylinderRegion(length=2.0, radius=0.5, falloff_type="linear")),
     ("{sphere: {radius: {keys: {1: 1, 49: 2}}}, falloff: {keys: {1: 0, 49: 2}}}",
-     Sphere(radius=keyed((0.0, 2.0), (1.0, 2.0)), falloff=keyed((0.0, 2.0), (0.0, 2.0)))),
+     SphereRegion(radius=keyed((0.0, 2.0), (1.0, 2.0)), falloff=keyed((0.0, 2.0), (0.0, 2.0)))),
 ]  # fmt: skip
 
 
@@ -69,7 +89,7 @@ REGIONS: list[tuple[str, Region]] = [
 def test_every_region_has_its_words(text: str, region: Region) -> None:
     entry = f"  - within: {{region: {text}, flows: [{{rotation: {{speed: 90}}}}]}}"
     (flow,) = flows_of(entry)
-    assert flow == Sequence((Streamlines(Limited(Rotation(speed=math.radians(90)), region)),))
+    assert flow == Sequence((Streamlines(RegionField(Rotation(speed=math.radians(90)), region)),))
 
 
 def test_frames_and_mirrors_nest() -> None:
@@ -85,8 +105,10 @@ def test_frames_and_mirrors_nest() -> None:
             flows: [{vortex: {strength: 2}}]
 """
     )
-    turning = Frame(rotate=keyed((0.0, 2.0), ((0.0, 0.0, 0.0), (0.0, math.radians(90), 0.0))), scale=2.0)
-    field = InFrame(InFrame(Vortex(strength=2.0), turning), Mirror((1.0, 0.0, 0.0), (0.5, 0.0, 0.0)))
+    turning = Transform(rotate=keyed((0.0, 2.0), ((0.0, 0.0, 0.0), (0.0, math.radians(90), 0.0))), scale=2.0)
+    field = TransformedField(
+        TransformedField(Vortex(strength=2.0), turning), Mirror((1.0, 0.0, 0.0), (0.5, 0.0, 0.0))
+    )
     assert flow == Sequence((Sequence((Streamlines(field),)),))
 
 
@@ -100,9 +122,11 @@ def test_fields_are_blended_to_a_field_and_maps_to_a_map() -> None:
 """
     )
     turning = Sum((Rotation(speed=math.radians(90)),))
-    assert fields == Streamlines(Sum((Scaled(Vortex(), weight, rest=True), Scaled(turning, weight))))
+    assert fields == Streamlines(
+        Sum((ScaledField(Vortex(), weight, rest=True), ScaledField(turning, weight)))
+    )
     assert maps == Blend(Sequence((Streamlines(Vortex()),) * 2), Streamlines(Vortex()), 0.5)
-    assert alone == Streamlines(Sum((Scaled(Vortex(), 0.5),)))
+    assert alone == Streamlines(Sum((ScaledField(Vortex(), 0.5),)))
 
 
 def test_time_is_turned_and_repeated_in_frames_or_seconds() -> None:
@@ -129,11 +153,14 @@ def test_under_sum_everything_acts_at_once() -> None:
     )
     assert isinstance(flow, Streamlines)
     points = np.random.default_rng(1).normal(size=(50, 3))
-    inner = Rotation(speed=math.radians(90)).velocity(points, 0.0) + InFrame(Vortex(), Mirror()).velocity(
-        points, 0.0
+    inner = Rotation(speed=math.radians(90)).velocity(points, 0.0) + TransformedField(
+        Vortex(), Mirror()
+    ).velocity(points, 0.0)
+    plain, large = (
+        Vortex().velocity(points, 0.0),
+        TransformedField(Vortex(), Transform(scale=2.0)).velocity(points, 0.0),
     )
-    plain, large = Vortex().velocity(points, 0.0), InFrame(Vortex(), Frame(scale=2.0)).velocity(points, 0.0)
-    weights = Sphere(radius=1.0, falloff=0.5).weight(points, 0.0)[:, None]
+    weights = SphereRegion(radius=1.0, falloff=0.5).weight(points, 0.0)[:, None]
     expected = plain + weights * inner + 0.75 * plain + 0.25 * large
     np.testing.assert_allclose(flow.field.velocity(points, 0.0), expected, atol=1e-14)
 

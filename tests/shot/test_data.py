@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import UsageError
 from pipeline.flow import Function, Streamlines, keyed
-from pipeline.flow.catalogue import Vortex
+from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.frames import FrameRate
 from pipeline.shot import Model
 from pipeline.shot.data import as_data

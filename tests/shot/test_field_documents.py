@@ -9,7 +9,10 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Sequence, Streamlines
-from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, Wind
+from pipeline.flow.catalogue.attraction import Attraction, Wind
+from pipeline.flow.catalogue.formula import FormulaField
+from pipeline.flow.catalogue.noise import CurlNoise
+from pipeline.flow.catalogue.sampled import Sampled
 from pipeline.flow.python_file import PythonFlow
 from pipeline.shot import Shot, read_shot
 
@@ -53,10 +56,20 @@ def test_every_field_can_be_written(folder: Path) -> None:
             "python: {file: swirl.py, function: swirl}",
         )
     )
-    kinds = [Formula, Formula, CurlNoise, CurlNoise, *[Attraction] * 3, Wind, Sampled, Sampled, PythonFlow]
+    kinds = [
+        FormulaField,
+        FormulaField,
+        CurlNoise,
+        CurlNoise,
+        *[Attraction] * 3,
+        Wind,
+        Sampled,
+        Sampled,
+        PythonFlow,
+    ]
     assert [type(field) for field in found] == kinds
     keyed, sequence = found[1], found[9]
-    assert isinstance(keyed, Formula) and keyed.numbers(23 / 24) == (2.0,)
+    assert isinstance(keyed, FormulaField) and keyed.numbers(23 / 24) == (2.0,)
     assert isinstance(sequence, Sampled) and len(sequence.files.samples.times) == 2
 
 
@@ -71,8 +84,11 @@ WRONG = [
     ("formula: [x, y, 1e400]", "6:21: this number is too large; 1e100 is the largest"),
     ("formula: [x, y, 3 + 1 / 0]", "6:25: 1 / 0 is inf; a formula must be finite. Write another."),
     ("formula: [x, y, x / (2 - 2) + log(0)]", "6:35: log(0) is -inf; a formula must be finite."),
-    ("sampled: {file: w_01.npz, array: u}", "array u is asked for; in .npz it is velocity. Leave array out."),
-    ("sampled: {file: fast.npz}", "holds 1e+200; samples must be finite, and up to 1e12."),
+    (
+        "sampled: {file: w_01.npz, array: u}",
+        "array u does not apply; in .npz it is velocity. Leave array out.",
+    ),
+    ("sampled: {file: fast.npz}", "is 1e+200; samples must be finite, and at most 1e12."),
     (
         "python: {file: broken.py, function: f}",
         "broken.py: this is not Python (line 2): expected ':'. Correct it there.",

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.flow import Keyframes
-from pipeline.flow.keyframes import Handle, number_at, place_at
+from pipeline.flow.keyframes import Handle, number_at, vector_at
 from pipeline.shot import read_shot
 
 SHOT = """\
@@ -58,7 +58,7 @@ def test_handles_take_the_unit_of_their_parameter() -> None:
 
 def test_vectors_have_vectors_for_handles() -> None:
     centre = vortex("centre: {keys: {1: {value: [0, 0, 0], right: [8, [0, 3, 0]]}, 25: [1, 0, 0]}}").centre
-    assert place_at(centre, 0.5)[1] > 0.5 and place_at(centre, 1.0) == (1.0, 0.0, 0.0)
+    assert vector_at(centre, 0.5)[1] > 0.5 and vector_at(centre, 1.0) == (1.0, 0.0, 0.0)
 
 
 def test_curves_go_on_as_told() -> None:
@@ -72,7 +72,7 @@ def test_curves_go_on_as_told() -> None:
 def test_parameters_are_formulas_over_time() -> None:
     field = vortex('strength: {formula: "4*sin(2*pi*t)"}, centre: {formula: [cos(t), "0", frame / 49]}')
     assert number_at(field.strength, 0.25) == pytest.approx(4.0)
-    assert place_at(field.centre, 2.0) == pytest.approx((math.cos(2.0), 0.0, 1.0))
+    assert vector_at(field.centre, 2.0) == pytest.approx((math.cos(2.0), 0.0, 1.0))
 
 
 def test_a_camera_and_a_threshold_may_move_the_same_ways() -> None:

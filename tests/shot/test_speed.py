@@ -15,8 +15,8 @@ from hypothesis import strategies as st
 from pipeline.animation import animate, mesh_at_subframe
 from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.formula_curve import Formulated
-from pipeline.flow.retiming import _piece, elapsed
+from pipeline.flow.formula_curve import FormulaCurve
+from pipeline.flow.retiming import _integral, elapsed
 from pipeline.shot import Shot, read_shot
 
 SHOT = """\
@@ -56,7 +56,7 @@ def test_known_integrals_are_met_to_the_last_digits() -> None:
         1 - 4 / math.pi * math.sin(math.pi / 4), abs=1e-13
     )
     assert elapsed(keyed((0, 2), (1, 5), "constant"), 3) == pytest.approx(7, abs=1e-13)
-    wave = Formulated(("1 + sin(t)",), 24.0, 1)
+    wave = FormulaCurve(("1 + sin(t)",), 24.0, 1)
     assert elapsed(wave, 2.0) == pytest.approx(3 - math.cos(2.0), abs=1e-13)
     assert elapsed(0.25, 3.0) == 0.75
     loop = Keyframes((0.0, 1.0), ((0.0,), (1.0,)), ("linear",) * 2, after="ping_pong")
@@ -87,13 +87,13 @@ def test_beyond_the_keys_time_passes_as_the_speed_says(
 @pytest.mark.parametrize("mode", ["loop", "ping_pong", "offset"])
 def test_many_rounds_take_no_longer_than_one(mode: Any) -> None:
     """Keys a ten-thousandth of a frame apart; the sums are known."""
-    _piece.cache_clear()
+    _integral.cache_clear()
     length = 1e-4 / 24
     speed = Keyframes((0.0, length), ((1.0,), (2.0,)), ("linear",) * 2, after=mode)
     rounds = 2.0 / length
     expected = {"loop": 3.0, "ping_pong": 3.0, "offset": length * (1.5 * rounds + rounds * (rounds - 1) / 2)}
     assert elapsed(speed, 2.0) == pytest.approx(expected[mode], rel=1e-4)
-    assert _piece.cache_info().misses < 20
+    assert _integral.cache_info().misses < 20
 
 
 @pytest.mark.parametrize("before", ["hold", "continue"])
@@ -163,10 +163,10 @@ def test_moving_a_key_of_the_speed_leaves_the_frames_before_the_key_before_it_al
 
 
 def test_keys_of_the_speed_that_are_close_are_fine_and_those_at_infinity_are_told() -> None:
-    _piece.cache_clear()
+    _integral.cache_clear()
     clock = shot("{keys: {1: 1, 1.0001: 2}}").motion.clock
     assert clock.flow_time(25) == pytest.approx(2.0, abs=1e-5)
-    assert _piece.cache_info().misses < 40
+    assert _integral.cache_info().misses < 40
     with pytest.raises(ShotError, match=r"a\.yaml:5:"):
         shot("{keys: {-1000000000000: 1, 5: 2}}")
 
@@ -225,7 +225,7 @@ def test_a_speed_that_is_none_is_told_with_the_shot_between_half_frames_too(spee
 
 def test_a_speed_that_was_never_read_fails_in_its_frame_and_leaves_keys_to_the_others() -> None:
     good = shot("1").motion
-    bad = dataclasses.replace(good, speed=Formulated(("sqrt(4.5 - frame)",), 24.0, 1))
+    bad = dataclasses.replace(good, speed=FormulaCurve(("sqrt(4.5 - frame)",), 24.0, 1))
     keys = [bad.step_data(number) for number in range(2, 26)]
     assert [isinstance(key, dict) for key in keys] == [number > 4 for number in range(2, 26)]
     frames = []

@@ -1,4 +1,4 @@
-"""A smooth curve through given points."""
+"""Attraction to points, curves and surfaces, and wind along a curve."""
 
 from __future__ import annotations
 
@@ -11,21 +11,28 @@ from typing import Annotated, Any
 import numpy as np
 
 from pipeline.arrays import Floats, Points, Vectors
-from pipeline.flow import _kernels_nearest as kernels
-from pipeline.flow.keyframes import Number, Vector, number_at
-from pipeline.flow.parameters import Positive, Sense
+from pipeline.flow.kernels import nearest as kernels
+from pipeline.flow.keyframes import Number, number_at
+from pipeline.flow.parameters import ParameterDoc, Positive
 from pipeline.flow.triangle_tree import TriangleTree, segments
-from pipeline.flow.velocity import External
+from pipeline.flow.vectors import Vector
+from pipeline.flow.velocity import ExternalField
 from pipeline.kernels import BlockKernel
 from pipeline.mesh.triangle_mesh import TriangleMesh
 
+SEGMENTS = 16
+"""Segments that approximate each span of a curve."""
+
+FALLOFF_SLOPE = 8.0 / (3.0 * math.sqrt(3.0))
+"""The largest slope of (1 − s²)² for s from 0 to 1: 4 s (1 − s²) at s = 1/√3."""
+
 
 def catmull_rom(points: Points, closed: bool, pieces: int) -> tuple[Points, Vectors]:
-    """Points on the curve through `points` (P, 3), `pieces` for each span, and its unit tangents there.
+    """Return points on the curve through `points` (P, 3), `pieces` a span, and its unit tangents there.
 
-    Between neighbours the curve is a cubic whose slope at each point is half the way from the point before
-    to the one after; at the ends of an open curve it is the way to the only neighbour. Of a closed curve the
-    first point stands once more at the end.
+    Between neighbours the curve is a cubic whose slope at each point is half the vector from the point before
+    to the point after; at the ends of an open curve it is the vector to the only neighbour. A closed curve
+    ends with its first point again.
 
     Source: Catmull & Rom, *A Class of Local Interpolating Splines*, 1974.
     """
@@ -34,29 +41,28 @@ def catmull_rom(points: Points, closed: bool, pieces: int) -> tuple[Points, Vect
     else:
         points = np.concatenate([2.0 * points[:1] - points[1:2], points, 2.0 * points[-1:] - points[-2:-1]])
     slopes = 0.5 * (points[2:] - points[:-2])
-    here, there, leaves, arrives = points[1:-2, None], points[2:-1, None], slopes[:-1, None], slopes[1:, None]
+    start, end, leaves, arrives = points[1:-2, None], points[2:-1, None], slopes[:-1, None], slopes[1:, None]
     s = (np.arange(pieces) / pieces)[None, :, None]
     curve = (
-        (2 * s**3 - 3 * s**2 + 1) * here
+        (2 * s**3 - 3 * s**2 + 1) * start
         + (s**3 - 2 * s**2 + s) * leaves
-        + (3 * s**2 - 2 * s**3) * there
+        + (3 * s**2 - 2 * s**3) * end
         + (s**3 - s**2) * arrives
     )
     tangent = (
-        (6 * s**2 - 6 * s) * (here - there) + (3 * s**2 - 4 * s + 1) * leaves + (3 * s**2 - 2 * s) * arrives
+        (6 * s**2 - 6 * s) * (start - end) + (3 * s**2 - 4 * s + 1) * leaves + (3 * s**2 - 2 * s) * arrives
     )
     curve = np.concatenate([curve.reshape(-1, 3), points[-2:-1]])
     tangent = np.concatenate([tangent.reshape(-1, 3), slopes[-1:]])
     return curve, tangent / np.maximum(np.linalg.norm(tangent, axis=1, keepdims=True), 1e-300)
 
 
-PIECES = 16
-"""Segments that stand for each span of a curve."""
-
-
 @dataclass(frozen=True)
 class Target:
-    """What attracts: triangles, segments or points, all as triangles (T, 3, 3); equal bytes, equal target."""
+    """The target of an attraction: triangles, segments or points, all as triangles (T, 3, 3).
+
+    Equal bytes, equal target.
+    """
 
     data: bytes
 
@@ -66,13 +72,13 @@ class Target:
 
     @classmethod
     def points(cls, points: Points) -> Target:
-        """Points (P, 3): each place is drawn to the nearest."""
+        """Return a target of points (P, 3), the nearest of which attracts."""
         return cls.of(np.repeat(np.asarray(points, np.float64)[:, None], 3, axis=1))
 
     @classmethod
     def curve(cls, points: Points, closed: bool = False) -> Target:
-        """The smooth curve through points (P, 3), P at least 2."""
-        return cls.of(segments(catmull_rom(np.asarray(points, np.float64), closed, PIECES)[0]))
+        """Return the smooth curve through points (P, 3), P at least 2."""
+        return cls.of(segments(catmull_rom(np.asarray(points, np.float64), closed, SEGMENTS)[0]))
 
     @classmethod
     def surface(cls, mesh: TriangleMesh, scale: float = 1.0) -> Target:
@@ -88,7 +94,7 @@ class Target:
 
 
 @dataclass(frozen=True)
-class Attraction(External):
+class Attraction(ExternalField):
     """Everything within a distance is drawn to the nearest point of a target, or pushed off it.
 
     With q the nearest point of the target to p, at the distance d = |q − p| < R,
@@ -100,15 +106,15 @@ class Attraction(External):
     Near the target the distance shrinks as exp(−rate × seconds).
 
     About a convex target q moves at most as much as p does, and the gradient is at most the rate, which
-    decides the sub-steps. Inside a bend it can be steeper: at the height h towards the centre of a curvature
+    decides the sub-steps. Inside a bend it can be larger: at the height h towards the centre of a curvature
     κ, q moves 1 / (1 − κ h) as much as p along the bend, without bound as h nears the radius 1/κ, where the
-    jumps are. There points are followed less closely than `STEP_LIMIT` says; `substeps` helps but for the
+    jumps are. There points are followed less closely than `STEP_LIMIT` says; `substeps` helps except at the
     jumps. Source: ours; the falloff is that of `Expansion`.
     """
 
     target: Target
-    rate: Annotated[Number, Sense("of drawing near; negative repels", "1/s")] = 1.0
-    radius: Annotated[Positive, Sense("R, beyond which nothing moves", "units")] = 1.0
+    rate: Annotated[Number, ParameterDoc("of drawing near; negative repels", "1/s")] = 1.0
+    radius: Annotated[Positive, ParameterDoc("R, beyond which nothing moves", "units")] = 1.0
 
     @property
     def block(self) -> BlockKernel:
@@ -119,34 +125,30 @@ class Attraction(External):
         rate, radius = number_at(self.rate, time), number_at(self.radius, time)
         return (float(tree.memory.ctypes.data), float(tree.triangles), rate, radius * radius)
 
-    def identity(self, time: float) -> Any:
+    def cache_data(self, time: float) -> Any:
         return {"attraction": self.target.digest, "numbers": list(self.numbers(time)[1:])}
 
     def gradient_bound(self, time: float) -> float:
-        """A bound for convex targets; see above for others."""
+        """Return the bound for convex targets; see above for others."""
         return abs(number_at(self.rate, time))
 
 
-FALL = 8.0 / (3.0 * math.sqrt(3.0))
-"""The steepest of (1 − s²)² for s from 0 to 1: 4 s (1 − s²) at s = 1/√3."""
-
-
 @dataclass(frozen=True)
-class Wind(External):
+class Wind(ExternalField):
     """Blows along a smooth curve through points, strongest on it, and not at all beyond a distance.
 
     With T the curve's unit tangent at its point nearest to p, and d the distance to that,
 
         velocity = speed · (1 − d²/R²)² · T
 
-    The steepness is that of the falloff, and of T along the curve; where the curve bends within R, places
-    inside the bend see T turn faster. Source: ours.
+    The gradient bound is that of the falloff, and of T along the curve; where the curve bends within R, T
+    turns faster inside the bend. Source: ours.
     """
 
     through: tuple[Vector, ...]
-    speed: Annotated[Number, Sense("on the curve; negative blows backwards", "units/s")] = 1.0
-    radius: Annotated[Positive, Sense("R, beyond which no wind blows", "units")] = 1.0
-    closed: Annotated[bool, Sense("from the last point the curve goes on to the first")] = False
+    speed: Annotated[Number, ParameterDoc("on the curve; negative blows backwards", "units/s")] = 1.0
+    radius: Annotated[Positive, ParameterDoc("R, beyond which no wind blows", "units")] = 1.0
+    closed: Annotated[bool, ParameterDoc("from the last point the curve goes on to the first")] = False
 
     @property
     def block(self) -> BlockKernel:
@@ -154,22 +156,24 @@ class Wind(External):
 
     @cached_property
     def _curve(self) -> tuple[Floats, int, int, float]:
-        """The kernel's array, where its triangles and its directions begin, and how fast T turns at most."""
-        points, tangents = catmull_rom(np.array(self.through, np.float64), self.closed, PIECES)
+        """The kernel's array, the starts of its triangles and of its tangents, and the largest turn of T."""
+        points, tangents = catmull_rom(np.array(self.through, np.float64), self.closed, SEGMENTS)
         tree = TriangleTree.of(segments(points))
-        directions = np.concatenate([tangents[:-1], tangents[1:]], axis=1)[tree.order]
+        ends = np.concatenate([tangents[:-1], tangents[1:]], axis=1)[tree.order]
         lengths = np.maximum(np.linalg.norm(np.diff(points, axis=0), axis=1), 1e-12)
         turns = float((np.linalg.norm(np.diff(tangents, axis=0), axis=1) / lengths).max())
-        return tree.with_more(directions), tree.triangles, len(tree.memory), turns
+        return tree.with_more(ends), tree.triangles, len(tree.memory), turns
 
     def numbers(self, time: float) -> tuple[float, ...]:
-        memory, triangles, directions, _ = self._curve
+        memory, triangles, tangents, _ = self._curve
         speed, radius = number_at(self.speed, time), number_at(self.radius, time)
-        return (float(memory.ctypes.data), float(triangles), speed, radius * radius, float(directions))
+        return (float(memory.ctypes.data), float(triangles), speed, radius * radius, float(tangents))
 
-    def identity(self, time: float) -> Any:
+    def cache_data(self, time: float) -> Any:
         curve = [list(point) for point in self.through]
         return {"wind": curve, "closed": self.closed, "numbers": list(self.numbers(time)[2:4])}
 
     def gradient_bound(self, time: float) -> float:
-        return abs(number_at(self.speed, time)) * (FALL / number_at(self.radius, time) + self._curve[3])
+        return abs(number_at(self.speed, time)) * (
+            FALLOFF_SLOPE / number_at(self.radius, time) + self._curve[3]
+        )

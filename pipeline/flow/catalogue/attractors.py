@@ -1,59 +1,66 @@
-"""What all attractors share: how their equations stand in a scene."""
+"""Strange attractors: every point follows a system of three differential equations."""
 
 from __future__ import annotations
 
 import math
 from abc import abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar
 
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
-from pipeline.flow.parameters import Positive, Sense
-from pipeline.flow.vectors import ORIGIN
-from pipeline.flow.velocity import Term
+from pipeline.flow.kernels import attractors as kernels
+from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
+from pipeline.flow.parameters import ParameterDoc, Positive
+from pipeline.flow.vectors import ORIGIN, Vector
+from pipeline.flow.velocity import BasicField
+
+_SCALE = ParameterDoc("of its units in one of the scene's")
+_TIME_SCALE = ParameterDoc("of its time units in a second")
 
 
 @dataclass(frozen=True)
-class Attractor(Term):
-    """Every point follows a system of three equations. It stands upright: its z is our y, its y our −z.
+class Attractor(BasicField):
+    """The base of all attractors. An attractor stands upright: its z is our y, its y our −z.
 
-    Far from the attractor many systems fly apart: keep the subject about as large as the attractor is. The
-    gradient grows with the distance; its bound holds up to `reach` of its own units from the centre along
-    each axis, which is a little further than the attractor goes.
+    The fields that a subclass adds are the parameters of its equations, in the kernel's order.
+
+    Far from the attractor many systems diverge: keep the subject about as large as the attractor is. The
+    gradient grows with the distance; its bound holds up to `reach` of the attractor's units from the centre
+    along each axis, a little further than the attractor extends.
     """
 
     reach: ClassVar[float] = math.inf
 
-    centre: Annotated[Place, Sense("of the attractor", "units")] = ORIGIN
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 1.0
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.1
+    centre: Annotated[VectorParameter, ParameterDoc("of the attractor", "units")] = ORIGIN
+    scale: Annotated[Positive, _SCALE] = 1.0
+    time_scale: Annotated[Number, _TIME_SCALE] = 0.1
 
     @abstractmethod
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        """Its own parameters, in the kernel's order."""
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        """Bound the norm of the Jacobian within `reach` of the middle, in the attractor's units."""
 
-    @abstractmethod
-    def _gradient(self, time: float) -> float:
-        """A bound of its Jacobian's norm within `reach` of the middle, in its own units; far away is more."""
-
-    def _middle(self, time: float) -> Vector:
-        """What lies at `centre`, in its own coordinates."""
+    def _middle(self, parameters: tuple[float, ...]) -> Vector:
+        """Return the point, in the attractor's coordinates, that lies at `centre`."""
         return ORIGIN
 
+    def _parameters(self, time: float) -> tuple[float, ...]:
+        """Return the parameters of the equations, in the kernel's order."""
+        own = [field.name for field in fields(self) if field.name not in Attractor.__dataclass_fields__]
+        return tuple(number_at(getattr(self, name), time) for name in own)
+
     def row(self, time: float) -> tuple[float, ...]:
-        (cx, cy, cz), (x, y, z) = place_at(self.centre, time), self._middle(time)
+        parameters = self._parameters(time)
+        (cx, cy, cz), (x, y, z) = vector_at(self.centre, time), self._middle(parameters)
         scale = number_at(self.scale, time)
         origin = cx - x / scale, cy - z / scale, cz + y / scale
-        return (*origin, scale, number_at(self.time_scale, time) / scale, *self._numbers(time))
+        return (*origin, scale, number_at(self.time_scale, time) / scale, *parameters)
 
     def gradient_bound(self, time: float) -> float:
-        return abs(number_at(self.time_scale, time)) * self._gradient(time)
+        return abs(number_at(self.time_scale, time)) * self._gradient(self._parameters(time))
 
 
 @dataclass(frozen=True)
 class Lorenz(Attractor):
-    """The butterfly of 1963: two eyes that points change between at no one's guess.
+    """The butterfly of 1963: two eyes between which points change unpredictably.
 
         x' = σ (y − x)    y' = x (ρ − z) − y    z' = x y − β z
 
@@ -65,27 +72,22 @@ class Lorenz(Attractor):
     Source: Lorenz, *Deterministic Nonperiodic Flow*, J. Atmos. Sci. 20 (1963). P3, P33.
     """
 
+    opcode: ClassVar[int] = kernels.LORENZ
     reach: ClassVar[float] = 27.0
 
-    sigma: Annotated[Number, Sense("σ")] = 10.0
-    rho: Annotated[Number, Sense("ρ")] = 28.0
-    beta: Annotated[Number, Sense("β")] = 8.0 / 3.0
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 20.0
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.1
+    sigma: Annotated[Number, ParameterDoc("σ")] = 10.0
+    rho: Annotated[Number, ParameterDoc("ρ")] = 28.0
+    beta: Annotated[Number, ParameterDoc("β")] = 8.0 / 3.0
+    scale: Annotated[Positive, _SCALE] = 20.0
+    time_scale: Annotated[Number, _TIME_SCALE] = 0.1
 
-    @property
-    def kind(self) -> int:
-        return op.LORENZ
+    def _middle(self, parameters: tuple[float, ...]) -> Vector:
+        _, rho, _ = parameters
+        return 0.0, 0.0, rho - 1.0
 
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        return (number_at(self.sigma, time), number_at(self.rho, time), number_at(self.beta, time))
-
-    def _middle(self, time: float) -> Vector:
-        return 0.0, 0.0, number_at(self.rho, time) - 1.0
-
-    def _gradient(self, time: float) -> float:
-        """The root of the sum of squares, with ρ − z = 1 in the middle; and never less than for |x| < 20."""
-        sigma, rho, beta = (number_at(number, time) for number in (self.sigma, self.rho, self.beta))
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        """Bound the gradient by its Frobenius norm (ρ − z is 1 in the middle), at least as for |x| < 20."""
+        sigma, rho, beta = parameters
         bound = math.hypot(math.sqrt(2.0) * sigma, 1.0 + self.reach, 1.0, math.sqrt(3.0) * self.reach, beta)
         return max(bound, abs(sigma) + abs(rho) + 20.0)
 
@@ -101,23 +103,17 @@ class Rossler(Attractor):
     Source: Rössler, *An Equation for Continuous Chaos*, Physics Letters A 57 (1976).
     """
 
+    opcode: ClassVar[int] = kernels.ROSSLER
     reach: ClassVar[float] = 23.0
 
-    a: Annotated[Number, Sense("a")] = 0.2
-    b: Annotated[Number, Sense("b")] = 0.2
-    c: Annotated[Number, Sense("c: how far it spirals before it folds")] = 5.7
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 10.0
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 1.0
+    a: Annotated[Number, ParameterDoc("a")] = 0.2
+    b: Annotated[Number, ParameterDoc("b")] = 0.2
+    c: Annotated[Number, ParameterDoc("c: how far it spirals before it folds")] = 5.7
+    scale: Annotated[Positive, _SCALE] = 10.0
+    time_scale: Annotated[Number, _TIME_SCALE] = 1.0
 
-    @property
-    def kind(self) -> int:
-        return op.ROSSLER
-
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        return (number_at(self.a, time), number_at(self.b, time), number_at(self.c, time))
-
-    def _gradient(self, time: float) -> float:
-        a, c = number_at(self.a, time), number_at(self.c, time)
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        a, _, c = parameters
         return math.hypot(math.sqrt(3.0), a, self.reach, self.reach + abs(c))
 
 
@@ -134,32 +130,26 @@ class Aizawa(Attractor):
     Bifurcation Problems* (1984), whose system it is; named after Aizawa since.
     """
 
+    opcode: ClassVar[int] = kernels.AIZAWA
     reach: ClassVar[float] = 1.7
 
-    a: Annotated[Number, Sense("a")] = 0.95
-    b: Annotated[Number, Sense("b")] = 0.7
-    c: Annotated[Number, Sense("c")] = 0.6
-    d: Annotated[Number, Sense("d: turns it")] = 3.5
-    e: Annotated[Number, Sense("e")] = 0.25
-    f: Annotated[Number, Sense("f")] = 0.1
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 1.5
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.4
+    a: Annotated[Number, ParameterDoc("a")] = 0.95
+    b: Annotated[Number, ParameterDoc("b")] = 0.7
+    c: Annotated[Number, ParameterDoc("c")] = 0.6
+    d: Annotated[Number, ParameterDoc("d: turns it")] = 3.5
+    e: Annotated[Number, ParameterDoc("e")] = 0.25
+    f: Annotated[Number, ParameterDoc("f")] = 0.1
+    scale: Annotated[Positive, _SCALE] = 1.5
+    time_scale: Annotated[Number, _TIME_SCALE] = 0.4
 
-    @property
-    def kind(self) -> int:
-        return op.AIZAWA
-
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        return tuple(number_at(number, time) for number in (self.a, self.b, self.c, self.d, self.e, self.f))
-
-    def _middle(self, time: float) -> Vector:
+    def _middle(self, parameters: tuple[float, ...]) -> Vector:
         return 0.0, 0.0, 0.7
 
-    def _gradient(self, time: float) -> float:
-        """The turning, and the root of the sum of squares of the rest, row by row."""
-        a, d, e, f = (abs(number_at(number, time)) for number in (self.a, self.d, self.e, self.f))
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        """Bound the gradient by that of the turning, plus the Frobenius norm of the rest, row by row."""
+        b, (a, _, _, d, e, f) = parameters[1], map(abs, parameters)
         x, z = self.reach, self.reach + 0.7
-        rising = self.reach + abs(0.7 - number_at(self.b, time))
+        rising = self.reach + abs(0.7 - b)
         radius = math.sqrt(2.0) * x
         across = 2.0 * radius * (1.0 + e * z) + 3.0 * f * z * x * x
         along = max(a, z * z) + e * radius * radius + f * x**3
@@ -179,19 +169,15 @@ class Thomas(Attractor):
     (1999).
     """
 
-    b: Annotated[Number, Sense("b: how strongly it is held together")] = 0.208186
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 4.0
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 1.5
+    opcode: ClassVar[int] = kernels.THOMAS
 
-    @property
-    def kind(self) -> int:
-        return op.THOMAS
+    b: Annotated[Number, ParameterDoc("b: damping")] = 0.208186
+    scale: Annotated[Positive, _SCALE] = 4.0
+    time_scale: Annotated[Number, _TIME_SCALE] = 1.5
 
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        return (number_at(self.b, time),)
-
-    def _gradient(self, time: float) -> float:
-        return 1.0 + abs(number_at(self.b, time))
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        (b,) = parameters
+        return 1.0 + abs(b)
 
 
 @dataclass(frozen=True)
@@ -206,26 +192,20 @@ class Chua(Attractor):
     Systems I 41 (1994).
     """
 
+    opcode: ClassVar[int] = kernels.CHUA
     reach: ClassVar[float] = 1.0
 
-    alpha: Annotated[Number, Sense("α")] = 10.0
-    beta: Annotated[Number, Sense("β")] = 16.0
-    c: Annotated[Number, Sense("c of the cubic")] = -0.143
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 0.7
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.5
+    alpha: Annotated[Number, ParameterDoc("α")] = 10.0
+    beta: Annotated[Number, ParameterDoc("β")] = 16.0
+    c: Annotated[Number, ParameterDoc("c of the cubic")] = -0.143
+    scale: Annotated[Positive, _SCALE] = 0.7
+    time_scale: Annotated[Number, _TIME_SCALE] = 0.5
 
-    @property
-    def kind(self) -> int:
-        return op.CHUA
-
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        return (number_at(self.alpha, time), number_at(self.beta, time), number_at(self.c, time))
-
-    def _gradient(self, time: float) -> float:
-        """It changes with x alone; along y and z the reach has no end."""
-        alpha = number_at(self.alpha, time)
-        bend = alpha * (3.0 * self.reach**2 + abs(number_at(self.c, time)))
-        return math.hypot(bend, alpha, number_at(self.beta, time), 2.0)
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        """Bound the gradient, which varies with x alone; along y and z there is no limit."""
+        alpha, beta, c = parameters
+        bend = alpha * (3.0 * self.reach**2 + abs(c))
+        return math.hypot(bend, alpha, beta, 2.0)
 
 
 @dataclass(frozen=True)
@@ -240,25 +220,20 @@ class Halvorsen(Attractor):
     Source: Sprott, *Chaos and Time-Series Analysis* (2003), appendix A.5, who names it after Halvorsen.
     """
 
+    opcode: ClassVar[int] = kernels.HALVORSEN
     reach: ClassVar[float] = 11.0
 
-    a: Annotated[Number, Sense("a: how strongly it is held together")] = 1.4
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 10.0
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.1
+    a: Annotated[Number, ParameterDoc("a: damping")] = 1.4
+    scale: Annotated[Positive, _SCALE] = 10.0
+    time_scale: Annotated[Number, _TIME_SCALE] = 0.1
 
-    @property
-    def kind(self) -> int:
-        return op.HALVORSEN
-
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        return (number_at(self.a, time),)
-
-    def _middle(self, time: float) -> Vector:
+    def _middle(self, parameters: tuple[float, ...]) -> Vector:
         return -3.5, -3.5, -3.5
 
-    def _gradient(self, time: float) -> float:
-        """The diagonal, what is a turn of the axes, and what grows with a coordinate."""
-        return abs(number_at(self.a, time)) + 4.0 + (3.0 + 2.0 * self.reach)
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        """Bound the gradient by its diagonal, its constant part and the part that grows with a coordinate."""
+        (a,) = parameters
+        return abs(a) + 4.0 + (3.0 + 2.0 * self.reach)
 
 
 @dataclass(frozen=True)
@@ -273,26 +248,24 @@ class Chen(Attractor):
     Source: Chen & Ueta, *Yet Another Chaotic Attractor*, Int. J. Bifurcation and Chaos 9 (1999).
     """
 
+    opcode: ClassVar[int] = kernels.CHEN
     reach: ClassVar[float] = 27.0
 
-    a: Annotated[Number, Sense("a")] = 35.0
-    b: Annotated[Number, Sense("b")] = 3.0
-    c: Annotated[Number, Sense("c")] = 28.0
-    scale: Annotated[Positive, Sense("of its units in one of the scene's")] = 25.0
-    time_scale: Annotated[Number, Sense("of its time units in a second")] = 0.04
+    a: Annotated[Number, ParameterDoc("a")] = 35.0
+    b: Annotated[Number, ParameterDoc("b")] = 3.0
+    c: Annotated[Number, ParameterDoc("c")] = 28.0
+    scale: Annotated[Positive, _SCALE] = 25.0
+    time_scale: Annotated[Number, _TIME_SCALE] = 0.04
 
-    @property
-    def kind(self) -> int:
-        return op.CHEN
+    def _middle(self, parameters: tuple[float, ...]) -> Vector:
+        a, _, c = parameters
+        return 0.0, 0.0, 2.0 * c - a
 
-    def _numbers(self, time: float) -> tuple[float, ...]:
-        return (number_at(self.a, time), number_at(self.b, time), number_at(self.c, time))
-
-    def _middle(self, time: float) -> Vector:
-        return 0.0, 0.0, 2.0 * number_at(self.c, time) - number_at(self.a, time)
-
-    def _gradient(self, time: float) -> float:
-        """The root of the sum of squares, where c − a − z is −c in the middle."""
-        a, b, c = (number_at(number, time) for number in (self.a, self.b, self.c))
+    def _gradient(self, parameters: tuple[float, ...]) -> float:
+        """Bound the gradient by its Frobenius norm, where c − a − z is −c in the middle."""
+        a, b, c = parameters
         reach = self.reach
         return math.hypot(math.sqrt(2.0) * a, abs(c) + reach, c, math.sqrt(3.0) * reach, b)
+
+
+FLOWS: tuple[type, ...] = (Lorenz, Rossler, Aizawa, Thomas, Chua, Halvorsen, Chen)

@@ -3,9 +3,9 @@
 Source: Barr, *Global and Local Deformations of Solid Primitives*, SIGGRAPH 84. P3.
 
 Each is a family of maps D(a) that form a group: D(b) D(a)⁻¹ is again of the family. Between two frames
-the flow applies D(amount after) D(amount before)⁻¹, which (but for a bend) needs no inverse; so a keyed
-deformation equals the closed form at every frame, whatever other flows did to the subject meanwhile is
-kept, and no integration error exists.
+the flow applies D(amount after) D(amount before)⁻¹, which (but for a bend) needs no inverse. So a keyed
+deformation equals the closed form at every frame, keeps what other flows did to the subject meanwhile, and
+has no integration error.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ import numpy as np
 
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError
-from pipeline.flow import _kernels_deform as kernels
-from pipeline.flow.flow import Flow, for_kernels
-from pipeline.flow.keyframes import Number, Vector, number_at
-from pipeline.flow.parameters import Direction, Positive, PositiveConstant, Sense
-from pipeline.flow.vectors import ORIGIN, X, Y, across, unit
+from pipeline.flow.flow import Flow
+from pipeline.flow.kernels import deformations as kernels
+from pipeline.flow.keyframes import Number, number_at
+from pipeline.flow.parameters import Direction, ParameterDoc, Positive, PositiveConstant
+from pipeline.flow.vectors import ORIGIN, Vector, X, Y, across, kernel_points, unit
 
 
 @dataclass(frozen=True)
 class Deformation(Flow):
-    """What all share: an axis through a centre, and the amount, constant or keyed."""
+    """The base of all deformations: an axis through a centre, and the amount, constant or keyed."""
 
-    axis: Annotated[Direction, Sense("along which heights are measured")] = Y
-    centre: Annotated[Vector, Sense("a point on the axis, where the height is nought", "units")] = ORIGIN
-    amount: Annotated[Number, Sense("how much", required=True)] = 0.0
+    axis: Annotated[Direction, ParameterDoc("along which heights are measured")] = Y
+    centre: Annotated[Vector, ParameterDoc("a point on the axis, where the height is 0", "units")] = ORIGIN
+    amount: Annotated[Number, ParameterDoc("how much", required=True)] = 0.0
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        points = for_kernels(points)
+        points = kernel_points(points)
         before, after = self._amounts(time, dt)
         if before == after:
             return points
@@ -49,7 +49,7 @@ class Deformation(Flow):
 
     @abstractmethod
     def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
-        """D(after) D(before)⁻¹ of points (N, 3) into `out`."""
+        """Write D(after) D(before)⁻¹ of points (N, 3) into `out`."""
 
     def _amounts(self, time: float, dt: float) -> tuple[float, float]:
         return float(number_at(self.amount, time)), float(number_at(self.amount, time + dt))
@@ -62,7 +62,7 @@ class Deformation(Flow):
 class Twist(Deformation):
     """Turns about the axis by amount × height along it, like a wrung towel; keeps volume."""
 
-    amount: Annotated[Number, Sense("turning by height", "degrees/unit", required=True)] = 0.0
+    amount: Annotated[Number, ParameterDoc("turning by height", "degrees/unit", required=True)] = 0.0
 
     def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
         kernels.twist(points, *self._line(), after - before, out)
@@ -72,7 +72,7 @@ class Twist(Deformation):
 class Taper(Deformation):
     """Widens across the axis by exp(amount × height along it): a cube becomes a flared block."""
 
-    amount: Annotated[Number, Sense("negative narrows upwards", "1/unit", required=True)] = 0.0
+    amount: Annotated[Number, ParameterDoc("negative narrows upwards", "1/unit", required=True)] = 0.0
 
     def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
         kernels.taper(points, *self._line(), after - before, out)
@@ -82,14 +82,14 @@ class Taper(Deformation):
 class Stretch(Deformation):
     """Scales along the axis by amount, and across it by 1/√amount so that the volume stays."""
 
-    amount: Annotated[Positive, Sense("factor of length: 1 is as it was", required=True)] = 1.0
-    keep_volume: Annotated[bool, Sense("false leaves the width alone")] = True
+    amount: Annotated[Positive, ParameterDoc("factor of length: 1 is unchanged", required=True)] = 1.0
+    keep_volume: Annotated[bool, ParameterDoc("false keeps the width instead")] = True
 
     def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
         if not (before > 0 and after > 0):
             raise FrameError(
                 f"stretch amount {min(before, after):g} is not above 0; it is a factor of length. "
-                "Write 1 for as it was, 2 for twice as long."
+                "Write 1 for unchanged, 2 for twice as long."
             )
         lengthen = after / before
         kernels.stretch(
@@ -104,8 +104,8 @@ class Stretch(Deformation):
 class Shear(Deformation):
     """Slides in a direction by amount × height along the axis, like a pack of cards; keeps volume."""
 
-    amount: Annotated[Number, Sense("slide by height", required=True)] = 0.0
-    direction: Annotated[Direction, Sense("of sliding; the part of it across the axis counts")] = X
+    amount: Annotated[Number, ParameterDoc("slide by height", required=True)] = 0.0
+    direction: Annotated[Direction, ParameterDoc("of sliding; its part across the axis counts")] = X
 
     def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
         centre, axis = self._line()
@@ -120,18 +120,19 @@ class Shear(Deformation):
 
 @dataclass(frozen=True)
 class Bend(Deformation):
-    """Bends what lies along the axis to an arc; beyond the bent length it goes straight on.
+    """Bends the axis to an arc; beyond the bent length it goes straight on.
 
-    The axis becomes an arc of the curvature `amount`, which is its turning in radians by its length, between
-    the heights −length/2 and length/2; what lies across it goes along. The arc opens in `direction`. Bending
-    is undone exactly, so between two frames the flow applies D(amount after) D(amount before)⁻¹ all the same;
-    what lies beyond the centre of curvature, 1/amount away, would fold, and should not be there. The whole
+    Between the heights −length/2 and length/2 the axis becomes an arc of the curvature `amount`, radians per
+    unit of length; the space across the axis goes along. The arc opens in `direction`. Bending is undone
+    exactly. Points beyond the centre of curvature, 1/amount away, would fold, and should not exist. The whole
     arc must not turn by more than 360 degrees.
     """
 
-    amount: Annotated[Number, Sense("turning by length", "degrees/unit", required=True)] = 0.0
-    direction: Annotated[Direction, Sense("towards which it bends; the part across the axis counts")] = X
-    length: Annotated[PositiveConstant, Sense("of what is bent, about the centre", "units")] = 2.0
+    amount: Annotated[Number, ParameterDoc("turning by length", "degrees/unit", required=True)] = 0.0
+    direction: Annotated[
+        Direction, ParameterDoc("towards which it bends; its part across the axis counts")
+    ] = X
+    length: Annotated[PositiveConstant, ParameterDoc("of the bent part, about the centre", "units")] = 2.0
 
     def _deform(self, points: Points, before: float, after: float, out: Points) -> None:
         most = max(abs(before), abs(after))
@@ -148,3 +149,6 @@ class Bend(Deformation):
 
     def _across(self) -> Floats:
         return np.array(across(self.axis, self.direction))
+
+
+FLOWS: tuple[type, ...] = (Twist, Taper, Stretch, Shear, Bend)

@@ -1,62 +1,55 @@
-"""Fluid that wells up at a point, or drains there."""
+"""Expansion, sources, sinks and squeezing: flows that push away from a centre or draw towards it."""
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow.keyframes import Number, Place, number_at, place_at
-from pipeline.flow.parameters import Direction, Positive, Sense
-from pipeline.flow.vectors import ORIGIN, Z, unit
-from pipeline.flow.velocity import Term
+from pipeline.flow.kernels import expansion as kernels
+from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
+from pipeline.flow.parameters import Direction, ParameterDoc, Positive
+from pipeline.flow.vectors import ORIGIN, Y, Z, unit
+from pipeline.flow.velocity import BasicField
 
 
 @dataclass(frozen=True)
-class Source(Term):
+class Source(BasicField):
     """Pushes everything away from a point, the less the farther.
 
-    Velocity = Q / (4 π) · r / (r² + R²)^(3/2) for a flux Q: far away that of a point source. Within about the
-    core's radius R volume is made; the divergence is 3 Q R² / (4 π (r² + R²)^(5/2)), which is all of Q.
+    Velocity = Q / (4 π) · r / (r² + R²)^(3/2) for a flux Q: far away that of a point source. Volume is
+    created within about the core's radius R; the divergence is 3 Q R² / (4 π (r² + R²)^(5/2)), in all Q.
 
     Source: Lamb, *Hydrodynamics* (6th ed., 1932), §56; the core is Plummer's (1911).
     """
 
-    centre: Annotated[Place, Sense("the point", "units")] = ORIGIN
-    radius: Annotated[Positive, Sense("of the core", "units")] = 0.3
-    flux: Annotated[Number, Sense("volume that comes out", "units³/s")] = 1.0
+    opcode: ClassVar[int] = kernels.SOURCE
+    sign: ClassVar[float] = 1.0
 
-    @property
-    def kind(self) -> int:
-        return op.SOURCE
+    centre: Annotated[VectorParameter, ParameterDoc("the point", "units")] = ORIGIN
+    radius: Annotated[Positive, ParameterDoc("of the core", "units")] = 0.3
+    flux: Annotated[Number, ParameterDoc("volume that comes out", "units³/s")] = 1.0
 
     def row(self, time: float) -> tuple[float, ...]:
-        radius, flux = number_at(self.radius, time), self._outwards * number_at(self.flux, time)
-        return (*place_at(self.centre, time), radius * radius, flux / (4 * math.pi))
+        radius, flux = number_at(self.radius, time), self.sign * number_at(self.flux, time)
+        return (*vector_at(self.centre, time), radius * radius, flux / (4 * math.pi))
 
     def gradient_bound(self, time: float) -> float:
-        """That at the centre, where it is steepest."""
+        """Return the gradient at the centre, where it is largest."""
         return abs(number_at(self.flux, time)) / (4 * math.pi * number_at(self.radius, time) ** 3)
-
-    @property
-    def _outwards(self) -> float:
-        return 1.0
 
 
 @dataclass(frozen=True)
 class Sink(Source):
     """Draws everything towards a point, the more the nearer: a source run backwards."""
 
-    flux: Annotated[Number, Sense("volume that goes in", "units³/s")] = 1.0
+    sign: ClassVar[float] = -1.0
 
-    @property
-    def _outwards(self) -> float:
-        return -1.0
+    flux: Annotated[Number, ParameterDoc("volume that goes in", "units³/s")] = 1.0
 
 
 @dataclass(frozen=True)
-class Expansion(Term):
+class Expansion(BasicField):
     """A ball or disc that swells, or shrinks; nothing moves outside of it.
 
     Within the radius R, velocity = rate · (1 − r²/R²)² · r; outside, and on the rim, nothing moves. A disc
@@ -66,19 +59,57 @@ class Expansion(Term):
     Source: the discs of expansion and contraction of Reynolds 1991, figure B (P15); the falloff is ours.
     """
 
-    shape: Annotated[Literal["disc", "ball"], Sense("away from an axis, or from a centre")] = "ball"
-    axis: Annotated[Direction, Sense("of a disc")] = Z
-    centre: Annotated[Place, Sense("what stays where it is", "units")] = ORIGIN
-    radius: Annotated[Positive, Sense("of the region", "units")] = 1.0
-    rate: Annotated[Number, Sense("at the centre; negative shrinks", "1/s", required=True)] = 1.0
+    shape: Annotated[Literal["disc", "ball"], ParameterDoc("away from an axis, or from a centre")] = "ball"
+    axis: Annotated[Direction, ParameterDoc("of a disc")] = Z
+    centre: Annotated[VectorParameter, ParameterDoc("the fixed point", "units")] = ORIGIN
+    radius: Annotated[Positive, ParameterDoc("of the region", "units")] = 1.0
+    rate: Annotated[Number, ParameterDoc("at the centre; negative shrinks", "1/s", required=True)] = 1.0
 
     @property
-    def kind(self) -> int:
-        return op.DISC if self.shape == "disc" else op.BALL
+    def opcode(self) -> int:
+        return kernels.DISC if self.shape == "disc" else kernels.BALL
 
     def row(self, time: float) -> tuple[float, ...]:
         narrowness = number_at(self.radius, time) ** -2.0
-        return (*place_at(self.centre, time), *unit(self.axis), narrowness, number_at(self.rate, time))
+        return (*vector_at(self.centre, time), *unit(self.axis), narrowness, number_at(self.rate, time))
 
     def gradient_bound(self, time: float) -> float:
         return abs(number_at(self.rate, time))
+
+
+@dataclass(frozen=True)
+class Squeeze(BasicField):
+    """Narrows a waist and drives its material out to both sides, like a gripping hand; keeps volume.
+
+    With ϖ the distance from the axis and h the height along it, L the length and R the radius of the grip,
+
+        across  − rate/2 · ϖ · (1 − 2 h²/L²) · exp(−h²/L² − ϖ²/R²)
+        along     rate · h · (1 − ϖ²/R²) · exp(−h²/L² − ϖ²/R²)
+
+    from the stream function rate/2 · ϖ² h exp(−h²/L² − ϖ²/R²): a strain at the centre that fades away. Beyond
+    R it flows back. A negative rate makes a bulge.
+
+    Source: Stokes' stream function, Lamb, *Hydrodynamics* (6th ed., 1932), §94; the fading is ours.
+    """
+
+    opcode: ClassVar[int] = kernels.SQUEEZE
+
+    axis: Annotated[Direction, ParameterDoc("along which it gives way")] = Y
+    centre: Annotated[VectorParameter, ParameterDoc("of the grip", "units")] = ORIGIN
+    radius: Annotated[Positive, ParameterDoc("of the grip, across the axis", "units")] = 2.0
+    length: Annotated[Positive, ParameterDoc("of the grip, along the axis", "units")] = 0.7
+    rate: Annotated[
+        Number, ParameterDoc("of lengthening at the centre; negative bulges", "1/s", required=True)
+    ] = 1.0
+
+    def row(self, time: float) -> tuple[float, ...]:
+        wide, long = number_at(self.radius, time) ** -2.0, number_at(self.length, time) ** -2.0
+        return (*vector_at(self.centre, time), *unit(self.axis), long, wide, number_at(self.rate, time))
+
+    def gradient_bound(self, time: float) -> float:
+        """Bound the gradient: the rate at the centre, and shear that grows as the grip departs from round."""
+        slender = number_at(self.radius, time) / number_at(self.length, time)
+        return abs(number_at(self.rate, time)) * (1.0 + 0.75 * slender + 0.75 / slender)
+
+
+FLOWS: tuple[type, ...] = (Source, Sink, Expansion, Squeeze)

@@ -1,4 +1,4 @@
-"""Velocities from a user's files."""
+"""Velocities sampled on a grid, from the user's files."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.flow import _kernels_sampled as kernels
-from pipeline.flow.keyframes import Number, Place, number_at, place_at
-from pipeline.flow.parameters import Positive, Sense
+from pipeline.flow.kernels import sampled as kernels
+from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
+from pipeline.flow.parameters import ParameterDoc, Positive
 from pipeline.flow.samples.read import Samples, read_samples
 from pipeline.flow.vectors import ORIGIN
-from pipeline.flow.velocity import External
+from pipeline.flow.velocity import ExternalField
 from pipeline.kernels import BlockKernel
 
 Outside = Literal["clamp", "zero", "repeat"]
@@ -23,15 +23,16 @@ Outside = Literal["clamp", "zero", "repeat"]
 _OUTSIDE = {"clamp": kernels.CLAMP, "zero": kernels.ZERO, "repeat": kernels.REPEAT}
 
 CUBIC_OVERSHOOT = 1.5 * 1.25**2
-"""The slope of Catmull and Rom's spline is at most 1.5 of the steepest secant around, and across, in each of
-two directions, its weights add up to at most 1.25 without their signs: exactly so on even axes."""
+"""The bound of a Catmull-Rom gradient over the largest secant nearby: its slope is at most 1.5 secants along
+an axis; across, in each of two directions, the absolute values of its weights add up to at most 1.25. Exact
+on evenly spaced axes."""
 
 
 @dataclass(frozen=True)
 class SampledFiles:
-    """What files held when they were read: equal contents, equal field, wherever they lie.
+    """The contents of files when they were read: equal contents, equal field, whatever the paths.
 
-    digest    SHA-256 of their contents
+    digest    SHA-256 of the contents
     array     the name of the velocities in VTK files; None: the file's only vectors
     interval  seconds from file to file
     """
@@ -43,32 +44,32 @@ class SampledFiles:
 
     @classmethod
     def of(cls, paths: tuple[Path, ...], array: str | None = None, interval: float = 1.0) -> SampledFiles:
-        """Raises what `read_samples` raises."""
+        """Read files. Raises what `read_samples` raises."""
         samples = read_samples(paths, array, interval)
         return cls(samples.digest, array, interval, samples)
 
 
 @dataclass(frozen=True)
-class Sampled(External):
-    """Velocities at the points of a grid, from files of VTK or numpy, and what is between them.
+class Sampled(ExternalField):
+    """Velocities at the points of a grid, from VTK or numpy files, interpolated between.
 
-    A place p of the scene reads the samples at (p − centre) / scale, and moves `scale` times as fast, as if
-    the field were a thing that was placed and scaled.
+    A point p of the scene reads the samples at (p − centre) / scale, and moves `scale` times as fast: the
+    field is placed and scaled like an object.
 
-    Linear is so along each axis; cubic are Catmull and Rom's splines, whose velocity has no kinks. Clamp
-    takes the nearest place inside; to repeat, the last sample is the first again. Between moments velocities
-    are blended.
+    `linear` interpolates along each axis; `cubic` is a Catmull-Rom spline, whose velocity has no kinks.
+    `clamp` takes the nearest point inside; to `repeat`, the last sample must equal the first. Velocities are
+    blended between times.
     """
 
     files: SampledFiles
-    between: Annotated[Literal["linear", "cubic"], Sense("what is between samples")] = "linear"
-    outside: Annotated[Outside, Sense("what is outside of the grid")] = "clamp"
-    centre: Annotated[Place, Sense("where the grid's origin is put", "units")] = ORIGIN
-    scale: Annotated[Positive, Sense("units of the scene per unit of the grid")] = 1.0
-    strength: Annotated[Number, Sense("factor on the velocities")] = 1.0
-    time_scale: Annotated[float, Sense("seconds of the samples per second of the shot")] = 1.0
-    start: Annotated[float, Sense("of the samples when the shot starts", "s")] = 0.0
-    loop: Annotated[bool, Sense("after the last moment the first follows; else the last stays")] = False
+    between: Annotated[Literal["linear", "cubic"], ParameterDoc("interpolation between samples")] = "linear"
+    outside: Annotated[Outside, ParameterDoc("velocity outside of the grid")] = "clamp"
+    centre: Annotated[VectorParameter, ParameterDoc("position of the grid's origin", "units")] = ORIGIN
+    scale: Annotated[Positive, ParameterDoc("units of the scene per unit of the grid")] = 1.0
+    strength: Annotated[Number, ParameterDoc("factor on the velocities")] = 1.0
+    time_scale: Annotated[float, ParameterDoc("seconds of the samples per second of the shot")] = 1.0
+    start: Annotated[float, ParameterDoc("of the samples when the shot starts", "s")] = 0.0
+    loop: Annotated[bool, ParameterDoc("repeat after the last time; else its samples stay")] = False
 
     @property
     def block(self) -> BlockKernel:
@@ -77,11 +78,11 @@ class Sampled(External):
     @cached_property
     def _memory(self) -> Floats:
         axes = self.files.samples.axes
-        form = [*map(len, axes), self.between == "cubic", _OUTSIDE[self.outside]]
-        return np.concatenate([np.array(form, np.float64), *axes])
+        header = [*map(len, axes), self.between == "cubic", _OUTSIDE[self.outside]]
+        return np.concatenate([np.array(header, np.float64), *axes])
 
     def moment(self, time: float) -> tuple[int, int, float]:
-        """The samples' moments before and after a time of the shot, and the share of the latter."""
+        """Return the indices of the samples before and after a time, and the share of the latter."""
         times = self.files.samples.times
         now, first, last = self.start + self.time_scale * time, float(times[0]), float(times[-1])
         if self.loop and last > first:
@@ -98,15 +99,15 @@ class Sampled(External):
         velocity, scale = self.files.samples.velocity, number_at(self.scale, time)
         addresses = [array.ctypes.data for array in (self._memory, velocity[before], velocity[after])]
         factor = scale * number_at(self.strength, time)
-        return (*map(float, addresses), share, *place_at(self.centre, time), scale, factor)
+        return (*map(float, addresses), share, *vector_at(self.centre, time), scale, factor)
 
-    def identity(self, time: float) -> Any:
+    def cache_data(self, time: float) -> Any:
         how = [self.between, self.outside, self.files.array]
         numbers = [*self.moment(time), *self.numbers(time)[4:]]
         return {"sampled": self.files.digest, "how": how, "numbers": numbers}
 
     def gradient_bound(self, time: float) -> float:
-        """The steepest difference of neighbours along each axis; within a cell none is exceeded."""
+        """Bound the gradient by the largest differences of neighbours along each axis."""
         before, after, share = self.moment(time)
         slopes = (1.0 - share) * self._slopes[before] + share * self._slopes[after]
         overshoot = CUBIC_OVERSHOOT if self.between == "cubic" else 1.0
@@ -114,13 +115,13 @@ class Sampled(External):
 
     @cached_property
     def _slopes(self) -> Floats:
-        """(T, 3) the steepest secants along the axes, at every moment."""
+        """(T, 3) the largest secants along the axes, at every time."""
         samples = self.files.samples
         return np.array(
-            [[_steepest(v, axis, k) for k, axis in enumerate(samples.axes)] for v in samples.velocity]
+            [[_largest_secant(v, axis, k) for k, axis in enumerate(samples.axes)] for v in samples.velocity]
         )
 
 
-def _steepest(velocity: Floats, axis: Floats, k: int) -> float:
+def _largest_secant(velocity: Floats, axis: Floats, k: int) -> float:
     rises = np.linalg.norm(np.diff(velocity, axis=k), axis=-1)
     return float((rises / np.diff(axis).reshape([-1 if n == k else 1 for n in range(3)])).max())

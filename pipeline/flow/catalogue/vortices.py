@@ -4,23 +4,25 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
-from pipeline.flow import _kernels_opcodes as op
 from pipeline.flow.catalogue.linear import Strain
-from pipeline.flow.keyframes import Number, Place, Vector, number_at, place_at
-from pipeline.flow.parameters import Direction, Positive, Sense
+from pipeline.flow.kernels import vortices as kernels
+from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
+from pipeline.flow.parameters import Direction, ParameterDoc, Positive
 from pipeline.flow.program import Program
-from pipeline.flow.vectors import ORIGIN, X, Y, Z, across, unit
-from pipeline.flow.velocity import Term, VelocityField
+from pipeline.flow.vectors import ORIGIN, Vector, X, Y, Z, across, unit
+from pipeline.flow.velocity import BasicField, VelocityField
 
 Profile = Literal["lamb_oseen", "gaussian", "rankine"]
 
-_KINDS = {"lamb_oseen": op.LAMB_OSEEN, "gaussian": op.GAUSSIAN, "rankine": op.RANKINE}
+_OPCODES = {"lamb_oseen": kernels.LAMB_OSEEN, "gaussian": kernels.GAUSSIAN, "rankine": kernels.RANKINE}
+
+_CIRCULATION = ParameterDoc("circulation, counter-clockwise seen against the axis", "units²/s")
 
 
 @dataclass(frozen=True)
-class Vortex(Term):
+class Vortex(BasicField):
     """Turns about a line, fast in the core and slow outside; keeps volume.
 
     At the distance r from the axis, with the core's radius R and the circulation Γ, it turns at
@@ -30,30 +32,28 @@ class Vortex(Term):
         rankine     Γ / (2 π R²) within the core, Γ / (2 π r²) outside
 
     so all turn at Γ / (2 π R²) on the axis. The first and the last reach far (their speed falls as 1/r), the
-    second leaves alone what is beyond two radii. The last has a kink at the core's rim.
+    second hardly moves what is beyond two radii. The last has a kink at the core's rim.
 
     Source: Lamb, *Hydrodynamics* (6th ed., 1932), §334a; Oseen (1912); Rankine (1858). P3.
     """
 
-    axis: Annotated[Direction, Sense("of the line")] = Z
-    centre: Annotated[Place, Sense("a point on the line", "units")] = ORIGIN
-    radius: Annotated[Positive, Sense("of the core", "units")] = 1.0
-    strength: Annotated[Number, Sense("circulation, counter-clockwise seen against the axis", "units²/s")] = (
-        1.0
-    )
-    profile: Annotated[Profile, Sense("how the turning falls with the distance")] = "lamb_oseen"
+    axis: Annotated[Direction, ParameterDoc("of the line")] = Z
+    centre: Annotated[VectorParameter, ParameterDoc("a point on the line", "units")] = ORIGIN
+    radius: Annotated[Positive, ParameterDoc("of the core", "units")] = 1.0
+    strength: Annotated[Number, _CIRCULATION] = 1.0
+    profile: Annotated[Profile, ParameterDoc("how the turning falls with the distance")] = "lamb_oseen"
 
     @property
-    def kind(self) -> int:
-        return _KINDS[self.profile]
+    def opcode(self) -> int:
+        return _OPCODES[self.profile]
 
     def row(self, time: float) -> tuple[float, ...]:
         narrowness = number_at(self.radius, time) ** -2.0
         spin = number_at(self.strength, time) / (2 * math.pi) * narrowness
-        return (*place_at(self.centre, time), *unit(self.axis), narrowness, spin)
+        return (*vector_at(self.centre, time), *unit(self.axis), narrowness, spin)
 
     def gradient_bound(self, time: float) -> float:
-        """The turning on the axis; nowhere is the gradient steeper than that times 1.3."""
+        """Return 1.3 times the angular speed on the axis, which the gradient nowhere exceeds."""
         return 1.3 * abs(number_at(self.strength, time)) / (2 * math.pi * number_at(self.radius, time) ** 2)
 
 
@@ -61,19 +61,19 @@ class Vortex(Term):
 class VortexPair(VelocityField):
     """Two Lamb–Oseen vortices with parallel axes, against each other or together; keeps volume.
 
-    Against each other they drive a jet between them; together they stir what lies around both. They stay
-    where they are put: a free pair with circulations ±Γ at the distance d would move at Γ / (2 π d).
+    Against each other they drive a jet between them; together they stir the space around both. They stay
+    in place: a free pair with circulations ±Γ at the distance d would move at Γ / (2 π d).
 
     Source: Lamb, *Hydrodynamics* (6th ed., 1932), §155.
     """
 
-    axis: Annotated[Direction, Sense("of both lines")] = Z
-    centre: Annotated[Place, Sense("half way between them", "units")] = ORIGIN
-    direction: Annotated[Direction, Sense("from the second to the first, across the axis")] = X
-    distance: Annotated[Positive, Sense("between the lines", "units")] = 1.8
-    radius: Annotated[Positive, Sense("of each core", "units")] = 0.8
-    strength: Annotated[Number, Sense("circulation of the first", "units²/s")] = 1.0
-    turning: Annotated[Literal["against", "together"], Sense("how the second turns")] = "against"
+    axis: Annotated[Direction, ParameterDoc("of both lines")] = Z
+    centre: Annotated[VectorParameter, ParameterDoc("half way between them", "units")] = ORIGIN
+    direction: Annotated[Direction, ParameterDoc("from the second to the first, across the axis")] = X
+    distance: Annotated[Positive, ParameterDoc("between the lines", "units")] = 1.8
+    radius: Annotated[Positive, ParameterDoc("of each core", "units")] = 0.8
+    strength: Annotated[Number, ParameterDoc("circulation of the first", "units²/s")] = 1.0
+    turning: Annotated[Literal["against", "together"], ParameterDoc("how the second turns")] = "against"
 
     def program(self, time: float) -> Program:
         return tuple(row for vortex in self._vortices(time) for row in vortex.program(time))
@@ -89,12 +89,12 @@ class VortexPair(VelocityField):
 
     def _centres(self, time: float) -> tuple[Vector, Vector]:
         half = 0.5 * number_at(self.distance, time)
-        (x, y, z), (a, b, c) = place_at(self.centre, time), across(self.axis, self.direction)
+        (x, y, z), (a, b, c) = vector_at(self.centre, time), across(self.axis, self.direction)
         return (x + half * a, y + half * b, z + half * c), (x - half * a, y - half * b, z - half * c)
 
 
 @dataclass(frozen=True)
-class VortexRing(Term):
+class VortexRing(BasicField):
     """Rolls about a circle, up through its middle and down outside; keeps volume.
 
     The velocity that a line vortex of the circulation Γ, bent to a circle of the radius R, induces by the law
@@ -106,23 +106,21 @@ class VortexRing(Term):
     Saffman, *Vortex Dynamics* (1992), §10.1, §11.1; Abramowitz & Stegun (1964), §17.6 for the integrals.
     """
 
-    axis: Annotated[Direction, Sense("along which its middle flows")] = Y
-    centre: Annotated[Place, Sense("of the circle", "units")] = ORIGIN
-    radius: Annotated[Positive, Sense("of the circle", "units")] = 1.0
-    core: Annotated[Positive, Sense("radius of the core", "units")] = 0.3
-    strength: Annotated[Number, Sense("circulation", "units²/s")] = 1.0
+    opcode: ClassVar[int] = kernels.RING
 
-    @property
-    def kind(self) -> int:
-        return op.RING
+    axis: Annotated[Direction, ParameterDoc("along which its middle flows")] = Y
+    centre: Annotated[VectorParameter, ParameterDoc("of the circle", "units")] = ORIGIN
+    radius: Annotated[Positive, ParameterDoc("of the circle", "units")] = 1.0
+    core: Annotated[Positive, ParameterDoc("radius of the core", "units")] = 0.3
+    strength: Annotated[Number, ParameterDoc("circulation", "units²/s")] = 1.0
 
     def row(self, time: float) -> tuple[float, ...]:
         radius, core = number_at(self.radius, time), number_at(self.core, time)
         turning = number_at(self.strength, time) / (2 * math.pi)
-        return (*place_at(self.centre, time), *unit(self.axis), radius, core * core, turning)
+        return (*vector_at(self.centre, time), *unit(self.axis), radius, core * core, turning)
 
     def gradient_bound(self, time: float) -> float:
-        """That of a straight vortex on its axis, and what the bend adds where the core is not thin."""
+        """Return the bound of a straight vortex, with a factor for the bend where the core is thick."""
         radius, core = number_at(self.radius, time), number_at(self.core, time)
         straight = abs(number_at(self.strength, time)) / (2 * math.pi * core * core)
         return straight * min(1.0 + core / radius, math.pi * radius / core)
@@ -139,13 +137,11 @@ class SpiralVortex(VelocityField):
     Source: Burgers, *A mathematical model illustrating the theory of turbulence*, Adv. Appl. Mech. 1 (1948).
     """
 
-    axis: Annotated[Direction, Sense("of the line")] = Y
-    centre: Annotated[Place, Sense("where nothing moves", "units")] = ORIGIN
-    radius: Annotated[Positive, Sense("of the core", "units")] = 0.5
-    strength: Annotated[Number, Sense("circulation, counter-clockwise seen against the axis", "units²/s")] = (
-        1.0
-    )
-    inflow: Annotated[Number, Sense("lengthening along the axis; negative flows out", "1/s")] = 0.5
+    axis: Annotated[Direction, ParameterDoc("of the line")] = Y
+    centre: Annotated[VectorParameter, ParameterDoc("the fixed point", "units")] = ORIGIN
+    radius: Annotated[Positive, ParameterDoc("of the core", "units")] = 0.5
+    strength: Annotated[Number, _CIRCULATION] = 1.0
+    inflow: Annotated[Number, ParameterDoc("lengthening along the axis; negative flows out", "1/s")] = 0.5
 
     def program(self, time: float) -> Program:
         return tuple(row for part in self._parts for row in part.program(time))
@@ -159,3 +155,6 @@ class SpiralVortex(VelocityField):
             Vortex(self.axis, self.centre, self.radius, self.strength),
             Strain(self.axis, self.centre, self.inflow),
         )
+
+
+FLOWS: tuple[type, ...] = (Vortex, VortexPair, VortexRing, SpiralVortex)

@@ -1,26 +1,26 @@
 """Flows made of flows: an algebra whose terms are values.
 
-Velocity fields compose to velocity fields, which are followed by one integration; maps compose to maps. What
-weighs a field weighs its velocity, what weighs a map weighs the way a point goes in a step.
+Velocity fields compose to velocity fields, which one integration follows; maps compose to maps. A weight on a
+field scales its velocity, a weight on a map scales the displacement of a step.
 """
 
 from pipeline.flow.compose.blend import Blend, Within, blended, placed, within
-from pipeline.flow.compose.fields import InFrame, Limited, Scaled, Sum
+from pipeline.flow.compose.fields import RegionField, ScaledField, Sum, TransformedField
 from pipeline.flow.compose.order import Repeated, Reversed, Sequence
-from pipeline.flow.compose.space import Frame, Mirror, Placed
+from pipeline.flow.compose.transforms import Mirror, Placed, Transform
 
 __all__ = [
     "Blend",
-    "Frame",
-    "InFrame",
-    "Limited",
     "Mirror",
     "Placed",
+    "RegionField",
     "Repeated",
     "Reversed",
-    "Scaled",
+    "ScaledField",
     "Sequence",
     "Sum",
+    "Transform",
+    "TransformedField",
     "Within",
     "blended",
     "placed",

@@ -1,4 +1,7 @@
-"""Maps undone without a formula for their inverse."""
+"""Flows blended, within a region, and placed: velocity fields compose to fields, other flows to maps.
+
+A sequence is composed flow by flow, so that each of its fields keeps its integration.
+"""
 
 from __future__ import annotations
 
@@ -11,61 +14,105 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow.compose.fields import InFrame, Limited, Scaled, Sum, weight_at
+from pipeline.flow.compose.fields import RegionField, ScaledField, Sum, TransformedField
 from pipeline.flow.compose.order import Sequence
-from pipeline.flow.compose.space import Frame, Mirror, Placed
+from pipeline.flow.compose.transforms import Mirror, Placed, Transform
 from pipeline.flow.flow import Flow
-from pipeline.flow.keyframes import Number
+from pipeline.flow.keyframes import Number, weight_at
 from pipeline.flow.regions import Region
 from pipeline.flow.streamlines import Streamlines
 from pipeline.flow.velocity import VelocityField
 
 CLOSE = 1e-14
-"""How near the image of the point found lies to the point given, as a share of how far out both are."""
+"""The distance of an inverse's image from its point, relative to their distance from the origin."""
 
-MOST_TURNS = 100
+MAX_ITERATIONS = 100
 
 
-def undone(move: Callable[[Points], Points], points: Points, name: str) -> Points:
-    """The points (N, 3) that `move` takes to `points`: q with move(q) = p, by q ← q + p − move(q).
+def within(flow: Flow, region: Region) -> Flow:
+    """Return a flow within a region, which weighs velocities of fields and displacements of other flows."""
+    return _composed(flow, lambda field: RegionField(field, region), lambda other: Within(other, region))
 
-    The turns close in where two points move differently by less than they lie apart, as they do in the step
-    of a frame that folds nothing. Each point takes turns until it is there, whatever the others do.
 
-    Raises FrameError, which calls the map `name`, where that does not come about.
-    """
-    found = np.array(points, dtype=np.float64)
-    waiting = np.arange(len(found))
-    size = CLOSE * (1.0 + np.abs(found).max(axis=1, initial=0.0))
-    for _ in range(MOST_TURNS):
-        missed = points[waiting] - move(found[waiting])
-        found[waiting] += missed
-        waiting = waiting[~(np.abs(missed).max(axis=1, initial=0.0) <= size[waiting])]
-        if not len(waiting):
-            return found
-    where = ", ".join(f"{x:.4g}" for x in points[waiting[0]])
-    raise FrameError(
-        f"flow {name} cannot be undone at ({where}): there it folds the space within a frame. "
-        "Lower its strength or widen its falloff."
+def placed(flow: Flow, transform: Transform | Mirror) -> Flow:
+    """Return a transformed or mirrored flow."""
+    return _composed(
+        flow, lambda field: TransformedField(field, transform), lambda other: Placed(other, transform)
     )
 
 
-class Weighed(Flow):
-    """A map whose way is weighed. Backwards it is undone to the last digits, by the weights there were."""
+def blended(first: Flow, second: Flow, weight: Number) -> Flow:
+    """Blend two flows: their velocities where each is a velocity field or nothing, else displacements."""
+    one, other = _single(first), _single(second)
+    fields = [
+        ScaledField(flow.field, weight, rest)
+        for flow, rest in ((one, True), (other, False))
+        if isinstance(flow, Streamlines)
+    ]
+    if not fields or not all(flow is None or isinstance(flow, Streamlines) for flow in (one, other)):
+        return Blend(first, second, weight)
+    sum_of = Sum(tuple(fields))
+    joined = {replace(flow, field=sum_of) for flow in (one, other) if isinstance(flow, Streamlines)}
+    return joined.pop() if len(joined) == 1 else Blend(first, second, weight)
+
+
+def _single(flow: Flow) -> Flow | None:
+    """Return the only flow of a sequence, None for an empty one, and any other flow unchanged."""
+    if isinstance(flow, Sequence) and len(flow.flows) < 2:
+        return _single(flow.flows[0]) if flow.flows else None
+    return flow
+
+
+def _composed(
+    flow: Flow, field: Callable[[VelocityField], VelocityField], other: Callable[[Flow], Flow]
+) -> Flow:
+    if isinstance(flow, Sequence):
+        return Sequence(tuple(_composed(part, field, other) for part in flow.flows))
+    if isinstance(flow, Streamlines):
+        return replace(flow, field=field(flow.field))
+    return other(flow)
+
+
+class _Weighted(Flow):
+    """A map with a weighted displacement. Backwards it is inverted to the last digits."""
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         if dt >= 0:
             return self._forwards(points, time, dt)
-        return undone(lambda there: self._forwards(there, time + dt, -dt), points, self.name)
+        return inverse(lambda start: self._forwards(start, time + dt, -dt), points, self.name)
 
     @abstractmethod
     def _forwards(self, points: Points, time: float, dt: float) -> Points:
-        """`displace` with dt of 0 or more."""
+        """Return `displace` for dt of 0 or more."""
+
+
+def inverse(move: Callable[[Points], Points], points: Points, name: str) -> Points:
+    """Return the points (N, 3) that `move` takes to `points`: q with move(q) = p, by q ← q + p − move(q).
+
+    The iteration converges where two points move differently by less than their distance, as in the step of
+    a frame without folds. Each point iterates until it is exact, independently of the others.
+
+    Raises FrameError, which calls the map `name`, where it does not converge.
+    """
+    starts = np.array(points, dtype=np.float64)
+    active = np.arange(len(starts))
+    size = CLOSE * (1.0 + np.abs(starts).max(axis=1, initial=0.0))
+    for _ in range(MAX_ITERATIONS):
+        missed = points[active] - move(starts[active])
+        starts[active] += missed
+        active = active[~(np.abs(missed).max(axis=1, initial=0.0) <= size[active])]
+        if not len(active):
+            return starts
+    where = ", ".join(f"{x:.4g}" for x in points[active[0]])
+    raise FrameError(
+        f"flow {name} cannot be undone at ({where}): it folds the space there within a frame. "
+        "Lower its strength or widen its falloff."
+    )
 
 
 @dataclass(frozen=True)
-class Blend(Weighed):
-    """Between two flows: the way of a point is (1 − weight) × that of `first` + weight × that of `second`.
+class Blend(_Weighted):
+    """A blend of two flows: (1 − weight) × the displacement of `first` + weight × that of `second`.
 
     weight  0 to 1, taken at the middle of each step
     """
@@ -85,16 +132,12 @@ class Blend(Weighed):
     def cache_data(self, time: float, dt: float) -> Any:
         weight = weight_at(self.weight, time + dt / 2, self.name)
         first = self.first.cache_data(time, dt) if weight != 1 else None
-        return {
-            "blend": weight,
-            "from": first,
-            "to": self.second.cache_data(time, dt) if weight != 0 else None,
-        }
+        second = self.second.cache_data(time, dt) if weight != 0 else None
+        return {"blend": weight, "from": first, "to": second}
 
     def with_max_step(self, max_step: float) -> Blend:
-        return replace(
-            self, first=self.first.with_max_step(max_step), second=self.second.with_max_step(max_step)
-        )
+        first, second = self.first.with_max_step(max_step), self.second.with_max_step(max_step)
+        return replace(self, first=first, second=second)
 
     @property
     def name(self) -> str:
@@ -102,8 +145,8 @@ class Blend(Weighed):
 
 
 @dataclass(frozen=True)
-class Within(Weighed):
-    """A flow within a region: the way of a point is multiplied by the region's weight where it starts.
+class Within(_Weighted):
+    """A flow within a region: a point's displacement times the region's weight where the point starts.
 
     The region is taken at the middle of each step.
     """
@@ -124,45 +167,3 @@ class Within(Weighed):
     @property
     def name(self) -> str:
         return f"{self.flow.name} within a {self.region.name}"
-
-
-def within(flow: Flow, region: Region) -> Flow:
-    """A flow within a region: velocities are weighed where there are any, else the way of a step."""
-    return _composed(flow, lambda field: Limited(field, region), lambda other: Within(other, region))
-
-
-def placed(flow: Flow, frame: Frame | Mirror) -> Flow:
-    """A flow in a frame, or in a mirror."""
-    return _composed(flow, lambda field: InFrame(field, frame), lambda other: Placed(other, frame))
-
-
-def blended(first: Flow, second: Flow, weight: Number) -> Flow:
-    """Between two flows: of velocities where each is a velocity field or nothing, else of ways."""
-    one, other = _only(first), _only(second)
-    fields = [
-        Scaled(flow.field, weight, rest)
-        for flow, rest in ((one, True), (other, False))
-        if isinstance(flow, Streamlines)
-    ]
-    if not fields or not all(flow is None or isinstance(flow, Streamlines) for flow in (one, other)):
-        return Blend(first, second, weight)
-    sum_of = Sum(tuple(fields))
-    joined = {replace(flow, field=sum_of) for flow in (one, other) if isinstance(flow, Streamlines)}
-    return joined.pop() if len(joined) == 1 else Blend(first, second, weight)
-
-
-def _only(flow: Flow) -> Flow | None:
-    """The one flow that it is, None for nothing."""
-    if isinstance(flow, Sequence) and len(flow.flows) < 2:
-        return _only(flow.flows[0]) if flow.flows else None
-    return flow
-
-
-def _composed(
-    flow: Flow, field: Callable[[VelocityField], VelocityField], other: Callable[[Flow], Flow]
-) -> Flow:
-    if isinstance(flow, Sequence):
-        return Sequence(tuple(_composed(part, field, other) for part in flow.flows))
-    if isinstance(flow, Streamlines):
-        return replace(flow, field=field(flow.field))
-    return other(flow)

@@ -1,4 +1,4 @@
-"""Weights of flows."""
+"""Velocity fields made of velocity fields: brackets of one program, followed by one integration."""
 
 from __future__ import annotations
 
@@ -8,23 +8,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import Points
-from pipeline.errors import FrameError
-from pipeline.flow.compose.space import Frame, Mirror
-from pipeline.flow.keyframes import Number, number_at
+from pipeline.flow.compose.transforms import Mirror, Transform
+from pipeline.flow.keyframes import Number, weight_at
 from pipeline.flow.program import Program, grouped, placed, scaled
-from pipeline.flow.regions import STEEPEST_FALL, Region
+from pipeline.flow.regions import MAX_SLOPE, Region
 from pipeline.flow.velocity import VelocityField
 
-
-def weight_at(weight: Number, time: float, name: str) -> float:
-    """A weight at a time. Raises FrameError, of the flow `name`, where it is not from 0 to 1."""
-    value = float(number_at(weight, time))
-    if not -1e-12 <= value <= 1.0 + 1e-12:
-        raise FrameError(
-            f"flow {name} has the weight {value:g} at {time:g} s; a weight is from 0 to 1. "
-            "Mend its keys, or choose an easing that does not overshoot."
-        )
-    return min(max(value, 0.0), 1.0)
+GRID = 9
+"""Samples of the speed of a field in a region, along each side of the region's box."""
 
 
 @dataclass(frozen=True)
@@ -39,9 +30,9 @@ class Sum(VelocityField):
     def gradient_bound(self, time: float) -> float:
         return sum(field.gradient_bound(time) for field in self.fields)
 
-    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
         for field in self.fields:
-            yield from field.leaves(place, time)
+            yield from field.leaves(point, time)
 
     @property
     def name(self) -> str:
@@ -49,8 +40,8 @@ class Sum(VelocityField):
 
 
 @dataclass(frozen=True)
-class Scaled(VelocityField):
-    """A field with its velocities multiplied by a weight from 0 to 1, or by what is left of it.
+class ScaledField(VelocityField):
+    """A field with its velocities multiplied by a weight from 0 to 1, or by the rest of it.
 
     rest  the factor is 1 − weight
     """
@@ -65,8 +56,8 @@ class Scaled(VelocityField):
     def gradient_bound(self, time: float) -> float:
         return self._factor(time) * self.field.gradient_bound(time)
 
-    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
-        return self.field.leaves(place, time)
+    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        return self.field.leaves(point, time)
 
     @property
     def name(self) -> str:
@@ -78,8 +69,8 @@ class Scaled(VelocityField):
 
 
 @dataclass(frozen=True)
-class Limited(VelocityField):
-    """A field within a region: its velocities are multiplied by the weight of the region there and then."""
+class RegionField(VelocityField):
+    """A field within a region: its velocities times the region's weight at each point and time."""
 
     field: VelocityField
     region: Region
@@ -88,10 +79,10 @@ class Limited(VelocityField):
         return grouped(self.field.program(time), self.region.closing(time))
 
     def gradient_bound(self, time: float) -> float:
-        """The field's own, and what the fall adds: its slope times the speed in it.
+        """Return the field's bound, plus the slope of the falloff times the largest speed in it.
 
-        The speed is looked at on a grid over the region and its rim, and is at most that much more between.
-        Where there is no rim, or none that a step could resolve, the field's own counts alone.
+        The speed is sampled on a grid over the region and its falloff, with a margin for between the samples.
+        Without a falloff the field's bound counts alone.
         """
         inside, falloff = self.field.gradient_bound(time), self.region.falloff_at(time)
         if falloff <= 0:
@@ -101,39 +92,35 @@ class Limited(VelocityField):
         grid = np.stack(np.meshgrid(*lines, indexing="ij"), axis=-1).reshape(-1, 3)
         fastest = float(np.linalg.norm(self.field.velocity(grid, time), axis=1).max())
         between = inside * float(np.linalg.norm(half)) / (GRID - 1)
-        return inside + STEEPEST_FALL[self.region.falloff_type] / falloff * (fastest + between)
+        return inside + MAX_SLOPE[self.region.falloff_type] / falloff * (fastest + between)
 
-    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
-        return self.field.leaves(place, time)
+    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        return self.field.leaves(point, time)
 
     @property
     def name(self) -> str:
         return f"{self.field.name} within a {self.region.name}"
 
 
-GRID = 9
-"""Points along each side of the box in which the speed of a limited field is looked at."""
-
-
 @dataclass(frozen=True)
-class InFrame(VelocityField):
-    """A field in a frame, keyed or not, or in a mirror: see `Placed`."""
+class TransformedField(VelocityField):
+    """A field with a transform, keyed or not, or a mirror: see `Placed`."""
 
     field: VelocityField
-    frame: Frame | Mirror
+    transform: Transform | Mirror
 
     def program(self, time: float) -> Program:
-        origin, axes = self.frame.at(time)
+        origin, axes = self.transform.at(time)
         return placed(self.field.program(time), tuple(origin.tolist()), axes)
 
     def gradient_bound(self, time: float) -> float:
-        """The same: speeds and distances are scaled alike."""
+        """Return the field's bound: speeds and distances scale alike."""
         return self.field.gradient_bound(time)
 
-    def leaves(self, place: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
-        origin, axes = self.frame.at(time)
-        return self.field.leaves(np.asarray(np.linalg.solve(axes, place - origin), np.float64), time)
+    def leaves(self, point: Points, time: float) -> Iterator[tuple[VelocityField, Points]]:
+        origin, axes = self.transform.at(time)
+        return self.field.leaves(np.asarray(np.linalg.solve(axes, point - origin), np.float64), time)
 
     @property
     def name(self) -> str:
-        return f"{self.frame.name} {self.field.name}"
+        return f"{self.transform.name} {self.field.name}"

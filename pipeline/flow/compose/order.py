@@ -1,4 +1,4 @@
-"""Flows in the order of time: one after another, backwards, again and again."""
+"""Flows in time: one after another, backwards, repeated."""
 
 from __future__ import annotations
 
@@ -9,39 +9,39 @@ from typing import Any
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError, UsageError
-from pipeline.flow.flow import Flow, Part
+from pipeline.flow.flow import Flow, FlowStep
 
-MOST_ROUNDS = 1000
-"""Of a repeated flow within one step."""
+MAX_ROUNDS = 1000
+"""Rounds of a repeated flow within one step."""
 
-SAME_ROUND = 1e-9
+ROUND_TOLERANCE = 1e-9
 """The share of a period by which a sum of steps may miss its end."""
 
 
-class Ordered(Flow):
-    """A flow that does nothing but to let others act, one at a time."""
+class _Ordered(Flow):
+    """A flow that consists of the steps of other flows."""
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
-        for part in self.parts(time, dt):
-            points = part.flow.displace(points, part.time, part.dt)
+        for step in self.steps(time, dt):
+            points = step.flow.displace(points, step.time, step.dt)
         return points
 
     def cache_data(self, time: float, dt: float) -> Any:
-        return [part.flow.cache_data(part.time, part.dt) for part in self.parts(time, dt)]
+        return [step.flow.cache_data(step.time, step.dt) for step in self.steps(time, dt)]
 
 
 @dataclass(frozen=True)
-class Sequence(Ordered):
-    """Flows one after another within each step, the first first; with none, everything stays.
+class Sequence(_Ordered):
+    """Flows one after another within each step, the first first; with none, nothing moves.
 
-    Backwards they act in the other order, so that each undoes what it did.
+    Backwards they act in the opposite order, so that each undoes its own motion.
     """
 
     flows: tuple[Flow, ...]
 
-    def parts(self, time: float, dt: float) -> Iterator[Part]:
+    def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
         for flow in self.flows if dt >= 0 else reversed(self.flows):
-            yield from flow.parts(time, dt)
+            yield from flow.steps(time, dt)
 
     def with_max_step(self, max_step: float) -> Sequence:
         return Sequence(tuple(flow.with_max_step(max_step) for flow in self.flows))
@@ -52,14 +52,14 @@ class Sequence(Ordered):
 
 
 @dataclass(frozen=True)
-class Reversed(Ordered):
-    """A flow run backwards in time: what it does from 0 to `duration` seconds is undone in that time."""
+class Reversed(_Ordered):
+    """A flow run backwards in time: it undoes within `duration` seconds its motion from 0 to `duration`."""
 
     flow: Flow
     duration: float
 
-    def parts(self, time: float, dt: float) -> Iterator[Part]:
-        yield from self.flow.parts(self.duration - time, -dt)
+    def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
+        yield from self.flow.steps(self.duration - time, -dt)
 
     def with_max_step(self, max_step: float) -> Reversed:
         return replace(self, flow=self.flow.with_max_step(max_step))
@@ -70,12 +70,11 @@ class Reversed(Ordered):
 
 
 @dataclass(frozen=True)
-class Repeated(Ordered):
-    """What a flow does from 0 to `period` seconds, again and again.
+class Repeated(_Ordered):
+    """A flow from 0 to `period` seconds, repeated.
 
-    A step across the end of a round is cut there, so that rounds are the same whatever the frames are. What a
-    flow did in a round stays done: a twist keyed from 0° to 60° adds 60° in each. Raises UsageError for a
-    period that is none.
+    A step across the end of a round is cut there, so that rounds do not depend on the frames. The motion of a
+    round stays: a twist keyed from 0° to 60° adds 60° in each. Raises UsageError for an invalid period.
     """
 
     flow: Flow
@@ -85,15 +84,15 @@ class Repeated(Ordered):
         if not (self.period > 0 and math.isfinite(self.period)):
             raise UsageError(f"a period of {self.period:g} s has no rounds; it must be above 0, such as 1 s")
 
-    def parts(self, time: float, dt: float) -> Iterator[Part]:
-        """Raises FrameError where the rounds of a step are more than MOST_ROUNDS."""
-        if abs(dt) > MOST_ROUNDS * self.period:
+    def steps(self, time: float, dt: float) -> Iterator[FlowStep]:
+        """Yield the steps of all rounds. Raises FrameError where they are more than MAX_ROUNDS."""
+        if abs(dt) > MAX_ROUNDS * self.period:
             raise FrameError(
                 f"flow {self.name} at {time:g} s goes through {abs(dt) / self.period:.3g} rounds in a frame; "
-                f"{MOST_ROUNDS} are the most. Lengthen its period."
+                f"{MAX_ROUNDS} are the most. Lengthen its period."
             )
         for start, length in _rounds(time / self.period, dt / self.period):
-            yield from self.flow.parts(start * self.period, length * self.period)
+            yield from self.flow.steps(start * self.period, length * self.period)
 
     def with_max_step(self, max_step: float) -> Repeated:
         return replace(self, flow=self.flow.with_max_step(max_step))
@@ -104,15 +103,15 @@ class Repeated(Ordered):
 
 
 def _rounds(time: float, dt: float) -> Iterator[tuple[float, float]]:
-    """A step in periods, cut where rounds end: from where in its round each piece starts, and its length."""
+    """Cut a step, in periods, where rounds end: yield each piece's start within its round, and its length."""
     if dt < 0:  # the same rounds, seen from their ends
         yield from ((1.0 - start, -length) for start, length in _rounds(-time, -dt))
         return
     left = dt
     while True:
-        turn = math.floor(time + SAME_ROUND)
+        turn = math.floor(time + ROUND_TOLERANCE)
         start = max(0.0, time - turn)
-        if start + left <= 1.0 + SAME_ROUND:
+        if start + left <= 1.0 + ROUND_TOLERANCE:
             yield start, left
             return
         yield start, 1.0 - start

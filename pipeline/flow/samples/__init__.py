@@ -1,1 +1,1 @@
-"""Velocities sampled on a grid: files that hold them, and reading them."""
+"""Velocities sampled on a grid, and the files that hold them."""

@@ -1,7 +1,7 @@
-"""Reading velocities from VTK's XML files of regular grids: ImageData (.vti) and RectilinearGrid (.vtr).
+"""Velocities in VTK's XML files of regular grids: ImageData (.vti) and RectilinearGrid (.vtr).
 
 The formats are described in *VTK File Formats* (Kitware). The libraries that read them are a hundred times
-the size of what is needed here: an XML tree, base64, and the standard library's decompressors.
+this module's size, which needs an XML tree, base64, and the standard library's decompressors.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import UsageError
-from pipeline.flow.samples.foreign import MOST_BYTES, require_room
+from pipeline.flow.samples.checks import MAX_BYTES, require_size
 
 _TYPES = {
     **{
@@ -39,22 +39,22 @@ _DECOMPRESSORS: dict[str, Callable[[], Any]] = {
 }
 
 _LONGEST_AXIS = 1 << 20
-"""Numbers that an axis of a rectilinear grid may have."""
+"""The most numbers on an axis of a rectilinear grid."""
 
 
 def read_vtk(
-    file: Path, content: bytes, array: str | None = None, most: int = MOST_BYTES
+    file: Path, content: bytes, array: str | None = None, most: int = MAX_BYTES
 ) -> tuple[list[Floats], Floats]:
-    """Three axes, and velocities (1, X, Y, Z, 3), of a file in one piece with point data.
+    """Return three axes, and velocities (1, X, Y, Z, 3), of a file in one piece with point data.
 
-    most  bytes that the velocities may take; the extent tells before anything is unpacked
+    most  bytes of the velocities; checked by the extent before anything is unpacked
 
-    Raises UsageError where it is no such file, and what the parsers of its parts raise.
+    Raises UsageError where it is no such file, and the errors of the parsers of its parts.
     """
     grid = _Grid.of(file, content)
     axes = grid.axes(most)
     shape = tuple(len(axis) for axis in reversed(axes))
-    require_room(file, shape, most)
+    require_size(file, shape, most)
     count = math.prod(shape)
     values = grid.numbers(grid.velocities(array), 3 * count)
     if values.size != 3 * count:
@@ -64,11 +64,11 @@ def read_vtk(
 
 @dataclass(frozen=True)
 class _Grid:
-    """A file taken apart.
+    """The parts of a file.
 
-    head      the elements of the file, without appended bytes
-    piece     the one piece
-    appended  what follows the underscore, base64 or raw
+    head      the XML elements, without appended bytes
+    piece     the only piece
+    appended  the bytes after the underscore, base64 or raw
     """
 
     file: Path
@@ -102,7 +102,7 @@ class _Grid:
         return cls(file, head, pieces[0], body[:end] if end >= 0 else body)
 
     def fail(self, fact: str) -> NoReturn:
-        raise UsageError(f"{self.file}: {fact}; save it anew from VTK or ParaView, with point data")
+        raise UsageError(f"{self.file}: {fact}; save it again from VTK or ParaView, with point data")
 
     def axes(self, most: int) -> list[Floats]:
         if self.head.get("type") == "RectilinearGrid":
@@ -117,28 +117,28 @@ class _Grid:
         if not all(end.is_integer() for end in extent):
             self.fail(f"Extent is {self.piece.get('Extent')!r} and must be 6 whole numbers")
         ends = [(int(extent[k]), int(extent[k + 1]) + 1) for k in (0, 2, 4)]
-        require_room(self.file, (max(1, end - begin) for begin, end in ends), most)
+        require_size(self.file, (max(1, end - begin) for begin, end in ends), most)
         origin, spacing = self._row(image, "Origin", 3, "0 0 0"), self._row(image, "Spacing", 3, "1 1 1")
-        turned = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
-        if not np.array_equal(turned, np.eye(3).ravel()):
-            self.fail("its axes are turned (Direction), and only grids along x, y and z are read")
+        direction = self._row(image, "Direction", 9, "1 0 0 0 1 0 0 0 1")
+        if not np.array_equal(direction, np.eye(3).ravel()):
+            self.fail("its axes are rotated (Direction), and only grids along x, y and z are read")
         return [origin[k] + spacing[k] * np.arange(*ends[k], dtype=np.float64) for k in range(3)]
 
     def velocities(self, array: str | None) -> ElementTree.Element:
         data = self.piece.find("PointData")
         vectors = [] if data is None else [e for e in data if e.get("NumberOfComponents") == "3"]
         wanted = array or (data.get("Vectors") if data is not None else None)
-        found = [element for element in vectors if wanted is None or element.get("Name") == wanted]
-        if len(found) != 1:
+        matches = [element for element in vectors if wanted is None or element.get("Name") == wanted]
+        if len(matches) != 1:
             names = ", ".join(element.get("Name", "?") for element in vectors) or "none"
-            what = f"no array {wanted} of" if wanted and not found else "not one array of"
+            what = f"no array {wanted} of" if wanted and not matches else "not one array of"
             raise UsageError(
                 f"{self.file}: there is {what} three components at its points. There are: {names}."
             )
-        return found[0]
+        return matches[0]
 
     def numbers(self, element: ElementTree.Element, most: int) -> AnyArray:
-        """The values of a DataArray, flat; of packed ones not many more than `most` are unpacked."""
+        """Return the values of a DataArray, flat; of compressed ones hardly more than `most` are unpacked."""
         kind = _TYPES.get(element.get("type", ""))
         if kind is None:
             self.fail(f"{element.get('type')} is no type of numbers")
@@ -150,47 +150,47 @@ class _Grid:
             return np.frombuffer(content, dtype=order + kind)
         except UsageError:
             raise
-        except Exception as error:  # decompressors raise whatever they do
+        except Exception as error:  # decompressors raise anything
             self.fail(f"array {element.get('Name')} cannot be read ({error})")
 
     def _bytes(self, element: ElementTree.Element, order: str, most: int) -> bytes:
         if element.get("format") == "appended":
             text = self.appended[int(element.get("offset", "0")) :]
             appended = self.head.find("AppendedData")
-            coded = appended is not None and appended.get("encoding") == "base64"
+            is_base64 = appended is not None and appended.get("encoding") == "base64"
         else:
-            text, coded = (element.text or "").strip().encode(), True
+            text, is_base64 = (element.text or "").strip().encode(), True
         code = order + ("Q" if self.head.get("header_type") == "UInt64" else "I")
         compressor = self.head.get("compressor")
         return (
-            _decoded(text, coded, code)
+            _decoded(text, is_base64, code)
             if compressor is None
-            else self._inflated(text, coded, code, compressor, most)
+            else self._decompressed(text, is_base64, code, compressor, most)
         )
 
-    def _inflated(self, text: bytes, coded: bool, code: str, compressor: str, most: int) -> bytes:
-        """Blocks: how many, their size, that of the last, then the packed size of each; then they."""
+    def _decompressed(self, text: bytes, is_base64: bool, code: str, compressor: str, most: int) -> bytes:
+        """Decompress blocks: a header of count, size, last size and compressed sizes, then the blocks."""
         if compressor not in _DECOMPRESSORS:
-            self.fail(f"it is packed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
+            self.fail(f"it is compressed by {compressor}, and only {' and '.join(_DECOMPRESSORS)} are read")
         size = struct.calcsize(code)
-        (count,) = struct.unpack(code, _take(text, coded, 0, size))
-        sizes = np.frombuffer(_take(text, coded, 0, (3 + count) * size), dtype=code)[3:]
-        start = _length(coded, (3 + count) * size)
-        packed = _take(text[start:], coded, 0, int(sizes.sum()))
+        (count,) = struct.unpack(code, _take(text, is_base64, 0, size))
+        sizes = np.frombuffer(_take(text, is_base64, 0, (3 + count) * size), dtype=code)[3:]
+        start = _length(is_base64, (3 + count) * size)
+        compressed = _take(text[start:], is_base64, 0, int(sizes.sum()))
         ends = np.cumsum(sizes).tolist()
         blocks: list[bytes] = []
         for length, end in zip(sizes.tolist(), ends, strict=True):
             unpacker = _DECOMPRESSORS[compressor]()
-            blocks.append(unpacker.decompress(packed[end - length : end], most + 1))
+            blocks.append(unpacker.decompress(compressed[end - length : end], most + 1))
             most -= len(blocks[-1])
             if most < 0:
-                raise ValueError("it holds more numbers than the grid has room for")
+                raise ValueError("it holds more numbers than the grid has points")
             if not unpacker.eof:
-                raise ValueError("a packed block is cut short")
+                raise ValueError("a compressed block is truncated")
         return b"".join(blocks)
 
-    def _row(self, element: ElementTree.Element, name: str, count: int, otherwise: str | None) -> Floats:
-        text = element.get(name, otherwise)
+    def _row(self, element: ElementTree.Element, name: str, count: int, default: str | None) -> Floats:
+        text = element.get(name, default)
         try:
             row = np.array((text or "").split(), np.float64)
         except ValueError:
@@ -200,21 +200,21 @@ class _Grid:
         return row
 
 
-def _decoded(text: bytes, coded: bool, code: str) -> bytes:
-    """What follows a header that tells its length in bytes."""
+def _decoded(text: bytes, is_base64: bool, code: str) -> bytes:
+    """Return the bytes after a header with their length."""
     size = struct.calcsize(code)
-    (length,) = struct.unpack(code, _take(text, coded, 0, size))
-    return _take(text, coded, size, length)
+    (length,) = struct.unpack(code, _take(text, is_base64, 0, size))
+    return _take(text, is_base64, size, length)
 
 
-def _take(text: bytes, coded: bool, first: int, count: int) -> bytes:
-    """Bytes `first` to `first + count`, of base64 text or as they are."""
-    found = base64.b64decode(text[: _length(coded, first + count)]) if coded else text
-    if len(found) < first + count:
-        raise ValueError(f"{first + count} bytes are promised and {len(found)} are there")
-    return found[first : first + count]
+def _take(text: bytes, is_base64: bool, first: int, count: int) -> bytes:
+    """Return bytes `first` to `first + count` of base64 text, or of raw bytes."""
+    content = base64.b64decode(text[: _length(is_base64, first + count)]) if is_base64 else text
+    if len(content) < first + count:
+        raise ValueError(f"{first + count} bytes are announced and {len(content)} exist")
+    return content[first : first + count]
 
 
-def _length(coded: bool, count: int) -> int:
-    """How long `count` bytes are in the file."""
-    return -(-count // 3) * 4 if coded else count
+def _length(is_base64: bool, count: int) -> int:
+    """Return the length of `count` bytes in the file."""
+    return -(-count // 3) * 4 if is_base64 else count

@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
-from pipeline.flow.keyframes import Number, Place, place_at
+from pipeline.flow.keyframes import Number, VectorParameter, vector_at
 from pipeline.shot.camera import FULL_FRAME, CameraPath
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
@@ -142,7 +142,7 @@ class CameraDocument(Document):
             return position
         camera, aim = place(position, clock), place(target, clock)
         for frame in clock.frames:
-            start, end = (place_at(point, clock.time(frame)) for point in (camera, aim))
+            start, end = (vector_at(point, clock.time(frame)) for point in (camera, aim))
             if math.dist(start, end) <= 1e-9 * max(1.0, math.hypot(*start)):
                 raise finding(
                     f"at frame {frame} the camera stands at its own target, {list(start)}; it has nowhere to "
@@ -175,7 +175,7 @@ def _number(value: float | Keyed[Any] | OverTime | None, clock: Clock) -> Number
     return None if value is None else number(value, clock)
 
 
-def _focus(value: Any, clock: Clock) -> Number | Place | None:
+def _focus(value: Any, clock: Clock) -> Number | VectorParameter | None:
     if value is None or isinstance(value, str):
         return None
     first = next(iter(value.keys.values())) if isinstance(value, Keyed) else value

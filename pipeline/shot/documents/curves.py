@@ -11,8 +11,8 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
 from pipeline.flow.easing import EASINGS
-from pipeline.flow.formula_curve import Formulated
-from pipeline.flow.keyframes import BEZIER, Curve, Handle, Keyframes, Number, Place, Values
+from pipeline.flow.formula_curve import FormulaCurve
+from pipeline.flow.keyframes import BEZIER, Curve, Handle, Keyframes, Number, Values, VectorParameter
 from pipeline.formula import TIME
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (
@@ -141,7 +141,7 @@ def _curve_fault(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, bo
     times = [clock.time(frame) for frame in sampled_frames(clock)]
     curve = curve_of(value, clock, lambda item: (item,) if not isinstance(item, list) else tuple(item))
     try:
-        rows = curve.over(times).tolist() if isinstance(curve, Formulated) else map(curve.at, times)
+        rows = curve.over(times).tolist() if isinstance(curve, FormulaCurve) else map(curve.at, times)
         for time, row in zip(times, rows, strict=True):
             worst = min(row) if min(row) < bounds.low else max(row)
             if not bounds.low <= worst <= bounds.high:
@@ -214,7 +214,9 @@ def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float =
     return float(parameter) * unit
 
 
-def place(parameter: list[float] | Keyed[Any] | OverTimeTriple, clock: Clock, unit: float = 1.0) -> Place:
+def place(
+    parameter: list[float] | Keyed[Any] | OverTimeTriple, clock: Clock, unit: float = 1.0
+) -> VectorParameter:
     """Return a parsed vector as flows take it."""
     if isinstance(parameter, Keyed | OverTimeTriple):
         return curve_of(parameter, clock, lambda value: tuple(unit * part for part in vector(value)), unit)
@@ -236,7 +238,7 @@ def curve_of(
     if isinstance(value, Keyed):
         return _keyframes(value, clock, convert)
     texts = [value.formula] if isinstance(value, OverTime) else value.formula
-    return Formulated(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
+    return FormulaCurve(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
 
 
 def _keyframes(keyed: Keyed[Any], clock: Clock, convert: Callable[[Any], Values]) -> Keyframes:

@@ -20,9 +20,8 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.errors import suggestion
-from pipeline.flow.keyframes import Vector
-from pipeline.flow.streamlines import MOST_SUBSTEPS
-from pipeline.flow.vectors import X, Y, Z
+from pipeline.flow.streamlines import MAX_SUBSTEPS
+from pipeline.flow.vectors import Vector, X, Y, Z
 from pipeline.formula import Expression, FormulaError
 
 DEGREE = math.radians(1.0)
@@ -114,7 +113,7 @@ Positive = Annotated[
     SchemaKeywords(minimum=SMALLEST, maximum=LARGEST),
 ]
 ZeroToOne = Annotated[float, Field(ge=0, le=1)]
-Count = Annotated[int, Field(ge=1, le=MOST_SUBSTEPS)]
+Count = Annotated[int, Field(ge=1, le=MAX_SUBSTEPS)]
 Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Triple = Annotated[list[Real], Field(min_length=3, max_length=3)]
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]

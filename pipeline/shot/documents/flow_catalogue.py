@@ -61,13 +61,13 @@ def _fact(parameter: Parameter) -> dict[str, Any]:
     return {
         "name": parameter.name,
         "form": parameter.form,
-        "keyed": parameter.form in ("number", "place"),
+        "keyed": parameter.form in ("number", "vector"),
         "above_nought": parameter.positive,
         "choices": list(parameter.choices),
-        "unit": parameter.sense.unit,
+        "unit": parameter.doc.unit,
         "needed": parameter.needed,
         "default": parameter.default_in_file,
-        "sense": parameter.sense.text,
+        "sense": parameter.doc.text,
     }
 
 

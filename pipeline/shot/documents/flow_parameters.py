@@ -69,7 +69,7 @@ def _kind(p: Parameter) -> Any:
     kinds = {
         "number": curves.PositiveField if p.positive else curves.NumberField,
         "constant": fields.Positive if p.positive else fields.Real,
-        "place": curves.PlaceField,
+        "vector": curves.PlaceField,
         "point": fields.Triple,
         "direction": fields.Axis,
     }
@@ -78,7 +78,7 @@ def _kind(p: Parameter) -> Any:
 
 def description_of(p: Parameter) -> str:
     """Return one line about a parameter, with its unit in parentheses."""
-    return f"{p.sense.text} ({p.sense.unit})" if p.sense.unit else p.sense.text
+    return f"{p.doc.text} ({p.doc.unit})" if p.doc.unit else p.doc.text
 
 
 def _field(p: Parameter) -> Any:
@@ -90,10 +90,10 @@ def _value(p: Parameter, value: Any, clock: Clock) -> Any:
     """Return a parsed value as the flow takes it."""
     match p.form:
         case "number":
-            return curves.number(value, clock, p.sense.factor)
+            return curves.number(value, clock, p.doc.factor)
         case "constant":
-            return float(value) * p.sense.factor
-        case "place":
+            return float(value) * p.doc.factor
+        case "vector":
             return curves.place(value, clock)
         case "point":
             return fields.vector(value)

@@ -16,15 +16,15 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.flow import (
     Flow,
-    Frame,
     Repeated,
     Reversed,
     Sequence,
     Streamlines,
     Sum,
+    Transform,
     VelocityField,
 )
-from pipeline.flow.compose import InFrame, Limited, Mirror, Scaled, blended, placed, within
+from pipeline.flow.compose import Mirror, RegionField, ScaledField, TransformedField, blended, placed, within
 from pipeline.flow.keyframes import Number
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import SECONDS_PATTERN, Clock
@@ -111,7 +111,7 @@ class WithinDocument(FieldComposition[E], Generic[E]):
         return within(flow, self.region.build(clock))
 
     def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
-        return Limited(field, self.region.build(clock))
+        return RegionField(field, self.region.build(clock))
 
 
 class TransformedDocument(FieldComposition[E], Generic[E]):
@@ -121,10 +121,10 @@ class TransformedDocument(FieldComposition[E], Generic[E]):
         return placed(flow, self._transform(clock))
 
     def of_field(self, field: VelocityField, clock: Clock) -> VelocityField:
-        return InFrame(field, self._transform(clock))
+        return TransformedField(field, self._transform(clock))
 
     @abstractmethod
-    def _transform(self, clock: Clock) -> Frame | Mirror: ...
+    def _transform(self, clock: Clock) -> Transform | Mirror: ...
 
 
 class PlacedDocument(TransformedDocument[E], Generic[E]):
@@ -134,9 +134,9 @@ class PlacedDocument(TransformedDocument[E], Generic[E]):
     rotate: PlaceField = Field(ORIGIN, description="about x, then y, then z (degrees)")
     scale: PositiveField = Field(1.0, description="factor on distances and speeds")
 
-    def _transform(self, clock: Clock) -> Frame:
+    def _transform(self, clock: Clock) -> Transform:
         rotate = place(self.rotate, clock, DEGREE)
-        return Frame(place(self.translate, clock), rotate, number(self.scale, clock))
+        return Transform(place(self.translate, clock), rotate, number(self.scale, clock))
 
 
 class MirroredDocument(TransformedDocument[E], Generic[E]):
@@ -163,8 +163,8 @@ class BlendDocument(Document, Generic[E]):
 
     def of_fields(self, fields: list[VelocityField], clock: Clock) -> VelocityField:
         weight: Number = number(self.weight, clock)
-        rest = [Scaled(field, weight, rest=True) for field in fields[:-1]]
-        return Sum((*rest, Scaled(fields[-1], weight)))
+        rest = [ScaledField(field, weight, rest=True) for field in fields[:-1]]
+        return Sum((*rest, ScaledField(fields[-1], weight)))
 
 
 class ReversedDocument(Composition[E], Generic[E]):

@@ -11,13 +11,13 @@ from pydantic_core import CoreSchema, PydanticCustomError
 from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
 from pipeline.flow.regions import (
     FALLOFF_TYPES,
-    Box,
-    Capsule,
-    Cylinder,
+    BoxRegion,
+    CapsuleRegion,
+    CylinderRegion,
     FalloffType,
-    HalfSpace,
+    HalfSpaceRegion,
     Region,
-    Sphere,
+    SphereRegion,
 )
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
@@ -33,7 +33,7 @@ class SphereDocument(Document):
     radius: PositiveField = Field(description="its size (units)")
 
     def build(self, clock: Clock, **falloff: Any) -> Region:
-        return Sphere(place(self.centre, clock), number(self.radius, clock), **falloff)
+        return SphereRegion(place(self.centre, clock), number(self.radius, clock), **falloff)
 
 
 class BoxDocument(Document):
@@ -44,7 +44,7 @@ class BoxDocument(Document):
 
     def build(self, clock: Clock, **falloff: Any) -> Region:
         x, y, z = map(float, self.size)
-        return Box(place(self.centre, clock), (x, y, z), **falloff)
+        return BoxRegion(place(self.centre, clock), (x, y, z), **falloff)
 
 
 class HalfSpaceDocument(Document):
@@ -52,7 +52,7 @@ class HalfSpaceDocument(Document):
     normal: Axis = Field("y", description="points up from the plane, and out: x, y, z or a vector")
 
     def build(self, clock: Clock, **falloff: Any) -> Region:
-        return HalfSpace(place(self.centre, clock), axis(self.normal), **falloff)
+        return HalfSpaceRegion(place(self.centre, clock), axis(self.normal), **falloff)
 
 
 class RoundDocument(Document):
@@ -74,12 +74,12 @@ class RoundDocument(Document):
 
 class CapsuleDocument(RoundDocument):
     def build(self, clock: Clock, **falloff: Any) -> Region:
-        return Capsule(**self.measures(clock), **falloff)
+        return CapsuleRegion(**self.measures(clock), **falloff)
 
 
 class CylinderDocument(RoundDocument):
     def build(self, clock: Clock, **falloff: Any) -> Region:
-        return Cylinder(**self.measures(clock), **falloff)
+        return CylinderRegion(**self.measures(clock), **falloff)
 
 
 class MeshDocument(Document):

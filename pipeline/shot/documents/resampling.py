@@ -13,7 +13,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
-from pipeline.flow.keyframes import Curve, Number, Place, number_at, place_at
+from pipeline.flow.keyframes import Curve, Number, VectorParameter, number_at, vector_at
 from pipeline.formula import PLACE, Expression
 from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
 from pipeline.resample.sizing_field import FORMULA_NAMES
@@ -50,7 +50,7 @@ class KeyedThreshold:
 class KeyedCamera:
     """A `DistanceToCamera` whose camera moves: the same parameters, constant or keyed."""
 
-    position: Place
+    position: VectorParameter
     pixels: Number
     finest: float
     coarsest: float
@@ -59,7 +59,7 @@ class KeyedCamera:
 
     def at(self, frame: int, time: float) -> DistanceToCamera:
         return DistanceToCamera(
-            place_at(self.position, time),
+            vector_at(self.position, time),
             number_at(self.pixels, time),
             self.finest,
             self.coarsest,

@@ -19,12 +19,14 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
-from pipeline.flow.catalogue import Attraction, CurlNoise, Formula, Sampled, SampledFiles, Target, Wind
-from pipeline.flow.catalogue.formula import MOST_NUMBERS
-from pipeline.flow.parameters import Sense
+from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
+from pipeline.flow.catalogue.formula import MAX_NUMBERS, FormulaField
+from pipeline.flow.catalogue.noise import CurlNoise
+from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
+from pipeline.flow.parameters import ParameterDoc
 from pipeline.flow.python_file import PythonFlow
 from pipeline.formula import FUNCTIONS
-from pipeline.formula.compiled import KNOWN
+from pipeline.formula.compiled import NAMES
 from pipeline.formula.words import CONSTANTS
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
@@ -42,7 +44,7 @@ from pipeline.shot.yaml.parse_context import ParseContext, as_finding, finding
 
 
 def _check_name(word: str) -> str:
-    if not word.isidentifier() or word in {*KNOWN, *CONSTANTS, *FUNCTIONS}:
+    if not word.isidentifier() or word in {*NAMES, *CONSTANTS, *FUNCTIONS}:
         raise finding(f"{word!r} cannot name a number: it is no word, or has a meaning. Choose another.")
     return word
 
@@ -50,7 +52,7 @@ def _check_name(word: str) -> str:
 def _check_formula(text: str, info: ValidationInfo) -> str:
     if "numbers" not in info.data:
         return text  # the names are wrong themselves, so the formula's words are unknown
-    return parsed_formula(text, (*KNOWN, *info.data["numbers"]))
+    return parsed_formula(text, (*NAMES, *info.data["numbers"]))
 
 
 Text = Annotated[str, NUMBER_OR_TEXT, AfterValidator(_check_formula)]
@@ -59,15 +61,15 @@ Text = Annotated[str, NUMBER_OR_TEXT, AfterValidator(_check_formula)]
 class FormulaDocument(FlowParameters):
     """`[-y, x, 0.3 * sin(t)]`, or with numbers of its own under `with`, which are validated first."""
 
-    flow = Formula
+    flow = FormulaField
 
     numbers: Annotated[
         dict[Annotated[str, AfterValidator(_check_name)], NumberField],
-        Field(default_factory=dict, alias="with", max_length=MOST_NUMBERS),
-        Sense("numbers for the formulas by their names, each constant or keyed"),
+        Field(default_factory=dict, alias="with", max_length=MAX_NUMBERS),
+        ParameterDoc("numbers for the formulas by their names, each constant or keyed"),
     ]
     velocity: Annotated[
-        list[Text], Field(min_length=3, max_length=3), Sense("along x, y and z, over these", "units/s")
+        list[Text], Field(min_length=3, max_length=3), ParameterDoc("along x, y and z, over these", "units/s")
     ]
 
     @model_validator(mode="before")
@@ -91,7 +93,7 @@ class FormulaDocument(FlowParameters):
     @model_validator(mode="after")
     def _fits(self) -> FormulaDocument:
         """Check that all numbers and `frame` fit the flow."""
-        as_finding(lambda: Formula(tuple(self.velocity), tuple((name, 0.0) for name in self.numbers)))  # type: ignore[arg-type]  # three, as the field says
+        as_finding(lambda: FormulaField(tuple(self.velocity), tuple((name, 0.0) for name in self.numbers)))  # type: ignore[arg-type]  # three, as the field says
         return self
 
 
@@ -107,14 +109,16 @@ class AttractionDocument(FlowParameters):
     flow = Attraction
 
     points: Annotated[
-        list[Triple] | None, Field(min_length=1), Sense("the nearest of these attracts", "units")
+        list[Triple] | None, Field(min_length=1), ParameterDoc("the nearest of these attracts", "units")
     ] = None
     curve: Annotated[
-        list[Triple] | None, Field(min_length=2), Sense("a smooth curve through these attracts", "units")
+        list[Triple] | None,
+        Field(min_length=2),
+        ParameterDoc("a smooth curve through these attracts", "units"),
     ] = None
-    mesh: Annotated[str | None, Sense("the surface in this file attracts")] = None
-    closed: Annotated[bool, Sense("joins the last point of the curve to the first")] = False
-    scale: Annotated[Positive, Sense("factor on the mesh")] = 1.0
+    mesh: Annotated[str | None, ParameterDoc("the surface in this file attracts")] = None
+    closed: Annotated[bool, ParameterDoc("joins the last point of the curve to the first")] = False
+    scale: Annotated[Positive, ParameterDoc("factor on the mesh")] = 1.0
 
     _target: Target = PrivateAttr()
 
@@ -144,7 +148,7 @@ class AttractionDocument(FlowParameters):
 class WindDocument(FlowParameters):
     flow = Wind
 
-    through: Annotated[list[Triple], Field(min_length=2), Sense("points of the curve", "units")]
+    through: Annotated[list[Triple], Field(min_length=2), ParameterDoc("points of the curve", "units")]
 
     @field_validator("through")
     @classmethod
@@ -166,9 +170,11 @@ class SampledDocument(FlowParameters):
 
     flow = Sampled
 
-    file: Annotated[str, Sense("where the samples are; with a * a sequence of files")]
-    array: Annotated[str | None, Sense("the name of the velocities in a VTK file that holds several")] = None
-    interval: Annotated[Positive, Sense("from file to file", "s")] = 1.0
+    file: Annotated[str, ParameterDoc("where the samples are; with a * a sequence of files")]
+    array: Annotated[
+        str | None, ParameterDoc("the name of the velocities in a VTK file that holds several")
+    ] = None
+    interval: Annotated[Positive, ParameterDoc("from file to file", "s")] = 1.0
 
     _files: SampledFiles = PrivateAttr()
 
@@ -189,8 +195,8 @@ class PythonDocument(FlowParameters):
 
     flow = PythonFlow
 
-    file: Annotated[str, Sense("a Python file")]
-    function: Annotated[str, Sense("the name of a function in it")]
+    file: Annotated[str, ParameterDoc("a Python file")]
+    function: Annotated[str, ParameterDoc("the name of a function in it")]
 
     _path: Path = PrivateAttr()
     _digest: str = PrivateAttr()

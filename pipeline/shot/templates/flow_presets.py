@@ -202,7 +202,7 @@ def staging_of(flow: str) -> Staging:
         name, default = parameter["name"], parameter["default"]
         if not parameter["keyed"] or not (parameter["needed"] or name in STRENGTHS):
             continue
-        if parameter["form"] == "place":
+        if parameter["form"] == "vector":
             values[name] = there_and_back("[0.5, 0, 0]", "[0, 0, 0]")
         elif fact["kind"] == "map":
             values[name] = towards("2", "1") if parameter["above_nought"] else towards("0.5")

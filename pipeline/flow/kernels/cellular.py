@@ -1,4 +1,4 @@
-"""Flows in cells that repeat: waves of velocity along one axis that change along another."""
+"""Flows in cells that repeat: waves of velocity along one axis that vary along another."""
 
 from __future__ import annotations
 
@@ -7,14 +7,16 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow._kernels_block import EQUATION, LEAVES, Velocity, add_each
+from pipeline.flow.kernels.block import EQUATION, FIELD, Velocity, add_each
+from pipeline.flow.kernels.opcodes import CELLULAR
 from pipeline.kernels import kernel
+
+ENRIGHT, ABC, TAYLOR_GREEN, DOUBLE_GYRE, KNEADING = range(CELLULAR, CELLULAR + 5)
 
 
 @kernel(EQUATION, forceinline=True)
 def enright(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, side 3, factor 4"""
+    """Numbers: centre 0:3, side 3, factor 4."""
     speed, half = p[o + 3] * p[o + 4], math.pi / p[o + 3]
     ax = half * (x - p[o]) + 0.5 * math.pi
     ay = half * (y - p[o + 1]) + 0.5 * math.pi
@@ -26,7 +28,7 @@ def enright(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def abc(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, wave number 3, a 4, b 5, c 6"""
+    """Numbers: centre 0:3, wave number 3, a 4, b 5, c 6."""
     kx, ky, kz = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]), p[o + 3] * (z - p[o + 2])
     a, b, c = p[o + 4], p[o + 5], p[o + 6]
     return (
@@ -38,7 +40,7 @@ def abc(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def taylor_green(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, wave number 3, speed 4"""
+    """Numbers: centre 0:3, wave number 3, speed 4."""
     kx, ky, kz = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]), p[o + 3] * (z - p[o + 2])
     speed = p[o + 4] * math.cos(kz)
     return speed * math.sin(kx) * math.cos(ky), -speed * math.cos(kx) * math.sin(ky), 0.0
@@ -46,7 +48,7 @@ def taylor_green(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def double_gyre(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, 1 / height 3, π · speed 4, swing now 5"""
+    """Numbers: centre 0:3, 1 / height 3, π · speed 4, swing 5."""
     across, py, swing = p[o + 3] * (x - p[o]) + 1.0, p[o + 3] * (y - p[o + 1]) + 0.5, p[o + 5]
     across -= 4.0 * np.floor(0.25 * across)
     mirrored = across > 2.0
@@ -59,21 +61,21 @@ def double_gyre(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def kneading(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, wave number 3, speeds now 4:7"""
+    """Numbers: centre 0:3, wave number 3, speeds 4:7."""
     kx, ky, kz = p[o + 3] * (x - p[o]), p[o + 3] * (y - p[o + 1]), p[o + 3] * (z - p[o + 2])
     return p[o + 4] * math.sin(ky), p[o + 5] * math.sin(kz), p[o + 6] * math.sin(kx)
 
 
-@kernel(LEAVES)
-def cells(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
-    """Add the field of an opcode to n points of the level at s[b]."""
-    if kind == op.ENRIGHT:
+@kernel(FIELD)
+def add_cellular(opcode: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
+    """Add the velocity of one field of this family to n points of the level at s[b]."""
+    if opcode == ENRIGHT:
         add_each(enright, p, o, n, s, b)
-    elif kind == op.ABC:
+    elif opcode == ABC:
         add_each(abc, p, o, n, s, b)
-    elif kind == op.TAYLOR_GREEN:
+    elif opcode == TAYLOR_GREEN:
         add_each(taylor_green, p, o, n, s, b)
-    elif kind == op.DOUBLE_GYRE:
+    elif opcode == DOUBLE_GYRE:
         add_each(double_gyre, p, o, n, s, b)
-    elif kind == op.KNEADING:
+    elif opcode == KNEADING:
         add_each(kneading, p, o, n, s, b)

@@ -1,21 +1,21 @@
-"""How far points lie outside of a closed surface of triangles; inside it is nought.
+"""The distance of points outside a closed surface of triangles; 0 inside.
 
-All that is known of a surface lies in one flat array. A header of HEADER numbers comes first: where the
-triangles 0, the dipoles 1 and the nodes 2 begin, the place of the first node 3:6, the spacing of nodes 6, and
-how many there are along x, y and z 7:10. From there on, where all counting begins, stand
+A surface is one flat array. A header of HEADER numbers comes first: the starts of the triangles 0, of the
+dipoles 1 and of the nodes 2, the position of the first node 3:6, the spacing of nodes 6, and the node counts
+along x, y and z 7:10. The starts count from the end of the header, where follow
 
-    the tree     boxes, then triangles, as `_kernels_nearest` has them
-    dipoles      eight numbers a box, what its triangles are from afar: centre 0:3, area vector 3:6, and the
-                 squared distance from which on it stands for them 6
+    the tree     boxes, then triangles, as in `nearest`
+    dipoles      eight numbers a box that stand for its triangles from afar: centre 0:3, area vector 3:6, and
+                 the squared distance from which on they do 6
     nodes        signed distances at the nodes of a grid around the surface, z running fastest
 
-A distance changes by no more than one moves. So one node tells of most places that they are inside, or beyond
-a rim, and of all others how far to look at most: what is found is exact, whatever the grid.
+The distance changes at most by as much as a point moves. So the nearest node tells for most points that they
+are inside, or beyond a limit, and for all others how far to search: the result is exact, whatever the grid.
 
-Inside is where the surface winds around a point (Jacobson, Kavan, Sorkine-Hornung, *Robust inside-outside
-segmentation using generalized winding numbers*, SIGGRAPH 2013), summed over boxes (Barill, Dickson, Schmidt,
-Levin, Jacobson, *Fast winding numbers for soups and clouds*, SIGGRAPH 2018): parts that reach into each other
-are one, shells within shells are hollows, and it does not matter which way round the whole is.
+A point is inside where the winding number of the surface is not 0 (Jacobson, Kavan, Sorkine-Hornung, *Robust
+inside-outside segmentation using generalized winding numbers*, SIGGRAPH 2013), summed over boxes (Barill,
+Dickson, Schmidt, Levin, Jacobson, *Fast winding numbers for soups and clouds*, SIGGRAPH 2018): overlapping
+parts unite, shells within shells are hollows, and the orientation of the whole does not matter.
 """
 
 from __future__ import annotations
@@ -26,21 +26,21 @@ import numpy as np
 from numba import prange
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.flow._kernels_external import doubles_at
-from pipeline.flow._kernels_nearest import DEEPEST, nearest
+from pipeline.flow.kernels.external import doubles_at
+from pipeline.flow.kernels.nearest import DEEPEST, nearest
 from pipeline.kernels import kernel
 
 HEADER = 10
 
 SLACK = 1.0 + 1e-9
-"""Limits of a search are widened by as much, so that what lies at them is found."""
+"""Factor that widens the limits of a search, so that triangles at the limit are found."""
 
 _FLOATS = "CPointer(f8)"
 
 
 @kernel(f"f8({_FLOATS}, i8, f8, f8, f8)")
 def solid_angle(m: Floats, at: int, x: float, y: float, z: float) -> float:
-    """Of the triangle at m[at], seen from a place; above 0 where its back is seen.
+    """Return the solid angle of the triangle at m[at], seen from a point; above 0 where its back is seen.
 
     Source: van Oosterom, Strackee, *The solid angle of a plane triangle*, IEEE Trans. Biomed. Eng. 30 (1983).
     """
@@ -59,7 +59,7 @@ def solid_angle(m: Floats, at: int, x: float, y: float, z: float) -> float:
 def winding(
     m: Floats, triangles: int, dipoles: int, x: float, y: float, z: float, waiting: AnyArray
 ) -> float:
-    """How often the surface winds around a place: about 1 or −1 inside of one, 0 outside."""
+    """Return the winding number of the surface around a point: about 1 or −1 inside, 0 outside."""
     total, depth = 0.0, 1
     waiting[0] = 0
     while depth:
@@ -81,11 +81,11 @@ def winding(
 
 
 @kernel("f8(i8, f8, f8, f8, f8)")
-def distance_outside(address: int, x: float, y: float, z: float, rim: float) -> float:
-    """How far a place lies outside of the surface: 0 inside, and infinity from `rim` outside on."""
+def distance_outside(address: int, x: float, y: float, z: float, limit: float) -> float:
+    """Return the distance of a point outside the surface: 0 inside, and infinity from `limit` on."""
     h, m = doubles_at(address), doubles_at(address + 8 * HEADER)
     triangles, nx, ny, nz = int(h[0]), h[7], h[8], h[9]
-    limit, unknown = rim, False
+    radius, unknown = limit, False
     gx, gy, gz = (x - h[3]) / h[6], (y - h[4]) / h[6], (z - h[5]) / h[6]
     if 0.0 <= gx <= nx - 1.0 and 0.0 <= gy <= ny - 1.0 and 0.0 <= gz <= nz - 1.0:
         i, j, k = math.floor(gx + 0.5), math.floor(gy + 0.5), math.floor(gz + 0.5)
@@ -93,19 +93,19 @@ def distance_outside(address: int, x: float, y: float, z: float, rim: float) -> 
         away = SLACK * h[6] * math.sqrt((gx - i) ** 2 + (gy - j) ** 2 + (gz - k) ** 2)
         if node < -away:
             return 0.0
-        if node - away >= rim:
+        if node - away >= limit:
             return math.inf
-        limit, unknown = min(rim, abs(node) + away), node <= away
+        radius, unknown = min(limit, abs(node) + away), node <= away
     waiting = np.empty(DEEPEST, np.int64)
     if unknown and abs(winding(m, triangles, int(h[1]), x, y, z, waiting)) > 0.5:
         return 0.0
-    d2, found, _, _ = nearest(m, triangles, x, y, z, SLACK * limit * limit, waiting)
+    d2, found, _, _ = nearest(m, triangles, x, y, z, SLACK * radius * radius, waiting)
     return math.sqrt(d2) if found >= 0 else math.inf
 
 
 @kernel("void(i8, f8[:, :, ::1])", parallel=True)
 def distances(address: int, out: Floats) -> None:
-    """Signed distances at the nodes of the grid in the header, negative inside, into out (nx, ny, nz).
+    """Compute signed distances at the nodes of the header's grid, negative inside, into out (nx, ny, nz).
 
     Every row of nodes begins outside; from one node to the next a distance changes by at most the spacing.
     """

@@ -1,4 +1,4 @@
-"""Deformations of Barr's kind, from one amount to another, point by point in parallel."""
+"""Barr's deformations from one amount to another, for all points in parallel."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def stretch(points: Points, centre: Floats, axis: Floats, lengthen: float, widen
 
 @kernel("void(f8[:, ::1], f8[::1], f8[::1], f8[::1], f8, f8[:, ::1])", parallel=True)
 def shear(points: Points, centre: Floats, axis: Floats, direction: Floats, by: float, out: Points) -> None:
-    """Slide in `direction` in proportion to the height along the axis."""
+    """Slide along `direction` in proportion to the height along the axis."""
     for i in prange(len(points)):
         rx, ry, rz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
         slide = by * (axis[0] * rx + axis[1] * ry + axis[2] * rz)
@@ -47,7 +47,7 @@ def shear(points: Points, centre: Floats, axis: Floats, direction: Floats, by: f
 
 @kernel("void(f8[:, ::1], f8[::1], f8[::1], f8, f8[:, ::1])", parallel=True)
 def taper(points: Points, centre: Floats, axis: Floats, by: float, out: Points) -> None:
-    """Widen by exp(by × height along the axis)."""
+    """Widen across the axis by exp(by × height along it)."""
     for i in prange(len(points)):
         rx, ry, rz = points[i, 0] - centre[0], points[i, 1] - centre[1], points[i, 2] - centre[2]
         along = axis[0] * rx + axis[1] * ry + axis[2] * rz
@@ -83,7 +83,7 @@ def bend(
 
 @kernel("UniTuple(f8, 2)(f8, f8, f8, f8)", forceinline=True)
 def _bent(h: float, q: float, half: float, k: float) -> tuple[float, float]:
-    """Height and offset after bending to the curvature k."""
+    """Return height and offset after bending to the curvature k."""
     if k == 0.0:
         return h, q
     along = min(max(h, -half), half)
@@ -94,10 +94,10 @@ def _bent(h: float, q: float, half: float, k: float) -> tuple[float, float]:
 
 @kernel("UniTuple(f8, 2)(f8, f8, f8, f8)", forceinline=True)
 def _unbent(h: float, q: float, half: float, k: float) -> tuple[float, float]:
-    """Height and offset before bending to the curvature k.
+    """Return height and offset before bending to the curvature k.
 
-    A point of the arc is found by its angle about the centre of curvature; one beyond the arc's end by
-    turning that end back.
+    A point on the arc unbends by its angle about the centre of curvature, one beyond the arc by the rotation
+    of the arc's end.
     """
     if k == 0.0:
         return h, q

@@ -1,4 +1,4 @@
-"""Velocities that are the curl of a potential of gradient noise, its derivatives worked out exactly."""
+"""The curl of a potential of gradient noise, with exact derivatives."""
 
 from __future__ import annotations
 
@@ -19,72 +19,72 @@ _LAST = uint64(127)
 
 
 @kernel("u8(u8)", forceinline=True)
-def mixed(h: Any) -> Any:
-    """Bits each of which depends on all of `h` (the finaliser of splitmix64: Steele, Lea & Flood 2014)."""
+def hash_bits(h: Any) -> Any:
+    """Return bits that each depend on all bits of `h` (finaliser of splitmix64: Steele, Lea & Flood 2014)."""
     h = (h ^ (h >> uint64(30))) * _FIRST
     h = (h ^ (h >> uint64(27))) * _SECOND
     return h ^ (h >> uint64(31))
 
 
 @kernel("f8(f8)", forceinline=True)
-def eased(s: float) -> float:
-    """From 0 to 1 with three derivatives zero at the ends.
+def fade(s: float) -> float:
+    """Return the fade at s, from 0 to 1 with three derivatives zero at the ends.
 
-    Perlin's quintic (*Improving Noise*, 2002) has two: slopes of velocities would have
-    kinks, at which a Runge-Kutta step of order 4 falls to order 3.
+    Perlin's quintic (*Improving Noise*, 2002) has two: the velocity gradient would have kinks, at which a
+    Runge-Kutta step of order 4 falls to order 3.
     """
     return s * s * s * s * (35.0 - s * (84.0 - s * (70.0 - s * 20.0)))
 
 
 @kernel("f8(f8)", forceinline=True)
-def slope(s: float) -> float:
-    """The derivative of `eased`."""
+def fade_slope(s: float) -> float:
+    """Return the derivative of `fade`."""
     r = s * (1.0 - s)
     return 140.0 * r * r * r
 
 
 @kernel("f8(u8, u8, u8, f8, f8)", forceinline=True)
-def part(h: int, k: int, shift: int, before: float, after: float) -> float:
-    """A number from −63.5 to 63.5, by seven bits of each hash, turned from the one's to the other's."""
+def component(h: int, k: int, shift: int, before: float, after: float) -> float:
+    """Return a component, −63.5 to 63.5, from seven bits of each hash, rotated from one to the other."""
     return before * (float((h >> shift) & _LAST) - 63.5) + after * (float((k >> shift) & _LAST) - 63.5)
 
 
 @kernel("UniTuple(f8, 9)(u8, u8, u8, f8, f8)", forceinline=True)
-def gradients(here: int, now: int, then: int, before: float, after: float) -> Nine:
-    """Those of three potentials at a corner of the lattice, at a moment between two draws of the dice."""
-    h, k = mixed(here ^ now), mixed(here ^ then)
+def gradients(corner: int, now: int, next_draw: int, before: float, after: float) -> Nine:
+    """Return the gradients of three potentials at a lattice corner, at a time between two random draws."""
+    h, k = hash_bits(corner ^ now), hash_bits(corner ^ next_draw)
     return (
-        part(h, k, uint64(0), before, after),
-        part(h, k, uint64(7), before, after),
-        part(h, k, uint64(14), before, after),
-        part(h, k, uint64(21), before, after),
-        part(h, k, uint64(28), before, after),
-        part(h, k, uint64(35), before, after),
-        part(h, k, uint64(42), before, after),
-        part(h, k, uint64(49), before, after),
-        part(h, k, uint64(56), before, after),
+        component(h, k, uint64(0), before, after),
+        component(h, k, uint64(7), before, after),
+        component(h, k, uint64(14), before, after),
+        component(h, k, uint64(21), before, after),
+        component(h, k, uint64(28), before, after),
+        component(h, k, uint64(35), before, after),
+        component(h, k, uint64(42), before, after),
+        component(h, k, uint64(49), before, after),
+        component(h, k, uint64(56), before, after),
     )
 
 
 @kernel("UniTuple(f8, 3)(u8, u8, f8, f8, f8, f8, f8)", forceinline=True)
 def curl(
-    now: int, then: int, before: float, after: float, x: float, y: float, z: float
+    now: int, next_draw: int, before: float, after: float, x: float, y: float, z: float
 ) -> tuple[float, float, float]:
-    """The curl of three noises at a place, lattice units.
+    """Return the curl of three noises at a point, in lattice units.
 
-    A noise is the sum over the corners c of its cell of weight(x − c) · gradient(c) · (x − c);
-    here stands its derivative, term by term.
+    A noise is the sum over the corners c of its cell of weight(x − c) · gradient(c) · (x − c); this is its
+    derivative, term by term.
     """
     fx, fy, fz = math.floor(x), math.floor(y), math.floor(z)
     dx, dy, dz = x - fx, y - fy, z - fz
     hx, hy, hz = uint64(int(fx)) * _X, uint64(int(fy)) * _Y, uint64(int(fz)) * _Z
-    sx, sy, sz = eased(dx), eased(dy), eased(dz)
-    ex, ey, ez = slope(dx), slope(dy), slope(dz)
+    sx, sy, sz = fade(dx), fade(dy), fade(dz)
+    ex, ey, ez = fade_slope(dx), fade_slope(dy), fade_slope(dz)
     u, v, w = 0.0, 0.0, 0.0
     for corner in range(8):
         i, j, k = corner & 1, (corner >> 1) & 1, corner >> 2
-        here = (hx + uint64(i) * _X) ^ (hy + uint64(j) * _Y) ^ (hz + uint64(k) * _Z)
-        ax, ay, az, bx, by, bz, cx, cy, cz = gradients(here, now, then, before, after)
+        lattice = (hx + uint64(i) * _X) ^ (hy + uint64(j) * _Y) ^ (hz + uint64(k) * _Z)
+        ax, ay, az, bx, by, bz, cx, cy, cz = gradients(lattice, now, next_draw, before, after)
         rx, ry, rz = dx - i, dy - j, dz - k
         wx, gx = (sx, ex) if i else (1.0 - sx, -ex)
         wy, gy = (sy, ey) if j else (1.0 - sy, -ey)
@@ -112,16 +112,19 @@ def curl_noise(
     v: Floats,
     w: Floats,
 ) -> None:
-    """Numbers: frequency and speed of the first octave 0 1, octaves 2, factors from octave to octave on
-    frequency 3 and speed 4, seed 5, age 6 (at whole numbers a draw of the dice)."""
+    """Numbers: frequency 0 and speed 1 of the first octave, octaves 2, the factors on both per octave 3 4,
+    seed 5, age 6 (a new random draw at whole numbers).
+    """
     frequency, speed, moment = numbers[0], numbers[1], math.floor(numbers[6])
-    quarter = 0.5 * math.pi * eased(numbers[6] - moment)
+    quarter = 0.5 * math.pi * fade(numbers[6] - moment)
     before, after = math.cos(quarter), math.sin(quarter)
     for octave in range(int(numbers[2])):
-        seed = mixed(uint64(int(numbers[5])) + uint64(octave) * _OCTAVE)
-        now, then = seed ^ (uint64(int(moment)) * _MOMENT), seed ^ (uint64(int(moment) + 1) * _MOMENT)
+        seed = hash_bits(uint64(int(numbers[5])) + uint64(octave) * _OCTAVE)
+        now, next_draw = seed ^ (uint64(int(moment)) * _MOMENT), seed ^ (uint64(int(moment) + 1) * _MOMENT)
         for i in range(count):
-            du, dv, dw = curl(now, then, before, after, frequency * x[i], frequency * y[i], frequency * z[i])
+            du, dv, dw = curl(
+                now, next_draw, before, after, frequency * x[i], frequency * y[i], frequency * z[i]
+            )
             u[i] += speed * du
             v[i] += speed * dv
             w[i] += speed * dw

@@ -1,9 +1,9 @@
-"""The nearest point of a set of triangles, and what is pulled to it or carried along it.
+"""The nearest point of a set of triangles, and the flows that attract to it or blow along it.
 
-The set lies in one flat array: a tree of boxes, eight numbers each, and after them its triangles, nine each.
-A box has its lower corner 0:3, its upper 3:6, and 6 and 7: for a leaf its first triangle and how many there
-are, for another its second child and none; its first child follows it. A triangle of two equal corners is a
-segment, one of three a point.
+The set is one flat array: a tree of boxes, eight numbers each, and then its triangles, nine each. A box has
+its lower corner 0:3, its upper corner 3:6, and 6 and 7: a leaf its first triangle and their count, any other
+its second child and 0; its first child follows it. A triangle with two equal corners is a segment, with three
+a point.
 """
 
 from __future__ import annotations
@@ -14,17 +14,18 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.flow._kernels_external import doubles_at
+from pipeline.flow.kernels.external import doubles_at
 from pipeline.kernels import block_kernel, kernel
 
 DEEPEST = 64
-"""Boxes that wait while the tree is searched; it is halved at each, so more cannot be."""
+"""The size of the stack of boxes in a search; each box is halved, so that no tree is deeper."""
 
 _FLOATS = "CPointer(f8)"
 
 
 @kernel(f"f8({_FLOATS}, i8, f8, f8, f8)", forceinline=True)
 def distance2_to_box(m: Floats, at: int, x: float, y: float, z: float) -> Any:
+    """Return the squared distance of a point from a box."""
     dx = max(m[at] - x, 0.0, x - m[at + 3])
     dy = max(m[at + 1] - y, 0.0, y - m[at + 4])
     dz = max(m[at + 2] - z, 0.0, z - m[at + 5])
@@ -33,10 +34,10 @@ def distance2_to_box(m: Floats, at: int, x: float, y: float, z: float) -> Any:
 
 @kernel(f"UniTuple(f8, 2)({_FLOATS}, i8, f8, f8, f8)")
 def nearest_on_triangle(m: Floats, at: int, x: float, y: float, z: float) -> tuple[float, float]:
-    """The nearest point is corner a + s (b − a) + r (c − a): s and r.
+    """Return s and r of the nearest point a + s (b − a) + r (c − a) of a triangle with corners a, b, c.
 
-    By the region of the triangle's plane over which the place lies: corners, then edges, then the inside
-    (Ericson, *Real-Time Collision Detection*, 2005, §5.1.5).
+    Tries the corners, then the edges, then the inside (Ericson, *Real-Time Collision Detection*, 2005,
+    §5.1.5).
     """
     abx, aby, abz = m[at + 3] - m[at], m[at + 4] - m[at + 1], m[at + 5] - m[at + 2]
     acx, acy, acz = m[at + 6] - m[at], m[at + 7] - m[at + 1], m[at + 8] - m[at + 2]
@@ -68,15 +69,17 @@ def nearest_on_triangle(m: Floats, at: int, x: float, y: float, z: float) -> tup
 
 @kernel(f"Tuple((f8, i8, f8, f8))({_FLOATS}, i8, f8, f8, f8, f8, i8[::1])")
 def nearest(
-    m: Floats, triangles: int, x: float, y: float, z: float, limit2: float, waiting: AnyArray
+    m: Floats, triangles: int, x: float, y: float, z: float, limit2: float, stack: AnyArray
 ) -> tuple[float, int, float, float]:
-    """Squared distance, where the nearest triangle begins in the array, and the s and r of its nearest point;
-    the limit and -1 where nothing is nearer than that. Of equally near ones the first met."""
+    """Return the squared distance, the start of the nearest triangle, and s and r of its nearest point.
+
+    The limit and -1 where no triangle is nearer. Of equally near triangles the first visited counts.
+    """
     best, found, best_s, best_r = limit2, -1, 0.0, 0.0
-    waiting[0], depth = 0, 1
+    stack[0], depth = 0, 1
     while depth:
         depth -= 1
-        at = 8 * waiting[depth]
+        at = 8 * stack[depth]
         if not distance2_to_box(m, at, x, y, z) < best:
             continue
         if m[at + 7] > 0.0:
@@ -93,7 +96,7 @@ def nearest(
         one, two = at // 8 + 1, int(m[at + 6])
         if distance2_to_box(m, 8 * one, x, y, z) > distance2_to_box(m, 8 * two, x, y, z):
             one, two = two, one
-        waiting[depth], waiting[depth + 1] = two, one  # the nearer of them is looked at first
+        stack[depth], stack[depth + 1] = two, one  # the nearer one is visited first
         depth += 2
     return best, found, best_s, best_r
 
@@ -110,11 +113,11 @@ def attraction(
     v: Floats,
     w: Floats,
 ) -> None:
-    """Numbers: where the array lies 0, where its triangles begin 1, rate 2, radius² 3."""
+    """Numbers: address of the array 0, start of its triangles 1, rate 2, radius² 3."""
     m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
-    waiting = np.empty(DEEPEST, np.int64)
+    stack = np.empty(DEEPEST, np.int64)
     for i in range(count):
-        d2, a, s, r = nearest(m, triangles, x[i], y[i], z[i], limit2, waiting)
+        d2, a, s, r = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
         if a >= 0:
             inside = 1.0 - d2 / limit2
             rate = numbers[2] * inside * inside
@@ -135,13 +138,16 @@ def wind(
     v: Floats,
     w: Floats,
 ) -> None:
-    """The same numbers, speed for the rate; and where the directions at both ends of segments begin 4."""
+    """Numbers: address of the array 0, start of its triangles 1, speed 2, radius² 3, start of the tangents 4.
+
+    There are six numbers of tangents a segment, for its two ends.
+    """
     m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
-    directions, waiting = int(numbers[4]), np.empty(DEEPEST, np.int64)
+    tangents, stack = int(numbers[4]), np.empty(DEEPEST, np.int64)
     for i in range(count):
-        d2, a, s, _ = nearest(m, triangles, x[i], y[i], z[i], limit2, waiting)
+        d2, a, s, _ = nearest(m, triangles, x[i], y[i], z[i], limit2, stack)
         if a >= 0:
-            d = directions + (a - triangles) // 9 * 6
+            d = tangents + (a - triangles) // 9 * 6
             tx = m[d] + s * (m[d + 3] - m[d])
             ty = m[d + 1] + s * (m[d + 4] - m[d + 1])
             tz = m[d + 2] + s * (m[d + 5] - m[d + 2])

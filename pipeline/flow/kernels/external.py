@@ -1,13 +1,13 @@
-"""Functions that are compiled elsewhere, called by their address; and numbers that lie elsewhere.
+"""Calls of functions by their address, and pointers to numbers by theirs.
 
-An external is what C would declare as
+An external function is what C would declare as
 
     void f(const double *numbers, int64_t n, const double *x, const double *y, const double *z, double t,
            double *u, double *v, double *w)
 
-It *adds* its velocity at n points to u, v and w: `pipeline.kernels.block_kernel` makes one of a Python
-function. Just before a closing bracket it may as well multiply what the group has summed so far: a region of
-any form.
+It *adds* its velocity at n points to u, v and w; `pipeline.kernels.block_kernel` makes one from a Python
+function. Just before a closing bracket it may also multiply the sum of the group so far: a region of any
+shape.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from numba import types
 from numba.extending import intrinsic
 
 from pipeline.arrays import Floats
-from pipeline.flow._kernels_block import U, V, W, X, Y, Z
+from pipeline.flow.kernels.block import U, V, W, X, Y, Z
 from pipeline.kernels import kernel
 
 _DOUBLES = types.CPointer(types.float64)
@@ -28,7 +28,7 @@ _DOUBLES = types.CPointer(types.float64)
 
 @intrinsic  # type: ignore[untyped-decorator]  # numba has no types
 def doubles_at(typingctx: Any, address: Any) -> Any:
-    """A pointer to doubles, from an address: `carray(doubles_at(address), n)` reads them."""
+    """Return a pointer to the doubles at an address: `carray(doubles_at(address), n)` reads them."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         return builder.inttoptr(arguments[0], context.get_value_type(_DOUBLES))
@@ -38,7 +38,7 @@ def doubles_at(typingctx: Any, address: Any) -> Any:
 
 @intrinsic  # type: ignore[untyped-decorator]  # numba has no types
 def _call(typingctx: Any, address: Any, n: Any, t: Any, pointers: Any) -> Any:
-    """Call the external at an address; pointers: numbers, x, y, z, u, v, w."""
+    """Call the external function at an address; pointers: numbers, x, y, z, u, v, w."""
 
     def generate(context: Any, builder: Any, signature: Any, arguments: Any) -> Any:
         address, n, t, pointers = arguments
@@ -53,8 +53,8 @@ def _call(typingctx: Any, address: Any, n: Any, t: Any, pointers: Any) -> Any:
 
 
 @kernel("void(f8[::1], i8, i8, f8[::1], i8)")
-def external(p: Floats, o: int, n: int, s: Floats, b: int) -> None:
-    """address 0, time 1, its own numbers from 2 on"""
+def call_external(p: Floats, o: int, n: int, s: Floats, b: int) -> None:
+    """Add the velocity of an external function: address 0, time 1, its own numbers from 2 on."""
     numbers, runs = np.int64(p.ctypes.data) + 8 * (o + 2), np.int64(s.ctypes.data) + 8 * b
     pointers = (
         doubles_at(numbers),

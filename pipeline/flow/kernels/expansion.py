@@ -1,18 +1,20 @@
-"""Swelling, welling up, and giving way."""
+"""Expansion, sources and squeezing."""
 
 from __future__ import annotations
 
 import math
 
 from pipeline.arrays import Floats
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow._kernels_block import EQUATION, LEAVES, Velocity, add_each
+from pipeline.flow.kernels.block import EQUATION, FIELD, Velocity, add_each
+from pipeline.flow.kernels.opcodes import EXPANSION
 from pipeline.kernels import kernel
+
+BALL, DISC, SOURCE, SQUEEZE = range(EXPANSION, EXPANSION + 4)
 
 
 @kernel(EQUATION, forceinline=True)
 def ball(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, -, 1 / radius² 6, rate 7"""
+    """Numbers: centre 0:3, -, 1 / radius² 6, rate 7."""
     rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
     inside = max(0.0, 1.0 - (rx * rx + ry * ry + rz * rz) * p[o + 6])
     rate = p[o + 7] * inside * inside
@@ -21,7 +23,7 @@ def ball(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def disc(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, unit axis 3:6, 1 / radius² 6, rate 7"""
+    """Numbers: centre 0:3, unit axis 3:6, 1 / radius² 6, rate 7."""
     rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
     along = p[o + 3] * rx + p[o + 4] * ry + p[o + 5] * rz
     qx, qy, qz = rx - along * p[o + 3], ry - along * p[o + 4], rz - along * p[o + 5]
@@ -32,7 +34,7 @@ def disc(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def source(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, core² 3, flux / 4π 4"""
+    """Numbers: centre 0:3, core² 3, flux / 4π 4."""
     rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
     distance2 = rx * rx + ry * ry + rz * rz + p[o + 3]
     rate = p[o + 4] / (distance2 * math.sqrt(distance2))
@@ -41,7 +43,7 @@ def source(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def squeeze(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, unit axis 3:6, 1 / length² 6, 1 / radius² 7, rate 8"""
+    """Numbers: centre 0:3, unit axis 3:6, 1 / length² 6, 1 / radius² 7, rate 8."""
     rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
     ax, ay, az = p[o + 3], p[o + 4], p[o + 5]
     height = ax * rx + ay * ry + az * rz
@@ -52,14 +54,14 @@ def squeeze(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     return along * ax + across * qx, along * ay + across * qy, along * az + across * qz
 
 
-@kernel(LEAVES)
-def expansions(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
-    """Add the field of an opcode to n points of the level at s[b]."""
-    if kind == op.BALL:
+@kernel(FIELD)
+def add_expansion(opcode: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
+    """Add the velocity of one field of this family to n points of the level at s[b]."""
+    if opcode == BALL:
         add_each(ball, p, o, n, s, b)
-    elif kind == op.DISC:
+    elif opcode == DISC:
         add_each(disc, p, o, n, s, b)
-    elif kind == op.SOURCE:
+    elif opcode == SOURCE:
         add_each(source, p, o, n, s, b)
-    elif kind == op.SQUEEZE:
+    elif opcode == SQUEEZE:
         add_each(squeeze, p, o, n, s, b)

@@ -1,22 +1,24 @@
-"""Velocities that grow in proportion to the distance, or not at all."""
+"""Uniform velocities, and those that grow in proportion to the distance."""
 
 from __future__ import annotations
 
 from pipeline.arrays import Floats
-from pipeline.flow import _kernels_opcodes as op
-from pipeline.flow._kernels_block import EQUATION, LEAVES, Velocity, add_each
+from pipeline.flow.kernels.block import EQUATION, FIELD, Velocity, add_each
+from pipeline.flow.kernels.opcodes import LINEAR
 from pipeline.kernels import kernel
+
+TRANSLATION, ROTATION, SCALING, STRAIN = range(LINEAR, LINEAR + 4)
 
 
 @kernel(EQUATION, forceinline=True)
 def translation(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """velocity 0:3"""
+    """Numbers: velocity 0:3."""
     return p[o], p[o + 1], p[o + 2]
 
 
 @kernel(EQUATION, forceinline=True)
 def rotation(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, unit axis 3:6, angular speed 6"""
+    """Numbers: centre 0:3, unit axis 3:6, angular speed 6."""
     rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
     ax, ay, az, speed = p[o + 3], p[o + 4], p[o + 5], p[o + 6]
     return speed * (ay * rz - az * ry), speed * (az * rx - ax * rz), speed * (ax * ry - ay * rx)
@@ -24,7 +26,7 @@ def rotation(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def strain(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, unit axis 3:6, rate along it 6, rate across it 7"""
+    """Numbers: centre 0:3, unit axis 3:6, rate along it 6, rate across it 7."""
     rx, ry, rz = x - p[o], y - p[o + 1], z - p[o + 2]
     ax, ay, az, across = p[o + 3], p[o + 4], p[o + 5], p[o + 7]
     more = (p[o + 6] - across) * (ax * rx + ay * ry + az * rz)
@@ -33,18 +35,18 @@ def strain(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
 
 @kernel(EQUATION, forceinline=True)
 def scaling(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
-    """centre 0:3, rates 3:6"""
+    """Numbers: centre 0:3, rates 3:6."""
     return p[o + 3] * (x - p[o]), p[o + 4] * (y - p[o + 1]), p[o + 5] * (z - p[o + 2])
 
 
-@kernel(LEAVES)
-def linear(kind: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
-    """Add the field of an opcode to n points of the level at s[b]."""
-    if kind == op.TRANSLATION:
+@kernel(FIELD)
+def add_linear(opcode: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
+    """Add the velocity of one field of this family to n points of the level at s[b]."""
+    if opcode == TRANSLATION:
         add_each(translation, p, o, n, s, b)
-    elif kind == op.ROTATION:
+    elif opcode == ROTATION:
         add_each(rotation, p, o, n, s, b)
-    elif kind == op.SCALING:
+    elif opcode == SCALING:
         add_each(scaling, p, o, n, s, b)
-    elif kind == op.STRAIN:
+    elif opcode == STRAIN:
         add_each(strain, p, o, n, s, b)

@@ -1,13 +1,13 @@
-"""A block of points on its way through a program: what leaves and brackets work on.
+"""A block of points as it runs through a velocity program.
 
-Points are handled `BLOCK` at a time, coordinates apart, in one flat array small enough for the nearest
-cache. Within it a *level* is six runs of BLOCK numbers: x, y, z of the points and u, v, w of their velocities
+Points are handled `BLOCK` at a time, coordinates apart, in one flat scratch array small enough for the
+nearest cache. A *level* is six runs of BLOCK numbers: x, y, z of the points and u, v, w of their velocities
 so far. A level begins at an offset `b`; the level of the next bracket follows at b + LEVEL.
 
 All offsets within a level are constants, and a level is sliced before its loop, so that the compiler sees
-that no run overlaps another and no index is negative, and works on several points at once. A point's
-arithmetic is the same wherever it stands in a block: results have the same bits for any number of points,
-and of threads.
+that runs do not overlap and indices are not negative, and handles several points at once. A point's
+arithmetic does not depend on its place in a block: results have the same bits for any number of points and
+of threads.
 """
 
 from __future__ import annotations
@@ -24,16 +24,15 @@ LEVEL = 6 * BLOCK
 Velocity = tuple[float, float, float]
 
 EQUATION = "UniTuple(f8, 3)(f8[::1], i8, f8, f8, f8)"
-"""Of a leaf: (numbers, where its row begins among them, x, y, z) -> its velocity there."""
+"""The signature of an equation: (numbers, start of its row among them, x, y, z) -> velocity."""
 
-
-LEAVES = "void(i4, f8[::1], i8, i8, f8[::1], i8)"
-"""Of a family: (opcode, numbers, where the row begins, n points, scratch, where the level begins)."""
+FIELD = "void(i4, f8[::1], i8, i8, f8[::1], i8)"
+"""The signature of a family: (opcode, numbers, start of the row, n points, scratch, start of the level)."""
 
 
 @higher_kernel
 def add_each(equation: Any, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
-    """Add the velocity by an equation, whose row begins at p[o], to n points of the level at s[b]."""
+    """Add the velocity of an equation, whose row begins at p[o], to n points of the level at s[b]."""
     row, level = p[o:], s[b:]
     for i in range(n):
         u, v, w = equation(row, 0, level[X + i], level[Y + i], level[Z + i])
@@ -43,14 +42,14 @@ def add_each(equation: Any, p: Floats, o: int, n: int, s: Floats, b: int) -> Non
 
 
 @kernel("void(f8[::1], i8)")
-def rest(s: Floats, b: int) -> None:
-    """Velocities of the level at s[b] become nought."""
+def clear_velocities(s: Floats, b: int) -> None:
+    """Set the velocities of the level at s[b] to zero."""
     s[b + U : b + LEVEL] = 0.0
 
 
 @kernel("void(f8[:, ::1], i8, i8, f8[::1], i8)")
 def load(points: Points, first: int, n: int, s: Floats, at: int) -> None:
-    """Points first : first + n, coordinates apart, into three runs at s[at]; the rest of these stays."""
+    """Copy points[first : first + n], coordinates apart, into three runs at s[at]."""
     runs, block = s[at:], points[first:]
     for i in range(n):
         runs[X + i] = block[i, 0]
@@ -60,7 +59,7 @@ def load(points: Points, first: int, n: int, s: Floats, at: int) -> None:
 
 @kernel("void(f8[::1], i8, i8, i8, f8[:, ::1])")
 def store(s: Floats, at: int, first: int, n: int, out: Points) -> None:
-    """Three runs at s[at] into out[first : first + n]."""
+    """Copy three runs at s[at] into out[first : first + n]."""
     runs, block = s[at:], out[first:]
     for i in range(n):
         block[i, 0] = runs[X + i]

@@ -1,0 +1,1 @@
+"""Compiled kernels of flows: velocity programs, deformations and what they look up."""
