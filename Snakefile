@@ -1,78 +1,225 @@
-"""The workflow: rules for the tasks of a plan, and a job for each of the plan's jobs.
+"""A flow sculpture film: shots are simulated, shaded, framed, rendered, denoised and encoded.
 
-`flowsculpt` hands over a frozen plan in `config["plan"]`. Called directly, `snakemake --cores 2` plans the
-film itself; `--config shot=A020_lorenz frames=10-20x2 quality=preview` plans frames of one shot,
-`--config edit=showreel` the film of another edit.
-A job's output is the mark that it is done: what it makes is known by key, so that Snakemake need not look
-after every frame. Each run's plan has its own name, and so its own marks: a job stands in a plan because it
-must run.
+    simulate ─┬─ smooth_normals ─┬─ render ─ finish ─┬─ assemble    renders/{shot}/{quality}/{shot}.mp4
+              └─ frame_camera ───┘                   ├─ film        renders/film/{quality}/{edit}.mp4
+                                                     └─ stills      renders/{shot}/{quality}/png
+
+`snakemake --cores 2` makes the film; `--config shot=A020_lorenz frames=10-20x2 quality=daily` frames of a
+shot, `edit=showreel` another film; `renders/A010_cube/draft/frames/A010_cube.0010.exr` is one frame.
+
+Files in the store have keys: digests of all that they are made from. A done-file lists the keys of what one
+job has made, and has their digest in its name: an edited shot asks for other names. While Snakemake builds
+its graph, done-files are compared with the store, so they cannot lie.
 """
 
 import sys
 
-from pipeline.errors import FlowsculptError
-from pipeline.production.execution.snakefile import plan_of
-from snakemake.exceptions import WorkflowError
+from pipeline.production.execution.snakefile import PlannedWorkflow
 
-try:
-    plan, plan_file, logs = plan_of(
-        config, cores=workflow.nodes or workflow.cores, main=workflow.is_main_process
-    )
-except FlowsculptError as error:
-    raise WorkflowError(error) from None
+plan = PlannedWorkflow(workflow, config)
 
-jobs = {job.name: job for job in plan.jobs}
+DONE, LOGS = ".flowsculpt/done", ".flowsculpt/logs/jobs"
+# A message takes the place of the line `rule NAME:` in Snakemake's log, and so begins with it.
+TASK = f"{sys.executable} -m pipeline.production.tasks {{params.job}} --threads {{threads}} >{{log:q}} 2>&1"
 
 
-def mark(job):
-    return plan.mark(job).as_posix()
+wildcard_constraints:
+    shot=r"(?!film/).+",
+    quality=r"[^/]+",
+    form=r"png|png16|jpeg",
+    movie=r"[^/]+",
+    name=r"[^/]+",
+    frames=r"-?\d+--?\d+",
+    number=r"-?\d+",
+    key=r"[0-9a-f]{16}",
 
 
-def marks_before(wildcards):
-    return [mark(jobs[name]) for name in jobs[wildcards.job].after]
-
-
-def threads_of(wildcards):
-    return jobs[wildcards.job].threads
-
-
-def memory_of(wildcards, attempt):
-    return jobs[wildcards.job].needs.mib * attempt
-
-
-def minutes_of(wildcards, attempt):
-    return jobs[wildcards.job].needs.minutes * attempt
-
-
-def resources_of(rule):
-    timed = all(job.needs.minutes for job in plan.jobs if job.rule == rule)
-    return {"mem_mb": memory_of, **({"runtime": minutes_of} if timed else {})}
+localrules:
+    all,
+    shots,
+    frame,
+    smooth_normals,
+    frame_camera,
+    assemble,
+    film,
+    stills,
 
 
 rule all:
+    """Everything that was asked for: by default the film."""
     default_target: True
     input:
-        [mark(job) for job in plan.last_jobs] or plan_file,
+        lambda w: plan.targets,
 
 
-for each in {job.rule: job for job in plan.jobs}.values():
+rule shots:
+    """Simulate, shade and frame the shots; render nothing."""
+    input:
+        lambda w: plan.targets,
 
-    rule:
-        name:
-            each.rule
-        input:
-            marks_before,
-        output:
-            touch((plan.mark(each).parent / "{job}").as_posix()),
-        log:
-            f"{logs}/{{job}}.log",
-        priority: each.urgency
-        localrule: each.stays
-        threads: threads_of
-        resources:
-            **resources_of(each.rule),
-        params:
-            plan=plan_file,
-            python=sys.executable,
-        shell:
-            "{params.python:q} -m pipeline.production.tasks {params.plan:q} {wildcards.job:q} >{log:q} 2>&1"
+
+rule simulate:
+    """Move and resample the surface, frame by frame, going on from the last frame that the store holds."""
+    input:
+        lambda w: plan.inputs("simulate", w, "simulate"),
+    output:
+        f"{DONE}/{{shot}}/simulate/{{frames}}.{{key}}",
+    log:
+        f"{LOGS}/{{shot}}/simulate/{{frames}}.{{key}}.log",
+    params:
+        job=lambda w, output: plan.words("simulate", w),
+    threads: lambda w: plan.threads("simulate", w)
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("simulate", w) * attempt,
+    retries: 2
+    message:
+        "\nrule simulate: {wildcards.shot}, frames {wildcards.frames}"
+    shell:
+        TASK
+
+
+rule smooth_normals:
+    """Give vertices the normals that light sees, split at creases."""
+    input:
+        lambda w: plan.inputs("smooth_normals", w, "simulate"),
+    output:
+        f"{DONE}/{{shot}}/smooth_normals/{{frames}}.{{key}}",
+    log:
+        f"{LOGS}/{{shot}}/smooth_normals/{{frames}}.{{key}}.log",
+    params:
+        job=lambda w, output: plan.words("smooth_normals", w),
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("smooth_normals", w) * attempt,
+    message:
+        "\nrule smooth_normals: {wildcards.shot}, frames {wildcards.frames}"
+    shell:
+        TASK
+
+
+rule frame_camera:
+    """Find the camera and the stage of every picture from where the sculpture is in all of them."""
+    input:
+        lambda w: plan.inputs("frame_camera", w, "simulate"),
+    output:
+        f"{DONE}/{{shot}}/frame_camera/{{frames}}.{{key}}",
+    log:
+        f"{LOGS}/{{shot}}/frame_camera/{{frames}}.{{key}}.log",
+    params:
+        job=lambda w, output: plan.words("frame_camera", w),
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("frame_camera", w) * attempt,
+    message:
+        "\nrule frame_camera: {wildcards.shot}"
+    shell:
+        TASK
+
+
+rule render:
+    """Render raw pictures with their auxiliary features, in Mitsuba."""
+    input:
+        lambda w: plan.inputs("render", w, "smooth_normals"),
+        lambda w: plan.inputs("render", w, "frame_camera"),
+        lambda w: plan.inputs("render", w, "simulate"),  # where pictures read meshes too
+    output:
+        f"{DONE}/{{shot}}/{{quality}}/render/{{frames}}.{{key}}",
+    log:
+        f"{LOGS}/{{shot}}/{{quality}}/render/{{frames}}.{{key}}.log",
+    params:
+        job=lambda w, output: plan.words("render", w),
+    threads: lambda w: plan.threads("render", w)
+    resources:
+        mem_mb=lambda w, attempt, threads: plan.memory("render", w, threads) * attempt,
+        runtime=lambda w, attempt, threads: plan.minutes("render", w, threads, attempt),
+    retries: 2
+    message:
+        "\nrule render: {wildcards.shot}, frames {wildcards.frames} at {wildcards.quality}"
+    shell:
+        TASK
+
+
+rule finish:
+    """Denoise pictures, over time too."""
+    input:
+        lambda w: plan.inputs("finish", w, "render"),
+    output:
+        f"{DONE}/{{shot}}/{{quality}}/finish/{{frames}}.{{key}}",
+    log:
+        f"{LOGS}/{{shot}}/{{quality}}/finish/{{frames}}.{{key}}.log",
+    params:
+        job=lambda w, output: plan.words("finish", w),
+    threads: lambda w: plan.threads("finish", w)
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("finish", w) * attempt,
+    retries: 2
+    message:
+        "\nrule finish: {wildcards.shot}, frames {wildcards.frames} at {wildcards.quality}"
+    shell:
+        TASK
+
+
+rule assemble:
+    """Encode the movie of a shot."""
+    input:
+        lambda w: plan.inputs("assemble", w, "finish"),
+    output:
+        update("renders/{shot}/{quality}/{movie}.mp4"),
+    log:
+        f"{LOGS}/{{shot}}/{{quality}}/{{movie}}.log",
+    params:
+        job=lambda w, output: plan.words("assemble", w),
+        key=lambda w: plan.movie_key("assemble", w),
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("assemble", w) * attempt,
+    message:
+        "\nrule assemble: {output}"
+    shell:
+        TASK
+
+
+rule film:
+    """Encode the film of an edit: title, shots, credits, sound."""
+    input:
+        lambda w: plan.inputs("film", w, "finish"),
+    output:
+        update("renders/film/{quality}/{movie}.mp4"),
+    log:
+        f"{LOGS}/film/{{quality}}/{{movie}}.log",
+    params:
+        job=lambda w, output: plan.words("film", w),
+        key=lambda w: plan.movie_key("film", w),
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("film", w) * attempt,
+    message:
+        "\nrule film: {output}"
+    shell:
+        TASK
+
+
+rule stills:
+    """Write finished frames as a display shows them: PNG or JPEG."""
+    input:
+        lambda w: plan.inputs(w.form, w, "finish"),
+    output:
+        f"{DONE}/{{shot}}/{{quality}}/{{form}}/{{frames}}.{{key}}",
+    log:
+        f"{LOGS}/{{shot}}/{{quality}}/{{form}}/{{frames}}.{{key}}.log",
+    params:
+        job=lambda w, output: plan.words(w.form, w),
+    resources:
+        mem_mb=lambda w, attempt: plan.memory(w.form, w) * attempt,
+    message:
+        "\nrule stills: {wildcards.shot}, frames {wildcards.frames} as {wildcards.form}"
+    shell:
+        TASK
+
+
+rule frame:
+    """Make one finished frame, which the job that denoises it shows."""
+    input:
+        lambda w: plan.frame_inputs(w),
+    output:
+        update("renders/{shot}/{quality}/frames/{name}.{number}.exr"),
+    message:
+        "\nrule frame: {output}"
+    shell:
+        "test -e {output:q}"

@@ -26,7 +26,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.report import Target, keep, show
-from pipeline.production.execution import scheduler
+from pipeline.production.execution import snakemake
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
@@ -128,8 +128,9 @@ def fill(plan: Plan) -> None:
 
 def carry_out(plan: Plan) -> None:
     """Have Snakemake run all jobs of a plan but its simulations."""
-    kept = replace(plan, jobs=tuple(job for job in plan.jobs if job.task != "simulate"))
-    assert scheduler.execute(kept.freeze(Path.cwd()), Path.cwd(), CORES, Profile.local()), "a job failed"
+    kept = replace(plan, jobs=tuple(job for job in plan.jobs if job.stage != "simulate"))
+    kept.freeze(Path.cwd())
+    assert snakemake.execute(kept, Path.cwd(), CORES, Profile.local()), "a job failed"
 
 
 def snakemake_looks_at(plan: Plan) -> None:
@@ -139,11 +140,11 @@ def snakemake_looks_at(plan: Plan) -> None:
         "-m",
         "snakemake",
         "--snakefile",
-        str(scheduler.snakefile()),
+        str(snakemake.snakefile()),
         "--cores",
         str(CORES),
     ]
-    words += ["--workflow-profile", str(scheduler.snakefile().parent / "profiles/default"), "--quiet", "all"]
+    words += ["--workflow-profile", str(snakemake.snakefile().parent / "profiles/default"), "--quiet", "all"]
     frozen = plan.freeze(Path.cwd())
     subprocess.run([*words, "--dry-run", "--config", f"plan={frozen}"], check=True, stdout=subprocess.DEVNULL)
 

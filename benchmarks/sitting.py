@@ -57,7 +57,7 @@ class Sitting:
         return {**told["seconds"], "vertices": told["vertices"]}
 
     def jobs(self, task: str) -> Iterator[Job]:
-        return (job for job in self.plan.jobs if job.task == task)
+        return (job for job in self.plan.jobs if job.stage == task)
 
     def merged(self, task: str) -> Job:
         """All jobs of a task as one, by one process."""
@@ -68,7 +68,7 @@ class Sitting:
         """Raises RuntimeError where a frame could not be made."""
         numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
         log = log or EventLog(self.root / "events.jsonl", job.name)
-        if not task_of(job.task)(Context(self.root, self.plan, job, log)):
+        if not task_of(job.stage)(Context(self.root, self.plan, job, log)):
             raise RuntimeError(f"{job.name} failed: see above")
 
     def do_all(self, tasks: Sequence[str]) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import nullcontext
 from pathlib import Path
@@ -93,10 +92,7 @@ def _report_notes(plan: Plan, reported: set[str]) -> None:
 def _intended(plan: Plan) -> str:
     if not plan.jobs:
         return "Nothing to be done."
-    counts: Counter[str] = Counter()
-    for job in plan.jobs:
-        counts[job.task] += len(job.frames)
-    return f"To be done: {count_words(counts)}."
+    return f"To be done: {count_words(plan.frame_counts())}."
 
 
 def count_words(counts: Mapping[str, int]) -> str:
@@ -152,7 +148,7 @@ def _failure(event: dict[str, Any]) -> str:
 
 
 def _plan_facts(plan: Plan) -> dict[str, Any]:
-    jobs = [{"job": job.name, "task": job.task, "frames": list(job.frames)} for job in plan.jobs]
+    jobs = [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in plan.jobs]
     return {"jobs": jobs, "targets": list(plan.targets)}
 
 

@@ -63,9 +63,7 @@ class StageBars:
 
     def __init__(self, plan: Plan, reader: EventReader) -> None:
         self._reader = reader
-        totals: Counter[str] = Counter()
-        for job in plan.jobs:
-            totals[job.task] += len(job.frames)
+        totals = plan.frame_counts()
         self._progress = _progress(TextColumn("{task.fields[now]}", style="dim"))
         self._tasks: dict[str, TaskID] = {
             name: self._progress.add_task(stage.doing, total=totals[name], start=False, now="")

@@ -20,7 +20,6 @@ from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import Framing, frame_all, turned, with_room
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable, TurntableAngle, framed_whole
-from pipeline.production.versions.wedge import frames_by_task
 from pipeline.shot.camera import Lens, View
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
@@ -136,7 +135,7 @@ def test_looks_share_what_they_have_in_common_and_have_a_movie_side_by_side(
     assert sheet.shape[1] <= both.shape[1] and sheet.shape[0] < both.shape[0]
 
     def to_do(**asked: object) -> dict[str, int]:
-        return dict(frames_by_task(desk.turning(**asked).plan()))
+        return dict(desk.turning(**asked).plan().frame_counts())
 
     assert to_do(looks=("clay", "glaze")) == {}
     assert to_do(looks=("clay", "glaze"), turn="lights") == {"assemble": 8}
@@ -168,7 +167,7 @@ def test_a_damaged_picture_makes_no_sheet_and_is_told(desk: Desk, turned_in_two_
 
 def test_a_mesh_file_in_several_looks_is_read_once(desk: Desk) -> None:
     plan = desk.turning("wedge.obj", at=None, looks=("clay", "glaze", "chrome")).plan()
-    made = frames_by_task(plan)
+    made = plan.frame_counts()
     assert made["simulate"] == made["smooth_normals"] == 1 and made["frame_camera"] == 8
     assert made["render"] == made["finish"] == 24
     homes = {Path(target).parts[2:4] for target in plan.targets if target.endswith(".mp4")}

@@ -67,7 +67,7 @@ def test_a_part_of_a_task_is_a_job_of_the_whole_plan(project, monkeypatch):
     monkeypatch.chdir(project.path)
     plan = Project(project.path, 2).whole(NAME, QUALITY)
     assert plan.job("render:3,5-6").frames == (3, 5, 6)
-    simulation = next(job for job in plan.jobs if job.task == "simulate")
+    simulation = next(job for job in plan.jobs if job.stage == "simulate")
     assert simulate(Context.of(project.path, plan, simulation.name))
     assert Project(project.path, 2).whole(NAME, QUALITY).jobs == plan.jobs
 

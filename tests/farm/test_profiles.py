@@ -3,13 +3,12 @@
 import json
 import os
 import time
-from pathlib import Path
 
 import pytest
 
 from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.production.execution.project import Project
-from pipeline.production.execution.scheduler import _words, complaint
+from pipeline.production.execution.snakemake import _words, complaint
 from pipeline.production.planning.needs import LEAST_MIB, START_MINUTES, Experience
 from pipeline.production.planning.plan import Job, Plan, batches
 from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
@@ -46,9 +45,10 @@ def hops(plan):
     """The longest chain of jobs that a farm does one after the other."""
 
     def depth(job):
-        return (not job.stays) + max((depth(plan.job(name)) for name in job.after), default=0)
+        read = [other for other in plan.jobs if other.output in plan.all_inputs(job)]
+        return (not job.is_local) + max(map(depth, read), default=0)
 
-    return max(map(depth, plan.last_jobs))
+    return max(map(depth, plan.jobs))
 
 
 def test_a_name_is_looked_up_in_the_working_folder_before_the_shipped_profiles(folder):
@@ -82,15 +82,15 @@ def test_a_profile_that_is_not_there_is_told_with_those_there_are(folder):
 
 
 def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
-    farm = profile(folder, "executor: slurm\njobs: 50\nconfig: {threads: 8, frames: 2}\n")
+    farm = profile(folder, "executor: slurm\njobs: 50\nconfig: {threads: 8, min_frames: 2}\n")
     plan = Project(folder, 2, profile=farm).film("preview")
-    renders = [job for job in plan.jobs if job.task == "render"]
+    renders = [job for job in plan.jobs if job.stage == "render"]
     assert [job.frames for job in renders] == [(1, 2), (3, 4), (5, 6)]
-    assert {job.threads for job in plan.jobs if not job.stays} == {8}
+    assert {job.threads for job in plan.jobs if not job.is_local} == {8}
     frozen = Plan.thaw(folder / plan.freeze(folder))
     assert [job.threads for job in frozen.jobs] == [job.threads for job in plan.jobs]
     assert hops(frozen) == 3
-    assert {job.task for job in plan.jobs if job.stays} == {
+    assert {job.stage for job in plan.jobs if job.is_local} == {
         "smooth_normals",
         "frame_camera",
         "assemble",
@@ -100,10 +100,10 @@ def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
 
 def test_snakemake_is_given_the_profile_and_what_this_machine_has(folder):
     farm = profile(folder, "executor: slurm\n")
-    words = _words(Path("plan.json"), 2, farm)
+    words = _words(Plan((), None, ()), 2, farm)
     assert words[words.index("--local-cores") + 1] == "2"
     assert words[words.index("--jobs") + 1] == str(SIDE_BY_SIDE)
-    assert "--cores" in _words(Path("plan.json"), 2, Profile.local())
+    assert "--cores" in _words(Plan((), None, ()), 2, Profile.local())
 
 
 def test_a_farm_that_takes_no_job_is_told_in_its_own_words(tmp_path):
@@ -136,9 +136,10 @@ def test_what_earlier_pictures_took_is_asked_for(tmp_path):
 @pytest.fixture
 def context(tmp_path):
     """A job that waits for another."""
-    jobs = Job("simulate_1", "simulate", (), (1,)), Job("render_1", "render", (), (1,), after=("simulate_1",))
-    plan = Plan(requests=(), film=None, jobs=jobs, links=(), targets=())
-    return Context.of(tmp_path, plan, "render_1")
+    simulation = Job("simulate_1", "simulate", (0,), (1,), output="done/simulate")
+    normals = Job("smooth_normals_1", "smooth_normals", (0,), (1,), reads=(1,), output="done/normals")
+    plan = Plan(requests=(), film=None, jobs=(simulation, normals))
+    return Context.of(tmp_path, plan, "smooth_normals_1")
 
 
 def test_a_job_that_said_why_it_failed_is_not_tried_again_and_a_killed_one_is(context):
@@ -159,7 +160,7 @@ def test_a_job_that_said_why_it_failed_is_not_tried_again_and_a_killed_one_is(co
 
 
 def test_inputs_from_the_future_are_given_the_present_time(context):
-    source = context.root / context.plan.mark(context.plan.jobs[0])
+    source = context.root / context.plan.jobs[0].output
     source.parent.mkdir(parents=True)
     source.touch()
     os.utime(source, (0, 0))
@@ -171,7 +172,7 @@ def test_inputs_from_the_future_are_given_the_present_time(context):
 
 
 def test_every_other_host_has_an_event_log_of_its_own(tmp_path, monkeypatch):
-    plan = Plan(requests=(), film=None, jobs=(), links=(), targets=())
+    plan = Plan(requests=(), film=None, jobs=())
     reader = EventReader(tmp_path / EVENTS / f"{plan.name}.jsonl")
     EventLog(tmp_path / EVENTS / plan.log_name, "a").write("begin")
     assert [event["job"] for event in reader.new()] == ["a"]
@@ -191,10 +192,11 @@ def test_a_simulation_tried_again_goes_on_from_its_last_frame(folder):
     assert simulate(context)
     store, request = Store(folder), context.request
     store.discard("mesh", request.mesh_key(3))
-    for output in job.outputs:
-        (folder / output).unlink()
+    outputs = [folder / place for place in request.places("mesh", job.frames)]
+    for output in outputs:
+        output.unlink()
     again = EventReader(context.log.path)
     list(again.new())
     assert simulate(context)
     assert [(event["frame"], event["found"]) for event in again.new()] == [(1, True), (2, True), (3, False)]
-    assert all((folder / output).is_file() for output in job.outputs)
+    assert all(output.is_file() for output in outputs)

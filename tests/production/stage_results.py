@@ -127,7 +127,7 @@ def environment() -> dict[str, Any]:
 
 def _do(root: Path, plan: Plan) -> None:
     for job in plan.jobs:
-        assert task_of(job.task)(Context.of(root, plan, job.name)), job.name
+        assert task_of(job.stage)(Context.of(root, plan, job.name)), job.name
 
 
 def _decoded(path: Path) -> Arrays:

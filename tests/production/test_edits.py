@@ -9,13 +9,13 @@ import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError
 from pipeline.production.execution.project import Project
-from pipeline.production.execution.snakefile import plan_of
-from pipeline.production.planning.plan import Plan
+from pipeline.production.execution.snakefile import PlannedWorkflow
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
 from pipeline.shot.yaml.lookup import is_edit
 from render.movie.probe import probe_movie
+from tests.production.snakemake import workflow
 
 REEL = """\
 title: Reel
@@ -77,16 +77,18 @@ def test_each_edit_has_a_film_of_its_own(there):
     reel = project.film("preview", find_edit("reel"))
     assert "renders/film/preview/reel.mp4" in reel.targets
     assert "renders/film/preview/film.mp4" not in reel.targets
-    (film,) = [job for job in reel.jobs if job.task == "film"]
-    shown = [int(Path(frame).name.split(".")[1]) for frame in film.inputs]
+    (film,) = [job for job in reel.jobs if job.stage == "film"]
+    shown = [number for place in film.requests for number in reel.requests[place]["requested"]]
     assert shown == [2, 3, 4, 1, 2, 3, 4, 5, 6, 6, 5]
+    finished = [job for job in reel.jobs if job.output in reel.all_inputs(film)]
+    assert {number for job in finished for number in job.frames} == set(shown)
     assert len(film.frames) == 6 + len(shown)
 
 
 def test_only_the_part_that_an_edit_shows_is_rendered(there):
     Path("shots/reel.yaml").write_text("title: R\nshots: [{shot: T010_tiny, frames: 2-4}]\n")
     plan = Project(there.path, cores=2).film("preview", find_edit("reel"))
-    assert sorted(n for job in plan.jobs if job.task == "render" for n in job.frames) == [2, 3, 4]
+    assert sorted(n for job in plan.jobs if job.stage == "render" for n in job.frames) == [2, 3, 4]
 
 
 def test_an_edit_of_another_name_and_the_same_cut_has_the_same_key(there):
@@ -133,7 +135,7 @@ def test_an_edit_of_whole_shots_shows_what_they_have_by_now(there):
     before = project.film("preview", find_edit("film"))
     shot.write_text(shot.read_text().replace("frames: 1-6", "frames: 1-7"))
     after = Project(there.path, cores=2).film("preview", find_edit("film"))
-    assert [len(plan.jobs[-1].inputs) for plan in (before, after)] == [6, 7]
+    assert [len(plan.requests[0]["requested"]) for plan in (before, after)] == [6, 7]
 
 
 def test_the_length_of_a_film_is_that_of_its_clips_and_cards(there):
@@ -164,8 +166,7 @@ def test_a_clip_of_a_shot_that_is_not_there_is_a_missing_input(there):
 
 
 def test_plain_snakemake_plans_the_edit_that_it_is_given(there):
-    plan, _, _ = plan_of({"edit": "reel", "quality": "preview"}, cores=2, main=True)
-    assert isinstance(plan, Plan)
+    plan = PlannedWorkflow(workflow(), {"edit": "reel", "quality": "preview"}).plan
     assert plan.film is not None and plan.film["name"] == "reel"
 
 

@@ -44,7 +44,7 @@ class Bench:
         return Project(self.root, 1, settings=(*SETTINGS, *settings)).pictures([NAME], QUALITY, frames)
 
     def context(self, plan: Plan, task: str) -> Context:
-        job = next(job for job in plan.jobs if job.task == task)
+        job = next(job for job in plan.jobs if job.stage == task)
         return Context(self.root, plan, job, EventLog(self.root / EVENTS / f"{plan.name}.jsonl", job.name))
 
     def do(self, plan: Plan, *tasks: str) -> None:
@@ -207,7 +207,7 @@ sys.exit(75 if number < 3 else 0)
 def test_fresh_renderers_go_on_where_others_ended_past_frames_that_failed(tmp_path: Path) -> None:
     log = EventLog(tmp_path / "events.jsonl", "job")
     log.write("frame", frame=1)  # of a run before
-    job = Job("job", "render", (0,), (1, 2, 3, 4), (), ())
+    job = Job("job", "render", (0,), (1, 2, 3, 4))
     started: list[int] = []
 
     def start(settled: int) -> subprocess.Popen[bytes]:
@@ -215,7 +215,7 @@ def test_fresh_renderers_go_on_where_others_ended_past_frames_that_failed(tmp_pa
         return subprocess.Popen([sys.executable, "-c", _RENDERER, str(log.path), str(settled)])
 
     assert RENEWED == 75
-    assert Supervisor(Context(tmp_path, Plan((), None, (job,), (), ()), job, log), start).run() == 0
+    assert Supervisor(Context(tmp_path, Plan((), None, (job,)), job, log), start).run() == 0
     assert started == [0, 2, 3]
 
 
@@ -233,7 +233,7 @@ def test_what_was_rendered_is_finished_unless_nothing_was_or_the_machine_refused
 def test_a_signal_is_passed_on_and_the_renderer_waited_for(tmp_path: Path) -> None:
     """It ends when its pass is over, which is not at once."""
     log = EventLog(tmp_path / "events.jsonl", "job")
-    job = Job("job", "render", (0,), (1,), (), ())
+    job = Job("job", "render", (0,), (1,))
     code = (
         "import os, signal, sys, time\n"
         "signal.signal(signal.SIGTERM, lambda *_: (time.sleep(0.3), open(sys.argv[1], 'w'), sys.exit(130)))\n"
@@ -244,7 +244,7 @@ def test_a_signal_is_passed_on_and_the_renderer_waited_for(tmp_path: Path) -> No
     def start(settled: int) -> subprocess.Popen[bytes]:
         return subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "kept")])
 
-    context = Context(tmp_path, Plan((), None, (job,), (), ()), job, log)
+    context = Context(tmp_path, Plan((), None, (job,)), job, log)
     assert Supervisor(context, start).run() == 130
     assert (tmp_path / "kept").exists()
     assert not list(EventReader(log.path).new())

@@ -19,6 +19,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.readers import read_npz
+from tests.production.snakemake import snakemake
 
 SHOT = (
     "title: T\nframes: 1-3\nsubject: {solid: icosphere}\nresample: off\n"
@@ -127,18 +128,11 @@ def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> 
         RenderRequest.from_data(json.loads(json.dumps(request.as_data()))).shot  # noqa: B018
 
 
-def snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:
-    """Plain Snakemake in a folder, as its users call it."""
-    project = Path(__file__).parents[2]
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(project / "Snakefile"), "--cores", "1"]
-    command += [
-        "--workflow-profile",
-        str(project / "profiles/default"),
-        "--until",
-        "simulate",
-    ]
-    command += ["--config", "shot=P010", "quality=preview", *config]
-    return subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=300, check=False)
+def plain_snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:
+    """Simulate a shot by plain Snakemake, as its users call it."""
+    return snakemake(
+        folder, "--until", "simulate", "--config", "shot=P010", "quality=preview", *config, cores=1
+    )
 
 
 def test_plain_snakemake_runs_code_with_permission_alone(tmp_path: Path) -> None:
@@ -153,10 +147,10 @@ def test_plain_snakemake_runs_code_with_permission_alone(tmp_path: Path) -> None
             "allow_code is 1; it says whether shots may run their Python files. Write true or",
         ),
     ):
-        refused = snakemake(tmp_path, *config)
+        refused = plain_snakemake(tmp_path, *config)
         assert refused.returncode == 1 and says in refused.stderr, refused.stderr
         assert "Traceback" not in refused.stderr and "/pipeline/" not in refused.stderr, refused.stderr
-    done = snakemake(tmp_path, "allow_code=true")
+    done = plain_snakemake(tmp_path, "allow_code=true")
     assert done.returncode == 0, done.stderr
     first, last = (read_npz(tmp_path / f"renders/P010/meshes/P010.000{n}.npz")["vertices"] for n in (1, 3))
     np.testing.assert_allclose(last - first, np.tile([0.0, 2 / 24, 0.0], (len(first), 1)), atol=1e-7)

@@ -9,6 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.production.execution.project import Project
+from pipeline.production.keys.stages import STAGES, forced_with
 from pipeline.production.planning.plan import BATCH, FEWEST, LAST, Plan, batches
 
 SHOT = (
@@ -40,12 +41,12 @@ def plan(tmp_path: Path) -> Plan:
     return Project(tmp_path, 2, variant="scalar_rgb").pictures([str(tmp_path / "a.yaml")], "preview")
 
 
-def test_a_frozen_plan_names_the_jobs_that_each_waits_for(plan: Plan, tmp_path: Path) -> None:
+def test_a_frozen_plan_knows_what_each_job_reads(plan: Plan, tmp_path: Path) -> None:
     thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
-    by_name = {job.name: job for job in thawed.jobs}
-    assert [job.name for job in thawed.jobs] == [job.name for job in plan.jobs]
-    tasks = {job.task: {by_name[name].task for name in job.after} for job in thawed.jobs}
-    assert tasks == {
+    by_output = {job.output: job for job in thawed.jobs}
+    assert thawed.jobs == plan.jobs and len(by_output) == len(plan.jobs)
+    read = {job.stage: {by_output[o].stage for o in thawed.all_inputs(job)} for job in thawed.jobs}
+    assert read == {
         "simulate": set(),
         "smooth_normals": {"simulate"},
         "frame_camera": {"simulate"},
@@ -53,14 +54,30 @@ def test_a_frozen_plan_names_the_jobs_that_each_waits_for(plan: Plan, tmp_path: 
         "finish": {"render"},
         "assemble": {"finish"},
     }
-    assert [job.task for job in thawed.last_jobs] == ["assemble"]
+    assert "renders/a/preview/a.mp4" in thawed.outputs
 
 
 def test_a_frozen_plan_does_not_grow_by_a_file_name_a_frame(plan: Plan, tmp_path: Path) -> None:
     assert (tmp_path / plan.freeze(tmp_path)).stat().st_size < 300 * 50
 
 
-def test_marks_of_jobs_are_apart(plan: Plan) -> None:
-    marks = [plan.mark(job) for job in plan.jobs]
-    assert len(set(marks)) == len(marks)
-    assert {mark.parent.name for mark in marks} == {job.rule for job in plan.jobs}
+def test_done_files_change_with_the_shot_and_back(tmp_path: Path) -> None:
+    path = tmp_path / "a.yaml"
+
+    def outputs(text: str) -> list[str]:
+        path.write_text(text)
+        return [
+            job.output
+            for job in Project(tmp_path, 2, variant="scalar_rgb").pictures([str(path)], "preview").jobs
+        ]
+
+    shot = SHOT.format(frames=6)
+    before = outputs(shot)
+    assert not set(outputs(shot.replace("5: 60", "5: 61"))) & set(before) - {"renders/a/preview/a.mp4"}
+    assert outputs(shot) == before
+
+
+def test_forcing_a_stage_forces_all_that_read_it() -> None:
+    assert forced_with(["simulate"]) == set(STAGES)
+    assert forced_with(["finish"]) == {"finish", "assemble", "film", "png", "png16", "jpeg"}
+    assert forced_with([]) == set()

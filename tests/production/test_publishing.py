@@ -74,7 +74,7 @@ class Desk:
 
 def done(root: Path, plan: Plan) -> None:
     for job in plan.jobs:
-        assert task_of(job.task)(Context.of(root, plan, job.name))
+        assert task_of(job.stage)(Context.of(root, plan, job.name))
 
 
 @pytest.fixture(scope="module")
@@ -306,7 +306,7 @@ def test_a_file_that_it_reads_must_be_what_it_was(desk: Desk) -> None:
 def test_a_provenance_gives_no_leave_to_run_code(desk: Desk) -> None:
     source = desk.home / "v001" / FILE
     data = json.loads(source.read_text())
-    data["script"]["allow_code"] = True
+    data["source"]["allow_code"] = True
     source.unlink()
     source.write_text(json.dumps(data))
     assert desk.repetition().request.source.allow_code is False

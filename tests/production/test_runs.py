@@ -3,7 +3,6 @@
 import json
 import os
 import signal
-import subprocess
 import sys
 from pathlib import Path
 
@@ -274,18 +273,6 @@ def test_a_folder_that_cannot_be_written_is_told_in_one_line(project):
     assert done.code == 4
     assert done.err.count("\n") == 1
     assert "--root" in done.err
-
-
-def test_plain_snakemake_does_the_same_work(project, finished_project):
-    project = Path(__file__).parents[2]
-    command = [sys.executable, "-m", "snakemake", "--snakefile", str(project / "Snakefile"), "--cores", "2"]
-    command += ["--workflow-profile", str(project / "profiles/default"), "--config", "quality=preview"]
-    done = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=300)
-    assert done.returncode == 0, done.stderr
-    for a, b in zip(pixels(finished_project.frames()), pixels(project.frames()), strict=True):
-        assert np.array_equal(a, b)
-    again = subprocess.run(command, cwd=project.path, capture_output=True, text=True, timeout=300)
-    assert "Nothing to be done" in again.stderr + again.stdout
 
 
 def test_a_turntable_turns_a_mesh_file_once_around(project):

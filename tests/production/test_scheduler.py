@@ -5,7 +5,7 @@ import sys
 
 import psutil
 
-from pipeline.production.execution.scheduler import end_family
+from pipeline.production.execution.snakemake import end_family
 
 PARENT = """
 import subprocess, sys

@@ -100,7 +100,7 @@ def test_a_run_that_left_no_log_is_told_with_those_that_did(tmp_path: Path) -> N
 
 def plan_of(*jobs: Job, quality: str = "draft") -> Plan:
     request = {"script": {"path": "/shots/A.yaml"}, "quality": quality, "turntable": None}
-    return Plan((request,), None, jobs, (), ())
+    return Plan((request,), None, jobs)
 
 
 def test_frames_of_the_same_kind_tell_what_frames_will_take(tmp_path: Path) -> None:

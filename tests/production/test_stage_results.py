@@ -158,4 +158,4 @@ def test_an_edit_of_our_sources_that_changes_no_result_makes_nothing_again(
 
 def tasks_of_film(root: Path) -> set[str]:
     """The stages that have work to do before the film is there."""
-    return {job.task for job in Project(root, 1).film(QUALITY).jobs}
+    return {job.stage for job in Project(root, 1).film(QUALITY).jobs}

@@ -92,7 +92,7 @@ def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
     monkeypatch.setattr(render, "render", fails)
     monkeypatch.setattr(worker, "_limit_kernels", lambda threads: None)
     plan = Project(project.path, 1, ON_GPU).pictures([NAME], "preview")
-    (job,) = [job for job in plan.jobs if job.task == "render"]
+    (job,) = [job for job in plan.jobs if job.stage == "render"]
     assert process.main(plan.freeze(project.path).as_posix(), job.name, 0) == 1
     events = list(EventReader(project.path / EVENTS / f"{plan.name}.jsonl").new())
     assert [event["event"] for event in events] == ["begin", "healed"]

@@ -12,13 +12,13 @@ import pytest
 
 from pipeline.errors import UsageError
 from pipeline.production.execution.project import Project
-from pipeline.production.planning import sharing
+from pipeline.production.planning import planner
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid, Variation
-from pipeline.production.versions.wedge import Wedge, frames_by_task
+from pipeline.production.versions.wedge import Wedge
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from tests.conftest import commanded
@@ -61,21 +61,20 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
 
 def done(root: Path, plan: Plan) -> None:
     """Do the jobs of a plan, each after those that make what it reads, whatever their order in the plan."""
-    waiting, made = list(plan.jobs), {output for job in plan.jobs for output in job.outputs}
+    waiting, missing = list(plan.jobs), {job.output for job in plan.jobs}
     while waiting:
-        job = next(job for job in waiting if not made & set(job.inputs))
-        assert task_of(job.task)(Context.of(root, plan, job.name))
+        job = next(job for job in waiting if not missing & set(plan.all_inputs(job)))
+        assert task_of(job.stage)(Context.of(root, plan, job.name))
         waiting.remove(job)
-        made -= set(job.outputs)
+        missing.remove(job.output)
 
 
 def frames(plan: Plan) -> dict[str, int]:
-    return dict(frames_by_task(plan))
+    return dict(plan.frame_counts())
 
 
 def spared(wedge: Wedge) -> dict[str, int]:
-    apart, together = map(frames_by_task, wedge.plans())
-    return dict(apart - together)
+    return dict(wedge.plan().spared)
 
 
 @pytest.mark.parametrize(
@@ -144,8 +143,8 @@ def test_a_wedge_over_looks_simulates_once(desk: Desk) -> None:
         "finish": 4,
         "assemble": 4,
     }
-    assert [job.threads for job in plan.jobs if job.task == "simulate"] == [4]
-    assert [job.threads for job in plan.jobs if job.task == "render"] == [2, 2]
+    assert [job.threads for job in plan.jobs if job.stage == "simulate"] == [4]
+    assert [job.threads for job in plan.jobs if job.stage == "render"] == [2, 2]
 
 
 def test_what_a_display_shows_alone_renders_once(desk: Desk) -> None:
@@ -169,7 +168,7 @@ def test_what_a_display_shows_alone_renders_once(desk: Desk) -> None:
 
 def test_a_late_key_shares_the_simulation_before_it(desk: Desk) -> None:
     plan = desk.wedge(LATE, LOOK).plan()
-    simulations = [job for job in plan.jobs if job.task == "simulate"]
+    simulations = [job for job in plan.jobs if job.stage == "simulate"]
     assert [(min(job.frames), max(job.frames)) for job in simulations] == [
         (1, 9),
         (10, 12),
@@ -177,14 +176,15 @@ def test_a_late_key_shares_the_simulation_before_it(desk: Desk) -> None:
         (10, 12),
     ]
     first, *others = simulations
-    assert first.inputs == () and all(job.inputs == (first.outputs[-1],) for job in others)
+    assert plan.all_inputs(first) == []
+    assert all(plan.all_inputs(job) == [first.output] for job in others)
 
 
 def test_short_beginnings_are_not_waited_for(desk: Desk) -> None:
     plan = desk.wedge("flows.0.twist.amount.keys.9=10,20,30").plan()
-    simulations = [job for job in plan.jobs if job.task == "simulate"]
+    simulations = [job for job in plan.jobs if job.stage == "simulate"]
     assert [len(job.frames) for job in simulations] == [12, 12, 12]
-    assert all(not job.inputs for job in simulations)
+    assert all(not plan.all_inputs(job) for job in simulations)
 
 
 @pytest.mark.parametrize(
@@ -193,16 +193,20 @@ def test_short_beginnings_are_not_waited_for(desk: Desk) -> None:
 def test_whatever_is_shared_every_job_finds_what_it_reads(desk: Desk, vary: tuple[str, ...]) -> None:
     """All inputs and targets are made by one job each, and nothing is waited for in a circle."""
     wedge = desk.wedge(*vary, frames="1-10x3")
-    apart, plan = wedge.plans()
-    made = Counter(output for job in plan.jobs for output in job.outputs)
+    plan = wedge.plan()
+    made = Counter(job.output for job in plan.jobs)
     assert set(made.values()) == {1}
-    assert {place for job in plan.jobs for place in job.inputs} | set(plan.targets) <= set(made)
-    assert len({job.name for job in plan.jobs}) == len(plan.jobs) <= len(apart.jobs) + 3
+    assert {output for job in plan.jobs for output in plan.all_inputs(job)} | set(plan.outputs) <= set(made)
+    assert len({job.name for job in plan.jobs}) == len(plan.jobs)
+    for job in plan.jobs:
+        if job.stage == "finish":
+            batches = [other for other in plan.jobs if other.output in plan.inputs(job, "render")]
+            assert set(job.reads) <= {number for batch in batches for number in batch.frames}
     waiting, missing = list(plan.jobs), set(made)
     while waiting:
-        ready = [job for job in waiting if not missing & set(job.inputs)]
+        ready = [job for job in waiting if not missing & set(plan.all_inputs(job))]
         assert ready, "jobs wait for each other"
-        missing -= {output for job in ready for output in job.outputs}
+        missing -= {job.output for job in ready}
         waiting = [job for job in waiting if job not in ready]
 
 
@@ -239,9 +243,9 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
     (tmp_path / "shots").mkdir()
     (tmp_path / "shots" / f"{NAME}.yaml").write_text(SHOT)
     folders = []
-    for many in (sharing.LONG, 1000):
+    for many in (planner.LONG, 1000):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(sharing, "LONG", many)
+            patch.setattr(planner, "LONG", many)
             root = tmp_path / str(many)
             root.mkdir()
             wedge = Wedge(
@@ -252,8 +256,8 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
                 frames="12",
             )
             plan = wedge.plan()
-            simulations = [job for job in plan.jobs if job.task == "simulate"]
-            done(root, Plan(plan.requests, None, tuple(simulations), (), ()))
+            simulations = [job for job in plan.jobs if job.stage == "simulate"]
+            done(root, Plan(plan.requests, None, tuple(simulations)))
             folders.append({path.name: path.read_bytes() for path in root.rglob("store/mesh/*/*.npz")})
     assert len(folders[0]) == 9 + 3 * 3 and folders[0] == folders[1]
 

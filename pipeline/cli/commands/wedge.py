@@ -13,7 +13,7 @@ from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
-from pipeline.production.versions.wedge import Wedge, frames_by_task
+from pipeline.production.versions.wedge import Wedge
 
 
 def wedge(
@@ -74,9 +74,9 @@ def wedge(
 
 def _report(common: Common, made: Wedge) -> None:
     """Report the grid and what a run would do for it."""
-    apart, plan = made.plans()
+    plan = made.plan()
     expected = estimate(plan, common.root, common.cores)
-    counts, spared = frames_by_task(plan), frames_by_task(apart) - frames_by_task(plan)
+    counts, spared = plan.frame_counts(), plan.spared
     for note in plan.notes:
         warn(note)
     todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
@@ -86,7 +86,7 @@ def _report(common: Common, made: Wedge) -> None:
         "to_be_made": todo,
         "shared": dict(spared),
         "estimate": expected.as_data(),
-        "jobs": [{"job": job.name, "task": job.task, "frames": list(job.frames)} for job in plan.jobs],
+        "jobs": [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in plan.jobs],
     }
     lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
     frames = len(made.requests[0][1].requested)

@@ -11,7 +11,6 @@ from pipeline.frames import FrameRange
 from pipeline.mesh.io.read import FORMATS
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.sharing import shared
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable
@@ -91,16 +90,13 @@ class TurntableRequest:
         yield from self.project.settings
 
     def plan(self) -> Plan:
-        """Frames and a movie of each look; what looks have in common is made once."""
-        requests, project = self.requests, self.project
-        planner = project.planner_of(len(requests))
+        """Return the plan of the frames and a movie of each look; what looks have in common is made once."""
+        requests = self.requests
+        planner = self.project.planner(len(requests))
         for request in requests:
             planner.pictures(request)
             planner.movie(request)
-        apart = planner.plan()
-        if len(requests) == 1:
-            return apart
-        return shared(apart, requests, project.store, project.cores, project.profile.share)
+        return planner.plan()
 
 
 EIGHTHS, QUARTERS = 8, 4

@@ -39,10 +39,10 @@ def template(plan: Plan, plan_file: str, root: Path) -> dict[str, Any]:
     plan_file  where the frozen plan lies, relative to the template
     """
     steps = [
-        _step("Surfaces", [job.name for job in plan.jobs if job.task in SURFACES], None),
+        _step("Surfaces", [job.name for job in plan.jobs if job.stage in SURFACES], None),
         _frames_step("Render", plan, "render", after="Surfaces"),
         _frames_step("Finish", plan, "finish", after="Render"),
-        _step("Assemble", [job.name for job in plan.jobs if job.task == "assemble"], "Finish"),
+        _step("Assemble", [job.name for job in plan.jobs if job.stage == "assemble"], "Finish"),
     ]
     return {
         "specificationVersion": "jobtemplate-2023-09",
@@ -90,7 +90,7 @@ def _step(name: str, jobs: Sequence[str], after: str | None) -> dict[str, Any]:
 
 
 def _frames_step(name: str, plan: Plan, task: str, after: str) -> dict[str, Any]:
-    numbers = sorted({number for job in plan.jobs if job.task == task for number in job.frames})
+    numbers = sorted({number for job in plan.jobs if job.stage == task for number in job.frames})
     frames = {
         "name": "Frame",
         "type": "CHUNK[INT]",

@@ -46,6 +46,7 @@ class Project:
     settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
     allow_code  whether shots may run the Python files that they name
     profile     where the jobs of its plans run, and so how many there are of them
+    force       stages that are made again though the store holds what they make
     """
 
     root: Path
@@ -54,6 +55,7 @@ class Project:
     settings: tuple[str, ...] = ()
     allow_code: bool = False
     profile: Profile = field(default_factory=Profile.local)
+    force: frozenset[str] = frozenset()
     _texts: SourceCache = field(default_factory=SourceCache, repr=False)
     _montages: dict[Path, ResolvedEdit] = field(default_factory=dict, repr=False)
     _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
@@ -69,34 +71,38 @@ class Project:
         return Store(self.root)
 
     def meshes(self, shots: Sequence[str], frames: str | None = None) -> Plan:
-        """The mesh frames of shots."""
-        planner = self._planner()
+        """Return the plan of the mesh frames of shots."""
+        planner = self.planner()
         for shot in shots:
             planner.simulate(self._asked(shot, "draft", frames, mesh_states, variant="none"))
         return planner.plan()
 
     def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
-        """Finished frames of shots and the movie of them; of the whole shot too where they complete it."""
-        planner = self._planner()
+        """Return the plan of finished frames of shots and the movie of them."""
+        planner = self.planner()
         for shot in shots:
-            request = self._asked(shot, quality, frames, picture_states)
-            planner.pictures(request)
-            if frames is None or not is_in_words(frames):
-                planner.movie(request)
-            if frames is None:
-                continue
-            whole = request.whole()
-            keys = whole.picture_keys(self.store)
-            rest = set(whole.requested) - set(request.requested)
-            if keys and all(self._rendered(keys[n]) for n in rest):
-                planner.pictures(whole)
-                planner.movie(whole)
+            self.add_pictures(planner, shot, quality, frames)
         return planner.plan()
+
+    def add_pictures(self, planner: Planner, shot: str, quality: str, frames: str | None = None) -> None:
+        """Ask for finished frames of a shot and their movie; of the whole shot too where they complete it."""
+        request = self._asked(shot, quality, frames, picture_states)
+        planner.pictures(request)
+        if frames is None or not is_in_words(frames):
+            planner.movie(request)
+        if frames is None:
+            return
+        whole = request.whole()
+        keys = whole.picture_keys(self.store)
+        rest = set(whole.requested) - set(request.requested)
+        if keys and all(self._rendered(keys[n]) for n in rest):
+            planner.pictures(whole)
+            planner.movie(whole)
 
     def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
         """Finished frames of a shot and their movie, from the beginning, whatever is there already."""
         nothing = Store(self.root / STATE / "nothing")
-        planner = Planner(nothing, 1, self._notes)
+        planner = Planner(nothing, 1, 1, self._notes)
         request = self.request(find_shot(shot), quality, frames)
         planner.pictures(request)
         planner.movie(request)
@@ -106,14 +112,14 @@ class Project:
         """Finished frames of shots as a display shows them, in files of a form."""
         if form not in FORMS:
             raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
-        planner = self._planner()
+        planner = self.planner()
         for shot in shots:
             planner.stills(self._asked(shot, quality, frames, picture_states), form)
         return planner.plan()
 
     def mended(self, damages: Iterable[Damage]) -> Plan:
         """The files of takes that were faulty."""
-        planner = self._planner()
+        planner = self.planner()
         for damage in damages:
             if damage.meshes:
                 planner.simulate(replace(damage.request, requested=damage.meshes))
@@ -126,22 +132,23 @@ class Project:
 
     def surfaces(self, request: RenderRequest) -> Plan:
         """What the pictures of a take are made from, and not the pictures."""
-        planner = self._planner()
+        planner = self.planner()
         planner.surfaces(request)
         return planner.plan()
 
     def film(self, quality: str, path: Path = FILM) -> Plan:
-        """The film of an edit: its shots' frames, their movies, and all of them cut together.
+        """Return the plan of an edit's film: its shots' frames, their movies, and the film."""
+        planner = self.planner()
+        self.add_film(planner, quality, path)
+        return planner.plan()
 
-        It is called as the file of the edit is.
-        """
+    def add_film(self, planner: Planner, quality: str, path: Path = FILM) -> None:
+        """Ask for the film of an edit, which is called as the file of the edit is, and its shots' movies."""
         edit, requests = self.edit(quality, path)
-        planner = self._planner()
         for request in requests:
             planner.pictures(request)
             planner.movie(request)
         planner.film(edit, requests)
-        return planner.plan()
 
     def edit(self, quality: str, path: Path = FILM) -> tuple[Edit, list[RenderRequest]]:
         """What the film of an edit is cut to, and the takes of its clips."""
@@ -151,7 +158,7 @@ class Project:
 
     def frames(self, requests: Sequence[RenderRequest]) -> Plan:
         """The finished frames that takes ask for, and nothing made of them."""
-        planner = self._planner()
+        planner = self.planner()
         for request in requests:
             planner.pictures(request)
         return planner.plan()
@@ -211,10 +218,8 @@ class Project:
         ledger = PlanningCache(self.root)
         return edited(path, self.settings, ledger, lambda shot: self._script(shot).summary)
 
-    def _planner(self) -> Planner:
-        return self.planner_of(1)
-
-    def planner_of(self, many: int) -> Planner:
-        """For so many takes that are made side by side."""
-        side_by_side = max(1, self.profile.side_by_side(self.cores) // many)
-        return Planner(self.store, side_by_side, self._notes, self.profile.share)
+    def planner(self, many: int = 1) -> Planner:
+        """Return a planner for so many requests that are made side by side."""
+        cores = self.profile.side_by_side(self.cores)
+        side_by_side, share = max(1, cores // many), self.profile.share
+        return Planner(self.store, side_by_side, cores, self._notes, share, force=self.force)

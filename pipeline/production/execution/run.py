@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
@@ -11,14 +10,14 @@ from pathlib import Path
 import filelock
 
 from pipeline.errors import FrameError, MachineError
-from pipeline.production.execution import scheduler
+from pipeline.production.execution import snakemake
 from pipeline.production.execution.retry import Remedies
 from pipeline.production.execution.watchdog import PATIENCE, watched
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.store import checkpoints
 from pipeline.production.store.event_log import Event, EventLog, EventReader
-from pipeline.production.store.paths import EVENTS, MARKS, STATE
+from pipeline.production.store.paths import EVENTS, STATE
 from pipeline.production.store.store import Store
 from render.base.atomic_write import disk_errors
 
@@ -116,7 +115,6 @@ def run(
     store = Store(root)
     with exclusive(root):
         store.sweep()
-        shutil.rmtree(root / MARKS, ignore_errors=True)
         checkpoints.sweep(store)
         outcome, remedies = Outcome(make_plan()), Remedies(cores)
         hopeful = True
@@ -150,19 +148,18 @@ class _Work:
     def done(self, watch: Callable[[Plan, EventReader], Watcher]) -> list[Event]:
         """What was told while it was carried out."""
         log = self.root / EVENTS / f"{self.plan.name}.jsonl"
-        frozen = self.plan.freeze(self.root)
+        self.plan.freeze(self.root)
         EventLog(log).write("run", cores=self.cores)
         try:
             with watch(self.plan, EventReader(log)), watched(log, self.patience):
-                well = scheduler.execute(frozen, self.root, self.cores, self.profile)
+                well = snakemake.execute(self.plan, self.root, self.cores, self.profile)
         finally:
             EventLog(log).write("ran")
-            shutil.rmtree(self.root / MARKS / self.plan.name, ignore_errors=True)
         events = list(EventReader(log).new())
         told = {"fail", "healed", "hung", "killed"}
         if not well and not any(event["event"] in told for event in events):
-            said = scheduler.log_of(frozen)
-            events += _unexplained(events, said, scheduler.complaint(self.root / said))
+            said = snakemake.log_of(self.plan)
+            events += _unexplained(events, said, snakemake.complaint(self.root / said))
         return events
 
 

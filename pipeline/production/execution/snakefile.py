@@ -1,68 +1,273 @@
-"""What the Snakefile runs: a plan that was frozen before, or one made here for who calls Snakemake directly.
+"""The Snakefile's view of a plan: what each job reads, is called with, and needs.
 
-Snakemake reads the Snakefile before its first job starts, so what only planning needs is imported only where
-a plan is made.
+`flowsculpt` hands over a frozen plan in `config["plan"]`. Plain `snakemake` plans what its targets and
+`--config` ask for, compares it with the store, and freezes the plan for the jobs, which may run on other
+machines. Snakemake sets its targets after it has parsed the Snakefile, so the plan is made when the first
+input function is called.
 """
 
 from __future__ import annotations
 
+import json
+import os
+import re
+import sys
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from filelock import BaseFileLock
 
-from pipeline.errors import UsageError
-from pipeline.production.planning.plan import Plan
-from pipeline.production.store.paths import LOGS, PLANS
+from pipeline.errors import FlowsculptError, UsageError, suggestion
+from pipeline.production.execution.run import acquire
+from pipeline.production.keys.stages import STAGES, forced_with
+from pipeline.production.planning.needs import HERE, UNMEASURED
+from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
+from pipeline.production.planning.profile import Share
+from pipeline.production.request.lookup import FILM, find_edit, find_shot
+from pipeline.production.store.store import Store
 
-_LATEST = PLANS / "latest"
+if TYPE_CHECKING:
+    from pipeline.production.execution.project import Project
+    from pipeline.production.planning.planner import Planner
+
+SETTINGS = ("edit", "shot", "shots", "frames", "quality", "allow_code")
+"""What `--config` may say."""
+
+PROFILE_SETTINGS = ("threads", "min_frames")
+"""What `config` of a profile may say."""
+
+DEFAULT_QUALITY = "draft"
+
+DEFAULT_CORES = 2
+"""Where a command such as --rulegraph runs nothing, and so names no cores."""
+
+
+class PlannedWorkflow:
+    """What the Snakefile asks of the plan.
+
+    workflow, config  Snakemake's own
+
+    Ends the process with exit code 1 and one line for what is wrong with `--config` or a target.
+    """
+
+    def __init__(self, workflow: Any, config: Mapping[str, Any]) -> None:
+        self._workflow, self._config, self._root = workflow, config, Path.cwd()
+        for name in config:
+            if name not in (*SETTINGS, *PROFILE_SETTINGS, "plan"):
+                raise SystemExit(f"--config {name}: there is no such setting. {suggestion(name, SETTINGS)}")
+
+    @cached_property
+    def plan(self) -> Plan:
+        """The frozen plan, or one that is made now."""
+        try:
+            if "plan" in self._config:
+                plan = Plan.thaw(self._root / str(self._config["plan"]))
+            else:
+                plan = self._planned()
+            if self._workflow.is_main_process:
+                _check_done_files(plan, Store(self._root))
+        except FlowsculptError as error:
+            raise SystemExit(str(error)) from None
+        return plan
+
+    # What rules ask
+
+    @property
+    def targets(self) -> list[str]:
+        """The outputs that are asked for."""
+        return self.plan.outputs
+
+    def inputs(self, rule: str, wildcards: Any, stage: str) -> list[str]:
+        """Return the outputs of the jobs of a stage that a job of a rule reads."""
+        return self.plan.inputs(self._job(rule, wildcards), stage)
+
+    def frame_inputs(self, wildcards: Any) -> list[str]:
+        """Return the done-file of the job that finishes a frame."""
+        home, quality, number = wildcards.shot, wildcards.quality, int(wildcards.number)
+        plan = self.plan
+        places = [
+            place for place, stage in plan.goals if stage == "finish" and self._is_of(place, home, quality)
+        ]
+        jobs = [job for place in places for job in plan.jobs_of(place, "finish") if number in job.frames]
+        return list(dict.fromkeys(job.output for job in jobs))
+
+    def words(self, rule: str, wildcards: Any) -> str:
+        """Return what the process of a job is called with."""
+        job = self._job(rule, wildcards)
+        movie = f" --key {self.movie_key(rule, wildcards)}" if job.output.endswith(".mp4") else ""
+        return f"{self.plan.file} {job.name}{movie}"
+
+    def movie_key(self, rule: str, wildcards: Any) -> str:
+        """Return the key by which Snakemake knows a movie: another one makes it encode the movie anew.
+
+        While the movie is right, it is the key that Snakemake knows it by.
+        """
+        job = self._job(rule, wildcards)
+        try:
+            known = (self._root / movie_record(job.output)).read_text()
+        except OSError:
+            return job.key
+        if job.present:
+            return known
+        return job.key if job.key != known else f"{job.key}+"
+
+    def threads(self, rule: str, wildcards: Any) -> int:
+        """Return the threads of a job."""
+        return self._job(rule, wildcards).threads
+
+    def memory(self, rule: str, wildcards: Any, threads: int = 1) -> int:
+        """Return the MiB that a job needs, by what earlier pictures took."""
+        job = self._job(rule, wildcards)
+        measured = self.plan.measured.get(job.requests[0])
+        if rule == "render" and measured:
+            return measured.needs(len(job.frames), threads).mib
+        return (UNMEASURED if self.plan.farm else HERE).mib
+
+    def minutes(self, rule: str, wildcards: Any, threads: int, attempt: int) -> int | None:
+        """Return the minutes that a job may take; None where no picture of the shot was measured."""
+        job = self._job(rule, wildcards)
+        measured = self.plan.measured.get(job.requests[0])
+        minutes = measured.needs(len(job.frames), threads).minutes if measured else None
+        return None if minutes is None else minutes * attempt
+
+    def _job(self, rule: str, wildcards: Any) -> Job:
+        if rule in ("assemble", "film"):
+            home = "film" if rule == "film" else wildcards.shot
+            known = f"renders/{home}/{wildcards.quality}/{wildcards.movie}.mp4"
+        else:
+            known = wildcards.key
+        if known not in self._jobs:
+            raise SystemExit(f"{known}: no job of this plan makes it; ask for a frame, a movie, or nothing")
+        return self._jobs[known]
+
+    @cached_property
+    def _jobs(self) -> Mapping[str, Job]:
+        """The jobs by key, those of movies by the movie."""
+        return {job.output if job.output.endswith(".mp4") else job.key: job for job in self.plan.jobs}
+
+    def _is_of(self, place: int, home: str, quality: str) -> bool:
+        request = self.plan.requests[place]
+        return request["quality"] == quality and Path(request["script"]["path"]).stem == home
+
+    # Planning
+
+    # Planning
+
+    def _planned(self) -> Plan:
+        """Plan what targets and `--config` ask for, with jobs for what is there already.
+
+        If jobs are to run, hold the locks, restore links and freeze the plan.
+        """
+        from pipeline.production.execution.project import Project  # which jobs need not wait for
+
+        workflow, config = self._workflow, self._config
+        settings, is_farm = workflow.dag_settings, not workflow.local_exec
+        cores = workflow.nodes if is_farm else workflow._cores or DEFAULT_CORES
+        project = Project(self._root, cores, allow_code=_allowed(config.get("allow_code", False)))
+        share = Share.of(config) if is_farm else None
+        planner = replace(project.planner(), side_by_side=cores, cores=cores, share=share, whole=True)
+        self._ask(project, planner, sorted(settings.targets))
+        forced = set(STAGES) if settings.forceall else set(STAGES) & set(settings.forcerun)
+        if settings.forcetargets:
+            forced |= {"assemble", "film"}
+        plan = replace(planner.plan(), force=forced_with(forced))
+        for note in plan.notes:
+            print(note, file=sys.stderr)
+        if workflow.executor_plugin is not None and not workflow.dryrun:
+            _HELD.append(acquire(self._root))
+            plan.restore_links(project.store)
+            plan.freeze(self._root)
+            arguments = workflow.config_settings
+            arguments.config_args = [*(arguments.config_args or ()), f"plan={plan.file}"]
+        return plan
+
+    def _ask(self, project: Project, planner: Planner, targets: list[str]) -> None:
+        """Ask the planner for what the targets and `--config` name: by default the film of an edit."""
+        config, quality = self._config, str(self._config.get("quality", DEFAULT_QUALITY))
+        frames = str(config["frames"]) if "frames" in config else None
+        edit = find_edit(str(config.get("edit", FILM.stem)))
+        shots = [name for name in str(config.get("shots", config.get("shot", ""))).split(",") if name]
+        numbers: dict[tuple[str, str], list[str]] = {}
+        for target in targets:
+            if match := _FRAME.fullmatch(target):
+                numbers.setdefault((_shot_of(match, target), match["quality"]), []).append(match["number"])
+            elif match := _FILM.fullmatch(target):
+                project.add_film(planner, match["quality"], find_edit(match["movie"]))
+            elif match := _MOVIE.fullmatch(target):
+                shot = _shot_of(match, target)
+                project.add_pictures(planner, shot, match["quality"], match["frames"])
+            elif target == "shots":
+                for name in shots or [request.name for request in project.edit(quality, edit)[1]]:
+                    planner.surfaces(project.request(find_shot(name), quality))
+        for (shot, wanted), frame_numbers in numbers.items():
+            asked = ",".join(str(int(number)) for number in frame_numbers)
+            planner.pictures(project.request(find_shot(shot), wanted, asked))
+        if targets and "all" not in targets:
+            return
+        for name in shots:
+            project.add_pictures(planner, name, quality, frames)
+        if frames is not None and not shots:
+            raise UsageError(f"--config frames={frames}: of which shot? Say shot=NAME too.")
+        if not shots:
+            project.add_film(planner, quality, edit)
+
+
+_FRAME = re.compile(
+    r"renders/(?P<home>.+)/(?P<quality>[^/]+)/frames/(?P<name>[^/]+)\.(?P<number>-?\d{4,})\.exr"
+)
+_FILM = re.compile(r"renders/film/(?P<quality>[^/]+)/(?P<movie>[^/]+)\.mp4")
+_MOVIE = re.compile(
+    r"renders/(?P<home>.+)/(?P<quality>[^/]+)/(?P<name>[^/]+?)(\.(?P<frames>[-\d,x:y]+))?\.mp4"
+)
 
 _HELD: list[BaseFileLock] = []
 """The locks this process holds until it ends."""
 
 
-def plan_of(config: Mapping[str, Any], cores: int, main: bool) -> tuple[Plan, str, str]:
-    """The plan a Snakefile runs, its frozen file, and the folder for what its jobs print.
+def _shot_of(match: re.Match[str], target: str) -> str:
+    """Return the shot of a file. Raises UsageError for a file that no shot alone has."""
+    if match["home"].startswith("turntable/"):
+        raise UsageError(f"{target}: flowsculpt turntable {match['name']} makes the pictures of a turntable")
+    if match["home"] != match["name"]:
+        raise UsageError(f"{target}: files of a shot lie in renders/SHOT and begin with its name")
+    return match["name"]
 
-    `config["plan"]` names one; without it the main process makes one of `config`'s shot, frames and
-    quality, or of its edit (by default the film at draft), and holds the root's lock, and the processes of
-    its jobs take the latest.
+
+def _check_done_files(plan: Plan, store: Store) -> None:
+    """Have done-files tell the truth: what was evicted from the store is not done, what is in it is.
+
+    All get the same old time, for Snakemake runs jobs again whose inputs are newer than their outputs.
     """
-    root = Path.cwd()
-    if "plan" in config:
-        path = Path(str(config["plan"]))
-    elif main:
-        path = _planned(root, config, cores)
-    else:
-        path = Path((root / _LATEST).read_text())
-    plan = Plan.thaw(root / path)
-    return plan, path.as_posix(), (LOGS / plan.name).as_posix()
+    for job in plan.jobs:
+        if STAGES[job.stage].makes == "movie":
+            continue
+        path = store.root / job.output
+        if job.output in plan.manifests and not path.exists():
+            write_manifest(path, *plan.manifests[job.output])
+        # What pictures are cannot be told before their cameras are known.
+        is_motion = not STAGES[job.stage].per_quality
+        if job.output in plan.manifests or (is_motion and _is_true(job, path, store)):
+            os.utime(path, (1, 1))
+        else:
+            path.unlink(missing_ok=True)
 
 
-def _planned(root: Path, config: Mapping[str, Any], cores: int) -> Path:
-    """The frozen file of a plan for what `config` asks for."""
-    from pipeline.production.execution.project import Project
-    from pipeline.production.execution.run import acquire
-    from pipeline.production.request.lookup import FILM, find_edit
-
-    quality = str(config.get("quality", "draft"))
-    project = Project(root, cores, allow_code=_allowed(config.get("allow_code", False)))
-    frames = str(config["frames"]) if "frames" in config else None
-    plan = (
-        project.pictures([str(config["shot"])], quality, frames)
-        if "shot" in config
-        else project.film(quality, find_edit(str(config.get("edit", FILM.stem))))
-    )
-    _HELD.append(acquire(root))
-    plan.restore_links(project.store)
-    path = plan.freeze(root)
-    (root / _LATEST).write_text(path.as_posix())
-    return path
+def _is_true(job: Job, path: Path, store: Store) -> bool:
+    """Tell whether a done-file names all that its job makes, and the store holds it."""
+    try:
+        manifest = json.loads(path.read_text())
+        kind, keys = manifest["kind"], manifest["keys"]
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+    made = 1 if job.stage == "frame_camera" else len(job.frames)
+    return len(keys) == made and all(store.holds(kind, key) for key in keys)
 
 
 def _allowed(value: Any) -> bool:
-    """`--config allow_code=true`. Raises UsageError for what is neither true nor false."""
+    """Read `--config allow_code=true`. Raises UsageError for what is neither true nor false."""
     said = str(value).lower()
     if said not in ("true", "false"):
         raise UsageError(

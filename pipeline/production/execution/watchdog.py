@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.production.execution.poll import every
-from pipeline.production.execution.scheduler import end_family
+from pipeline.production.execution.snakemake import end_family
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 
 PATIENCE = 1800.0

@@ -7,6 +7,7 @@ you do.
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.metadata import version
@@ -137,3 +138,24 @@ TURNTABLE_SHEET = Stage(
     "turntable_sheet", version=1, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
 )
 MEASURE = Stage("measure", version=1, packages=(), doing="measuring", makes="measures", per_quality=False)
+
+READS = {
+    "simulate": ("simulate",),
+    "smooth_normals": ("simulate",),
+    "frame_camera": ("simulate",),
+    "render": ("smooth_normals", "frame_camera", "simulate"),
+    "finish": ("render",),
+    "assemble": ("finish",),
+    "film": ("finish",),
+    **dict.fromkeys((stage.name for stage in STILLS), ("finish",)),
+}
+"""The stages that a stage reads, as the Snakefile has them; a simulation may go on from another."""
+
+
+def forced_with(stages: Iterable[str]) -> frozenset[str]:
+    """Return stages with all that read what they make, directly or not."""
+    forced = set(stages)
+    for stage, read in READS.items():  # in order
+        if forced & set(read):
+            forced.add(stage)
+    return frozenset(forced)

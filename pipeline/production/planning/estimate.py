@@ -62,16 +62,16 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
     size: float | None = 0.0
     for job in plan.jobs:
         shot, quality = _about(plan, job)
-        sample = measured.seconds(job.task, shot, quality)
+        sample = measured.seconds(job.stage, shot, quality)
         if sample is None:
-            unmeasured[job.task] = None
+            unmeasured[job.stage] = None
         else:
-            samples[job.task] = sample
+            samples[job.stage] = sample
             taken = sample.seconds * len(job.frames)
-            by_stage[job.task] += taken
-            if job.task in OF_MOTION:
+            by_stage[job.stage] += taken
+            if job.stage in OF_MOTION:
                 chains[job.requests[0]] += taken
-        each = measured.bytes(job.task, shot, quality)
+        each = measured.bytes(job.stage, shot, quality)
         size = None if size is None or each is None else size + each * len(job.frames)
     return Estimate(
         seconds=_clock(by_stage, chains, cores),
@@ -95,7 +95,7 @@ def _about(plan: Plan, job: Job) -> tuple[str, str]:
     """The shot, as its folder is called, and the quality that a job is for."""
     data = plan.requests[job.requests[0]]
     name, turn = Path(data["script"]["path"]).stem, data["turntable"]
-    if turn and job.task not in OF_MOTION:
+    if turn and job.stage not in OF_MOTION:
         table = Turntable(**turn)
         name = name if table.of_file else f"{name}.{table.at:04d}"
         name = f"{name}/{table.look}" if table.look else name

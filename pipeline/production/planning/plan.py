@@ -1,8 +1,8 @@
-"""The plan: which jobs are needed, decided by keys, frozen to a file that Snakemake and the tasks read.
+"""The plan of a run: render requests and the jobs that make what they lack, frozen to a file.
 
-Planning walks back from what was asked for. A link that shows the right store entry needs nothing; an
-entry in the store needs its link; anything else needs a job, and that job's inputs in turn. A plan thus
-holds only necessary jobs, and none when all is done.
+A job is a batch of frames of one stage. Its output is a done-file, or a movie. Which jobs wait for which is
+no part of a plan: the Snakefile says which stage reads which, and Snakemake walks that graph. The frozen file
+is all that Snakemake and the tasks read, so shots may be edited while a run goes on.
 """
 
 from __future__ import annotations
@@ -11,18 +11,20 @@ import json
 import os
 import platform
 import time
-from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections import Counter, defaultdict
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
 from pipeline.production.keys.digest import Key
-from pipeline.production.planning.needs import UNMEASURED, Needs
-from pipeline.production.store.paths import MARKS, PLANS
+from pipeline.production.keys.stages import READS, STAGES
+from pipeline.production.planning.needs import Experience
+from pipeline.production.store.paths import DONE, PLANS
 from pipeline.production.store.store import Store
-from render.base.atomic_write import disk_errors
+from render.base.atomic_write import atomic_write
 
 if TYPE_CHECKING:
     from pipeline.production.planning.profile import Share
@@ -37,55 +39,46 @@ LAST = 64
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
-FARMED = ("simulate", "render", "finish")
-"""The tasks that a farm's nodes do, one after the other; the rest is too short to wait in a queue for."""
-
-
 @dataclass(frozen=True)
 class Job:
-    """One job of the workflow.
+    """Frames of one stage that one process makes.
 
-    task     the function of `pipeline.production.tasks` that does it
-    takes    the places among the plan's takes of those it works on: one, or for the film all
-    frames   the numbers it makes, in the order in which it makes them
-    inputs   files that it reads, and outputs, those that it shows: known while a plan is made
-    urgency  which of those that could go go first: the highest
-    after    the names of the jobs that make what it reads: known of a plan that was frozen
+    stage     the stage, and the rule of the Snakefile that runs it
+    requests  places among the plan's render requests of those that need it; it works for the first, the film
+              for all
+    frames    the numbers it makes, in the order in which it makes them
+    reads     the numbers it reads of the stage before; a film reads all of its requests
+    meshes    the mesh frames that it reads beside these
+    key       the digest, 16 hex digits, of the keys of what it makes
+    output    the file by which Snakemake sees that it is done, relative to the root
+    present   true if the store holds all that it makes
     """
 
     name: str
-    task: str
+    stage: str
     requests: tuple[int, ...]
     frames: tuple[int, ...]
-    inputs: tuple[str, ...] = ()
-    outputs: tuple[str, ...] = ()
+    reads: tuple[int, ...] = ()
+    meshes: tuple[int, ...] = ()
+    key: str = ""
+    output: str = ""
     threads: int = 1
-    urgency: int = 0
-    needs: Needs = UNMEASURED
-    after: tuple[str, ...] = ()
+    present: bool = False
 
     @property
-    def stays(self) -> bool:
-        """Whether it runs where the plan was made, even if the others go to a farm."""
-        return self.task not in FARMED
+    def is_local(self) -> bool:
+        """True if it runs where the plan was made, even if other jobs go to a farm."""
+        return not STAGES[self.stage].on_farm
 
-    @property
-    def rule(self) -> str:
-        """The rule of the workflow that does it: one for all jobs of a task that are asked for alike."""
-        late = f"_{-self.urgency}" if self.urgency < 0 else ""
-        return f"{self.task}{late}" + ("" if self.needs.minutes is None else "_timed")
+    def as_data(self) -> dict[str, Any]:
+        """Return plain data, short where the job reads the numbers that it makes."""
+        return {**asdict(self), "reads": None if self.reads == self.frames else self.reads}
 
     @classmethod
-    def from_data(cls, data: dict[str, Any]) -> Job:
-        lists = {name: tuple(data[name]) for name in ("requests", "frames", "after")}
-        return cls(
-            data["name"],
-            data["task"],
-            threads=data["threads"],
-            urgency=data["urgency"],
-            needs=Needs(**data["needs"]),
-            **lists,
-        )
+    def from_data(cls, data: Mapping[str, Any]) -> Job:
+        reads = data["frames"] if data["reads"] is None else data["reads"]
+        lists = {name: tuple(data[name]) for name in ("requests", "frames", "meshes")}
+        return cls(**{**data, **lists, "reads": tuple(reads)})
 
 
 @dataclass(frozen=True)
@@ -99,116 +92,175 @@ class Link:
 
 @dataclass(frozen=True)
 class Plan:
-    """What one run does. `takes` and `film` are plain data from which the tasks rebuild theirs; `notes` are
-    lines that the user is to be told; `host` is where it was made."""
+    """What one run makes.
+
+    requests  the render requests, as plain data from which the tasks rebuild them
+    film      the edit of the film, as plain data
+    goals     the stages whose outputs are asked for, each with the place of its request
+    links     files of the store and where they are shown
+    targets   the files that the user asked for
+    notes     lines to tell the user
+    spared    frames by stage that several requests need and one job makes
+    manifests what the jobs that are present have made: the kind and the keys, by output
+    measured  by place of a request, the memory (MiB) and the core-seconds that its pictures took before
+    force     stages whose jobs ignore stored results and replace them
+    farm      whether jobs run on a farm's nodes
+    host      the machine that made the plan
+    """
 
     requests: tuple[dict[str, Any], ...]
     film: dict[str, Any] | None
     jobs: tuple[Job, ...]
-    links: tuple[Link, ...]
-    targets: tuple[str, ...]
+    links: tuple[Link, ...] = ()
+    targets: tuple[str, ...] = ()
+    goals: tuple[tuple[int, str], ...] = ()
     notes: tuple[str, ...] = ()
+    spared: Mapping[str, int] = field(default_factory=dict)
+    manifests: Mapping[str, tuple[str, list[Key]]] = field(default_factory=dict)
+    measured: Mapping[int, Experience] = field(default_factory=dict)
+    force: frozenset[str] = frozenset()
+    farm: bool = False
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
     host: str = field(default_factory=platform.node)
 
     def restore_links(self, store: Store) -> int:
-        """Show again what the store holds but a folder has lost; returns how many links were made."""
+        """Show again what the store holds but a folder has lost; return how many links were made."""
         lost = [link for link in self.links if not store.shows(link.kind, link.key, Path(link.target))]
         for link in lost:
             store.link(link.kind, link.key, Path(link.target))
         return len(lost)
 
-    @property
-    def last_jobs(self) -> list[Job]:
-        """Those that no other waits for, of a plan that was frozen."""
-        waited_for = {name for job in self.jobs for name in job.after}
-        return [job for job in self.jobs if job.name not in waited_for]
+    def all_inputs(self, job: Job) -> list[str]:
+        """Return the outputs of all jobs that make what a job reads."""
+        return [output for stage in READS[job.stage] for output in self.inputs(job, stage)]
 
-    def mark(self, job: Job) -> Path:
-        """The file, relative to the root, by which Snakemake sees that a job is done."""
-        return MARKS / self.name / job.rule / job.name
+    def inputs(self, job: Job, stage: str) -> list[str]:
+        """Return the outputs of the jobs of `stage` that make what a job reads."""
+        is_film = job.stage == "film"
+        reads = set(job.meshes if job.stage == "render" and stage == "simulate" else job.reads)
+        others = (
+            o for place in (job.requests if is_film else job.requests[:1]) for o in self.jobs_of(place, stage)
+        )
+        reads_all = is_film or stage == "frame_camera"
+        read = (o for o in others if o is not job and (reads_all or not reads.isdisjoint(o.frames)))
+        return list(dict.fromkeys(other.output for other in read))
+
+    def jobs_of(self, place: int, stage: str) -> Sequence[Job]:
+        """Return the jobs of a stage that a request needs."""
+        return self._by_stage.get((place, stage), ())
+
+    @cached_property
+    def _by_stage(self) -> Mapping[tuple[int, str], Sequence[Job]]:
+        jobs: defaultdict[tuple[int, str], list[Job]] = defaultdict(list)
+        for job in self.jobs:
+            for place in job.requests:
+                jobs[place, job.stage].append(job)
+        return jobs
+
+    @property
+    def outputs(self) -> list[str]:
+        """The outputs of the stages that are asked for."""
+        jobs = [job for goal in self.goals for job in self.jobs_of(*goal)]
+        return list(dict.fromkeys(job.output for job in jobs))
+
+    @property
+    def file(self) -> Path:
+        """The frozen plan, relative to the root."""
+        return PLANS / f"{self.name}.json"
 
     @property
     def log_name(self) -> str:
-        """What the event log is called that this host writes while the plan runs."""
+        """The name of the event log that this host writes while the plan runs."""
         here = platform.node()
         return f"{self.name}.jsonl" if here == self.host else f"{self.name}.{here}.jsonl"
 
     @property
     def raw_places(self) -> list[Path]:
-        """Where the raw pictures of the frames asked for are shown."""
+        """The raw pictures of the frames asked for."""
         frames = [Path(target) for target in self.targets if Path(target).parent.name == "frames"]
         return [frame.parents[1] / "raw" / frame.name for frame in frames]
 
     def freeze(self, root: Path) -> Path:
-        """Write the plan under `root`; returns the file, relative to `root`.
-
-        Which job needs which stands in it, and none of the files that they hand on to one another: those are
-        known by key. So plans stay small, and Snakemake has one file a job to look after, not one a frame.
-        """
-        path = PLANS / f"{self.name}.json"
-        self.write(root / path)
-        return path
+        """Write the plan under `root`; return the file, relative to `root`."""
+        self.write(root / self.file)
+        return self.file
 
     def write(self, path: Path) -> None:
         """Write the plan to a file, which appears whole or not at all."""
-        with disk_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
-            draft = path.with_name(f".{path.stem}.tmp")
+        with atomic_write(path) as draft:
             draft.write_text(json.dumps(self._as_data()))
-            draft.replace(path)
 
     def _as_data(self) -> dict[str, Any]:
-        maker = {output: job.name for job in self.jobs for output in job.outputs}
-        jobs = []
-        for job in self.jobs:
-            after = dict.fromkeys(maker[file] for file in job.inputs if file in maker)
-            jobs.append({**asdict(replace(job, inputs=(), outputs=())), "after": list(after)})
+        """All but links and targets, which concern the process that plans."""
+        names = ("name", "host", "requests", "film", "goals", "notes", "farm")
         return {
-            "name": self.name,
-            "host": self.host,
-            "requests": self.requests,
-            "film": self.film,
-            "jobs": jobs,
-            "notes": self.notes,
+            **{name: getattr(self, name) for name in names},
+            "jobs": [job.as_data() for job in self.jobs],
+            "measured": {place: asdict(taken) for place, taken in self.measured.items()},
+            "force": sorted(self.force),
         }
 
     @classmethod
     def thaw(cls, path: Path) -> Plan:
-        """What Snakemake and the tasks need of a frozen plan: its jobs; its links are restored by then."""
+        """Read a frozen plan."""
         data = json.loads(path.read_text())
-        jobs = tuple(Job.from_data(job) for job in data["jobs"])
         return cls(
-            requests=tuple(data["requests"]),
-            film=data["film"],
-            jobs=jobs,
-            links=(),
-            targets=(),
-            notes=tuple(data["notes"]),
             name=data["name"],
             host=data["host"],
+            requests=tuple(data["requests"]),
+            film=data["film"],
+            jobs=tuple(Job.from_data(job) for job in data["jobs"]),
+            goals=tuple((place, stage) for place, stage in data["goals"]),
+            notes=tuple(data["notes"]),
+            measured={int(place): Experience(**taken) for place, taken in data["measured"].items()},
+            force=frozenset(data["force"]),
+            farm=data["farm"],
         )
 
     def job(self, name: str) -> Job:
-        """The job of a name; `render:3,17` makes just those of the frames that jobs of the task make."""
-        task, _, frames = name.partition(":")
+        """Return the job of a name; `render:3,17` is a job of just these frames of the stage."""
+        stage, _, frames = name.partition(":")
         if not frames:
             return next(job for job in self.jobs if job.name == name)
         from render.mitsuba.engine import available_cores  # what else is in it takes time to import
 
-        whole = next(job for job in self.jobs if job.task == task)
+        whole = next(job for job in self.jobs if job.stage == stage)
         numbers = tuple(FrameRange.parse(frames))
-        return replace(whole, name=name, frames=numbers, threads=available_cores())
+        return replace(whole, name=name, frames=numbers, output="", threads=available_cores())
+
+    def frame_counts(self) -> Counter[str]:
+        """Return how many frames the jobs of each stage make."""
+        counts: Counter[str] = Counter()
+        for job in self.jobs:
+            counts[job.stage] += len(job.frames)
+        return counts
+
+
+def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:
+    """Return where a job says that it is done. The name holds the key, so an edited shot asks for another."""
+    home = f"{DONE}/{shot}/{quality}" if STAGES[stage].per_quality else f"{DONE}/{shot}"
+    return f"{home}/{stage}/{min(frames):04d}-{max(frames):04d}.{key}"
+
+
+def movie_record(movie: str) -> str:
+    """Return the file, relative to the root, that holds the key by which Snakemake knows a movie."""
+    return f"{DONE}/{movie}.key"
+
+
+def write_manifest(path: Path, kind: str, keys: Sequence[Key]) -> None:
+    """Write a done-file: the kind and the keys of what its job has made."""
+    with atomic_write(path) as draft:
+        draft.write_text(json.dumps({"kind": kind, "keys": list(keys)}))
 
 
 def batches(numbers: Sequence[int], cores: int, least: int = FEWEST) -> list[tuple[int, ...]]:
     """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
     needlessly shorter than `least`.
 
-    They are runs of neighbours, long ones first, for each costs a process the time to start, and shorter ones
-    towards the end, so that no core waits long for another (guided self-scheduling: Polychronopoulos & Kuck,
-    1987). But where frames come in another order than theirs, as coarse first, they are dealt out, so that
-    all cores work on the first ones first.
+    Frames in ascending order are split into neighbours, long batches first, for each costs a process the time
+    to start, and shorter ones towards the end, so that no core waits long for another (guided
+    self-scheduling: Polychronopoulos & Kuck, 1987). Frames in another order, such as coarse first, are dealt
+    out, so that all cores work on the first ones first.
     """
     cores = max(1, cores)
     share = -(-len(numbers) // cores)
@@ -221,7 +273,7 @@ def batches(numbers: Sequence[int], cores: int, least: int = FEWEST) -> list[tup
 
 
 def _guided(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[int, ...]]:
-    """Batches of half of each core's share of what is left."""
+    """Yield batches of half of each core's share of what is left."""
     begun = 0
     while begun < len(numbers):
         size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
@@ -229,11 +281,11 @@ def _guided(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[in
         begun += size
 
 
-def dealt_out(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:
-    """Jobs, the simulations and the renders each as broad as lets all of their kind go side by side; those
-    that go to a farm as broad as `share` says."""
+def with_threads(jobs: Sequence[Job], cores: int, share: Share | None = None) -> list[Job]:
+    """Give the simulations, and the renders, as many threads as let all of their kind run side by side; jobs
+    of a farm get what `share` says."""
     if share is not None:
-        return [replace(job, threads=job.threads if job.stays else share.threads) for job in jobs]
-    many = Counter(job.task for job in jobs)
-    broad = {task: max(1, cores // many[task]) for task in ("simulate", "render") if many[task]}
-    return [replace(job, threads=broad.get(job.task, job.threads)) for job in jobs]
+        return [replace(job, threads=job.threads if job.is_local else share.threads) for job in jobs]
+    many = Counter(job.stage for job in jobs if not job.present)
+    threads = {stage: max(1, cores // max(1, many[stage])) for stage in ("simulate", "render")}
+    return [replace(job, threads=threads.get(job.stage, job.threads)) for job in jobs]

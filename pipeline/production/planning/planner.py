@@ -1,226 +1,424 @@
-"""From what was asked for to a plan: walk back from the pictures to the first thing that is missing."""
+"""From what is asked for to a plan: compare keys with the store, backwards from the pictures.
+
+A link that shows the right store entry needs nothing; an entry in the store needs its link; anything else
+needs a job, and so does what that job reads, unless it is there. What several requests need is made once:
+jobs are known by the keys of what they make.
+"""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cache
-from pathlib import Path
+from functools import cached_property
+from itertools import groupby
+from typing import Any
 
 from pipeline.errors import UsageError
-from pipeline.production.keys.digest import Key
-from pipeline.production.planning.needs import HERE, UNMEASURED, Experience, Needs
-from pipeline.production.planning.plan import FEWEST, Job, Link, Plan, batches, dealt_out
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import STAGES
+from pipeline.production.planning.needs import Experience
+from pipeline.production.planning.plan import (
+    FEWEST,
+    Job,
+    Link,
+    Plan,
+    batches,
+    done_file,
+    with_threads,
+)
 from pipeline.production.planning.profile import Share
+from pipeline.production.request.cameras import CameraFile
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.picture_keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 
+LONG = 8
+"""Frames that a simulation has in common with others from which on these wait for them: to wait costs the
+start of one more process."""
+
+
+@dataclass(frozen=True)
+class _Promise:
+    """The framing of a picture before it is known: where these are equal, so will the framings be."""
+
+    cameras: Key
+    number: int
+
+    def as_data(self) -> Any:
+        return [self.cameras, self.number]
+
+
+class _Promises(CameraFile):
+    """The promised framings of all pictures of a request."""
+
+    def __getitem__(self, number: int) -> Any:
+        return _Promise(self.key, number)
+
+
+@dataclass(eq=False)
+class _Entry:
+    """A request in the plan, and what is known of its pictures.
+
+    keys    those of its pictures; None where its cameras are not known
+    names   the same, or what stands for them until the cameras are known
+    meshes  mesh frames by number: wanted, present, or idle, where nothing needs them
+    """
+
+    place: int
+    request: RenderRequest
+    keys: PictureKeys | None
+    store: Store
+    meshes: dict[int, str] = field(default_factory=dict)
+
+    @cached_property
+    def names(self) -> PictureKeys:
+        if self.keys is not None:
+            return self.keys
+        promised = _Promises(
+            self.store, f"promised {self.request.cameras_key}", dict.fromkeys(self.request.angles)
+        )
+        return PictureKeys(self.request, self.store, promised)
+
+    def numbers(self, state: str) -> list[int]:
+        """Return the mesh frames in a state."""
+        return sorted(n for n, found in self.meshes.items() if found == state)
+
+    def key(self, stage: str, number: int) -> Key:
+        """The key by which a frame of a stage is known in the plan."""
+        if stage == "simulate":
+            return self.request.mesh_key(number)
+        if stage == "smooth_normals":
+            return self.request.normals_key(number)
+        keys = self.names[number]
+        if stage == "render":
+            return keys.raw
+        return keys.frame if stage == "finish" else self.request.still_key(stage, keys.frame)
+
 
 @dataclass
 class Planner:
-    """Collects the jobs of several takes, and of the film that they are cut into.
+    """Collects the jobs of several requests, and of the film that they are cut into.
 
-    cores    how many jobs work side by side
-    share    what each of them has for itself on a farm's nodes; None where they share `cores`
+    side_by_side  how many jobs of one request work side by side
+    cores         how many of all requests do
+    share         what each of them has for itself on a farm's nodes; None where they share this machine
+    whole         plan also jobs whose files are there or not needed, which Snakemake may be told to run again
+    force         stages that are made again though the store holds what they make
     """
 
     store: Store
+    side_by_side: int
     cores: int
     notes: Sequence[str] = ()
     share: Share | None = None
-    _takes: dict[RenderRequest, int] = field(default_factory=dict)
-    _paths: dict[str, Path] = field(default_factory=dict)
-    _made: set[str] = field(default_factory=set)
+    whole: bool = False
+    force: frozenset[str] = frozenset()
+    _entries: dict[RenderRequest, _Entry] = field(default_factory=dict)
     _jobs: list[Job] = field(default_factory=list)
+    _makers: dict[tuple[str, Key], int] = field(default_factory=dict)
     _links: dict[str, Link] = field(default_factory=dict)
     _targets: list[str] = field(default_factory=list)
-    _keyrings: dict[RenderRequest, PictureKeys | None] = field(default_factory=dict)
+    _goals: list[tuple[int, str]] = field(default_factory=list)
+    _spared: Counter[str] = field(default_factory=Counter)
+    _manifests: dict[str, tuple[str, list[Key]]] = field(default_factory=dict)
     _cut: Edit | None = None
 
+    # What can be asked for
+
     def simulate(self, request: RenderRequest) -> None:
-        """Ask for the mesh frames of a take's shot."""
-        self._enter(request)
+        """Ask for the mesh frames of a request's shot."""
+        entry = self._enter(request, "simulate")
         self._targets += request.places("mesh", request.requested)
-        self._meshes(request, request.requested)
+        self._meshes(entry, request.requested)
 
     def surfaces(self, request: RenderRequest) -> None:
-        """Ask for what pictures of a take are made from: meshes with normals, and its cameras."""
-        self._enter(request)
-        self._surfaces(request, request.requested, cameras_known=self._keys(request) is not None)
+        """Ask for what pictures of a request are made from: meshes with normals, and its cameras."""
+        entry = self._enter(request, "smooth_normals", "frame_camera")
+        self._surfaces(entry, request.requested)
         self._targets += [request.folders.cameras().as_posix(), *request.places("normals", request.requested)]
 
     def pictures(self, request: RenderRequest) -> None:
-        """Ask for the finished frames of a take."""
-        self._enter(request)
-        keys = self._keys(request)
-        frames = request.requested
+        """Ask for the finished frames of a request."""
+        entry = self._enter(request, "finish")
+        names, frames = entry.names, request.requested
         self._targets += request.places("frame", frames)
-        unfinished = self._absent("frame", request, frames, lambda n: keys[n].frame if keys else None)
-        asked = set(frames).__contains__
-        around = {n: keys[n].window if keys else request.window(n, asked) for n in unfinished}
-        needed = list(dict.fromkeys([*unfinished, *(n for window in around.values() for n in window)]))
-        unrendered = self._absent("raw", request, needed, lambda n: keys[n].raw if keys else None)
-        if unrendered:
-            self._surfaces(request, unrendered, cameras_known=keys is not None)
-        for batch in self._batches(unrendered):
-            self._render(request, batch)
-        for batch in self._batches(unfinished):
-            seen = sorted({n for number in batch for n in around[number]})
-            self._add(request, "finish", batch, request.places("raw", seen), request.places("frame", batch))
+        unfinished = self._absent(entry, "finish", frames)
+        read = dict.fromkeys([*unfinished, *_union(names[n].window for n in unfinished)])
+        unrendered = self._absent(entry, "render", list(read))
+        if unrendered or self.whole:
+            self._surfaces(entry, unrendered)
+        self._batches(entry, "render", unrendered)
+        self._batches(entry, "finish", unfinished)
+        names.note()
+        if self.whole:
+            self._rest(entry, "render", _union(names[n].window for n in frames))
+            self._rest(entry, "finish", frames)
 
     def stills(self, request: RenderRequest, form: str) -> None:
-        """Ask for the frames of a take as a display shows them."""
+        """Ask for the frames of a request as a display shows them."""
         self.pictures(request)
-        keys = self._keys(request)
+        entry = self._enter(request, form)
         self._targets += request.places(form, request.requested)
-        absent = self._absent(
-            form,
-            request,
-            request.requested,
-            lambda n: request.still_key(form, keys[n].frame) if keys else None,
-        )
-        for batch in self._batches(absent):
-            self._add(request, form, batch, request.places("frame", batch), request.places(form, batch))
+        self._batches(entry, form, self._absent(entry, form, request.requested))
 
     def movie(self, request: RenderRequest) -> None:
-        """Ask for the movie of a take, whose frames are there or have been asked for."""
-        self._enter(request)
-        keys = self._keys(request)
+        """Ask for the movie of a request, whose frames are there or have been asked for."""
+        entry = self._enter(request, "assemble")
         path, frames = request.movie_path.as_posix(), sorted(request.requested)
         self._targets.append(path)
-        key = request.movie_key([keys[n].frame for n in frames]) if keys else None
-        if key is not None and self.store.holds("movie", key):
-            self._link("movie", key, path)
-        elif path not in self._made:
-            self._add(request, "assemble", frames, request.places("frame", frames), [path])
+        key = request.movie_key([entry.names[n].frame for n in frames])
+        present = entry.keys is not None and self._has("assemble", "movie", key, path)
+        if self.whole or not present:
+            self._movie("assemble", (entry,), frames, key, path, present)
 
     def film(self, edit: Edit, requests: Sequence[RenderRequest]) -> None:
-        """Ask for the film of takes, whose frames are there or have been asked for."""
+        """Ask for the film of requests, whose frames are there or have been asked for."""
+        entries = [self._enter(request) for request in requests]
         path = edit.path(requests[0].quality_name).as_posix()
         self._targets.append(path)
+        self._goals.append((entries[0].place, "film"))
         self._cut = edit
-        key = film_key(edit, requests, [self._keys(request) for request in requests])
-        if key is not None and self.store.holds("movie", key):
-            self._link("movie", key, path)
-            return
-        inputs = tuple(place for request in requests for place in request.places("frame", request.requested))
-        frames = tuple(range(1, edit.length + 1))
-        self._jobs.append(Job("film", "film", tuple(map(self._enter, requests)), frames, inputs, (path,)))
+        key = film_key(edit, requests, [entry.names for entry in entries])
+        present = all(entry.keys is not None for entry in entries) and self._has("film", "movie", key, path)
+        if self.whole or not present:
+            self._movie("film", entries, range(1, edit.length + 1), key, path, present)
 
     def plan(self) -> Plan:
-        """What has been collected, the cores dealt out among the simulations and then among the renders."""
-        for keys in self._keyrings.values():
-            if keys is not None:
-                keys.note()
-        jobs = dealt_out(self._jobs, self.cores, self.share)
+        """Return what has been collected, with the cores dealt out among the jobs."""
+        entries = list(self._entries.values())
+        jobs = [*self._simulations(), *self._jobs]
         return Plan(
-            requests=tuple(request.as_data() for request in self._takes),
+            requests=tuple(entry.request.as_data() for entry in entries),
             film=self._cut.as_data() if self._cut else None,
-            jobs=tuple(self._measured(jobs)),
+            jobs=tuple(with_threads(jobs, self.cores, self.share)),
             links=tuple(self._links.values()),
             targets=tuple(dict.fromkeys(self._targets)),
+            goals=tuple(dict.fromkeys(self._goals)),
             notes=tuple(dict.fromkeys(self.notes)),
+            spared=+self._spared,
+            manifests=self._manifests,
+            measured=self._measured({job.requests[0] for job in jobs if job.stage == "render"}),
+            force=self.force,
+            farm=self.share is not None,
         )
 
-    def _keys(self, request: RenderRequest) -> PictureKeys | None:
-        """Those of its pictures, which nothing changes while a plan is made."""
-        if request not in self._keyrings:
-            self._keyrings[request] = request.picture_keys(self.store)
-        return self._keyrings[request]
+    # What is missing
 
-    def _measured(self, jobs: Sequence[Job]) -> list[Job]:
-        """Jobs, those that render asking for what earlier pictures took."""
-        unknown, requests = UNMEASURED if self.share else HERE, list(self._takes)
+    def _enter(self, request: RenderRequest, *goals: str) -> _Entry:
+        """Return the request's entry in the plan. Raises UsageError where another shot has its name."""
+        if request not in self._entries:
+            for other in self._entries:
+                if other.name == request.name and other.source.path != request.source.path:
+                    raise UsageError(
+                        f"{other.source.path} and {request.source.path} are both called {request.name}, "
+                        "and so would their frames be; rename one of them"
+                    )
+            keys = request.picture_keys(self.store)
+            self._entries[request] = _Entry(len(self._entries), request, keys, self.store)
+        entry = self._entries[request]
+        self._goals += [(entry.place, goal) for goal in goals]
+        return entry
 
-        @cache
-        def known(place: int) -> Experience | None:
-            request = requests[place]
-            return Experience.of(self.store.root / request.folders.statistics(request.quality_name, 0).parent)
+    def _has(self, stage: str, kind: str, key: Key, place: str) -> bool:
+        """Tell whether the store holds a file, which then gets its link; no file of a forced stage counts."""
+        if stage in self.force or not self.store.holds(kind, key):
+            return False
+        self._links[place] = Link(kind, key, place)
+        return True
 
-        def needs(job: Job) -> Needs:
-            experience = known(job.requests[0]) if job.task == "render" else None
-            return experience.needs(len(job.frames), job.threads) if experience else unknown
+    def _absent(self, entry: _Entry, stage: str, numbers: Sequence[int]) -> list[int]:
+        """Return the frames that the store does not hold."""
+        if entry.keys is None and STAGES[stage].per_quality:
+            return list(numbers)
+        kind = STAGES[stage].makes
+        places = entry.request.places(kind, numbers)
+        key = entry.key
+        return [
+            n
+            for n, place in zip(numbers, places, strict=True)
+            if not self._has(stage, kind, key(stage, n), place)
+        ]
 
-        return [replace(job, needs=needs(job)) for job in jobs]
-
-    def _batches(self, frames: Sequence[int]) -> list[tuple[int, ...]]:
-        return batches(frames, self.cores, self.share.frames if self.share else FEWEST)
-
-    def _surfaces(self, request: RenderRequest, unrendered: Sequence[int], cameras_known: bool) -> None:
-        """What rendering needs: the normals of the meshes shown, and cameras, which look at all of them."""
+    def _surfaces(self, entry: _Entry, unrendered: Sequence[int]) -> None:
+        """Plan what rendering needs: the normals of the meshes shown, and cameras, which see all meshes."""
+        request = entry.request
         shown = sorted({request.angles[n].mesh for n in unrendered})
-        rough = self._absent("normals", request, shown, request.normals_key)
-        cameras = request.folders.cameras().as_posix()
-        all_shown = sorted({angle.mesh for angle in request.angles.values()})
-        if cameras_known:
-            self._link("cameras", request.cameras_key, cameras)
+        rough = self._absent(entry, "smooth_normals", shown)
+        cameras, all_shown = (
+            request.folders.cameras().as_posix(),
+            sorted({p.mesh for p in request.angles.values()}),
+        )
+        framed = entry.keys is not None and self._has("frame_camera", "cameras", request.cameras_key, cameras)
         if any(map(request.follows_flow, unrendered)):
             _require_permission(request)
         needed = {request.angles[n].mesh for n in unrendered if request.needs_mesh(n)}
-        self._meshes(request, sorted({*rough, *needed}) if cameras_known else all_shown)
-        self._add(
-            request, "smooth_normals", rough, request.places("mesh", rough), request.places("normals", rough)
-        )
-        if not cameras_known and cameras not in self._made:
-            self._add(
-                request, "frame_camera", sorted(request.angles), request.places("mesh", all_shown), [cameras]
-            )
+        self._meshes(entry, sorted({*rough, *needed}) if framed else all_shown)
+        self._batches(entry, "smooth_normals", rough)
+        if self.whole:
+            self._rest(entry, "smooth_normals", sorted({request.angles[n].mesh for n in request.requested}))
+        frames, key = sorted(request.angles), request.cameras_key
+        if (self.whole or not framed) and self._is_new(entry, ("frame_camera", key), framed, len(frames)):
+            self._job(entry, "frame_camera", frames, [key], all_shown, framed)
 
-    def _meshes(self, request: RenderRequest, wanted: Sequence[int]) -> None:
-        missing = self._absent("mesh", request, wanted, request.mesh_key)
+    def _meshes(self, entry: _Entry, wanted: Sequence[int]) -> None:
+        """Note the mesh frames that are not there; which jobs simulate them is known last."""
+        missing = self._absent(entry, "simulate", wanted)
         if missing:
-            _require_permission(request)
-        self._add(request, "simulate", missing, [], request.places("mesh", missing))
+            _require_permission(entry.request)
+        entry.meshes |= dict.fromkeys(missing, "wanted")
+        if self.whole:
+            every = sorted({angle.mesh for angle in entry.request.angles.values()})
+            absent = set(self._absent(entry, "simulate", every))
+            states = {n: "idle" if n in absent else "present" for n in every}
+            entry.meshes = {**states, **entry.meshes}
 
-    def _render(self, request: RenderRequest, batch: Sequence[int]) -> None:
-        meshes = dict.fromkeys(request.angles[n].mesh for n in batch)
-        inputs = [request.folders.cameras().as_posix(), *request.places("normals", meshes)]
-        inputs += request.places("mesh", (request.angles[n].mesh for n in batch if request.needs_mesh(n)))
-        self._add(request, "render", batch, inputs, request.places("raw", batch))
+    # Jobs
 
-    def _enter(self, request: RenderRequest) -> int:
-        """The take's place in the plan. Raises UsageError where another shot has its name."""
-        known, path = self._paths.setdefault(request.name, request.source.path), request.source.path
-        if known != path:
-            raise UsageError(
-                f"{known} and {path} are both called {request.name}, and so would their frames be; "
-                "rename one of them"
-            )
-        return self._takes.setdefault(request, len(self._takes))
+    def _batches(self, entry: _Entry, stage: str, frames: Sequence[int], present: bool = False) -> None:
+        """Plan the jobs of frames that are made one by one."""
+        request = entry.request
+        least = self.share.frames if self.share else FEWEST
+        made = [(stage, entry.key(stage, n)) for n in frames]
+        fresh = [n for n, key in zip(frames, made, strict=True) if self._is_new(entry, key, present)]
+        split = [fresh] if stage == "smooth_normals" else batches(fresh, self.side_by_side, least)
+        for batch in filter(None, split):
+            if stage == "render":
+                reads = list(dict.fromkeys(request.angles[n].mesh for n in batch))
+            else:
+                reads = _union(entry.names[n].window for n in batch) if stage == "finish" else list(batch)
+            self._job(entry, stage, batch, [entry.key(stage, n) for n in batch], reads, present)
+            if stage == "render":
+                meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in batch if request.needs_mesh(n)))
+                self._jobs[-1] = replace(self._jobs[-1], meshes=meshes)
 
-    def _absent(
-        self, kind: str, request: RenderRequest, frames: Sequence[int], key_of: Callable[[int], Key | None]
-    ) -> list[int]:
-        """Those frames that neither the store holds nor a job makes; what is stored gets its link."""
-        absent = []
-        for number, place in zip(frames, request.places(kind, frames), strict=True):
-            key = key_of(number)
-            if key is not None and self.store.holds(kind, key):
-                self._link(kind, key, place)
-            elif place not in self._made:
-                absent.append(number)
-        return absent
+    def _rest(self, entry: _Entry, stage: str, numbers: Sequence[int]) -> None:
+        """Plan the jobs of files that are there, and of those that nothing needs."""
+        absent = set(self._absent(entry, stage, numbers))
+        for present in (True, False):
+            self._batches(entry, stage, [n for n in numbers if (n not in absent) == present], present)
 
-    def _link(self, kind: str, key: Key, place: str) -> None:
-        self._links[place] = Link(kind, key, place)
+    def _is_new(self, entry: _Entry, made: tuple[str, Key], present: bool, frames: int = 1) -> bool:
+        """Tell whether no job makes a file yet; a job that does then serves this request too."""
+        if made not in self._makers:
+            return True
+        job = self._jobs[self._makers[made]]
+        if entry.place not in job.requests:
+            self._jobs[self._makers[made]] = replace(job, requests=(*job.requests, entry.place))
+        if job.requests[0] != entry.place and not present:
+            self._spared[made[0]] += frames
+        return False
 
-    def _add(
+    def _job(
         self,
-        request: RenderRequest,
-        task: str,
+        entry: _Entry,
+        stage: str,
         frames: Sequence[int],
-        inputs: Sequence[str],
-        outputs: Sequence[str],
+        keys: Sequence[Key],
+        reads: Sequence[int],
+        present: bool,
     ) -> None:
-        if frames:
-            label = re.sub(r"\W", "_", request.label)
-            name = f"{task}_{len(self._jobs):04d}_{label}_{min(frames):04d}_{max(frames):04d}"
-            job = Job(name, task, (self._enter(request),), tuple(frames), tuple(inputs), tuple(outputs))
-            self._jobs.append(job)
-            self._made.update(outputs)
+        for key in keys:
+            self._makers.setdefault((stage, key), len(self._jobs))
+        self._jobs.append(self._new(entry, stage, frames, keys, reads, present))
+
+    def _new(
+        self,
+        entry: _Entry,
+        stage: str,
+        frames: Sequence[int],
+        keys: Sequence[Key],
+        reads: Sequence[int],
+        present: bool,
+    ) -> Job:
+        """Return a job that makes files of `keys`, of which those that are there are noted."""
+        request, key = entry.request, key_of(stage, list(keys))[:16]
+        label = re.sub(r"\W", "_", request.label)
+        name = f"{stage}_{label}_{min(frames):04d}_{max(frames):04d}_{key[:8]}"
+        output = done_file(stage, request.name, request.quality_name, frames, key)
+        if present:
+            self._manifests[output] = STAGES[stage].makes, list(keys)
+        return Job(
+            name, stage, (entry.place,), tuple(frames), tuple(reads), key=key, output=output, present=present
+        )
+
+    def _movie(
+        self, stage: str, entries: Sequence[_Entry], frames: Sequence[int], key: Key, path: str, present: bool
+    ) -> None:
+        if self._is_new(entries[0], (stage, key), present, 0):
+            self._job(entries[0], stage, frames, [key], frames, present)
+            places = tuple(dict.fromkeys(entry.place for entry in entries))
+            self._jobs[-1] = replace(self._jobs[-1], output=path, requests=places)
+
+    # Simulations
+
+    def _simulations(self) -> list[Job]:
+        """Return the jobs that simulate; a long beginning that requests share is made once."""
+        jobs: list[Job] = []
+        makers: dict[Key, int] = {}
+        wanted = [(entry, entry.numbers("wanted")) for entry in self._entries.values()]
+        users = Counter(key for chain in {_chain(e, numbers) for e, numbers in wanted} for key in chain)
+        for entry, numbers in wanted:
+            before: list[int] = []
+            for is_shared, piece in _pieces(entry, numbers, users):
+                keys = _chain(entry, piece)
+                makers_of = {makers[key] for key in keys if key in makers}
+                if all(key in makers for key in keys) or (is_shared and keys[0] in makers):
+                    for i in makers_of:
+                        jobs[i] = replace(
+                            jobs[i], requests=tuple(dict.fromkeys((*jobs[i].requests, entry.place)))
+                        )
+                    self._spared["simulate"] += len(piece)
+                else:
+                    for key in keys:
+                        makers.setdefault(key, len(jobs))
+                    jobs.append(self._new(entry, "simulate", piece, keys, before, present=False))
+                before = piece[-1:]
+        for entry in self._entries.values():
+            for state in ("present", "idle"):
+                if numbers := entry.numbers(state):
+                    keys, present = _chain(entry, numbers), state == "present"
+                    jobs.append(self._new(entry, "simulate", numbers, keys, (), present))
+        return jobs
+
+    def _measured(self, places: Iterable[int]) -> Mapping[int, Experience]:
+        """What the pictures of requests took before."""
+        measured = {}
+        requests = list(self._entries)
+        for place in sorted(places):
+            request = requests[place]
+            folder = self.store.root / request.folders.statistics(request.quality_name, 0).parent
+            if (experience := Experience.of(folder)) is not None:
+                measured[place] = experience
+        return measured
+
+
+def _chain(entry: _Entry, numbers: Sequence[int]) -> tuple[Key, ...]:
+    return tuple(entry.request.mesh_key(n) for n in numbers)
+
+
+def _pieces(
+    entry: _Entry, numbers: Sequence[int], users: Mapping[Key, int]
+) -> Iterator[tuple[bool, list[int]]]:
+    """Yield frames that the same number of simulations go through, and whether one makes them for all.
+
+    Short pieces are not worth waiting for: each simulation makes those itself, to the same bits.
+    """
+    pieces: list[tuple[bool, list[int]]] = []
+    for many, group in groupby(numbers, key=lambda n: users[entry.request.mesh_key(n)]):
+        piece = list(group)
+        is_shared = many > 1 and len(piece) >= LONG
+        if pieces and not is_shared and not pieces[-1][0]:
+            pieces[-1][1].extend(piece)
+        else:
+            pieces.append((is_shared, piece))
+    yield from pieces
+
+
+def _union(windows: Iterable[Sequence[int]]) -> list[int]:
+    return sorted({number for window in windows for number in window})
 
 
 def _require_permission(request: RenderRequest) -> None:
@@ -231,14 +429,9 @@ def _require_permission(request: RenderRequest) -> None:
         require_permission(request.shot.motion.flow)
 
 
-def film_key(
-    edit: Edit, requests: Sequence[RenderRequest], known: Sequence[PictureKeys | None]
-) -> Key | None:
-    """The key of a film from those of the pictures of its takes, once all of its cameras are known."""
-    frames: list[Key] = []
-    for request, keys in zip(requests, known, strict=True):
-        if keys is None:
-            return None
-        frames += [keys[n].frame for n in request.requested]
-    shown = [request.shown_as for request in requests]
-    return edit.key(requests[0].quality_name, frames, shown)
+def film_key(edit: Edit, requests: Sequence[RenderRequest], keys: Sequence[Mapping[int, Any]]) -> Key:
+    """The key of a film from those of the pictures of its requests."""
+    frames = [
+        known[n].frame for request, known in zip(requests, keys, strict=True) for n in request.requested
+    ]
+    return edit.key(requests[0].quality_name, frames, [request.shown_as for request in requests])

@@ -3,11 +3,12 @@
 A profile is a folder with `profile.yaml` (or `config.yaml`): settings of Snakemake and of the executor plugin
 it names, which are handed to Snakemake as they are. Read here is what a plan is made by: how many jobs the
 farm takes side by side (`jobs`), and under `config` how many cores a job asks for (`threads`) and how many
-frames it makes at the least (`frames`).
+frames it makes at the least (`min_frames`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from importlib.util import find_spec
@@ -39,6 +40,12 @@ class Share:
 
     threads: int
     frames: int
+
+    @classmethod
+    def of(cls, settings: Mapping[str, Any], source: str = "--config") -> Share:
+        """Read the `config` of a profile. Raises UsageError for what is no whole number from 1 on."""
+        threads = _whole(source, "threads", settings.get("threads"), THREADS)
+        return cls(threads, _whole(source, "min_frames", settings.get("min_frames"), FRAMES))
 
 
 @dataclass(frozen=True)
@@ -90,7 +97,9 @@ class Profile:
 
     def side_by_side(self, cores: int) -> int:
         """How many jobs work at once, of a machine with so many cores or of the farm."""
-        return cores if self.is_local else self._number("jobs", self._said.get("jobs"), SIDE_BY_SIDE)
+        return (
+            cores if self.is_local else _whole(str(self._file), "jobs", self._said.get("jobs"), SIDE_BY_SIDE)
+        )
 
     @property
     def share(self) -> Share | None:
@@ -99,24 +108,15 @@ class Profile:
             return None
         said = self._said.get("config")
         ours = said if isinstance(said, dict) else {}
-        numbers = {
-            name: self._number(f"config: {name}", ours.get(name), default)
-            for name, default in (("threads", THREADS), ("frames", FRAMES))
-        }
-        return Share(**numbers)
+        if "frames" in ours:
+            raise UsageError(f"{self._file}: config: frames is called min_frames; rename it")
+        return Share.of(ours, f"{self._file}: config")
 
     @property
     def arguments(self) -> list[str]:
         """What tells Snakemake of it."""
         there = ["--profile", str(self._file)]
         return there if self.is_local or "jobs" in self._said else [*there, "--jobs", str(SIDE_BY_SIDE)]
-
-    def _number(self, name: str, said: Any, default: int) -> int:
-        if said is None or said == "unlimited":
-            return default
-        if isinstance(said, bool) or not isinstance(said, int) or said < 1:
-            raise UsageError(f"{self._file}: {name} is {said!r}; it must be a whole number from 1 on")
-        return said
 
     @property
     def _file(self) -> Path:
@@ -139,6 +139,14 @@ class Profile:
                 f"{self._file}: not a profile; it must say names and values, such as `executor: slurm`"
             )
         return said
+
+
+def _whole(source: str, name: str, said: Any, default: int) -> int:
+    if said is None or said == "unlimited":
+        return default
+    if isinstance(said, bool) or not isinstance(said, int) or said < 1:
+        raise UsageError(f"{source}: {name} is {said!r}; it must be a whole number from 1 on")
+    return said
 
 
 _BUILT_IN = ("local", "dryrun", "touch")

@@ -10,8 +10,8 @@ STATE = Path(".flowsculpt")
 PLANS = STATE / "plans"
 EVENTS = STATE / "events"
 LOGS = STATE / "logs"
-MARKS = STATE / "jobs"
-"""Marks of the jobs that a run has done, by which Snakemake goes on."""
+DONE = STATE / "done"
+"""Files by which Snakemake sees that jobs are done; each lists the keys of what its job has made."""
 CHECKPOINTS = STATE / "checkpoints"
 PUBLISHED = Path("renders") / "published"
 

@@ -52,6 +52,9 @@ SUFFIXES = {
 }
 
 
+WRITABLE = ("frame", "movie")
+"""Kinds that Snakemake knows by the names of their links: it refuses to make a write-protected file again."""
+
 ENDS = 65536
 """Bytes at each end of a file that are compared with those of another of its size: pictures have their keys
 near the beginning, npz ends with a checksum of every array."""
@@ -89,17 +92,19 @@ class Store:
         """Return a new path for an unfinished file; its name tells the host and the process."""
         return self.scratch / f"{platform.node()}+{os.getpid()}+{uuid.uuid4().hex}{suffix}"
 
-    def put(self, kind: str, key: Key, write: Callable[[Path], object]) -> Path:
-        """Make the file of `key` by `write(path)`, unless it is there already; return its path.
+    def put(self, kind: str, key: Key, write: Callable[[Path], object], replace: bool = False) -> Path:
+        """Make the file of `key` by `write(path)`, unless it is there; return its path.
+
+        replace  make it even if it is there
 
         Raises MachineError where the disk refuses; nothing half-written is left.
         """
         final = self.path(kind, key)
-        if final.exists():
+        if final.exists() and not replace:
             return final
         with atomic_write(final, self.draft(SUFFIXES[kind])) as draft:
             write(draft)
-            draft.chmod(0o444)
+            draft.chmod(0o644 if kind in WRITABLE else 0o444)
         return final
 
     def link(self, kind: str, key: Key, target: Path) -> None:

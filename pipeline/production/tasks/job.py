@@ -15,11 +15,13 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.keys.digest import Key
-from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.keys.stages import STAGES
+from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
+from render.base.atomic_write import atomic_write
 
 if TYPE_CHECKING:
     from pipeline.production.request.picture_keys import PictureKeys
@@ -66,10 +68,52 @@ class Context:
         """Give inputs that are from the future, by this host's clock, the present time. Clocks of a farm
         differ, and Snakemake takes results that are older than their inputs for a mistake."""
         now = time.time()
-        for path in (self.root / self.plan.mark(self.plan.job(name)) for name in self.job.after):
+        for path in (self.root / output for output in self.plan.all_inputs(self.job)):
             with suppress(OSError):
                 if path.stat().st_mtime > now:
                     os.utime(path)
+
+    def write_done_file(self) -> None:
+        """Write the done-file of the job, or, as a movie is shown itself, by which key Snakemake knows it."""
+        if not self.job.output:  # a part of a job, which an Open Job Description runs
+            return
+        kind = STAGES[self.job.stage].makes
+        if kind == "movie":
+            with atomic_write(self.root / movie_record(self.job.output)) as draft:
+                draft.write_text(self.job.key)
+        else:
+            keys = [key for key in self._keys() if self.store.holds(kind, key)]
+            write_manifest(self.root / self.job.output, kind, keys)
+
+    def _keys(self) -> list[Key]:
+        """Return the keys of what the job makes."""
+        request, frames = self.request, self.job.frames
+        if self.job.stage == "frame_camera":
+            return [request.cameras_key]
+        if self.job.stage in ("simulate", "smooth_normals"):
+            key = request.mesh_key if self.job.stage == "simulate" else request.normals_key
+            return [key(number) for number in frames]
+        keys = self.picture_keys(request)
+        if self.job.stage == "render":
+            return [keys[number].raw for number in frames]
+        made = [keys[number].frame for number in frames]
+        return (
+            made if self.job.stage == "finish" else [request.still_key(self.job.stage, key) for key in made]
+        )
+
+    @property
+    def is_forced(self) -> bool:
+        """True if the job makes again what the store holds."""
+        return self.job.stage in self.plan.force
+
+    def has(self, kind: str, key: Key) -> bool:
+        """Tell whether the store holds a file; for a forced job, one that was stored since it was planned."""
+        if not self.store.holds(kind, key):
+            return False
+        if not self.is_forced:
+            return True
+        planned = (self.root / self.plan.file).stat().st_mtime_ns
+        return self.store.path(kind, key).stat().st_mtime_ns >= planned
 
     @property
     def store(self) -> Store:
@@ -98,9 +142,9 @@ class Context:
 
     def make(self, kind: str, key: Key, target: Path, write: Callable[[Path], object]) -> bool:
         """Have the file of `key` made unless the store holds it, and show it; whether it was there."""
-        found = self.store.holds(kind, key)
+        found = self.has(kind, key)
         if not found:
-            self.store.put(kind, key, write)
+            self.store.put(kind, key, write, replace=self.is_forced)
         self.store.link(kind, key, target)
         return found
 
@@ -148,7 +192,7 @@ class Context:
     def begin(self) -> None:
         """This process works on the job from now on: by it the job is ended should it hang."""
         here = {"process": os.getpid(), "host": platform.node()}
-        self.log.write("begin", stage=self.job.task, threads=self.job.threads, **here)
+        self.log.write("begin", stage=self.job.stage, threads=self.job.threads, **here)
 
     def passed(self, number: int, done: int, most: int) -> None:
         """So many passes of a picture have been rendered, of at most so many."""
@@ -157,7 +201,7 @@ class Context:
     @property
     def _place(self) -> str | None:
         """The folder of the pictures that the job is about."""
-        if self.job.task == "film":
+        if self.job.stage == "film":
             return None
         return (self.request.folders.home / self.request.quality_name).as_posix()
 
@@ -181,14 +225,14 @@ class Context:
 
     def killed(self, signal: str) -> None:
         """Something else ended a process of this job, as the system does where memory runs out."""
-        self._log("killed", message=f"{self.job.task} of {self.subject} was ended by {signal}")
+        self._log("killed", message=f"{self.job.stage} of {self.subject} was ended by {signal}")
 
     def _log(self, event: str, number: int | None = None, **facts: Any) -> None:
         quality = self.plan.requests[self.job.requests[0]]["quality"]
-        about = {"stage": self.job.task, "shot": self.subject, "quality": quality, "frame": number}
+        about = {"stage": self.job.stage, "shot": self.subject, "quality": quality, "frame": number}
         self.log.write(event, **about, **facts)
 
     @property
     def subject(self) -> str:
         """What the job is about: a shot's name, or the film."""
-        return "film" if self.job.task == "film" else self.request.subject
+        return "film" if self.job.stage == "film" else self.request.subject

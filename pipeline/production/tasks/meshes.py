@@ -33,8 +33,10 @@ def simulate(context: Context) -> bool:
         for frame in animate(request.shot, resume=_last_before(context, number)):
             number = frame.number
             key, target = request.mesh_key(number), request.motion_folders.mesh(number)
-            found = store.holds("mesh", key)
-            store.put("mesh", key, partial(write_npz, named=readers.with_key(key, frame.to_arrays())))
+            found = context.has("mesh", key)
+            if not found:
+                write = partial(write_npz, named=readers.with_key(key, frame.to_arrays()))
+                store.put("mesh", key, write, replace=context.is_forced)
             if number in missing:
                 store.link("mesh", key, target)
                 context.tell(number, found, time.perf_counter() - started)
@@ -51,7 +53,7 @@ def simulate(context: Context) -> bool:
 def _shown_again(context: Context, number: int) -> bool:
     """Show a mesh frame that the store has by now, made by an earlier attempt that was killed."""
     key = context.request.mesh_key(number)
-    if not context.store.holds("mesh", key):
+    if not context.has("mesh", key):
         return False
     context.store.link("mesh", key, context.request.motion_folders.mesh(number))
     context.tell(number, True, 0.0)
@@ -143,7 +145,7 @@ def _last_before(context: Context, number: int) -> MeshFrame | None:
     """The latest readable mesh frame before `number`, to go on from."""
     request = context.request
     for earlier in sorted((n for n in request.shot.motion.frames if n < number), reverse=True):
-        if context.store.holds("mesh", request.mesh_key(earlier)):
+        if context.has("mesh", request.mesh_key(earlier)):
             try:
                 return read_mesh_frame(context, earlier)
             except FrameError:

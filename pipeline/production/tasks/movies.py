@@ -48,10 +48,7 @@ def film(context: Context) -> bool:
     """Encode the film: title, shots in the order of the edit, credits."""
     requests = context.requests
     edit = Edit.from_data(context.plan.film or {})
-    known = [request.picture_keys(context.store) for request in requests]
-    key = film_key(edit, requests, known)
-    if key is None:
-        raise FrameError("the film's cameras are gone; run again to find them anew")
+    key = film_key(edit, requests, [context.picture_keys(request) for request in requests])
     quality_name = requests[0].quality_name
     size = requests[0].quality.width, requests[0].quality.height
 

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from pipeline.production.planning.plan import Job
 from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.tasks.job import ENVIRONMENT, Context
 from pipeline.production.tasks.memory_guard import RENEWED
@@ -98,11 +99,12 @@ def fall_over(context: Context, fact: str) -> bool:
     return left
 
 
-def renderer(plan_path: str, job_name: str) -> Start:
-    """Starts `python -m pipeline.production.tasks` as a child that renders."""
+def renderer(plan_path: str, job: Job) -> Start:
+    """Start `python -m pipeline.production.tasks` as a child that renders."""
 
     def start(settled: int) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "pipeline.production.tasks", plan_path, job_name]
-        return subprocess.Popen([*command, "--child", str(settled)], stdin=subprocess.DEVNULL)
+        command = [sys.executable, "-m", "pipeline.production.tasks", plan_path, job.name]
+        words = ["--threads", str(job.threads), "--child", str(settled)]
+        return subprocess.Popen([*command, *words], stdin=subprocess.DEVNULL)
 
     return start

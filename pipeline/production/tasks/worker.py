@@ -23,7 +23,7 @@ def work(context: Context) -> int:
     job = context.job
     _limit_kernels(job.threads)
     try:
-        well = task_of(job.task)(context)
+        well = task_of(job.stage)(context)
     except WornOutError as worn:
         context.renewed(worn.held, worn.most)
         return RENEWED
@@ -32,12 +32,12 @@ def work(context: Context) -> int:
         well = False
     except Exception as error:
         traceback.print_exc()
-        on_gpu = job.task == "render" and context.request.variant == ON_GPU
+        on_gpu = job.stage == "render" and context.request.variant == ON_GPU
         if on_gpu and fall_over(context, f"failed ({str(error).partition(chr(10))[0]})"):
             return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
         context.fail(FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
         well = False
-    context.log.write("end", stage=job.task)
+    context.log.write("end", stage=job.stage)
     return 0 if well else 1
 
 

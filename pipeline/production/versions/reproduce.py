@@ -116,8 +116,8 @@ class Repetition:
 
     def plan(self) -> Plan:
         """Raises what `take` raises."""
-        side_by_side = self.profile.side_by_side(self.cores)
-        planner, request = Planner(self.store, side_by_side, share=self.profile.share), self.request
+        cores = self.profile.side_by_side(self.cores)
+        planner, request = Planner(self.store, cores, cores, share=self.profile.share), self.request
         planner.pictures(request)
         if self.frames is None:
             planner.movie(request)

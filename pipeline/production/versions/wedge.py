@@ -6,7 +6,6 @@ renders/wedge/<shot>/<wedge>.<quality>.0024.png    the contact sheet; of several
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -20,7 +19,6 @@ from pipeline.errors import FlowsculptError, ShotError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.sharing import shared
 from pipeline.production.request.picture_keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.variants import variant_for
@@ -83,19 +81,14 @@ class Wedge:
         return self.at
 
     def plan(self) -> Plan:
-        """What is left to be done for all cells together, each file made once."""
-        return self.plans()[1]
-
-    def plans(self) -> tuple[Plan, Plan]:
-        """The same with each cell for itself, and together."""
-        requests, project = [request for _, request in self.requests], self.project
-        planner = project.planner_of(len(requests))
+        """Return the plan of what is left to be done for all cells together, each file made once."""
+        requests = [request for _, request in self.requests]
+        planner = self.project.planner(len(requests))
         for request in requests:
             planner.pictures(request)
             if len(request.requested) > 1:
                 planner.movie(request)
-        apart = planner.plan()
-        return apart, shared(apart, requests, project.store, project.cores, project.profile.share)
+        return planner.plan()
 
     # Sheets
 
@@ -211,11 +204,3 @@ def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cel
                 f"{OPTION} {shown(variation.said)}: at {value}, {message.removeprefix(f'--set {setting}: ')}"
             )
     return f"{OPTION} with {', '.join(cell.settings)}: {message}"
-
-
-def frames_by_task(plan: Plan) -> Counter[str]:
-    """How many frames the jobs of each task have."""
-    counts: Counter[str] = Counter()
-    for job in plan.jobs:
-        counts[job.task] += len(job.frames)
-    return counts

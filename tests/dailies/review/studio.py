@@ -92,7 +92,7 @@ def furnish(root: Path) -> Desk:
 
 def _done(root: Path, plan: Plan) -> None:
     for job in plan.jobs:
-        assert task_of(job.task)(Context.of(root, plan, job.name))
+        assert task_of(job.stage)(Context.of(root, plan, job.name))
 
 
 def hang(desk: Desk, request: RenderRequest, numbers: Iterable[int], paint: Callable[[int], Picture]) -> None:

@@ -1,7 +1,7 @@
 """Snakemake, in a process of its own: the Snakefile, a frozen plan, a profile that says where its jobs run.
 
 A process of its own can be ended with all of its jobs, prints where it likes, and leaves our signal handlers
-alone. `python -m pipeline.production.execution.scheduler WORDS…`, in the root, is that process: Snakemake's
+alone. `python -m pipeline.production.execution.snakemake WORDS…`, in the root, is that process: Snakemake's
 own command line, so that a profile means here what it means to Snakemake.
 """
 
@@ -20,9 +20,14 @@ from pathlib import Path
 import psutil
 
 from pipeline.errors import MachineError
+from pipeline.production.keys.stages import STILLS
+from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile, shipped
 from pipeline.production.store.paths import LOGS
 from render.base.atomic_write import disk_errors
+
+RULES = {stage.name: "stills" for stage in STILLS}
+"""The rules of stages that are not called as their rule is."""
 
 PATIENCE = 5.0
 """Seconds that processes have to end before they are killed."""
@@ -40,9 +45,9 @@ def snakefile() -> Path:
     raise MachineError("no Snakefile beside the package; install flowsculpt again")
 
 
-def log_of(plan: Path) -> Path:
+def log_of(plan: Plan) -> Path:
     """What Snakemake prints while it runs a plan, relative to the root."""
-    return LOGS / plan.stem / "snakemake.log"
+    return LOGS / plan.name / "snakemake.log"
 
 
 def complaint(log: Path) -> str | None:
@@ -58,7 +63,7 @@ def _text(log: Path) -> str:
         return ""
 
 
-def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:
+def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:
     """Run a frozen plan (relative to `root`) on this machine's cores or a farm; whether every job ended well.
 
     An interrupt ends all jobs, and takes those of a farm back, before it is passed on.
@@ -67,7 +72,7 @@ def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:
     with disk_errors(log):
         log.parent.mkdir(parents=True, exist_ok=True)
         output = log.open("w")
-    command = [sys.executable, "-m", "pipeline.production.execution.scheduler", *_words(plan, cores, profile)]
+    command = [sys.executable, "-m", "pipeline.production.execution.snakemake", *_words(plan, cores, profile)]
     with (
         output,
         subprocess.Popen(
@@ -88,13 +93,15 @@ def execute(plan: Path, root: Path, cores: int, profile: Profile) -> bool:
             raise
 
 
-def _words(plan: Path, cores: int, profile: Profile) -> list[str]:
+def _words(plan: Plan, cores: int, profile: Profile) -> list[str]:
     """What Snakemake is called with. Its words win over our own settings, and these over the profile."""
     ours = ["--snakefile", str(snakefile()), "--workflow-profile", str(shipped() / "default")]
     here = ["--local-cores", str(cores)]
     if profile.is_local:
         here = ["--cores", str(cores), "--resources", f"mem_mb={psutil.virtual_memory().available >> 20}"]
-    return [*ours, *profile.arguments, *here, "--config", f"plan={plan.as_posix()}"]
+    force = [RULES.get(stage, stage) for stage in sorted(plan.force)]
+    forced = ["--forcerun", *dict.fromkeys(force)] if force else []
+    return [*ours, *profile.arguments, *here, *forced, "--config", f"plan={plan.file}"]
 
 
 def _take_back(process: subprocess.Popen[bytes]) -> None:

@@ -1,0 +1,226 @@
+"""The Snakefile by Snakemake's own commands: on an empty, a half-done and a finished root."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.production.execution.project import Project
+from pipeline.production.execution.snakefile import PlannedWorkflow
+from pipeline.production.keys.stages import READS, STAGES
+from pipeline.production.planning.profile import Profile
+from render.movie.probe import probe_movie
+from render.post.image import read_exr, read_header
+from tests.production.snakemake import CHECKOUT, snakemake, workflow
+
+NAME = "T010_tiny"
+QUALITY = "preview"
+STAGE_RULES = ("simulate", "smooth_normals", "frame_camera", "render", "finish", "assemble", "film")
+TARGETS = ("all", "shots", "frame", "stills")
+FRAME = f"renders/{NAME}/{QUALITY}/frames/{NAME}.0003.exr"
+MOVIE = f"renders/{NAME}/{QUALITY}/{NAME}.mp4"
+FILM = f"renders/film/{QUALITY}/film.mp4"
+CONFIG = ("--config", f"quality={QUALITY}")
+
+
+def jobs_in(told: str) -> dict[str, int]:
+    """Read the table of jobs that Snakemake prints first: how many of each rule are to run."""
+    table = told.partition("Job stats:")[2].partition("total")[0]
+    return {rule: int(count) for rule, count in re.findall(r"^(\w+) +(\d+)$", table, re.MULTILINE)}
+
+
+def store_times(root: Path, kind: str) -> dict[str, int]:
+    return {path.name: path.stat().st_mtime_ns for path in (root / ".flowsculpt/store" / kind).glob("*/*")}
+
+
+def forget(root: Path, kind: str, picture: Path) -> None:
+    """Remove the file of a picture from the store."""
+    key = read_header(picture)["key"]
+    (root / ".flowsculpt/store" / kind / key[:2] / f"{key}.exr").unlink()
+
+
+def wrong(error: Callable[[], object]) -> str:
+    with pytest.raises(SystemExit) as ended:
+        error()
+    return str(ended.value)
+
+
+def test_every_stage_is_a_rule_with_a_line_about_it(project: Any) -> None:
+    listed = snakemake(project.path, "--list").stdout
+    assert all(re.search(rf"^{rule} \([A-Z].*\.\)$", listed, re.MULTILINE) for rule in STAGE_RULES)
+    assert all(re.search(rf"^{rule} \(", listed, re.MULTILINE) for rule in TARGETS)
+
+
+def test_the_snakefile_and_the_table_of_stages_agree_about_what_a_stage_reads() -> None:
+    text = (CHECKOUT / "Snakefile").read_text()
+    read = {rule: re.findall(rf'inputs\("{rule}", w, "(\w+)"\)', text) for rule in STAGE_RULES}
+    assert read == {rule: list(READS[rule]) for rule in STAGE_RULES}
+    local = text.partition("localrules:")[2].partition("rule all:")[0].replace(",", "").split()
+    assert {rule for rule in STAGE_RULES if rule not in local} == {
+        s.name for s in STAGES.values() if s.on_farm
+    }
+
+
+def test_on_an_empty_root_everything_is_to_be_made(project: Any) -> None:
+    told = snakemake(project.path, "-n", *CONFIG).stdout
+    assert jobs_in(told) == {**dict.fromkeys(STAGE_RULES, 1), "render": 2, "finish": 2, "all": 1}
+    graph = snakemake(project.path, "--rulegraph", *CONFIG).stdout
+    assert all(f'"{rule}"' in graph for rule in STAGE_RULES)
+    assert "missing" in snakemake(project.path, "--summary", *CONFIG).stdout
+    assert not (project.path / ".flowsculpt/plans").exists(), "nothing is planned for jobs, nothing is locked"
+    assert not (project.path / ".flowsculpt/lock").exists()
+
+
+def test_one_frame_is_made_by_its_name_and_the_film_goes_on_from_there(
+    project: Any, finished_project: Any
+) -> None:
+    done = snakemake(project.path, FRAME)
+    assert done.returncode == 0, done.stdout
+    assert [path.name for path in project.frames()] == [Path(FRAME).name]
+    assert "Nothing to be done" in snakemake(project.path, FRAME).stdout
+    until = snakemake(project.path, "-n", *CONFIG, "--until", "finish").stdout
+    assert jobs_in(until) == {"smooth_normals": 1, "render": 2, "finish": 2}
+    done = snakemake(project.path, *CONFIG)
+    assert done.returncode == 0, done.stdout
+    assert not {"simulate", "frame_camera"} & jobs_in(done.stdout).keys()
+    assert len(project.frames()) == 6
+    for one, other in zip(finished_project.frames(), project.frames(), strict=True):
+        assert np.array_equal(read_exr(one)[0]["beauty"], read_exr(other)[0]["beauty"])
+    assert "Nothing to be done" in snakemake(project.path, *CONFIG).stdout
+    assert project.run("film", "-q", QUALITY).out.startswith("Nothing to be done")
+
+
+def test_on_a_finished_root_nothing_is_to_be_done_and_any_rule_can_be_forced(finished: Any) -> None:
+    for words in ((FRAME,), (MOVIE,), (FILM,), CONFIG):
+        assert "Nothing to be done" in snakemake(finished.path, "-n", *words).stdout
+    forced = snakemake(finished.path, "-n", *CONFIG, "--forcerun", "render").stdout
+    assert jobs_in(forced) == {"render": 2, "finish": 2, "assemble": 1, "film": 1, "all": 1}
+    assert re.search(r"^rule render:", forced, re.MULTILINE)
+    assert all(f'"{rule}"' in snakemake(finished.path, "--rulegraph", *CONFIG).stdout for rule in STAGE_RULES)
+    assert "missing" not in snakemake(finished.path, "--summary", *CONFIG).stdout
+    reported = snakemake(finished.path, "--report", "report.html", *CONFIG)
+    assert reported.returncode == 0 and (finished.path / "report.html").stat().st_size > 10000
+
+
+def test_forced_jobs_replace_what_the_store_holds(finished: Any) -> None:
+    kinds = ("mesh", "normals", "raw", "frame", "movie")
+    before = {kind: store_times(finished.path, kind) for kind in kinds}
+    pictures = [path.read_bytes() for path in finished.frames()]
+    done = snakemake(finished.path, *CONFIG, "--forcerun", "render")
+    assert done.returncode == 0, done.stdout
+    after = {kind: store_times(finished.path, kind) for kind in kinds}
+    assert {kind: before[kind].keys() for kind in kinds} == {kind: after[kind].keys() for kind in kinds}
+    newer = {kind: [after[kind][name] > before[kind][name] for name in before[kind]] for kind in kinds}
+    assert all(newer["raw"]) and all(newer["frame"]) and all(newer["movie"])
+    assert not any(newer["mesh"]) and not any(newer["normals"])
+    assert [path.read_bytes() for path in finished.frames()] == pictures
+    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
+
+
+def test_on_a_half_done_root_just_what_is_missing_is_made(finished: Any) -> None:
+    for path in (finished.frames()[1], finished.frames()[4]):
+        forget(finished.path, "frame", path)
+    forget(finished.path, "raw", finished.frames(kind="raw")[4])
+    told = snakemake(finished.path, "-n", *CONFIG).stdout
+    assert jobs_in(told) == {"render": 1, "finish": 1, "assemble": 1, "film": 1, "all": 1}
+    assert "frames 0005-0005" in told and "frames 0002-0005" in told
+    before = store_times(finished.path, "raw")
+    assert snakemake(finished.path, *CONFIG).returncode == 0
+    assert before.items() <= store_times(finished.path, "raw").items()
+    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
+
+
+def test_done_files_cannot_lie_when_the_store_has_lost_what_they_name(finished: Any) -> None:
+    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
+    for stored in (finished.path / ".flowsculpt/store/cameras").rglob("*.json"):
+        stored.unlink()
+    forget(finished.path, "frame", finished.frames()[0])
+    assert jobs_in(snakemake(finished.path, "-n", *CONFIG).stdout)["frame_camera"] == 1
+    assert snakemake(finished.path, *CONFIG).returncode == 0
+
+
+def test_an_edit_is_made_and_taken_back_for_nothing(finished: Any) -> None:
+    text = finished.shot.read_text()
+    finished.shot.write_text(text.replace("azimuth: -30", "azimuth: 20"))
+    told = jobs_in(snakemake(finished.path, "-n", MOVIE).stdout)
+    assert "simulate" not in told and told["assemble"] == 1
+    words = ("--config", f"shot={NAME}", "frames=1-2", f"quality={QUALITY}")
+    assert snakemake(finished.path, *words).returncode == 0
+    assert probe_movie(finished.path / MOVIE.replace(".mp4", ".1-2.mp4")).frames == 2
+    finished.shot.write_text(text)
+    assert snakemake(finished.path, *CONFIG).returncode == 0
+    assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
+
+
+def test_a_movie_that_fails_to_encode_leaves_the_one_before(finished: Any) -> None:
+    before = (finished.path / FILM).read_bytes()
+    edit = finished.path / "shots/film.yaml"
+    edit.write_text(edit.read_text() + "sound: {file: ../noise.wav}\n")
+    (finished.path / "noise.wav").write_bytes(b"no sound at all")
+    done = snakemake(finished.path, *CONFIG)
+    assert done.returncode == 1
+    assert (finished.path / FILM).read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("targets", "config", "says"),
+    [
+        ((), {"qualty": "draft"}, "--config qualty: there is no such setting. Did you mean 'quality'?"),
+        ((), {"quality": "drft"}, "'drft' is not a quality"),
+        ((), {"shot": "T010_tin"}, "no such shot; did you mean T010_tiny?"),
+        ((), {"shot": NAME, "frames": "9-12"}, "frames 9-12 are not in the shot, which has 1-6"),
+        ((), {"frames": "1-2"}, "of which shot?"),
+        ((), {"edit": "flim"}, "no such edit; did you mean film?"),
+        ((), {"allow_code": "perhaps"}, "allow_code is 'perhaps'"),
+        ((FRAME.replace("0003", "0099"),), {}, "frames 99 are not in the shot"),
+        ((FRAME.replace(QUALITY, "prevew"),), {}, "'prevew' is not a quality"),
+        (("renders/Nix/draft/Nix.mp4",), {}, "shots/Nix.yaml: no such shot"),
+        (("renders/turntable/a.0001/draft/a.0001.mp4",), {}, "flowsculpt turntable"),
+    ],
+)
+def test_what_cannot_be_made_is_one_message(
+    project: Any, monkeypatch: pytest.MonkeyPatch, targets: tuple[str, ...], config: dict[str, str], says: str
+) -> None:
+    monkeypatch.chdir(project.path)
+    told = wrong(lambda: PlannedWorkflow(workflow(*targets), config).plan)
+    assert says in told and "\n" not in told
+
+
+def test_the_message_is_all_that_the_command_says_and_it_ends_with_1(project: Any) -> None:
+    done = snakemake(project.path, "-n", "--config", "qualty=draft")
+    assert done.returncode == 1 and "Traceback" not in done.stdout
+    assert done.stdout.strip().splitlines()[-1].startswith("--config qualty: there is no such setting.")
+    (project.path / "shots/film.yaml").unlink()
+    for path in (project.path / "shots").glob("*.yaml"):
+        path.unlink()
+    done = snakemake(project.path, "-n")
+    assert done.returncode == 1 and "Traceback" not in done.stdout
+    assert "film.yaml" in done.stdout.strip().splitlines()[-1]
+
+
+def test_a_profile_means_the_same_through_snakemake(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project.path)
+    monkeypatch.setattr(Profile, "executor", "slurm")
+    ours = Project(project.path, 2, profile=Profile.named("slurm")).film("preview")
+    config = {"quality": "preview", "threads": 4, "min_frames": 4}
+    planned = PlannedWorkflow(workflow(nodes=100), config)
+    theirs = planned.plan
+    assert theirs.farm and ours.farm
+    shapes = [{(j.stage, j.frames, j.threads) for j in plan.jobs} for plan in (ours, theirs)]
+    assert shapes[0] == shapes[1]
+    render = next(job for job in theirs.jobs if job.stage == "render")
+    assert render.threads == 4 and planned.memory("render", render) == 4096
+
+
+def test_stills_go_through_the_same_rules(finished: Any) -> None:
+    done = finished.run("stills", NAME, "-f", "2-3", "-q", QUALITY)
+    assert done.code == 0, done.err
+    made = sorted(path.name for path in (finished.path / f"renders/{NAME}/{QUALITY}/png").iterdir())
+    assert made == [f"{NAME}.0002.png", f"{NAME}.0003.png"]
+    log = max((finished.path / ".flowsculpt/logs").glob("2*/snakemake.log"))
+    assert "rule stills:" in log.read_text()
