@@ -1,17 +1,22 @@
-"""Parameters that change in time: curves and keyframes, with easings or Bézier handles as in Blender."""
+"""Parameters that change in time: keyframes with easings or Bézier handles, as in Blender, and formulas."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from bisect import bisect_right
-from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Literal
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any, Literal
 
+import numpy as np
+
+from pipeline.arrays import Floats
 from pipeline.errors import FrameError
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.vectors import Vector
+from pipeline.formula import TIME, Expression
+from pipeline.formula.words import time_values
 
 Values = tuple[float, ...]
 
@@ -233,3 +238,45 @@ def _cubic(s: float, a: float, b: float, c: float, d: float) -> float:
     """Evaluate a cubic in Bernstein's form."""
     r = 1.0 - s
     return r * r * r * a + 3.0 * s * r * (r * b + s * c) + s * s * s * d
+
+
+FRAME_DECIMALS = 9
+"""Decimals of the frame number, so that `floor(frame)` is the number of the frame."""
+
+
+def frame_at(seconds: Any, fps: float, first: int) -> Any:
+    """Return the frame number at seconds (…), with a fraction between frames."""
+    return first + np.round(np.multiply(seconds, fps), FRAME_DECIMALS)
+
+
+@dataclass(frozen=True)
+class FormulaCurve(Curve):
+    """One formula a value: `FormulaCurve(("4 * sin(2 * pi * t)",), fps=24.0, first=1)`.
+
+    fps    frames per second
+    first  the number of the frame at 0 seconds
+    unit   the factor from each value to the code's unit
+
+    Raises FormulaError for invalid formulas.
+    """
+
+    texts: tuple[str, ...]
+    fps: float
+    first: int
+    unit: float = 1.0
+    _expressions: tuple[Expression, ...] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        expressions = tuple(Expression(text, TIME) for text in self.texts)
+        object.__setattr__(self, "_expressions", expressions)
+
+    def at(self, time: float) -> Values:
+        """Return the values at a time. Raises UsageError where a formula is not finite."""
+        return tuple(self.over([time])[0].tolist())
+
+    def over(self, times: Iterable[float]) -> Floats:
+        """Return the values (T, K) at many times. Raises UsageError with the first that is not finite."""
+        seconds = np.fromiter(times, np.float64)
+        now = time_values(frame_at(seconds, self.fps, self.first), seconds)
+        columns = [formula(**now) for formula in self._expressions]
+        return self.unit * np.stack(columns, axis=1)

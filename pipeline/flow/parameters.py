@@ -53,7 +53,7 @@ class ParameterDoc:
 
 
 @dataclass(frozen=True)
-class Bounds:
+class ValueRange:
     """The least and greatest value of a constant."""
 
     low: float
@@ -76,7 +76,7 @@ class Parameter:
     form: Form
     doc: ParameterDoc
     positive: bool
-    bounds: Bounds | None
+    bounds: ValueRange | None
     default: Any
     choices: tuple[str, ...]
     kind: Any
@@ -130,7 +130,7 @@ def parameter(name: str, annotation: Any, default: Any) -> Parameter:
         form=_form(kind, DIRECTION in marks),
         doc=next((mark for mark in reversed(marks) if isinstance(mark, ParameterDoc)), ParameterDoc("")),
         positive=POSITIVE in marks,
-        bounds=next((mark for mark in marks if isinstance(mark, Bounds)), None),
+        bounds=next((mark for mark in marks if isinstance(mark, ValueRange)), None),
         default=default,
         choices=typing.get_args(kind) if typing.get_origin(kind) is Literal else (),
         kind=kind,

@@ -11,8 +11,7 @@ from hypothesis import strategies as st
 
 from pipeline.flow import EASINGS, Keyframes, keyed
 from pipeline.flow.easing import OVERSHOOTING, kinks
-from pipeline.flow.formula_curve import FormulaCurve
-from pipeline.flow.keyframes import Handle, number_at, vector_at
+from pipeline.flow.keyframes import FormulaCurve, Handle, number_at, vector_at
 
 smooth = sorted(set(EASINGS) - {"constant"})
 swinging = ("back", "bounce", "elastic")

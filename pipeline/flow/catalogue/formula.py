@@ -10,8 +10,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import UsageError
-from pipeline.flow.formula_curve import frame_at
-from pipeline.flow.keyframes import Number, number_at
+from pipeline.flow.keyframes import Number, frame_at, number_at
 from pipeline.flow.parameters import ParameterDoc, PositiveConstant
 from pipeline.flow.velocity import ExternalField
 from pipeline.formula import Expression

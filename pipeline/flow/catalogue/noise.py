@@ -8,7 +8,7 @@ from typing import Annotated, Any
 
 from pipeline.flow.kernels import noise as kernels
 from pipeline.flow.keyframes import Number, number_at
-from pipeline.flow.parameters import Bounds, ParameterDoc, Positive
+from pipeline.flow.parameters import ParameterDoc, Positive, ValueRange
 from pipeline.flow.velocity import ExternalField
 from pipeline.kernels import BlockKernel
 
@@ -40,13 +40,13 @@ class CurlNoise(ExternalField):
 
     size: Annotated[Positive, ParameterDoc("of the largest eddies", "units")] = 1.0
     strength: Annotated[Number, ParameterDoc("root mean square speed", "units/s")] = 1.0
-    octaves: Annotated[int, Bounds(1, 12), ParameterDoc("how many sizes of eddies")] = 3
+    octaves: Annotated[int, ValueRange(1, 12), ParameterDoc("how many sizes of eddies")] = 3
     roughness: Annotated[
-        float, Bounds(0, 1), ParameterDoc("speed of a size over that of the next larger")
+        float, ValueRange(0, 1), ParameterDoc("speed of a size over that of the next larger")
     ] = 0.5
-    lacunarity: Annotated[float, Bounds(1, 8), ParameterDoc("a size over the next smaller")] = 2.0
+    lacunarity: Annotated[float, ValueRange(1, 8), ParameterDoc("a size over the next smaller")] = 2.0
     evolution: Annotated[float, ParameterDoc("how often the eddies are renewed", "1/s")] = 0.5
-    seed: Annotated[int, Bounds(0, 2**53), ParameterDoc("which turbulence")] = 0
+    seed: Annotated[int, ValueRange(0, 2**53), ParameterDoc("which turbulence")] = 0
 
     @property
     def block(self) -> BlockKernel:

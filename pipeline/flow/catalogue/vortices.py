@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from abc import abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
@@ -57,8 +58,22 @@ class Vortex(BasicField):
         return 1.3 * abs(number_at(self.strength, time)) / (2 * math.pi * number_at(self.radius, time) ** 2)
 
 
+class _Composite(VelocityField):
+    """A sum of basic fields with common parameters."""
+
+    @abstractmethod
+    def parts(self, time: float) -> tuple[BasicField, ...]:
+        """Return the basic fields at a time."""
+
+    def program(self, time: float) -> Program:
+        return tuple(row for part in self.parts(time) for row in part.program(time))
+
+    def gradient_bound(self, time: float) -> float:
+        return sum(part.gradient_bound(time) for part in self.parts(time))
+
+
 @dataclass(frozen=True)
-class VortexPair(VelocityField):
+class VortexPair(_Composite):
     """Two Lamb–Oseen vortices with parallel axes, against each other or together; keeps volume.
 
     Against each other they drive a jet between them; together they stir the space around both. They stay
@@ -75,13 +90,7 @@ class VortexPair(VelocityField):
     strength: Annotated[Number, ParameterDoc("circulation of the first", "units²/s")] = 1.0
     turning: Annotated[Literal["against", "together"], ParameterDoc("how the second turns")] = "against"
 
-    def program(self, time: float) -> Program:
-        return tuple(row for vortex in self._vortices(time) for row in vortex.program(time))
-
-    def gradient_bound(self, time: float) -> float:
-        return sum(vortex.gradient_bound(time) for vortex in self._vortices(time))
-
-    def _vortices(self, time: float) -> tuple[Vortex, Vortex]:
+    def parts(self, time: float) -> tuple[Vortex, Vortex]:
         strength, radius = number_at(self.strength, time), number_at(self.radius, time)
         other = -strength if self.turning == "against" else strength
         one, two = self._centres(time)
@@ -127,7 +136,7 @@ class VortexRing(BasicField):
 
 
 @dataclass(frozen=True)
-class SpiralVortex(VelocityField):
+class SpiralVortex(_Composite):
     """Turns about a line, draws in and sends out along the line; keeps volume.
 
     A Lamb–Oseen vortex of the circulation Γ and the core's radius R, with the velocity −inflow/2 · r across
@@ -143,14 +152,7 @@ class SpiralVortex(VelocityField):
     strength: Annotated[Number, _CIRCULATION] = 1.0
     inflow: Annotated[Number, ParameterDoc("lengthening along the axis; negative flows out", "1/s")] = 0.5
 
-    def program(self, time: float) -> Program:
-        return tuple(row for part in self._parts for row in part.program(time))
-
-    def gradient_bound(self, time: float) -> float:
-        return sum(part.gradient_bound(time) for part in self._parts)
-
-    @property
-    def _parts(self) -> tuple[Vortex, Strain]:
+    def parts(self, time: float) -> tuple[Vortex, Strain]:
         return (
             Vortex(self.axis, self.centre, self.radius, self.strength),
             Strain(self.axis, self.centre, self.inflow),

@@ -42,7 +42,7 @@ TIME, HALVINGS, CHOSEN = range(3)
 PARTS, EMBEDDED = 5, 4
 """The column of `steps` with the number of tables of a span; it is EMBEDDED where errors are estimated."""
 
-GROWS = 16.0
+ERROR_GROWTH = 16.0
 """The factor on the estimate of a sub-step of twice the length."""
 
 
@@ -138,7 +138,7 @@ def _halvings(length: float, error: float, tolerance: float, max_step: float) ->
         length *= 0.5
         for_length += 1
     while error > tolerance:
-        error /= GROWS
+        error /= ERROR_GROWTH
         for_error += 1
     return max(for_length, for_error)
 
@@ -167,7 +167,7 @@ def _advance_span(
                 for axis in (X, Y, Z):
                     s[POSITION + axis + i] += s[STEP + axis + j]
                 marks[TIME, i] = begin + width
-                spare = 2.0 * length <= max_step and 2.0 * GROWS * error <= tolerance
+                spare = 2.0 * length <= max_step and 2.0 * ERROR_GROWTH * error <= tolerance
                 marks[HALVINGS, i] = max(size - 1, 0) if spare else size
             elif size < deepest:
                 marks[HALVINGS, i] = min(size + more, deepest)

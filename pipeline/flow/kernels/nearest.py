@@ -103,15 +103,7 @@ def nearest(
 
 @block_kernel
 def attraction(
-    numbers: Floats,
-    count: int,
-    x: Floats,
-    y: Floats,
-    z: Floats,
-    t: float,
-    u: Floats,
-    v: Floats,
-    w: Floats,
+    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
 ) -> None:
     """Numbers: address of the array 0, start of its triangles 1, rate 2, radius² 3."""
     m, triangles, limit2 = doubles_at(int(numbers[0])), int(numbers[1]), numbers[3]
@@ -128,15 +120,7 @@ def attraction(
 
 @block_kernel
 def wind(
-    numbers: Floats,
-    count: int,
-    x: Floats,
-    y: Floats,
-    z: Floats,
-    t: float,
-    u: Floats,
-    v: Floats,
-    w: Floats,
+    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
 ) -> None:
     """Numbers: address of the array 0, start of its triangles 1, speed 2, radius² 3, start of the tangents 4.
 

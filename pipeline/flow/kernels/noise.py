@@ -102,15 +102,7 @@ def curl(
 
 @block_kernel
 def curl_noise(
-    numbers: Floats,
-    count: int,
-    x: Floats,
-    y: Floats,
-    z: Floats,
-    t: float,
-    u: Floats,
-    v: Floats,
-    w: Floats,
+    numbers: Floats, count: int, x: Floats, y: Floats, z: Floats, t: float, u: Floats, v: Floats, w: Floats
 ) -> None:
     """Numbers: frequency 0 and speed 1 of the first octave, octaves 2, the factors on both per octave 3 4,
     seed 5, age 6 (a new random draw at whole numbers).

@@ -126,14 +126,8 @@ def sampled(
     centre 4:7, scale 7, factor on velocities 8.
     """
     m, before, after = doubles_at(int(numbers[0])), doubles_at(int(numbers[1])), doubles_at(int(numbers[2]))
-    share, cx, cy, cz, shrink, factor = (
-        numbers[3],
-        numbers[4],
-        numbers[5],
-        numbers[6],
-        1.0 / numbers[7],
-        numbers[8],
-    )
+    share, cx, cy, cz = numbers[3], numbers[4], numbers[5], numbers[6]
+    shrink, factor = 1.0 / numbers[7], numbers[8]
     ny, nz, size = int(m[1]), int(m[2]), 4 if m[3] > 0.0 else 2
     weights, indices, velocity = np.zeros((3, 4)), np.zeros((3, 4), np.int64), np.zeros(3)
     for i in range(count):

@@ -11,8 +11,16 @@ from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
 from pipeline.flow.easing import EASINGS
-from pipeline.flow.formula_curve import FormulaCurve
-from pipeline.flow.keyframes import BEZIER, Curve, Handle, Keyframes, Number, Values, VectorParameter
+from pipeline.flow.keyframes import (
+    BEZIER,
+    Curve,
+    FormulaCurve,
+    Handle,
+    Keyframes,
+    Number,
+    Values,
+    VectorParameter,
+)
 from pipeline.formula import TIME
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (
