@@ -17,14 +17,15 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.mesh.solids.primitives import icosphere
-from render.frame.motion_samples import Moment, Shutter
+from render.frame.motion_samples import ShutterInterval
 from render.frame.render_frame import render_frame
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import choose
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
+from render.scene.scene import MotionSample, Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -40,20 +41,10 @@ def main(frequency: int, quality: str) -> None:
     normals, points = ball.vertices.astype(np.float32), ball.vertices + np.array([0.0, 1.0, 0.0])
     surface, engine = Surface(points.astype(np.float32), normals, ball.faces), choose(threads=2)
 
-    def rendered(shutter: Shutter | None) -> tuple[float, RenderedFrame]:
+    def rendered(shutter: ShutterInterval | None) -> tuple[float, RenderedFrame]:
         begun = time.perf_counter()
-        layers = render_frame(
-            surface,
-            LOOKS["clay"],
-            LIGHTS["studio"],
-            STAGES["cyclorama"],
-            Placement(),
-            CAMERA,
-            QUALITIES[quality],
-            1,
-            engine,
-            shutter=shutter,
-        )
+        scene = Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+        layers = render_frame(scene, QUALITIES[quality], 1, engine, shutter=shutter)
         return time.perf_counter() - begun, layers
 
     rendered(None)  # what is compiled is compiled now
@@ -63,21 +54,22 @@ def main(frequency: int, quality: str) -> None:
     print(f"{len(points)} vertices, {quality}, standing still: {still:.2f} s")
     for pixels, (seconds, layers) in blurred.items():
         print(
-            f"{pixels} pixels, {layers.facts['subframes']} sub-frames: {seconds:.2f} s, {seconds / still:.2f}"
+            f"{pixels} pixels, {layers.facts['motion_samples']} motion samples: {seconds:.2f} s, "
+            f"{seconds / still:.2f}"
         )
 
 
-def _sliding(surface: Surface, pixels: float, width: int) -> Shutter:
+def _sliding(surface: Surface, pixels: float, width: int) -> ShutterInterval:
     """A shutter of half a frame, in which the nearest point moves so many pixels."""
     right = CAMERA.axes()[0]
 
-    def at(offset: float) -> Moment:
+    def at(offset: float) -> MotionSample:
         moved = (surface.vertices + way * offset * right).astype(np.float32)
-        return Moment(replace(surface, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(surface, vertices=moved), Placement(), CAMERA)
 
     way = 1.0
-    way = pixels / Shutter(-0.25, 0.25, at).longest_way((width, width * 9 // 16))
-    return Shutter(-0.25, 0.25, at)
+    way = pixels / ShutterInterval(-0.25, 0.25, at).longest_motion((width, width * 9 // 16))
+    return ShutterInterval(-0.25, 0.25, at)
 
 
 if __name__ == "__main__":

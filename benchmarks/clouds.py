@@ -16,8 +16,9 @@ from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
+from render.scene.scene import Scene
 from render.scene.spheres import Spheres
 from render.scene.stage import STAGES, Placement
 
@@ -28,17 +29,8 @@ def main(count: int, quality: str) -> None:
     """Render one frame of a normally distributed cloud, its spheres the smaller the more there are."""
     centres = 0.4 * np.random.default_rng(1).normal(size=(count, 3)) + (0.0, 1.0, 0.0)
     cloud = Spheres(centres.astype(np.float32), np.full(count, 0.2 * count ** (-1 / 3), np.float32))
-    layers = render_frame(
-        cloud,
-        LOOKS["clay"],
-        LIGHTS["studio"],
-        STAGES["cyclorama"],
-        Placement(),
-        CAMERA,
-        QUALITIES[quality],
-        1,
-        choose(threads=2),
-    )
+    scene = Scene(cloud, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    layers = render_frame(scene, QUALITIES[quality], 1, choose(threads=2))
     seconds = " + ".join(f"{layers.seconds[part]:.1f}" for part in ("building", "rendering"))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10
     print(f"{count} {quality}: {layers.facts['surface_faces']} triangles, {seconds} s, {peak} MiB")

@@ -40,8 +40,9 @@ from render.mitsuba.engine import Engine, choose
 from render.post.image import read_exr
 from render.post.temporal_denoise import Moment, steady
 from render.scene.lights import LIGHTS, Softbox
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -195,9 +196,8 @@ class Tries:
 
 def ours(surface: Surface, size: tuple[int, int], samples: int, seed: int, engine: Engine) -> RenderedFrame:
     quality = Quality(*size, samples=samples, depth=DEPTH, auxiliary_samples=16)
-    return render_frame(
-        surface, LOOK, RIG, STAGE, Placement(), CAMERA, quality, seed, engine, aovs=("before", "after")
-    )
+    scene = Scene(surface, LOOK, RIG, STAGE, Placement(), CAMERA)
+    return render_frame(scene, quality, seed, engine, aovs=("before", "after"))
 
 
 def main(width: int = 256, reference: int = 1024) -> list[Target]:
@@ -295,9 +295,10 @@ def _unguarded(surface: Surface, size: tuple[int, int], samples: int, seed: int)
     from benchmarks.equal_quality import PASS, one_pass
     from render.mitsuba.scene import build_scene
 
-    scene = build_scene(surface, LOOK, RIG, STAGE, Placement(), CAMERA, size, DEPTH).beauty
+    scene = Scene(surface, LOOK, RIG, STAGE, Placement(), CAMERA)
+    beauty = build_scene(scene, Quality(*size, samples=PASS, depth=DEPTH)).beauty
     count = max(1, samples // PASS)
-    return np.asarray(sum(one_pass(scene, 1000 * seed + i) for i in range(count)) / count)
+    return np.asarray(sum(one_pass(beauty, 1000 * seed + i) for i in range(count)) / count)
 
 
 if __name__ == "__main__":

@@ -24,12 +24,13 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine, choose
-from render.mitsuba.scene import Rendering, build_scene
+from render.mitsuba.scene import SceneRenderer, build_scene
 from render.mitsuba.sensor import sensor
 from render.post.denoise import denoise
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 
 SHOWN = ("glaze", "clay")
@@ -62,13 +63,13 @@ def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) ->
     surface = subject(0.3)
     quality = Quality(*size, samples=16, depth=DEPTH, auxiliary_samples=16)
 
-    around = (LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    described = Scene(surface, LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
 
-    def scene() -> Rendering:
-        return build_scene(surface, *around, size, DEPTH).beauty
+    def scene() -> SceneRenderer:
+        return build_scene(described, quality).beauty
 
     def ours() -> AnyArray:
-        return denoise(render_frame(surface, *around, quality, 1, engine))
+        return denoise(render_frame(described, quality, 1, engine))
 
     picture = ours()  # what is compiled is compiled now
     took = []
@@ -98,7 +99,7 @@ def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) ->
     return row
 
 
-def rendered_on(scene: Callable[[], Rendering], size: tuple[int, int]) -> Best:
+def rendered_on(scene: Callable[[], SceneRenderer], size: tuple[int, int]) -> Best:
     """Passes of Mitsuba's default sampler, their mean kept whenever the samples have doubled."""
     import mitsuba as mi
 
@@ -118,12 +119,12 @@ def rendered_on(scene: Callable[[], Rendering], size: tuple[int, int]) -> Best:
     return best
 
 
-def _mean(rendering: Rendering, samples: int) -> AnyArray:
+def _mean(rendering: SceneRenderer, samples: int) -> AnyArray:
     count = max(1, samples // PASS)
     return np.asarray(sum(one_pass(rendering, 50_000 + i) for i in range(count)) / count)
 
 
-def one_pass(rendering: Rendering, seed: int, **by: Any) -> AnyArray:
+def one_pass(rendering: SceneRenderer, seed: int, **by: Any) -> AnyArray:
     import drjit as dr
     import mitsuba as mi
 

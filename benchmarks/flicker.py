@@ -32,8 +32,9 @@ from render.post.denoise import denoise
 from render.post.temporal_denoise import Moment, noise_of, steady
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -73,14 +74,15 @@ def rendered(surface: Surface, samples: int, seed: int, engine: Engine, width: i
     quality = replace(QUALITY, width=width, height=width * 9 // 16, samples=samples)
     look, lights, stage = LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"]
     aovs = ("before", "after") if samples == QUALITY.samples else ()
-    return render_frame(surface, look, lights, stage, Placement(), CAMERA, quality, seed, engine, aovs=aovs)
+    scene = Scene(surface, look, lights, stage, Placement(), CAMERA)
+    return render_frame(scene, quality, seed, engine, aovs=aovs)
 
 
 def by_mitsuba(surface: Surface, samples: int, seed: int, width: int) -> AnyArray:
     """What Mitsuba's own paths come to, nothing held back."""
-    size = width, width * 9 // 16
-    around = (LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
-    scene = build_scene(surface, *around, size, QUALITY.depth).beauty
+    quality = replace(QUALITY, width=width, height=width * 9 // 16)
+    described = Scene(surface, LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    scene = build_scene(described, quality).beauty
     passes = range(samples // PASS)
     return np.asarray(sum(scene.render(PASS, 1000 * seed + i)[..., :3] for i in passes) / len(passes))
 

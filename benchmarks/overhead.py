@@ -72,9 +72,9 @@ class Watch:
         import drjit as dr
         import mitsuba as mi
 
-        from render.integrator.path_tracer import Light
+        from render.integrator.path_tracer import PathTracer
 
-        render, follow, denoise = mi.render, Light.picture, pyoidn.denoise
+        render, follow, denoise = mi.render, PathTracer.render, pyoidn.denoise
 
         def rendered(scene: Any, *arguments: Any, integrator: Any, **others: Any) -> Any:
             def work() -> Any:
@@ -88,18 +88,18 @@ class Watch:
                 self.light = lambda: np.array(render(scene, integrator=integrator, spp=64, seed=1))
             return self.timed("light" if is_light else _layer(integrator), work)
 
-        def followed(light: Light, *arguments: Any) -> Any:
-            self.light = lambda: follow(light, 64, 0, 1)
-            return self.timed("light", lambda: follow(light, *arguments))
+        def followed(tracer: PathTracer, *arguments: Any) -> Any:
+            self.light = lambda: follow(tracer, 64, 0, 1)
+            return self.timed("light", lambda: follow(tracer, *arguments))
 
         def denoised(*arguments: Any, **others: Any) -> Any:
             return self.timed("denoiser", lambda: denoise(*arguments, **others))
 
-        mi.render, Light.picture, pyoidn.denoise = rendered, followed, denoised
+        mi.render, PathTracer.render, pyoidn.denoise = rendered, followed, denoised
         try:
             yield
         finally:
-            mi.render, Light.picture, pyoidn.denoise = render, follow, denoise
+            mi.render, PathTracer.render, pyoidn.denoise = render, follow, denoise
 
 
 def _layer(integrator: Any) -> str:

@@ -33,7 +33,7 @@ from pipeline.production.execution.project import Project
 from render.raster import Set, Shape, preview
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.stage import STAGES, Placement
 
 SHOT = """\

@@ -25,7 +25,9 @@ from render.mitsuba.mesh import mesh
 from render.mitsuba.scene import build_scene
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
+from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -48,17 +50,11 @@ def measure(size: str, repeats: int) -> Row:
     """Milliseconds of both."""
     surface = ball(FREQUENCIES[size])
 
+    scene = Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    quality = Quality(*SIZE, samples=16, depth=6)
+
     def ours() -> None:
-        build_scene(
-            surface,
-            LOOKS["clay"],
-            LIGHTS["studio"],
-            STAGES["cyclorama"],
-            Placement(),
-            CAMERA,
-            SIZE,
-            6,
-        )
+        build_scene(scene, quality)
 
     seconds: dict[str, list[float]] = {"ours": [], "Mitsuba's": []}
     ours()  # what is compiled is compiled now

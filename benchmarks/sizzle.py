@@ -29,17 +29,16 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.resample import Report, ThresholdFormula, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
-from render.mitsuba import emitters as lamps
-from render.mitsuba import materials as material
-from render.mitsuba import stage_shapes as scenery
+from render.mitsuba import emitters, materials, stage_shapes
 from render.mitsuba.engine import choose
-from render.mitsuba.scene import Rendering, build_scene
+from render.mitsuba.scene import SceneRenderer, build_scene
 from render.mitsuba.sensor import sensor
-from render.mitsuba.texture_coordinates import Marks
+from render.mitsuba.texture_coordinates import TextureCoordinates
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
-from render.scene.quality import PASS_SAMPLES
+from render.scene.materials import LOOKS
+from render.scene.quality import BATCH_SAMPLES, Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -107,11 +106,11 @@ def _operations(frame: MeshFrame) -> int:
 
 
 def _picture(surface: Surface, size: tuple[int, int]) -> AnyArray:
-    made = build_scene(surface, LOOK, RIG, STAGE, PLACEMENT, CAMERA, size, DEPTH).beauty
-    return _rendered(made)
+    scene = Scene(surface, LOOK, RIG, STAGE, PLACEMENT, CAMERA)
+    return _rendered(build_scene(scene, Quality(*size, samples=BATCH_SAMPLES, depth=DEPTH)).beauty)
 
 
-def _rendered(made: Rendering) -> AnyArray:
+def _rendered(made: SceneRenderer) -> AnyArray:
     return np.asarray(sum(one_pass(made, SEED + i) for i in range(PASSES)) / PASSES)
 
 
@@ -119,17 +118,17 @@ def exact(size: tuple[int, int]) -> AnyArray:
     """The picture of a sphere that is one."""
     import mitsuba as mi
 
-    of_metal = material.material(LOOK, (), Marks(np.zeros((1, 2))), PLACEMENT.size)
+    of_metal = materials.surface_bsdf(LOOK, (), TextureCoordinates(np.zeros((1, 2))), PLACEMENT.size)
     scene = {
         "type": "scene",
         "sensor": sensor(CAMERA, size),
         "subject": {"type": "sphere", "center": [0.0, 1.0, 0.0], "radius": 1.0, "material": of_metal},
-        **scenery.shapes(STAGE, PLACEMENT, CAMERA, size),
-        **lamps.emitters(RIG, PLACEMENT.matrix()),
+        **stage_shapes.shapes(STAGE, PLACEMENT, CAMERA, size),
+        **emitters.emitters(RIG, PLACEMENT.matrix()),
     }
-    path = {**material.path(LOOK, DEPTH), "hide_emitters": not RIG.shows_sky}
+    path = {**materials.path_integrator(LOOK, DEPTH), "hide_emitters": not RIG.shows_sky}
     loaded = mi.load_dict(scene, parallel=False, optimize=False)
-    return _rendered(Rendering(loaded, mi.load_dict(path, parallel=False, optimize=False)))
+    return _rendered(SceneRenderer(loaded, mi.load_dict(path, parallel=False, optimize=False)))
 
 
 def main(width: int = 240) -> list[Target]:
@@ -141,7 +140,7 @@ def main(width: int = 240) -> list[Target]:
     for name in MODES:
         row, pictures[name] = measure(name, size, truth)
         rows.append(row)
-    show(f"A chrome sphere, {PASSES * PASS_SAMPLES} samples, steps of 255", rows)
+    show(f"A chrome sphere, {PASSES * BATCH_SAMPLES} samples, steps of 255", rows)
     keep("sizzle", rows)
     put("sizzle", {name: pictures[name] for name in ("exact", "chord, geometric", "exact, carried")})
     by_name = {str(row["mode"]): float(row["sizzle"]) for row in rows}

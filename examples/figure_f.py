@@ -9,7 +9,7 @@ from pipeline.animation import animate
 from pipeline.mesh import TriangleMesh
 from pipeline.shot import read_shot
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.stage import Stage
 
 SHOT = Path(__file__).resolve().parent.parent / "shots" / "A010_cube.yaml"

@@ -18,8 +18,9 @@ from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
 from render.scene.lights import LIGHTS, LightRig
-from render.scene.look import LOOKS, Look
+from render.scene.materials import LOOKS, Material
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import Stage
 from render.scene.surface import Surface
 
@@ -54,7 +55,7 @@ def photograph(
     mesh: TriangleMesh,
     framing: Framing,
     size: tuple[int, int],
-    look: Look = LOOKS["clay"],
+    look: Material = LOOKS["clay"],
     lights: LightRig = LIGHTS["studio"],
     stage: Stage = BRIGHT,
     exposure: float = 0.4,
@@ -64,9 +65,8 @@ def photograph(
     shaded = split_at_creases(mesh, math.radians(40))
     surface = Surface(shaded.vertices.astype(np.float32), shaded.normals.astype(np.float32), shaded.faces)
     quality = Quality(*size, samples=samples, depth=6, auxiliary_samples=16)
-    layers = render_frame(
-        surface, look, lights, stage, framing.placement, framing.camera, quality, seed=1, engine=choose()
-    )
+    scene = Scene(surface, look, lights, stage, framing.placement, framing.camera)
+    layers = render_frame(scene, quality, seed=1, engine=choose())
     light = denoise(layers) * np.float32(2.0 ** (lights.exposure + exposure))
     return Photograph(quantise(to_display(light, display="srgb")), layers["depth"], framing)
 

@@ -31,6 +31,7 @@ from render.post.image import lettering
 from render.scene.lights import LIGHTS
 from render.scene.measure import SPEED
 from render.scene.quality import QUALITIES
+from render.scene.scene import Scene
 from render.scene.stage import STAGES
 from render.scene.surface import Surface
 from render.scene.wireframe import outlines
@@ -100,7 +101,7 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
     *_, frame = animate(shot)
     split = split_at_creases(frame.mesh, np.radians(40.0))
     fine = tessellate(split, shot.picture.tessellate)
-    material = spread(material_of(frame.mesh), split, fine)
+    rest = spread(material_of(frame.mesh), split, fine)
     (framing,) = frame_all(
         [View(np.radians(-28.0), np.radians(14.0), np.radians(26.0), 0.09)],
         lambda _: Balls(fine.vertices, np.zeros(len(fine.vertices))),
@@ -108,7 +109,7 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
     )
     arrays: dict[str, Any] = {
         name: array.astype(np.float32)
-        for name, array in (("vertices", fine.vertices), ("normals", fine.normals), ("material", material))
+        for name, array in (("vertices", fine.vertices), ("normals", fine.normals), ("rest", rest))
     }
     edges = outlines(fine.faces, shot.picture.tessellate)
     shading = Shading(frame, split, shot.picture.tessellate)
@@ -118,17 +119,9 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
 
 def _picture(name: str, shot: Shot, surface: Surface, framing: Framing) -> Image.Image:
     rig = LIGHTS["gallery" if name in MIRRORS else "studio"]
-    layers = render_frame(
-        surface,
-        shot.picture.look,
-        rig,
-        STAGES["cyclorama"],
-        framing.placement,
-        framing.camera,
-        QUALITY,
-        seed=1,
-        engine=choose(),
-    )
+    stage = STAGES["cyclorama"]
+    scene = Scene(surface, shot.picture.look, rig, stage, framing.placement, framing.camera)
+    layers = render_frame(scene, QUALITY, seed=1, engine=choose())
     return Image.fromarray(quantise(to_display(denoise(layers), display="srgb")))
 
 

@@ -22,8 +22,9 @@ from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
 from render.scene.daylight import Daylight
 from render.scene.lights import LIGHTS, LightRig
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Stage
 from render.scene.surface import Surface
 
@@ -63,9 +64,8 @@ def _picture(surface: Surface, framing: Framing, lights: LightRig, stage: Stage,
     quality = QUALITIES["draft"]
     there = with_room(framing, stage)
     seed = seed_of("sets", stage.kind)
-    layers = render_frame(
-        surface, LOOKS[look], lights, stage, there.placement, there.camera, quality, seed, choose()
-    )
+    scene = Scene(surface, LOOKS[look], lights, stage, there.placement, there.camera)
+    layers = render_frame(scene, quality, seed, choose())
     return Image.fromarray(quantise(to_display(denoise(layers), lights.exposure, "srgb")))
 
 

@@ -17,7 +17,7 @@ from pipeline.shot.motion import Motion
 from render.post.view import ACES, ColourView
 from render.scene.aovs import AOVS, EXTRA
 from render.scene.lights import LightRig
-from render.scene.look import Look
+from render.scene.materials import Material
 from render.scene.quality import QUALITIES, Quality
 from render.scene.stage import Stage
 
@@ -56,7 +56,7 @@ class Picture:
     aovs        the AOVs that the shot names
     """
 
-    look: Look
+    look: Material
     camera: CameraPath
     lights: LightRig
     stage: Stage

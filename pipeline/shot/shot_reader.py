@@ -28,7 +28,7 @@ from pipeline.shot.subject import Model, Subject
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.messages import validated
 from pipeline.shot.yaml.parse_context import ParseContext
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
 
 CHECKS = (

@@ -46,20 +46,25 @@ def from_plain(kind: type[T], values: Any) -> T:
     """Return the dataclass `kind` from what `to_plain` made of one. Fields left out take their defaults.
 
     The annotations of fields decide: dataclasses, tuples, lists and mappings of any depth, `X | None`, paths,
-    mappings by int and floats are built again; values of other types are taken as they are.
+    mappings by int and floats are built again; values of other types are taken as they are. `kind` may be a
+    union of dataclasses that differ in the default of a field with init=False.
 
     Raises BadInputError for a field that `kind` does not have, one that it needs and is missing, or a value
     of another shape; the message names the field.
     """
-    return typing.cast(T, _build(kind, values, kind.__name__))
+    return typing.cast(T, _build(kind, values, getattr(kind, "__name__", str(kind))))
+
+
+def _is_record(kind: Any) -> bool:
+    return isinstance(kind, type) and dataclasses.is_dataclass(kind)
 
 
 def _build(kind: Any, values: Any, place: str) -> Any:
     origin, arguments = typing.get_origin(kind), typing.get_args(kind)
     if origin in (types.UnionType, typing.Union):
-        return None if values is None else _build(arguments[0], values, place)
+        return None if values is None else _build(_member(arguments, values), values, place)
     try:
-        if dataclasses.is_dataclass(kind):
+        if _is_record(kind):
             return _build_dataclass(kind, values, place)
         if origin is tuple and arguments[-1] is not Ellipsis:
             if len(values) != len(arguments):
@@ -77,6 +82,15 @@ def _build(kind: Any, values: Any, place: str) -> Any:
         raise BadInputError(f"{place}: {error}") from None
 
 
+def _member(kinds: tuple[Any, ...], values: Any) -> Any:
+    """Return the first of a union's types, or the dataclass whose fixed fields (init=False) `values` has."""
+    for kind in kinds:
+        fixed = [field for field in dataclasses.fields(kind) if not field.init] if _is_record(kind) else []
+        if fixed and all(values.get(field.name) == field.default for field in fixed):
+            return kind
+    return kinds[0]
+
+
 @cache
 def _hints_of(kind: type) -> dict[str, Any]:
     return typing.get_type_hints(kind)
@@ -86,8 +100,10 @@ def _build_dataclass(kind: Any, values: Any, place: str) -> Any:
     if isinstance(values, kind):
         return values
     hints = _hints_of(kind)
-    names = [field.name for field in dataclasses.fields(kind)]
-    unknown = [name for name in values if name not in names]
+    fixed = {field.name for field in dataclasses.fields(kind) if not field.init}
+    names = [field.name for field in dataclasses.fields(kind) if field.name not in fixed]
+    unknown = [name for name in values if name not in fixed and name not in names]
     if unknown:
         raise BadInputError(f"{place} has no {unknown[0]!r}; it has {', '.join(names)}")
-    return kind(**{name: _build(hints[name], item, f"{place}.{name}") for name, item in values.items()})
+    given = {name: values[name] for name in names if name in values}
+    return kind(**{name: _build(hints[name], item, f"{place}.{name}") for name, item in given.items()})

@@ -1,7 +1,7 @@
-"""What a half-done picture has found so far, in a file, so that another process goes on from there.
+"""Checkpoints of frames: the sums of their sample batches in a file, for another process to resume from.
 
-A file appears under its name whole or not at all, and holds sums as they were added up, in float64: the
-picture that goes on from it is, to the last bit, the one that was never disturbed.
+The file is written atomically and holds the sums as added, in float64. A resumed frame is the same to the
+last bit as one that was never interrupted.
 """
 
 from __future__ import annotations
@@ -23,22 +23,22 @@ from render.base.errors import MachineError
 State = Mapping[str, NDArray[Any]]
 
 SECONDS = 10.0
-"""Between two writings, at least: a picture that takes less is never kept, and pays nothing."""
+"""Least time between two checkpoints: a frame that takes less has none and pays nothing."""
 
-LEAST_WORK = 50.0
-"""How many times longer than its writing took a picture is rendered before the next, which so costs 2%."""
+MIN_WORK = 50.0
+"""Least rendering time between two checkpoints, over the time that writing one took: they cost 2%."""
 
 
 @dataclass
 class Checkpoint:
-    """Where the passes of one picture are kept while it is rendered.
+    """The checkpoint of one frame.
 
-    path     the file; its name says which picture this is, with all that decides it
-    draft    what it is written to before it takes that name, on the same disk
-    warn     is told, once each, what went wrong; a picture never fails for it
-    urgent   whether the process is about to end
-    seconds  between two writings, at least
-    taken_up how many passes `load` has found
+    path     the file; its name must say everything that decides the picture
+    draft    temporary file on the same file system
+    warn     is called with a message, once per fault; a frame never fails by its checkpoint
+    urgent   tells whether the process is about to end
+    seconds  least time between two checkpoints
+    resumed  sample batches that `load` has read
     """
 
     path: Path
@@ -46,7 +46,7 @@ class Checkpoint:
     warn: Callable[[str], None] = field(default=lambda message: None)
     urgent: Callable[[], bool] = field(default=lambda: False)
     seconds: float = SECONDS
-    taken_up: int = field(default=0, init=False)
+    resumed: int = field(default=0, init=False)
     _due: float = field(default=0.0, init=False)
     _refused: bool = field(default=False, init=False)
 
@@ -54,22 +54,24 @@ class Checkpoint:
         self._due = time.monotonic() + self.seconds
 
     def load(self) -> dict[str, NDArray[Any]] | None:
-        """What was kept, `done` being the number of passes, or None. A file that cannot be read to its end is
-        told of and removed."""
+        """Return the stored state, of which `done` is the number of batches, or None.
+
+        A damaged file is reported by `warn` and removed.
+        """
         try:
             with self.path.open("rb") as file, np.load(file, allow_pickle=False) as arrays:
-                found = {name: arrays[name] for name in arrays.files}
-            self.taken_up = int(found["done"])
+                state = {name: arrays[name] for name in arrays.files}
+            self.resumed = int(state["done"])
         except (FileNotFoundError, NotADirectoryError):
             return None
         except (OSError, zipfile.BadZipFile, ValueError, KeyError, EOFError, AttributeError) as error:
             self.warn(f"{self.path} cannot be read ({error}); its picture is rendered from the start")
             self.remove()
             return None
-        return found
+        return state
 
-    def offer(self, state: Callable[[], State]) -> None:
-        """Keep what passes have found, where that is due."""
+    def save_if_due(self, state: Callable[[], State]) -> None:
+        """Write a checkpoint if one is due. `state` is called only then."""
         now = time.monotonic()
         if self._refused or not (self.urgent() or now >= self._due):
             return
@@ -80,9 +82,9 @@ class Checkpoint:
             self._refused = True
             self.warn(f"{error}; if interrupted, its picture starts anew")
         spent = time.monotonic() - now
-        self._due = now + spent + max(self.seconds, LEAST_WORK * spent)
+        self._due = now + spent + max(self.seconds, MIN_WORK * spent)
 
     def remove(self) -> None:
-        """Nothing is kept any more; what cannot be removed is left to the next run."""
+        """Remove the file. One that cannot be removed is left to the next run."""
         with contextlib.suppress(OSError):
             self.path.unlink(missing_ok=True)

@@ -14,20 +14,19 @@ Pixels = NDArray[np.float32]
 
 @dataclass(frozen=True, eq=False)
 class RenderedFrame:
-    """A picture's named float32 arrays, (H, W, 3) or (H, W), and the facts about it.
+    """The AOVs of a frame as float32 arrays, (H, W, 3) or (H, W), by name.
 
-    `facts` are the same whenever the same frame is rendered; `seconds` say where this rendering's time
-    went.
+    `facts` are the same whenever the frame is rendered; `seconds` are where the time of this rendering went.
 
     beauty    linear Rec.709 radiance
     albedo    reflectance, within 0 … 1
     normal    shading normal, scene axes
     position  scene units
     depth     distance from the camera, scene units
-    matte     how much of the pixel the subject covers, 0 … 1
+    matte     coverage of the pixel by the subject, 0 … 1
 
-    All are averages over the pixel, so at the subject's outline (matte between 0 and 1) position and
-    depth lie between the subject's and the stage's.
+    All are means over the pixel: at the subject's outline (matte between 0 and 1) position and depth are
+    between those of the subject and the stage.
     """
 
     arrays: Mapping[str, Pixels]
@@ -38,7 +37,7 @@ class RenderedFrame:
         return self.arrays[name]
 
     def with_(self, **arrays: Pixels) -> RenderedFrame:
-        """The same picture with some layers added or replaced."""
+        """Return the frame with some AOVs added or replaced."""
         return RenderedFrame({**self.arrays, **arrays}, self.facts, self.seconds)
 
     @property

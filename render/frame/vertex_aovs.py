@@ -1,8 +1,8 @@
-"""The layers of a picture: which there are, what they mean, and how they are found where Mitsuba knows none.
+"""AOVs that show an attribute of the subject's vertices, such as velocity or motion.
 
-Mitsuba tells nothing of what a vertex brings along, but it tells the albedo of a surface. So a scene like the
-others, whose subject is dyed with what is asked for, is looked at with the very samples of the other layers;
-without the dye it shows what is not the subject, which is taken away again.
+Mitsuba has no such AOV, but it has one for albedo. A scene whose subject has the attribute as its colour is
+rendered with the same samples as the auxiliary AOVs; minus the same scene with the attribute 0, it shows the
+attribute alone.
 """
 
 from __future__ import annotations
@@ -13,60 +13,65 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.frame.motion_samples import Moment
 from render.scene.aovs import NEEDED_BY_AOV, VERTEX_AOVS
+from render.scene.scene import MotionSample
 
-Array = NDArray[np.float64]
-Dyed = Callable[[NDArray[np.float32]], Array]
+Picture = NDArray[np.float64]
+Attributes = Mapping[str, NDArray[np.float32]]
 
 
-def marks_of(
-    moment: Moment, following: Moment | None, aovs: Collection[str], size: tuple[int, int]
+def vertex_attributes(
+    sample: MotionSample, following: MotionSample | None, aovs: Collection[str], size: tuple[int, int]
 ) -> dict[str, NDArray[np.float32]]:
-    """By name (N, 3) of the points of a moment: what `aovs` asks of them: motion, its third channel
-    0, the material as rest, and attributes of these names.
+    """Return the values (N, 3) of a sample's points that `aovs` show, by name.
 
-    following  the same points at the next frame, seen from there; for motion
+    `motion` is computed, with 0 as its third channel; `rest` are the rest positions; others are attributes.
+
+    following  the same points and camera at the next frame; for motion
     size       width and height in pixels
 
     Raises BadInputError where something is missing.
     """
-    found: dict[str, NDArray[np.float32]] = {}
+    values: dict[str, NDArray[np.float32]] = {}
     for name in [name for name in aovs if name in VERTEX_AOVS]:
         if name == "motion" and following is not None:
-            there, here = following.pixels(size), moment.pixels(size)
-            seen = (there[:, 2] > 0.0) & (here[:, 2] > 0.0)
-            values = np.where(seen[:, None], there[:, :2] - here[:, :2], 0.0)
-            found[name] = np.pad(values, ((0, 0), (0, 1))).astype(np.float32)
+            after, before = following.pixels(size), sample.pixels(size)
+            in_front = (after[:, 2] > 0.0) & (before[:, 2] > 0.0)
+            motion = np.where(in_front[:, None], after[:, :2] - before[:, :2], 0.0)
+            values[name] = np.pad(motion, ((0, 0), (0, 1))).astype(np.float32)
             continue
-        given = moment.subject.material if name == "rest" else moment.subject.attributes.get(name)
+        given = sample.subject.rest if name == "rest" else sample.subject.attributes.get(name)
         if name == "motion" or given is None:
             raise BadInputError(
                 f"layer {name!r} needs {NEEDED_BY_AOV[name]}, which the surface was not given"
             )
-        found[name] = given
-    return found
+        values[name] = given
+    return values
 
 
-def looked_at(marks: Mapping[str, NDArray[np.float32]], look: Dyed) -> dict[str, Array]:
-    """By name (H, W, 3): the means of marks (V, 3) over the pixels, 0 where the subject is not.
+def render_attributes(
+    attributes: Attributes, render: Callable[[NDArray[np.float32]], Picture]
+) -> dict[str, Picture]:
+    """Return the means (H, W, 3) of attributes (V, 3) over the pixels, 0 where the subject is not.
 
-    look  the albedo (H, W, 3) of the scene whose subject is dyed with the values given
+    render  renders the scene with an attribute as the subject's colour
     """
-    if not marks:
+    if not attributes:
         return {}
-    others = look(np.zeros_like(next(iter(marks.values()))))
-    return {name: look(values) - others for name, values in marks.items()}
+    others = render(np.zeros_like(next(iter(attributes.values()))))
+    return {name: render(values) - others for name, values in attributes.items()}
 
 
-def stage_motion(position: Array, here: Moment, following: Moment, size: tuple[int, int]) -> Array:
-    """(H, W, 2) pixels that the stage moves in the picture, from positions (H, W, 3) that are on it.
+def stage_motion(
+    position: Picture, sample: MotionSample, following: MotionSample, size: tuple[int, int]
+) -> Picture:
+    """Return the pixels (H, W, 2) that points of the stage, at positions (H, W, 3), move in the picture.
 
-    The stage goes with the placement of the subject, and the camera as it does.
+    The stage moves with the subject's placement, and the camera as in `following`.
     """
     points = position.reshape(-1, 3)
-    moved = here.placement.carried(points, following.placement)
-    before, after = here.pixels(size, points), following.pixels(size, moved)
-    seen = (before[:, 2] > 0.0) & (after[:, 2] > 0.0)
-    motion = np.where(seen[:, None], after[:, :2] - before[:, :2], 0.0)
+    moved = sample.placement.moved(points, following.placement)
+    before, after = sample.pixels(size, points), following.pixels(size, moved)
+    in_front = (before[:, 2] > 0.0) & (after[:, 2] > 0.0)
+    motion = np.where(in_front[:, None], after[:, :2] - before[:, :2], 0.0)
     return motion.reshape(*position.shape[:2], 2)

@@ -1,8 +1,9 @@
-"""Which lamps a path looks for from where it is, and how often.
+"""Light sampler: choose an emitter for next event estimation.
 
-Mitsuba draws every lamp as often as any other. Here a lamp is drawn by the light that it would send to the
-place if nothing stood between, for the most part, and a little by chance, since a surface may mirror a faint
-one. A sky of one gradient is left out: a path that goes on by what the surface reflects finds it best.
+Mitsuba chooses all emitters equally often. Here an emitter is chosen with probability proportional to its
+unoccluded irradiance at the shading point (compare pbrt's `LightSampler`), mixed with a small uniform part:
+a glossy surface may reflect a faint emitter strongly. A gradient sky is left out: paths that the BSDF samples
+find it best.
 """
 
 from __future__ import annotations
@@ -17,46 +18,46 @@ from numpy.typing import NDArray
 from render.base.serialise import Triple
 from render.scene.lights import LightRig
 
-BY_CHANCE = 0.1
-"""Of all looks, how many are for any lamp alike."""
+UNIFORM_FRACTION = 0.1
+"""Fraction of the probability that is the same for all emitters."""
 
-_GRAZING, _ASIDE = 0.05, 0.02
-"""Cosines that those of a place and of a lamp count as at least: a lamp has a width, a mirror looks along."""
+_MIN_SURFACE_COSINE, _MIN_EMITTER_COSINE = 0.05, 0.02
+"""Least cosines used in estimates: emitters have a width, and glossy surfaces reflect at grazing angles."""
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 
 
 @dataclass(frozen=True)
-class Aim:
-    """A lamp that paths look for.
+class SampledEmitter:
+    """An emitter for next event estimation.
 
-    name      that of its shape or emitter in the scene
-    strength  luminance times area, or for light from afar the irradiance; None where that is not known
-    place     its middle, scene units; None where it is far away
-    facing    the way it shines
+    name      of its shape or emitter in the scene
+    strength  luminance times area, or irradiance of a distant light; None where it is unknown
+    position  of its middle, scene units; None for a distant light
+    facing    direction it shines to; None where `strength` is
     """
 
     name: str
     strength: float | None = None
-    place: Triple | None = None
+    position: Triple | None = None
     facing: Triple | None = None
 
 
-def aims(lights: LightRig, to_scene: NDArray[np.float64]) -> list[Aim]:
-    """Of a rig; to_scene: (4, 4), from stage units, turned and scaled alike in all directions"""
+def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[SampledEmitter]:
+    """Return the emitters of a rig to sample. to_scene: similarity transform (4, 4) from stage units"""
     turn, scale = to_scene[:3, :3], float(np.cbrt(np.linalg.det(to_scene[:3, :3])))
-    found = []
+    sampled = []
     for index, box in enumerate(lights.softboxes):
         strength = float(_LUMA @ box.radiance) * box.width * box.height * scale**2
-        place = turn @ box.position + to_scene[:3, 3]
+        position = turn @ box.position + to_scene[:3, 3]
         facing = _unit(turn @ np.subtract(box.target, box.position))
-        found.append(Aim(f"softbox{index}", strength, _triple(place), _triple(facing)))
+        sampled.append(SampledEmitter(f"softbox{index}", strength, _triple(position), _triple(facing)))
     for index, sun in enumerate(lights.suns):
         facing = _unit(turn @ sun.direction)
-        found.append(Aim(f"sun{index}", float(_LUMA @ sun.irradiance), None, _triple(facing)))
+        sampled.append(SampledEmitter(f"sun{index}", float(_LUMA @ sun.irradiance), None, _triple(facing)))
     if lights.daylight or lights.environment:
-        found.append(Aim("sky"))
-    return found
+        sampled.append(SampledEmitter("sky"))
+    return sampled
 
 
 def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -68,84 +69,88 @@ def _triple(vector: NDArray[np.float64]) -> Triple:
     return x, y, z
 
 
-class Lamps:
-    """The lamps of a scene as compiled code knows them: where they are is data to it."""
+class LightSampler:
+    """Chooses among emitters of a scene. Positions are data of the compiled code, not constants in it."""
 
-    def __init__(self, scene: Any, wanted: Sequence[Aim]) -> None:
+    def __init__(self, scene: Any, sampled: Sequence[SampledEmitter]) -> None:
         import drjit as dr
         import mitsuba as mi
 
-        known = [_name(emitter) for emitter in scene.emitters()]
-        everything = scene.emitters_dr()
+        names = [_name(emitter) for emitter in scene.emitters()]
+        pointers = scene.emitters_dr()
         self.emitters = [
-            dr.gather(mi.EmitterPtr, everything, dr.opaque(mi.UInt32, known.index(aim.name)))
-            for aim in wanted
+            dr.gather(mi.EmitterPtr, pointers, dr.opaque(mi.UInt32, names.index(emitter.name)))
+            for emitter in sampled
         ]
-        self._known = [
+        self._geometry = [
             (
-                _data(mi.Float, aim.strength),
-                _data(mi.Point3f, aim.place),
-                _data(mi.Vector3f, aim.facing),
+                _opaque(mi.Float, emitter.strength),
+                _opaque(mi.Point3f, emitter.position),
+                _opaque(mi.Vector3f, emitter.facing),
             )
-            for aim in wanted
+            for emitter in sampled
         ]
 
     def __len__(self) -> int:
         return len(self.emitters)
 
-    def shares(self, si: Any) -> list[Any]:
-        """How probably each is looked for from there."""
+    def probabilities(self, si: Any) -> list[Any]:
+        """Return the probability of each emitter at a surface interaction."""
         import drjit as dr
         import mitsuba as mi
 
-        known = [
-            None if strength is None else _irradiance(si, strength, place, facing)
-            for strength, place, facing in self._known
+        estimates = [
+            None if strength is None else _irradiance(si, strength, position, facing)
+            for strength, position, facing in self._geometry
         ]
-        told = [each for each in known if each is not None]
-        usual = sum(told) / len(told) if told else 1.0
-        weights: list[Any] = [usual if each is None else each for each in known]
+        known = [estimate for estimate in estimates if estimate is not None]
+        mean = sum(known) / len(known) if known else 1.0
+        weights: list[Any] = [mean if estimate is None else estimate for estimate in estimates]
         total: Any = dr.maximum(sum(weights, dr.zeros(mi.Float)), 1e-30)
-        return [(1.0 - BY_CHANCE) * each / total + BY_CHANCE / len(weights) for each in weights]
+        return [
+            (1.0 - UNIFORM_FRACTION) * weight / total + UNIFORM_FRACTION / len(weights) for weight in weights
+        ]
 
-    def drawn(self, shares: list[Any], number: Any) -> tuple[Any, Any]:
-        """One of them and its share, by a number from 0 to 1."""
+    def sample(self, probabilities: list[Any], number: Any) -> tuple[Any, Any]:
+        """Return an emitter and its probability, chosen by a random number from 0 to 1."""
         import drjit as dr
         import mitsuba as mi
 
-        emitter, share, until = mi.EmitterPtr(self.emitters[0]), shares[0], shares[0]
-        for other, its in zip(self.emitters[1:], shares[1:], strict=True):
-            further = number >= until
-            emitter, share = dr.select(further, other, emitter), dr.select(further, its, share)
-            until = until + its
-        return emitter, share
+        emitter, probability = mi.EmitterPtr(self.emitters[0]), probabilities[0]
+        cumulative = probabilities[0]
+        for other, its_probability in zip(self.emitters[1:], probabilities[1:], strict=True):
+            beyond = number >= cumulative
+            emitter = dr.select(beyond, other, emitter)
+            probability = dr.select(beyond, its_probability, probability)
+            cumulative = cumulative + its_probability
+        return emitter, probability
 
-    def share_of(self, emitter: Any, shares: list[Any]) -> Any:
-        """That of an emitter that was found by chance; 0 of one that is not looked for."""
+    def pmf(self, emitter: Any, probabilities: list[Any]) -> Any:
+        """Return the probability of an emitter that a path hit; 0 for one that is not sampled."""
         import drjit as dr
         import mitsuba as mi
 
-        found = mi.Float(0.0)
-        for each, share in zip(self.emitters, shares, strict=True):
-            found = dr.select(emitter == each, share, found)
-        return found
+        result = mi.Float(0.0)
+        for other, probability in zip(self.emitters, probabilities, strict=True):
+            result = dr.select(emitter == other, probability, result)
+        return result
 
 
-def _irradiance(si: Any, strength: Any, place: Any, facing: Any) -> Any:
-    """About what a lamp gives to a surface there, and never nothing."""
+def _irradiance(si: Any, strength: Any, position: Any, facing: Any) -> Any:
+    """Return the approximate unoccluded irradiance by an emitter, always above 0."""
     import drjit as dr
 
-    if place is None:
-        return strength * dr.maximum(dr.abs(dr.dot(facing, si.n)), _GRAZING)
-    way = place - si.p
-    square = dr.maximum(dr.squared_norm(way), 1e-12)
-    towards = way * dr.rsqrt(square)
-    seen = dr.maximum(dr.abs(dr.dot(towards, si.n)), _GRAZING)
-    return strength * dr.maximum(-dr.dot(towards, facing), _ASIDE) * seen / square
+    if position is None:
+        return strength * dr.maximum(dr.abs(dr.dot(facing, si.n)), _MIN_SURFACE_COSINE)
+    difference = position - si.p
+    square = dr.maximum(dr.squared_norm(difference), 1e-12)
+    direction = difference * dr.rsqrt(square)
+    cosine = dr.maximum(dr.abs(dr.dot(direction, si.n)), _MIN_SURFACE_COSINE)
+    return strength * dr.maximum(-dr.dot(direction, facing), _MIN_EMITTER_COSINE) * cosine / square
 
 
-def _data(kind: Any, value: Any) -> Any:
-    """Not a constant of the compiled code, which would be compiled anew for each."""
+def _opaque(kind: Any, value: Any) -> Any:
+    """Return a value as data of the compiled code, which would otherwise be compiled for each value."""
     import drjit as dr
 
     if value is None:

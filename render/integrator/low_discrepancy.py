@@ -1,11 +1,11 @@
-"""A sequence of points of which every beginning is spread evenly, for the samples of a pixel.
+"""A low-discrepancy sequence for the samples of a pixel: every prefix of it is spread evenly.
 
 A digital sequence in base 2 (Niederreiter 1987): the digits of a coordinate are the digits of the point's
-number times a matrix of bits. The coordinates come in pairs of U and P U, where P is Pascal's triangle and U
-one of `_PAIRS`: by each pair alone the points are Sobol's first two coordinates in another order, so that 2ⁿ
-of them, from a multiple of 2ⁿ on, leave no rectangle of area 2⁻ⁿ empty. The orders were found by trying 1500
-for each pair: so that 4, 16 and 64 points are even too by coordinates of different pairs that decide together
-what a path finds, such as where it leaves a surface and where on a lamp it looks then.
+number times a matrix of bits. Coordinates come in pairs of U and P U, where P is Pascal's triangle modulo 2
+and U one of `_PAIRS`. Each pair alone is Sobol's first two dimensions in another order: of 2ⁿ points from a
+multiple of 2ⁿ on, none of the elementary rectangles of area 2⁻ⁿ is empty. The orders are the best of 1500
+tried for each pair: 4, 16 and 64 points are also even in coordinates of different pairs that act together,
+such as the direction from a surface and the position on an emitter.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 _DIGITS = 10
 LENGTH = 1 << _DIGITS
-"""Points until it begins again."""
+"""Points until the sequence repeats."""
 
 _PAIRS = (
     (0x001, 0x002, 0x004, 0x008, 0x010, 0x020, 0x040, 0x080, 0x100, 0x200),
@@ -33,35 +33,35 @@ _PAIRS = (
     (0x001, 0x003, 0x006, 0x008, 0x016, 0x03C, 0x04C, 0x0AB, 0x151, 0x3BD),
     (0x001, 0x003, 0x005, 0x00F, 0x016, 0x026, 0x06E, 0x0F7, 0x12D, 0x2B5),
 )
-"""Columns of each U: bit r is the digit 2^-(r + 1). Of the pixel, the lens, and of each of three vertices of
-a path: the place on a lamp, the way on, and the choices of lobe and lamp."""
+"""Columns of each U: bit r is the digit 2^-(r + 1). Pairs are for the pixel, the lens and, of three vertices
+of a path each: position on an emitter, next direction, choices of lobe and emitter."""
 
 COORDINATES = 2 * len(_PAIRS)
 
 
 def points(first: int, count: int) -> NDArray[np.uint32]:
-    """(COORDINATES, count) of the points from number `first` on, their digits in reverse: bit 0 is a half."""
+    """Return points from number `first` on, (COORDINATES, count), digits reversed: bit 0 is a half."""
     numbers = (first + np.arange(count)) % LENGTH
     bits = (numbers[:, None] >> np.arange(_DIGITS)) & 1
-    found = [np.bitwise_xor.reduce(bits * column, axis=1) for column in _columns()]
-    return np.array(found, dtype=np.uint32)
+    digits = [np.bitwise_xor.reduce(bits * matrix, axis=1) for matrix in _matrices()]
+    return np.array(digits, dtype=np.uint32)
 
 
 @cache
-def _columns() -> list[NDArray[np.int64]]:
-    """Of the matrices of all coordinates."""
+def _matrices() -> list[NDArray[np.int64]]:
+    """Return the matrices of all coordinates, by columns of bits."""
     pascal = [sum((math.comb(c, r) & 1) << r for r in range(_DIGITS)) for c in range(_DIGITS)]
-    found = []
-    for pair in _PAIRS:
-        turned = [_product(pascal, column) for column in pair]
-        found += [np.array(pair), np.array(turned)]
-    return found
+    matrices = []
+    for columns in _PAIRS:
+        product = [_product(pascal, column) for column in columns]
+        matrices += [np.array(columns), np.array(product)]
+    return matrices
 
 
 def _product(matrix: list[int], vector: int) -> int:
-    """Of bits, columns of the matrix given."""
-    found = 0
+    """Return a matrix, given by columns of bits, times a vector of bits."""
+    result = 0
     for r, column in enumerate(matrix):
         if vector >> r & 1:
-            found ^= column
-    return found
+            result ^= column
+    return result

@@ -1,12 +1,12 @@
-"""Light followed along paths by compiled code, from the lens to the lamps.
+"""The path tracer, in code that Dr.Jit compiles.
 
-A path tracer with next event estimation and multiple importance sampling (Veach 1997), as Mitsuba's `path`
-is, and it finds the same light. What differs makes less noise: numbers come from one sequence that goes on
-from pass to pass (`render.integrator.sampler`), lamps are looked for by the light they give, and from what
-the lens sees all at once (`render.integrator.light_sampler`). The samples of a pixel are taken one after the
-other, so that sums have an order.
+Path tracing with next event estimation and multiple importance sampling (Veach 1997). It computes the same
+light as Mitsuba's `path` with less noise: random numbers continue one sequence from batch to batch
+(`render.integrator.sampler`), emitters are chosen by their irradiance, and at the first vertex all of them
+are sampled (`render.integrator.light_sampler`). The samples of a pixel are taken one after the other, so that
+sums have a fixed order.
 
-Importing this imports Mitsuba, so an engine must have been started, of a variant that compiles.
+Importing this imports Mitsuba, so an engine of a compiled variant must have been started.
 """
 
 from __future__ import annotations
@@ -19,58 +19,66 @@ import mitsuba as mi
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.light_sampler import Lamps
-from render.integrator.sampler import CHOICE, LAMP, LENS, LOBE, ONWARDS, PIXEL, Draws
+from render.integrator.light_sampler import LightSampler
+from render.integrator.sampler import (
+    DIRECTION,
+    EMITTER_CHOICE,
+    EMITTER_POSITION,
+    LENS,
+    LOBE,
+    PIXEL,
+    OwenSampler,
+)
 
-MOST_AT_ONCE = 6
-"""Lamps that are all looked for from what the lens sees; of more, one is drawn there too."""
+MAX_SAMPLED_TOGETHER = 6
+"""Emitters that are all sampled at the first vertex; with more, one is chosen there too."""
 
 
 @dataclass(frozen=True, eq=False)
-class Light:
-    """The light of a scene.
+class PathTracer:
+    """A path tracer for one scene.
 
-    integrator  Mitsuba's, which is asked for nothing but to look past lamps
-    depth       vertices a path may have, the lamp's one of them
-    hides       whether the lens sees neither lamps nor what shines from all around
+    integrator     Mitsuba's, which is used only to look past hidden emitters
+    max_depth      vertices of a path, the emitter's included
+    hide_emitters  True if the lens sees neither emitters nor the sky
     """
 
     scene: Any
     integrator: Any
-    lamps: Lamps
-    depth: int
-    hides: bool
+    light_sampler: LightSampler
+    max_depth: int
+    hide_emitters: bool
 
-    def picture(self, samples: int, first: int, seed: int) -> NDArray[np.float64]:
-        """(H, W, 5): radiance, luminance and its square, means over samples.
+    def render(self, samples: int, first: int, seed: int) -> NDArray[np.float64]:
+        """Return radiance, luminance and its square (H, W, 5), as means over samples.
 
         first  samples of the same picture and seed that were taken before
         """
         film = self.scene.sensors()[0].film()
         (width, height), (left, top) = film.crop_size(), film.crop_offset()
-        here = dr.arange(mi.UInt32, int(width) * int(height))
-        row = here // dr.opaque(mi.UInt32, int(width))
-        column = here - row * int(width)
-        whole = (row + int(top)) * int(film.size()[0]) + column + int(left)
-        draws = Draws(whole, first, samples, seed)
+        index = dr.arange(mi.UInt32, int(width) * int(height))
+        row = index // dr.opaque(mi.UInt32, int(width))
+        column = index - row * int(width)
+        pixel = (row + int(top)) * int(film.size()[0]) + column + int(left)
+        sampler = OwenSampler(pixel, first, samples, seed)
         corner, size = mi.Point2f(column, row), mi.Point2f(mi.ScalarPoint2f(film.crop_size()))
-        sums = _sums(self, draws, corner, size)
+        sums = _sum_samples(self, sampler, corner, size)
         dr.eval(sums)
-        picture = np.stack([np.array(each, dtype=np.float64) for each in sums], axis=1) / samples
+        picture = np.stack([np.array(channel, dtype=np.float64) for channel in sums], axis=1) / samples
         dr.flush_malloc_cache()
         return picture.reshape(int(height), int(width), 5)
 
 
 @dr.syntax
-def _sums(light: Light, draws: Draws, corner: Any, size: Any) -> Any:
-    """Five of (pixels,): of radiance, luminance and its square over all samples."""
+def _sum_samples(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
+    """Return the sums of radiance (3), luminance and its square over all samples, (pixels,) each."""
     sample = mi.UInt32(0)
     radiance, luminance, square = mi.Color3f(0.0), mi.Float(0.0), mi.Float(0.0)
-    while dr.hint(sample < draws.count, label="samples", exclude=[light, draws]):
-        draws.sample = sample
-        found = _followed(light, draws, corner, size)
-        y = mi.luminance(found)
-        radiance += found
+    while dr.hint(sample < sampler.count, label="samples", exclude=[tracer, sampler]):
+        sampler.sample = sample
+        light = trace(tracer, sampler, corner, size)
+        y = mi.luminance(light)
+        radiance += light
         luminance += y
         square += y * y
         sample += 1
@@ -78,72 +86,84 @@ def _sums(light: Light, draws: Draws, corner: Any, size: Any) -> Any:
 
 
 @dr.syntax
-def _followed(light: Light, draws: Draws, corner: Any, size: Any) -> Any:
-    """The radiance that one sample of each pixel finds."""
-    scene, lamps, context = light.scene, light.lamps, mi.BSDFContext()
-    si, factor = _first(light, draws, corner, size)
-    found = mi.Color3f(0.0)
-    if dr.hint(not light.hides, mode="scalar"):
-        found += factor * si.emitter(scene).eval(si)
+def trace(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> Any:
+    """Trace one path through each pixel, and return its radiance."""
+    scene, light_sampler, context = tracer.scene, tracer.light_sampler, mi.BSDFContext()
+    si, throughput = _camera_vertex(tracer, sampler, corner, size)
+    radiance = mi.Color3f(0.0)
+    if dr.hint(not tracer.hide_emitters, mode="scalar"):
+        radiance += throughput * si.emitter(scene).eval(si)
     vertex, active = mi.UInt32(0), si.is_valid()
-    at_once = 0 < len(lamps) <= MOST_AT_ONCE
-    if dr.hint(at_once, mode="scalar"):
-        for number, emitter in enumerate(lamps.emitters):
-            found += factor * _direct(light, si, emitter, draws.two(vertex, LAMP, 1 + number), active)
-    while dr.hint(active, max_iterations=light.depth, label="path", exclude=[light, draws]):
-        shares = lamps.shares(si)
-        if dr.hint(at_once, mode="scalar"):
-            shares = [dr.select(vertex == 0, 1.0, share) for share in shares]
-        if dr.hint(len(lamps) > 0, mode="scalar"):
-            emitter, share = lamps.drawn(shares, draws.one(vertex, CHOICE))
-            wanted = active & (vertex > 0) if at_once else active
-            found += factor / share * _direct(light, si, emitter, draws.two(vertex, LAMP), wanted, share)
-        lobe, way = draws.one(vertex, LOBE), draws.two(vertex, ONWARDS)
-        onwards, weight = si.bsdf().sample(context, si, lobe, way, active)
-        factor *= weight
-        active &= dr.any(factor != 0.0)
-        seen = scene.ray_intersect(si.spawn_ray(si.to_world(onwards.wo)), active)
-        hit = mi.DirectionSample3f(scene, seen, si)
-        delta = mi.has_flag(onwards.sampled_type, mi.BSDFFlags.Delta)
-        looked = lamps.share_of(hit.emitter, shares)
-        looked *= hit.emitter.pdf_direction(si, hit, active & ~delta & (looked > 0.0))
-        trust = _trust(onwards.pdf, dr.select(delta, 0.0, looked))
-        found[active] += factor * trust * hit.emitter.eval(seen, active)
+    sample_all = 0 < len(light_sampler) <= MAX_SAMPLED_TOGETHER
+    if dr.hint(sample_all, mode="scalar"):
+        for number, emitter in enumerate(light_sampler.emitters):
+            radiance += throughput * _direct_light(
+                tracer, si, emitter, sampler.vertex_2d(vertex, EMITTER_POSITION, 1 + number), active
+            )
+    while dr.hint(active, max_iterations=tracer.max_depth, label="path", exclude=[tracer, sampler]):
+        # Next event estimation: sample one emitter.
+        probabilities = light_sampler.probabilities(si)
+        if dr.hint(sample_all, mode="scalar"):
+            probabilities = [dr.select(vertex == 0, 1.0, each) for each in probabilities]
+        if dr.hint(len(light_sampler) > 0, mode="scalar"):
+            emitter, chance = light_sampler.sample(probabilities, sampler.vertex_1d(vertex, EMITTER_CHOICE))
+            wanted = active & (vertex > 0) if sample_all else active
+            radiance += (throughput / chance) * _direct_light(
+                tracer, si, emitter, sampler.vertex_2d(vertex, EMITTER_POSITION), wanted, chance
+            )
+        # Continue the path by the BSDF.
+        lobe, direction = sampler.vertex_1d(vertex, LOBE), sampler.vertex_2d(vertex, DIRECTION)
+        bsdf_sample, weight = si.bsdf().sample(context, si, lobe, direction, active)
+        throughput *= weight
+        active &= dr.any(throughput != 0.0)
+        next_si = scene.ray_intersect(si.spawn_ray(si.to_world(bsdf_sample.wo)), active)
+        # Add the light of an emitter that the path hits, weighted against next event estimation.
+        hit = mi.DirectionSample3f(scene, next_si, si)
+        delta = mi.has_flag(bsdf_sample.sampled_type, mi.BSDFFlags.Delta)
+        emitter_pdf = light_sampler.pmf(hit.emitter, probabilities)
+        emitter_pdf *= hit.emitter.pdf_direction(si, hit, active & ~delta & (emitter_pdf > 0.0))
+        mis_weight = power_heuristic(bsdf_sample.pdf, dr.select(delta, 0.0, emitter_pdf))
+        radiance[active] += throughput * mis_weight * hit.emitter.eval(next_si, active)
         vertex += 1
-        active &= seen.is_valid() & (vertex + 1 < light.depth)
-        si = seen
-    return found
+        active &= next_si.is_valid() & (vertex + 1 < tracer.max_depth)
+        si = next_si
+    return radiance
 
 
-def _first(light: Light, draws: Draws, corner: Any, size: Any) -> tuple[Any, Any]:
-    """What the lens sees in a sample of each pixel, and how much of it."""
-    sensor = light.scene.sensors()[0]
-    lens = draws.of_sample(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
-    ray, factor = sensor.sample_ray(0.0, 0.0, (corner + draws.of_sample(PIXEL)) / size, lens)
-    pi = light.scene.ray_intersect_preliminary(ray, coherent=True)
+def _camera_vertex(tracer: PathTracer, sampler: OwenSampler, corner: Any, size: Any) -> tuple[Any, Any]:
+    """Return the first surface interaction of a path, and its throughput."""
+    sensor = tracer.scene.sensors()[0]
+    lens = sampler.sample_2d(LENS) if sensor.needs_aperture_sample() else mi.Point2f(0.5)
+    ray, weight = sensor.sample_ray(0.0, 0.0, (corner + sampler.sample_2d(PIXEL)) / size, lens)
+    pi = tracer.scene.ray_intersect_preliminary(ray, coherent=True)
     si = pi.compute_surface_interaction(ray)
-    if light.hides:
-        on_lamp = si.is_valid() & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
-        past = light.integrator.skip_area_emitters(light.scene, si.spawn_ray(ray.d), True, on_lamp)
-        behind = past.compute_surface_interaction(ray, mi.RayFlags.All, on_lamp)
-        si = dr.select(on_lamp, behind, si)
-    return si, mi.Color3f(factor)
+    if tracer.hide_emitters:
+        on_emitter = si.is_valid() & (si.shape.emitter() != None)  # noqa: E711 an array of pointers
+        past = tracer.integrator.skip_area_emitters(tracer.scene, si.spawn_ray(ray.d), True, on_emitter)
+        behind = past.compute_surface_interaction(ray, mi.RayFlags.All, on_emitter)
+        si = dr.select(on_emitter, behind, si)
+    return si, mi.Color3f(weight)
 
 
-def _direct(light: Light, si: Any, emitter: Any, place: Any, active: Any, share: Any = 1.0) -> Any:
-    """What light comes straight from a place on a lamp, if nothing stands between."""
+def _direct_light(
+    tracer: PathTracer, si: Any, emitter: Any, position: Any, active: Any, chance: Any = 1.0
+) -> Any:
+    """Return the reflected light of a sampled position on an emitter, 0 where it is occluded.
+
+    chance  probability with which the emitter was chosen, for multiple importance sampling
+    """
     bsdf = si.bsdf()
     active = active & mi.has_flag(bsdf.flags(), mi.BSDFFlags.Smooth)
-    there, light_there = emitter.sample_direction(si, place, active)
-    reflected, density = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(there.d), active)
-    light_there *= reflected * dr.select(there.delta, 1.0, _trust(there.pdf * share, density))
-    active &= (there.pdf != 0.0) & dr.any(light_there != 0.0)
-    active &= ~light.scene.ray_test(si.spawn_ray_to(there.p), active)
-    return dr.select(active, light_there, 0.0)
+    sampled, light = emitter.sample_direction(si, position, active)
+    reflected, bsdf_pdf = bsdf.eval_pdf(mi.BSDFContext(), si, si.to_local(sampled.d), active)
+    light *= reflected * dr.select(sampled.delta, 1.0, power_heuristic(sampled.pdf * chance, bsdf_pdf))
+    active &= (sampled.pdf != 0.0) & dr.any(light != 0.0)
+    active &= ~tracer.scene.ray_test(si.spawn_ray_to(sampled.p), active)
+    return dr.select(active, light, 0.0)
 
 
-def _trust(mine: Any, other: Any) -> Any:
-    """How much what one of two ways found counts, by the densities of both: Veach's power heuristic."""
-    square = mine * mine
-    weight = square / dr.fma(other, other, square)
+def power_heuristic(pdf: Any, other_pdf: Any) -> Any:
+    """Return the weight of a sample that two strategies could have found (Veach 1997), by their densities."""
+    square = pdf * pdf
+    weight = square / dr.fma(other_pdf, other_pdf, square)
     return dr.select(dr.isfinite(weight), weight, 0.0)

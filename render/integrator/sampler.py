@@ -1,86 +1,88 @@
-"""The random numbers of paths, drawn by compiled code from `render.integrator.low_discrepancy`.
+"""The sampler of the path tracer: Owen-scrambled points of `render.integrator.low_discrepancy`.
 
-Each pixel scrambles the sequence for itself, each coordinate by a tree of random turns (Owen 1995), which
-leaves points as even as they were and makes pixels know nothing of each other. The tree is a hash of the
-digits (Laine and Karras 2011, with Vegdahl's constants), as Burley found it to be good enough (*Practical
-Hash-based Owen Scrambling*, 2020). An engine must have been started before anything here is called.
+Each pixel scrambles each coordinate by its own tree of random digit flips (Owen 1995). Scrambled points are
+as even as before, and pixels are independent. The tree is a hash of the digits (Laine and Karras 2011, with
+Vegdahl's constants), which Burley recommends (*Practical Hash-based Owen Scrambling*, 2020). Needs a started
+engine.
 """
 
 from __future__ import annotations
 
 from typing import Any
 
-from render.integrator import low_discrepancy as sequence
+from render.integrator import low_discrepancy
 
 PIXEL, LENS, _VERTEX = 0, 2, 4
-LAMP, ONWARDS, LOBE, CHOICE = 0, 2, 4, 5
-"""Coordinates, of a sample and of each vertex of its path."""
+EMITTER_POSITION, DIRECTION, LOBE, EMITTER_CHOICE = 0, 2, 4, 5
+"""Coordinates: of a sample, and of each vertex of its path."""
 
-_OF_A_VERTEX = 6
-_ALIKE = (sequence.COORDINATES - _VERTEX) // _OF_A_VERTEX
-"""Vertices with coordinates of their own; those after them take the same ones scrambled otherwise."""
+_PER_VERTEX = 6
+_VERTICES = (low_discrepancy.COORDINATES - _VERTEX) // _PER_VERTEX
+"""Vertices with coordinates of their own. Later vertices use the same ones, scrambled differently."""
 
-_ANOTHER = 1 << 16
-"""What numbers of draws are apart that take the same coordinate for different things."""
+_REPETITION = 1 << 16
+"""Distance between the numbers of scrambles of one coordinate that is used repeatedly at a vertex."""
 
 
-class Draws:
-    """Of some samples of every pixel.
+class OwenSampler:
+    """Random numbers for some samples of every pixel.
 
-    pixels  which these are, numbered so that no two are the same
-    first   how many samples the pixel has had before
+    pixels  unique numbers of the pixels
+    first   samples that the pixels have had before
+    count   number of samples
     seed    of the picture
 
-    `sample`, from 0 to `count`, is set to the one that is drawn for.
+    Set `sample`, from 0 to `count`, before drawing.
     """
 
     def __init__(self, pixels: Any, first: int, count: int, seed: int) -> None:
         import drjit as dr
         import mitsuba as mi
 
-        self._points = mi.UInt32(sequence.points(first, count).ravel())
+        self._points = mi.UInt32(low_discrepancy.points(first, count).ravel())
         self.count = dr.opaque(mi.UInt32, count)
-        self._key = _mixed(_mixed(pixels) ^ dr.opaque(mi.UInt32, (seed + first // sequence.LENGTH) % 2**32))
+        epoch = dr.opaque(mi.UInt32, (seed + first // low_discrepancy.LENGTH) % 2**32)
+        self._key = _hash(_hash(pixels) ^ epoch)
         self.sample = mi.UInt32(0)
 
-    def of_sample(self, coordinate: int) -> Any:
-        """Two numbers for PIXEL or LENS."""
+    def sample_2d(self, coordinate: int) -> Any:
+        """Return two numbers of the sample, for PIXEL or LENS."""
         import mitsuba as mi
 
         return mi.Point2f(*(self._number(mi.UInt32(c), mi.UInt32(c)) for c in (coordinate, coordinate + 1)))
 
-    def one(self, vertex: Any, coordinate: int) -> Any:
-        """A number for LOBE or CHOICE at a vertex of the path, counted from 0."""
-        return self._number(*self._place(vertex, coordinate, 0))
+    def vertex_1d(self, vertex: Any, coordinate: int) -> Any:
+        """Return a number for LOBE or EMITTER_CHOICE at a vertex of the path, counted from 0."""
+        return self._number(*self._indices(vertex, coordinate, 0))
 
-    def two(self, vertex: Any, coordinate: int, again: int = 0) -> Any:
-        """Two numbers for LAMP or ONWARDS. again: of how many others that know nothing of these"""
+    def vertex_2d(self, vertex: Any, coordinate: int, repetition: int = 0) -> Any:
+        """Return two numbers for EMITTER_POSITION or DIRECTION, independent for each `repetition`."""
         import mitsuba as mi
 
-        return mi.Point2f(*(self._number(*self._place(vertex, coordinate + i, again)) for i in (0, 1)))
+        return mi.Point2f(*(self._number(*self._indices(vertex, coordinate + i, repetition)) for i in (0, 1)))
 
-    def _place(self, vertex: Any, coordinate: int, again: int) -> tuple[Any, Any]:
-        """A row of the table, and the number of what is drawn."""
-        row = _VERTEX + vertex % _ALIKE * _OF_A_VERTEX + coordinate
-        return row, _VERTEX + vertex * _OF_A_VERTEX + coordinate + again * _ANOTHER
+    def _indices(self, vertex: Any, coordinate: int, repetition: int) -> tuple[Any, Any]:
+        """Return the row of `_points`, and the number of its scramble."""
+        row = _VERTEX + vertex % _VERTICES * _PER_VERTEX + coordinate
+        return row, _VERTEX + vertex * _PER_VERTEX + coordinate + repetition * _REPETITION
 
-    def _number(self, row: Any, drawn: Any) -> Any:
-        """From 0 to 1, 1 excluded."""
+    def _number(self, row: Any, scramble: Any) -> Any:
+        """Return a scrambled number from 0 to 1, excluding 1."""
         import drjit as dr
         import mitsuba as mi
 
         digits = dr.gather(mi.UInt32, self._points, row * self.count + self.sample)
-        turns = _mixed(self._key ^ (drawn * 0x9E3779B9))
+        key = _hash(self._key ^ (scramble * 0x9E3779B9))
         digits ^= digits * 0x3D20ADEA
-        digits += turns
-        digits *= (turns >> 16) | 1
+        digits += key
+        digits *= (key >> 16) | 1
         digits ^= digits * 0x05526C56
         digits ^= digits * 0x53A22864
         return mi.Float(dr.brev(digits) >> 8) * 2.0**-24
 
 
-def _mixed(number: Any) -> Any:
-    """A hash of 32 bits (triple rounds of Wellons' search for good ones, 2018)."""
+def _hash(number: Any) -> Any:
+    """Return a 32-bit hash (triple rounds of Wellons' search for good ones, 2018)."""
     number = number ^ (number >> 16)
     number = number * 0x21F0AAAD
     number = number ^ (number >> 15)

@@ -1,8 +1,8 @@
-"""Light that goes through a body is taken by the way inside (Beer 1852, Lambert 1760).
+"""Absorption inside clear bodies (Beer 1852, Lambert 1760).
 
-Compiled variants compute it: whenever light arrives at the surface from within, what it passes on to is
-multiplied by exp(−rate · distance), exactly and without noise. Mitsuba's own way is a medium in which free
-paths are drawn by chance; the plain variant, in which a texture of ours would be slow, takes that.
+In compiled variants a texture of ours computes it: where light reaches the surface from inside, it is
+multiplied by exp(−rate · distance), exactly and without noise. The scalar variant, in which such a texture is
+slow, uses Mitsuba's medium, which samples free paths.
 """
 
 from __future__ import annotations
@@ -10,41 +10,41 @@ from __future__ import annotations
 from functools import cache
 from typing import Any
 
-from render.scene.look import Look
+from render.scene.materials import Glass
 
 _NAME = "flowsculpt_absorbing"
 
 RATE = "absorption_rate"
-"""The name of the texture's value among those of a scene."""
+"""Name of the texture's rate among the parameters of a scene."""
 
 
-def textures(look: Look, size: float) -> dict[str, Any]:
-    """What a dielectric transmits and reflects. size: half the subject's, scene units"""
-    if look.absorption is None or not _is_compiled():
+def textures(glass: Glass, size: float) -> dict[str, Any]:
+    """Return what an absorbing dielectric transmits and reflects. size: half the subject's, scene units"""
+    if glass.absorption is None or not _is_compiled():
         return {}
     import mitsuba as mi
 
     _register()
-    rate = mi.ScalarColor3f([part / size for part in look.absorption.rate])
+    rate = mi.ScalarColor3f([part / size for part in glass.absorption.rate])
     absorbing = {"type": _NAME, "rate": rate}
     return {
-        "specular_transmittance": {**absorbing, "tint": mi.ScalarColor3f(look.colour)},
+        "specular_transmittance": {**absorbing, "tint": mi.ScalarColor3f(glass.colour)},
         "specular_reflectance": {**absorbing, "tint": mi.ScalarColor3f(1.0)},
     }
 
 
-def medium(look: Look, size: float) -> dict[str, Any] | None:
-    """What fills the surface where that does the work, or nothing."""
-    if look.absorption is None or _is_compiled():
+def medium(glass: Glass, size: float) -> dict[str, Any] | None:
+    """Return the medium inside the surface for the scalar variant, or None."""
+    if glass.absorption is None or _is_compiled():
         return None
-    strongest = max(*look.absorption.rate, 1e-9)
-    shares = {"type": "rgb", "value": [part / strongest for part in look.absorption.rate]}
-    return {"type": "homogeneous", "albedo": 0.0, "sigma_t": shares, "scale": strongest / size}
+    strongest = max(*glass.absorption.rate, 1e-9)
+    relative = {"type": "rgb", "value": [part / strongest for part in glass.absorption.rate]}
+    return {"type": "homogeneous", "albedo": 0.0, "sigma_t": relative, "scale": strongest / size}
 
 
-def path(look: Look) -> str:
-    """The integrator that follows light through it."""
-    return "volpathmis" if look.absorption is not None and not _is_compiled() else "path"
+def integrator(glass: Glass) -> str:
+    """Return the integrator that can trace paths through the glass."""
+    return "volpathmis" if glass.absorption is not None and not _is_compiled() else "path"
 
 
 def _is_compiled() -> bool:
@@ -55,12 +55,12 @@ def _is_compiled() -> bool:
 
 @cache
 def _register() -> None:
-    """Make the texture known to Mitsuba, whose classes are there once a variant is chosen."""
+    """Register the texture with Mitsuba, whose classes exist once a variant is chosen."""
     import drjit as dr
     import mitsuba as mi
 
     class Absorbing(mi.Texture):
-        """1 times the tint for light from outside; for light from within, what is left of it on its way."""
+        """Return the tint for light from outside, and times the absorption for light from inside."""
 
         def __init__(self, properties: Any) -> None:
             super().__init__(properties)

@@ -1,4 +1,4 @@
-"""Lights as Mitsuba's emitters. An engine must have been started before anything here is called."""
+"""Light rigs as Mitsuba's emitters. Functions need a started engine."""
 
 from __future__ import annotations
 
@@ -9,41 +9,53 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from render.scene import daylight, environment
 from render.scene.camera import Camera
+from render.scene.daylight import Daylight
+from render.scene.environment import Environment, read_map
 from render.scene.lights import LightRig, Sky, Softbox, Sun
+
+_LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+_SUN_AT_60 = 1.45
+"""Luminous irradiance of a surface that faces a sun at 60° elevation, in Mitsuba's units."""
+
+_WANTED_AT_60 = 8.0
+"""The same irradiance in our units, as bright as the other rigs."""
+
+_DUSK_EXPONENT = 0.8
+"""Power of the light's fall towards dusk that exposure makes up for."""
 
 
 def emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> dict[str, Any]:
-    """Everything that shines, by the name it has in the scene. to_scene: (4, 4), from stage units"""
+    """Return the emitters by their names in the scene. to_scene: (4, 4), from stage units"""
     softboxes = {f"softbox{index}": _softbox(each, to_scene) for index, each in enumerate(lights.softboxes)}
     suns = {f"sun{index}": _sun(each, to_scene) for index, each in enumerate(lights.suns)}
-    return {**softboxes, **suns, "sky": _around(lights)}
+    return {**softboxes, **suns, "sky": _distant(lights)}
 
 
-def _around(lights: LightRig) -> dict[str, Any]:
-    """What shines from all sides; daylight and pictures of places stand still in the scene."""
+def _distant(lights: LightRig) -> dict[str, Any]:
+    """Return the emitter that surrounds the scene."""
     if lights.daylight:
-        return daylight.emitter(lights.daylight)
+        return _daylight(lights.daylight)
     if lights.environment:
-        return environment.emitter(lights.environment)
+        return _environment(lights.environment)
     return _sky(lights.sky)
 
 
 def any_in_view(
     lights: LightRig, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]
 ) -> bool:
-    """Whether a lamp may stand in the picture, of width and height `size` in pixels."""
-    return any(_in_view(lamp, to_scene, camera, size) for lamp in lights.softboxes)
+    """Tell whether a softbox may be in the picture. size: its width and height in pixels"""
+    return any(_in_view(softbox, to_scene, camera, size) for softbox in lights.softboxes)
 
 
-def _in_view(lamp: Softbox, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]) -> bool:
-    """Whether a lamp may stand in the picture: no side of the view has all of a cube around it outside.
+def _in_view(softbox: Softbox, to_scene: NDArray[np.float64], camera: Camera, size: tuple[int, int]) -> bool:
+    """Tell whether a cube around a softbox is not entirely outside one side of the view.
 
-    The view from all of the lens is wider than that from its middle, but where it is focused.
+    A lens sees more than a pinhole: the view widens away from the plane in focus.
     """
-    reach = math.hypot(lamp.width, lamp.height) / 2.0
-    corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + lamp.position
+    reach = math.hypot(softbox.width, softbox.height) / 2.0
+    corners = np.array(list(itertools.product((-reach, reach), repeat=3))) + softbox.position
     seen = (corners @ to_scene[:3, :3].T + to_scene[:3, 3] - camera.origin) @ camera.axes().T
     right, up, depth = seen.T
     widening = camera.lens_radius * np.abs(depth / camera.focus_distance - 1.0)
@@ -69,7 +81,7 @@ def _softbox(softbox: Softbox, to_scene: NDArray[np.float64]) -> dict[str, Any]:
 
 
 def _up_for(softbox: Softbox) -> list[float]:
-    """The vertical, or for a lamp straight above the direction away from the camera's usual side."""
+    """Return the vertical or, for a softbox straight above, the direction away from the usual camera."""
     x, _, z = np.subtract(softbox.target, softbox.position)
     return [0.0, 1.0, 0.0] if math.hypot(x, z) > 1e-3 else [0.0, 0.0, -1.0]
 
@@ -93,3 +105,95 @@ def _sky(sky: Sky) -> dict[str, Any]:
     rows = np.array(sky.horizon) + np.abs(height) ** 0.6 * (end - np.array(sky.horizon))
     picture = np.broadcast_to(rows[:, None, :], (64, 8, 3)).astype(np.float32)
     return {"type": "envmap", "bitmap": mi.Bitmap(np.ascontiguousarray(picture))}
+
+
+def _environment(environment: Environment) -> dict[str, Any]:
+    """Return Mitsuba's environment map. Raises BadInputError where the file has changed."""
+    import mitsuba as mi
+
+    return {
+        "type": "envmap",
+        "bitmap": mi.Bitmap(read_map(environment.path, environment.digest)),
+        "scale": environment.intensity,
+        "to_world": mi.ScalarTransform4f().rotate([0.0, 1.0, 0.0], math.degrees(environment.turn) + 180.0),
+    }
+
+
+def _daylight(daylight: Daylight) -> dict[str, Any]:
+    """Return Mitsuba's sun and sky (Wilkie and Hošek 2012/2013), exposed by `daylight_exposure`."""
+    strength = daylight_exposure(daylight)
+    return {
+        **_sunsky(daylight),
+        "sun_scale": strength * daylight.sun,
+        "sky_scale": strength * daylight.sky,
+    }
+
+
+def daylight_exposure(daylight: Daylight) -> float:
+    """Return the factor on Mitsuba's radiance.
+
+    Light falls by a factor of a hundred from noon to dusk. Exposure keeps of this what the eye notices.
+    """
+    sun, sky = daylight_irradiances(daylight)
+    facing = float((sun + sky / 2.0) @ _LUMA)
+    return _WANTED_AT_60 / _SUN_AT_60 * math.pow(facing / _SUN_AT_60, -_DUSK_EXPONENT)
+
+
+def daylight_irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return irradiance (3,) by the sun on a surface that faces it, and by the sky on the ground.
+
+    Both are in Mitsuba's units.
+    """
+    direction = np.array([daylight.direction])
+    rows, columns = 24, 48
+    tilt = (np.arange(rows) + 0.5) / rows * math.pi / 2.0
+    turn = (np.arange(columns) + 0.5) / columns * 2.0 * math.pi
+    grid = np.stack(np.broadcast_arrays(tilt[:, None], turn[None, :]), axis=-1).reshape(-1, 2)
+    directions = np.stack(
+        [
+            np.sin(grid[:, 0]) * np.sin(grid[:, 1]),
+            np.cos(grid[:, 0]),
+            np.sin(grid[:, 0]) * np.cos(grid[:, 1]),
+        ],
+        axis=1,
+    )
+    weight = np.sin(grid[:, 0]) * np.cos(grid[:, 0]) * (math.pi / 2.0 / rows) * (2.0 * math.pi / columns)
+    sky_only, sun_only = {"sun_scale": 0.0, "sky_scale": 1.0}, {"sun_scale": 1.0, "sky_scale": 0.0}
+    sky = weight @ _radiance({**_sunsky(daylight), **sky_only}, directions)
+    disc = 2.0 * math.pi * (1.0 - math.cos(daylight.width / 2.0))
+    sun = _radiance({**_sunsky(daylight), **sun_only}, direction)[0] * disc
+    return np.maximum(sun, 0.0), sky
+
+
+def _sunsky(daylight: Daylight) -> dict[str, Any]:
+    import mitsuba as mi
+
+    x, y, z = daylight.direction
+    return {
+        "type": "sunsky",
+        "turbidity": daylight.turbidity,
+        "sun_direction": [x, y, z],
+        "sun_aperture": math.degrees(daylight.width),
+        "to_world": mi.ScalarTransform4f().rotate([1.0, 0.0, 0.0], -90.0),
+    }
+
+
+def _radiance(description: dict[str, Any], directions: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return radiance (N, 3) of an emitter from directions (N, 3)."""
+    import drjit as dr
+    import mitsuba as mi
+
+    emitter = mi.load_dict(description, parallel=False, optimize=False)
+    if mi.variant() == "scalar_rgb":
+        return np.array([_radiance_from(emitter, direction) for direction in directions])
+    si = dr.zeros(mi.SurfaceInteraction3f, len(directions))
+    si.wi = -mi.Vector3f(np.ascontiguousarray(directions.T, dtype=np.float32))
+    return np.array(emitter.eval(si), dtype=np.float64).T
+
+
+def _radiance_from(emitter: Any, direction: NDArray[np.float64]) -> NDArray[np.float64]:
+    import mitsuba as mi
+
+    si = mi.SurfaceInteraction3f()
+    si.wi = mi.Vector3f(*(-direction).tolist())
+    return np.array(emitter.eval(si), dtype=np.float64)

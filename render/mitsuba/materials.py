@@ -1,4 +1,4 @@
-"""Looks as Mitsuba's materials. An engine must have been started before anything here is called."""
+"""Materials as Mitsuba's BSDFs, media and integrators. Functions need a started engine."""
 
 from __future__ import annotations
 
@@ -9,177 +9,232 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.mitsuba import absorption
-from render.mitsuba import bitmaps as laid
-from render.mitsuba import bsdf_check as inline
-from render.mitsuba.texture_coordinates import Marks
-from render.scene.look import Look
+from render.mitsuba import absorption, bsdf
+from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap
+from render.scene.materials import (
+    BrushedMetal,
+    Diffuse,
+    Glass,
+    Glossy,
+    Material,
+    Metal,
+    MitsubaMaterial,
+    PatternedMaterial,
+    Satin,
+    Smoke,
+)
 from render.scene.measure import Measure
 from render.scene.patterns import Pigment
 
-_LEAST_DEPTH = {"glass": 10, "smoke": 16}
-"""Vertices of a path that light needs to get through; shorter ones leave a body black."""
+Description = dict[str, Any]
 
-_ALONG = 0.3
-"""How rough brushed metal is along its scratches, as a share of how rough it is across."""
+_MIN_ROUGHNESS = 1e-3
 
-_STREAKED = 0.3
-"""How much less than its colour the deepest scratch reflects."""
+_ALONG_SCRATCHES = 0.3
+"""Roughness of brushed metal along its scratches, over the roughness across."""
+
+_SCRATCH_CONTRAST = 0.3
+"""Fraction of the colour that the deepest scratch does not reflect."""
 
 
-def material(look: Look, attributes: Collection[str], marks: Marks, size: float) -> Any:
-    """What a surface is made of. Raises BadInputError for a look that wants an attribute it does not have.
+def surface_bsdf(
+    material: Material, attributes: Collection[str], coordinates: TextureCoordinates, size: float
+) -> Any:
+    """Return the BSDF of a surface with these vertex attributes and texture coordinates.
 
-    marks  what the surface's texture coordinates mean
-    size   half the subject's, scene units
+    size  half the subject's, scene units
+
+    Raises BadInputError where the material needs an attribute that the surface does not have.
     """
-    if look.model == "smoke":
-        return {"type": "null"}
-    if look.bsdf is not None:
-        return inline.material(look.bsdf, marks, look.projection)
-    colour = _colour(look, attributes, marks)
-    if look.model == "glass":
-        return {
-            "type": "dielectric",
-            "int_ior": look.refraction,
-            "specular_transmittance": colour,
-            **absorption.textures(look, size),
-        }
-    opaque = _opaque(look, colour, marks)
-    if look.relief is not None:
-        height = laid.bitmap(look.relief.texture.numbers(), marks, look.projection)
-        opaque = {"type": "bumpmap", "relief": height, "scale": look.relief.height, "material": opaque}
-    return {"type": "twosided", "material": opaque}
+    match material:
+        case Smoke():
+            return {"type": "null"}
+        case MitsubaMaterial():
+            return bsdf.build(material.bsdf, coordinates, material.projection)
+        case Glass():
+            return {
+                "type": "dielectric",
+                "int_ior": material.refraction,
+                "specular_transmittance": _rgb(material.colour),
+                **absorption.textures(material, size),
+            }
+        case BrushedMetal():
+            return two_sided(_brushed(material, coordinates))
+        case PatternedMaterial():
+            colour = _colour(material, attributes, coordinates)
+            opaque = _opaque(material, colour, coordinates)
+            if isinstance(material, Diffuse | Glossy) and material.relief is not None:
+                relief = material.relief
+                height = bitmap(relief.texture.numbers(), coordinates, material.projection)
+                opaque = {"type": "bumpmap", "relief": height, "scale": relief.height, "material": opaque}
+            return two_sided(opaque)
+    raise TypeError(f"{material.model} has no BSDF")
 
 
-def guide(look: Look) -> dict[str, Any]:
-    """What a body that light goes through is made of for the denoiser: without this it would be black."""
-    left = look.absorption.colour if look.absorption else (1.0, 1.0, 1.0)
-    colour = [part * share for part, share in zip(look.colour, left, strict=True)]
-    plain = {"type": "diffuse", "reflectance": {"type": "rgb", "value": colour}}
-    return {"type": "twosided", "material": plain}
+def auxiliary_bsdf(material: Material) -> Description:
+    """Return the BSDF that gives a clear material its colour in the albedo AOV."""
+    return diffuse(material.auxiliary_colour)
 
 
-def medium(look: Look, size: float) -> dict[str, Any] | None:
-    """What fills the surface, or nothing. size: half the subject's, scene units"""
-    if look.model != "smoke":
-        return absorption.medium(look, size)
-    albedo = {"type": "rgb", "value": list(look.colour)}
-    return {"type": "homogeneous", "albedo": albedo, "scale": look.density / size}
+def interior_medium(material: Material, size: float) -> Description | None:
+    """Return the medium inside the surface, or None. size: half the subject's, scene units"""
+    if isinstance(material, Smoke):
+        albedo = _rgb(material.colour)
+        return {"type": "homogeneous", "albedo": albedo, "scale": material.density / size}
+    return absorption.medium(material, size) if isinstance(material, Glass) else None
 
 
-def path(look: Look, depth: int) -> dict[str, Any]:
-    """How light is followed: far enough to get through."""
-    depth = max(depth, _LEAST_DEPTH.get(look.model, _LEAST_DEPTH["glass"] if look.is_clear else 0))
-    kind = "volpath" if look.model == "smoke" else absorption.path(look)
+def path_integrator(material: Material, depth: int) -> Description:
+    """Return Mitsuba's path integrator, with paths long enough to pass through the material."""
+    depth = max(depth, material.min_path_depth)
+    kind = "path"
+    if isinstance(material, Smoke):
+        kind = "volpath"
+    elif isinstance(material, Glass):
+        kind = absorption.integrator(material)
     return {"type": kind, "max_depth": depth, "rr_depth": max(depth, 5)}
 
 
-def _colour(look: Look, attributes: Collection[str], marks: Marks) -> dict[str, Any]:
-    if look.picture is not None:
-        return laid.bitmap(look.picture.pixels(), marks, look.projection)
-    dye = look.pigment or look.measure
-    if dye is not None:
-        return _row(dye, look.repeats)
-    if look.colour_from is None:
-        return {"type": "rgb", "value": list(look.colour)}
-    if look.colour_from not in attributes:
-        known = ", ".join(attributes) or "none"
-        raise BadInputError(
-            f"look takes its colour from attribute {look.colour_from!r}; the surface has {known}"
-        )
-    return {"type": "mesh_attribute", "name": f"vertex_{look.colour_from}"}
+def two_sided(opaque: Description) -> Description:
+    """Return a BSDF that looks the same from both sides."""
+    return {"type": "twosided", "material": opaque}
 
 
-def _row(dye: Pigment | Measure, repeats: bool) -> dict[str, Any]:
-    """A picture one row high, along the first texture coordinate."""
-    import mitsuba as mi
+def diffuse(colour: tuple[float, ...]) -> Description:
+    """Return a two-sided diffuse BSDF of a linear Rec.709 colour."""
+    return two_sided({"type": "diffuse", "reflectance": _rgb(colour)})
 
+
+def vertex_attribute(name: str) -> Description:
+    """Return a two-sided diffuse BSDF whose colour is a vertex attribute (V, 3)."""
+    return two_sided({"type": "diffuse", "reflectance": _attribute(name)})
+
+
+def rough_conductor(reflectance: Any, roughness: Any) -> Description:
+    """Return a metal BSDF with GGX roughness."""
     return {
-        "type": "bitmap",
-        "bitmap": mi.Bitmap(np.array(dye.row()[None], order="C")),
-        "raw": True,
-        "filter_type": "bilinear",
-        "wrap_mode": "repeat" if repeats else "clamp",
+        "type": "roughconductor",
+        "material": "none",
+        "specular_reflectance": reflectance,
+        "alpha": roughness,
+        "distribution": "ggx",
     }
 
 
-def _opaque(look: Look, colour: dict[str, Any], marks: Marks) -> dict[str, Any]:
-    if look.model == "diffuse":
-        return {"type": "diffuse", "reflectance": colour}
-    if look.model == "metal":
-        return {
-            "type": "roughconductor",
-            "material": "none",
-            "specular_reflectance": colour,
-            "alpha": _roughness(look, marks),
-            "distribution": "ggx",
-        }
-    if look.model == "brushed":
-        return _brushed(look, marks)
-    if look.model == "satin":
-        return {
-            "type": "principled",
-            "base_color": colour,
-            "roughness": look.roughness if look.rough is None else _roughness(look, marks),
-            "metallic": look.metallic,
-            "sheen": look.sheen,
-            "sheen_tint": 0.5,
-            "clearcoat": look.coat,
-            "clearcoat_gloss": 0.75,
-            "specular": 0.5,
-        }
-    if look.rough is not None:  # roughplastic has one roughness
-        return {
-            "type": "principled",
-            "base_color": colour,
-            "roughness": _roughness(look, marks, squared=True),
-            "specular": 0.5,
-        }
+def rough_plastic(reflectance: Any, roughness: float) -> Description:
+    """Return a coated BSDF with GGX roughness."""
     return {
         "type": "roughplastic",
-        "diffuse_reflectance": colour,
-        "alpha": max(look.roughness, 1e-3),
+        "diffuse_reflectance": reflectance,
+        "alpha": roughness,
         "distribution": "ggx",
         "nonlinear": True,
     }
 
 
-def _roughness(look: Look, marks: Marks, squared: bool = False) -> Any:
-    """A number or a picture. squared: for Mitsuba's principled material, which squares what it is given"""
-    if look.rough is None:
-        return max(look.roughness, 1e-3)
-    numbers = np.clip(look.rough.numbers(), 1e-3, 1.0)
-    return laid.bitmap(np.sqrt(numbers) if squared else numbers, marks, look.projection)
+def _rgb(colour: tuple[float, ...]) -> Description:
+    return {"type": "rgb", "value": list(colour)}
 
 
-def _brushed(look: Look, marks: Marks) -> dict[str, Any]:
-    """Metal whose highlights are drawn out across its scratches, which texture coordinates tell of."""
+def _attribute(name: str) -> Description:
+    return {"type": "mesh_attribute", "name": f"vertex_{name}"}
+
+
+def _colour(
+    material: PatternedMaterial, attributes: Collection[str], coordinates: TextureCoordinates
+) -> Description:
+    if material.colour_texture is not None:
+        return bitmap(material.colour_texture.pixels(), coordinates, material.projection)
+    if material.pattern is not None:
+        return _ramp_bitmap(material.pattern)
+    if material.colour_from is None:
+        return _rgb(material.colour)
+    if material.colour_from not in attributes:
+        known = ", ".join(attributes) or "none"
+        raise BadInputError(
+            f"look takes its colour from attribute {material.colour_from!r}; the surface has {known}"
+        )
+    return _attribute(material.colour_from)
+
+
+def _ramp_bitmap(pattern: Pigment | Measure) -> Description:
+    """Return a bitmap of one row, looked up by the first texture coordinate."""
     import mitsuba as mi
 
-    streaks = mi.Bitmap(np.ascontiguousarray(_streaks(look)[:, None]))
-    shown = {
+    return {
         "type": "bitmap",
-        "bitmap": streaks,
+        "bitmap": mi.Bitmap(np.array(pattern.ramp()[None], order="C")),
         "raw": True,
         "filter_type": "bilinear",
-        "to_uv": mi.ScalarTransform3f().scale([1.0, marks.factor]),
+        "wrap_mode": "repeat" if pattern.repeats else "clamp",
     }
-    rough = max(look.roughness, 1e-3)
+
+
+def _opaque(material: PatternedMaterial, colour: Description, coordinates: TextureCoordinates) -> Description:
+    if isinstance(material, Diffuse):
+        return {"type": "diffuse", "reflectance": colour}
+    assert isinstance(material, Glossy), f"{material.model} is not lit"
+    if isinstance(material, Metal):
+        return rough_conductor(colour, _roughness(material, coordinates))
+    if isinstance(material, Satin):
+        has_texture = material.roughness_texture is not None
+        return {
+            "type": "principled",
+            "base_color": colour,
+            "roughness": _roughness(material, coordinates) if has_texture else material.roughness,
+            "metallic": material.metallic,
+            "sheen": material.sheen,
+            "sheen_tint": 0.5,
+            "clearcoat": material.coat,
+            "clearcoat_gloss": 0.75,
+            "specular": 0.5,
+        }
+    if material.roughness_texture is not None:  # roughplastic takes no texture
+        return {
+            "type": "principled",
+            "base_color": colour,
+            "roughness": _roughness(material, coordinates, is_squared=True),
+            "specular": 0.5,
+        }
+    return rough_plastic(colour, max(material.roughness, _MIN_ROUGHNESS))
+
+
+def _roughness(material: Glossy, coordinates: TextureCoordinates, is_squared: bool = False) -> Any:
+    """Return a number or a texture. is_squared: True for Mitsuba's principled BSDF, which squares it"""
+    if material.roughness_texture is None:
+        return max(material.roughness, _MIN_ROUGHNESS)
+    numbers = np.clip(material.roughness_texture.numbers(), _MIN_ROUGHNESS, 1.0)
+    return bitmap(np.sqrt(numbers) if is_squared else numbers, coordinates, material.projection)
+
+
+def _brushed(material: BrushedMetal, coordinates: TextureCoordinates) -> Description:
+    """Return an anisotropic metal; texture coordinates follow its scratches."""
+    import mitsuba as mi
+
+    scratches = {
+        "type": "bitmap",
+        "bitmap": mi.Bitmap(np.ascontiguousarray(_scratches(material)[:, None])),
+        "raw": True,
+        "filter_type": "bilinear",
+        "to_uv": mi.ScalarTransform3f().scale([1.0, coordinates.scale]),
+    }
+    roughness = max(material.roughness, _MIN_ROUGHNESS)
     return {
         "type": "roughconductor",
         "material": "none",
-        "specular_reflectance": shown,
-        "alpha_u": rough * _ALONG,
-        "alpha_v": rough,
+        "specular_reflectance": scratches,
+        "alpha_u": roughness * _ALONG_SCRATCHES,
+        "alpha_v": roughness,
         "distribution": "ggx",
     }
 
 
-def _streaks(look: Look) -> NDArray[np.float32]:
-    """(N, 3): what metal reflects along one scene unit across its scratches, fine and coarse ones."""
-    drawn, count = np.random.default_rng(11), 1024
+def _scratches(material: BrushedMetal) -> NDArray[np.float32]:
+    """Return reflectances (N, 3) along one scene unit across the scratches, fine and coarse ones."""
+    random, count = np.random.default_rng(11), 1024
     depth = np.zeros(count)
-    for wide, strength in ((1, 0.5), (4, 0.3), (16, 0.2)):
-        depth += strength * np.repeat(drawn.random(count // wide), wide)
-    return np.asarray((1.0 - _STREAKED * depth)[:, None] * np.array(look.colour), dtype=np.float32)
+    for width, strength in ((1, 0.5), (4, 0.3), (16, 0.2)):
+        depth += strength * np.repeat(random.random(count // width), width)
+    return np.asarray(
+        (1.0 - _SCRATCH_CONTRAST * depth)[:, None] * np.array(material.colour), dtype=np.float32
+    )

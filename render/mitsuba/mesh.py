@@ -1,7 +1,4 @@
-"""Arrays become Mitsuba's meshes. The one module that knows them.
-
-An engine must have been started (`render.mitsuba.engine.Engine.start`) before anything here is called.
-"""
+"""Surfaces as Mitsuba's meshes. Needs a started engine (`render.mitsuba.engine.Engine.start`)."""
 
 from __future__ import annotations
 
@@ -17,20 +14,21 @@ def mesh(
     name: str,
     surface: Surface,
     material: Any,
-    marks: NDArray[np.floating],
-    filling: dict[str, Any] | None = None,
+    uv: NDArray[np.floating],
+    medium: dict[str, Any] | None = None,
 ) -> Any:
-    """A shape of a scene.
+    """Return a mesh for a scene.
 
-    material  described, or made
-    marks     (V, 2) texture coordinates, or one for all; see `render.mitsuba.texture_coordinates`
+    material  a BSDF, or its description
+    uv        texture coordinates (V, 2), or (2,) for all; see `render.mitsuba.texture_coordinates`
+    medium    description of the medium inside, or None
     """
     import mitsuba as mi
 
     properties = mi.Properties()
     properties["material"] = mi.load_dict(material) if isinstance(material, dict) else material
-    if filling is not None:
-        properties["interior"] = mi.load_dict(filling)
+    if medium is not None:
+        properties["interior"] = mi.load_dict(medium)
     made = mi.Mesh(
         name,
         vertex_count=len(surface.vertices),
@@ -42,7 +40,7 @@ def mesh(
     values = mi.traverse(made)
     values["vertex_positions"] = _ravel(surface.vertices)
     values["vertex_normals"] = _ravel(surface.normals)
-    values["vertex_texcoords"] = _ravel(np.broadcast_to(marks, (len(surface.vertices), 2)))
+    values["vertex_texcoords"] = _ravel(np.broadcast_to(uv, (len(surface.vertices), 2)))
     values["faces"] = np.ascontiguousarray(surface.faces, dtype=np.uint32).ravel()
     values.update()
     for attribute, array in surface.attributes.items():

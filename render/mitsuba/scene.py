@@ -1,69 +1,64 @@
-"""A surface, a look, lights and a camera become a Mitsuba scene.
-
-An engine must have been started (`render.mitsuba.engine.Engine.start`) before anything here is called.
-"""
+"""Build Mitsuba scenes. Needs a started engine (`render.mitsuba.engine.Engine.start`)."""
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Collection
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.integrator.light_sampler import Aim, Lamps, aims
-from render.mitsuba import absorption, gouraud, materials
-from render.mitsuba import emitters as lamps
-from render.mitsuba import stage_shapes as scenery
+from render.integrator.light_sampler import LightSampler, SampledEmitter, sampled_emitters
+from render.mitsuba import absorption, emitters, gouraud, materials, stage_shapes
 from render.mitsuba.mesh import mesh
 from render.mitsuba.sensor import sensor
-from render.mitsuba.texture_coordinates import SUBJECT, marked
-from render.scene import wireframe
+from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
-from render.scene.inside import refuse_inside
-from render.scene.lights import LightRig
-from render.scene.look import Look
-from render.scene.quality import Crop
-from render.scene.stage import Placement, Stage
-from render.scene.surface import Surface
+from render.scene.quality import Quality
+from render.scene.scene import Scene
+from render.scene.surface import Surface, require_camera_outside
+from render.scene.wireframe import Wireframe, ribbons
 
 _CHANGING = (
     *("to_world", "medium.scale", absorption.RATE, "aperture_radius", "focus_distance"),
     *("sun_direction", "sun_scale", "sky_scale"),
 )
-"""How the names of values end that differ from frame to frame."""
+"""Ends of the names of parameters that differ from frame to frame."""
 
 BLOCK_SIZE = 16
-"""Pixels along a block of the scalar variant. Each block has its own random numbers, and left alone Mitsuba
-cuts the picture by the number of threads."""
+"""Pixels along a block of the scalar variant. Each block has its own random numbers; by default Mitsuba cuts
+the picture by the number of threads."""
+
+VERTEX_AOV = "dye"
+"""Name of the vertex attribute (V, 3) that `FrameScenes.vertex_aov` shows. `set_attribute` changes it."""
 
 
 @dataclass(frozen=True, eq=False)
-class Rendering:
-    """A Mitsuba scene, and what Mitsuba should find out about it.
+class SceneRenderer:
+    """A Mitsuba scene and an integrator.
 
-    light  a `render.integrator.path_tracer.Light` of this scene where paths are followed by our own code,
-           which Mitsuba's integrator only stands for then
+    path_tracer  a `render.integrator.path_tracer.PathTracer` of the scene that replaces the integrator, or
+                 None
     """
 
     scene: Any
     integrator: Any
-    light: Any = None
+    path_tracer: Any = None
 
     def render(self, samples: int, seed: int) -> NDArray[np.float64]:
-        """(H, W, channels) of Mitsuba's integrator: its means over `samples`, as multijitter rounds them."""
+        """Return means (H, W, channels) over `samples`, which multijitter rounds up, by the integrator."""
         import drjit as dr
         import mitsuba as mi
 
-        found = mi.render(self.scene, integrator=self.integrator, spp=samples, seed=seed)
-        picture = np.array(found, dtype=np.float64)
+        rendered = mi.render(self.scene, integrator=self.integrator, spp=samples, seed=seed)
+        picture = np.array(rendered, dtype=np.float64)
         dr.flush_malloc_cache()
         return picture
 
-    def set(self, shape: str, attribute: str, values: NDArray[np.float32]) -> None:
-        """Give the vertices of a shape other values (V, k) of an attribute that they have."""
+    def set_attribute(self, shape: str, attribute: str, values: NDArray[np.float32]) -> None:
+        """Replace the values (V, k) of a vertex attribute of a shape."""
         import mitsuba as mi
 
         parameters = mi.traverse(self.scene)
@@ -72,168 +67,156 @@ class Rendering:
 
 
 @dataclass(frozen=True, eq=False)
-class Scenes:
-    """What there is to render for one picture.
+class FrameScenes:
+    """The renderers of one frame.
 
-    beauty  light; with the noise layer, Mitsuba's moments of it
-    guides  albedo 3, depth 1, position 3, normal 3, a phase and the matte
-    dyed    the albedo of the subject dyed with DYE, where layers need it
+    beauty      light; with the AOV `noise`, Mitsuba's moments of it
+    auxiliary   albedo 3, depth 1, position 3, normal 3, texture coordinates 2 (the second is the matte)
+    vertex_aov  albedo, with the attribute VERTEX_AOV as the subject's, or None where no AOV needs it
     """
 
-    beauty: Rendering
-    guides: Rendering
-    dyed: Rendering | None
+    beauty: SceneRenderer
+    auxiliary: SceneRenderer
+    vertex_aov: SceneRenderer | None
 
 
-DYE = "dye"
-"""The vertex attribute (V, 3) that dyes the subject of the scene for what vertices bring along."""
+def build_scene(scene: Scene, quality: Quality, aovs: Collection[str] = ()) -> FrameScenes:
+    """Build the Mitsuba scenes of one frame, for the AOVs of all frames and `aovs`.
 
-
-def build_scene(
-    surface: Surface,
-    look: Look,
-    lights: LightRig,
-    stage: Stage,
-    placement: Placement,
-    camera: Camera,
-    size: tuple[int, int],
-    depth: int,
-    aovs: Collection[str] = (),
-    crop: Crop | None = None,
-) -> Scenes:
-    """What to render for the beauty and for the layers. `size` is width and height in pixels,
-    of which `crop` is rendered.
-
-    Lamps are hidden from the lens in the beauty, but AOVs would show them: where a lamp stands in the
-    picture they get a scene of their own without it. Raises BadInputError for a surface or a look that
-    cannot be rendered, and for a camera inside of the sculpture.
+    Softboxes are hidden from the lens in the beauty, but auxiliary AOVs would show them: where one is in the
+    picture, those get a scene without it. Raises BadInputError for a surface or a material that cannot be
+    rendered, and for a camera inside the sculpture.
     """
+    surface = scene.motion_sample.surface(quality.width)
     surface.check()
-    refuse_inside(surface, camera)
-    if look.model == "gouraud":
-        return _drawn(surface, look, placement, camera, size, aovs, crop)
-    shown, told = marked(surface, look)
-    made_of = materials.material(look, surface.attributes, told, placement.size)
-    subject = mesh("subject", shown, made_of, told.values, materials.medium(look, placement.size))
+    require_camera_outside(surface, scene.camera)
+    size = quality.width, quality.height
+    return (_lit if scene.material.is_lit else _drawn)(scene, surface, size, quality, aovs)
+
+
+def _lit(
+    scene: Scene, surface: Surface, size: tuple[int, int], quality: Quality, aovs: Collection[str]
+) -> FrameScenes:
+    material, placement, camera, lights = scene.material, scene.placement, scene.camera, scene.lights
+    split, coordinates = texture_coordinates(surface, material)
+    bsdf = materials.surface_bsdf(material, surface.attributes, coordinates, placement.size)
+    medium = materials.interior_medium(material, placement.size)
+    subject = mesh("subject", split, bsdf, coordinates.values, medium)
     to_scene = placement.matrix()
-    shapes = {"subject": subject, **scenery.shapes(stage, placement, camera, size)}
-    if look.wireframe:
-        shapes["wireframe"] = _wires(surface, look.wireframe, camera, size)
-    common = {"type": "scene", "sensor": sensor(camera, size, crop), **shapes}
-    lit = {**common, **lamps.emitters(lights, to_scene)}
-    scene = _load(lit)
-    bare = scene
-    guides = scenery.guides(stage, placement, camera, size)
-    if look.is_clear:
-        guides["subject"] = mesh("subject", shown, materials.guide(look), told.values)
-    if guides or lamps.any_in_view(lights, to_scene, camera, size):
-        bare = _load({**common, **guides})
-    beauty = _beauty(materials.path(look, depth), lights)
-    found = _scenes(scene, bare, beauty, common, surface, aovs)
-    return replace(found, beauty=_followed(found.beauty, beauty, aims(lights, to_scene)))
-
-
-def _followed(beauty: Rendering, path: dict[str, Any], wanted: Sequence[Aim]) -> Rendering:
-    """With paths of our own, where code is compiled and light is followed from surface to surface alone."""
-    import mitsuba as mi
-
-    if mi.variant() == "scalar_rgb" or path["type"] != "path":
-        return beauty
-    from render.integrator.path_tracer import Light
-
-    lamps = Lamps(beauty.scene, wanted)
-    light = Light(beauty.scene, beauty.integrator, lamps, path["max_depth"], path["hide_emitters"])
-    return replace(beauty, light=light)
-
-
-def _drawn(
-    surface: Surface,
-    look: Look,
-    placement: Placement,
-    camera: Camera,
-    size: tuple[int, int],
-    aovs: Collection[str],
-    crop: Crop | None,
-) -> Scenes:
-    """A look that brings its own light and its own stage."""
-    shapes = gouraud.shapes(surface, look, placement, camera, size)
-    if look.wireframe:
-        shapes["wireframe"] = _wires(surface, look.wireframe, camera, size)
-    common = {"type": "scene", "sensor": sensor(camera, size, crop), **shapes}
-    scene = _load(common)
-    beauty = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
-    return _scenes(scene, scene, beauty, common, surface, aovs)
-
-
-def _scenes(
-    lit: Any,
-    bare: Any,
-    beauty: dict[str, Any],
-    common: dict[str, Any],
-    surface: Surface,
-    aovs: Collection[str],
-) -> Scenes:
-    """With what the layers asked for need beside them."""
-    if "noise" in aovs:
-        beauty = {"type": "moment", "block_size": BLOCK_SIZE, "path": beauty}
-    return Scenes(
-        Rendering(lit, _integrator(beauty)),
-        Rendering(bare, _integrator(_aovs())),
-        _dyed(common, surface) if any(name in VERTEX_AOVS for name in aovs) else None,
+    shapes = {"subject": subject, **stage_shapes.shapes(scene.stage, placement, camera, size)}
+    if material.wireframe:
+        shapes["wireframe"] = _wireframe(surface, material.wireframe, camera, size)
+    unlit = {"type": "scene", "sensor": sensor(camera, size, quality.crop), **shapes}
+    lit = _load({**unlit, **emitters.emitters(lights, to_scene)})
+    replaced = stage_shapes.auxiliary_shapes(scene.stage, placement, camera, size)
+    if material.is_clear:
+        replaced["subject"] = mesh("subject", split, materials.auxiliary_bsdf(material), coordinates.values)
+    auxiliary = lit
+    if replaced or emitters.any_in_view(lights, to_scene, camera, size):
+        auxiliary = _load({**unlit, **replaced})
+    path = materials.path_integrator(material, quality.depth)
+    path |= {"hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
+    integrator = _beauty_integrator(path, aovs)
+    tracer = _path_tracer(lit, integrator, path, sampled_emitters(lights, to_scene))
+    return FrameScenes(
+        SceneRenderer(lit, integrator, tracer),
+        SceneRenderer(auxiliary, _auxiliary_integrator()),
+        _vertex_aov(unlit, surface, aovs),
     )
 
 
-def _dyed(common: dict[str, Any], surface: Surface) -> Rendering:
-    """The scene in which the subject's albedo is what its vertices bring along: DYE, which is set later."""
-    plain = Surface(surface.vertices, surface.normals, surface.faces, {DYE: np.zeros_like(surface.vertices)})
-    colour = {"type": "mesh_attribute", "name": f"vertex_{DYE}"}
-    material = {"type": "twosided", "material": {"type": "diffuse", "reflectance": colour}}
-    subject = mesh("subject", plain, material, np.array([0.0, SUBJECT]))
+def _drawn(
+    scene: Scene, surface: Surface, size: tuple[int, int], quality: Quality, aovs: Collection[str]
+) -> FrameScenes:
+    """Build the scenes of a material that brings its own light and background."""
+    shapes = gouraud.shapes(surface, scene.material, scene.placement, scene.camera, size)
+    if scene.material.wireframe:
+        shapes["wireframe"] = _wireframe(surface, scene.material.wireframe, scene.camera, size)
+    unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
+    loaded = _load(unlit)
     albedo = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
-    return Rendering(_load({**common, "subject": subject}), _integrator(albedo))
+    return FrameScenes(
+        SceneRenderer(loaded, _beauty_integrator(albedo, aovs)),
+        SceneRenderer(loaded, _auxiliary_integrator()),
+        _vertex_aov(unlit, surface, aovs),
+    )
 
 
-def _wires(surface: Surface, drawn: wireframe.Wireframe, camera: Camera, size: tuple[int, int]) -> Any:
-    lines = wireframe.ribbons(surface, drawn, camera, size[0])
-    return mesh("wireframe", lines, drawn.material(), np.array([0.0, SUBJECT]))
+def _path_tracer(scene: Any, integrator: Any, path: dict[str, Any], wanted: list[SampledEmitter]) -> Any:
+    """Return our path tracer where code is compiled and no medium scatters light, else None."""
+    import mitsuba as mi
+
+    if mi.variant() == "scalar_rgb" or path["type"] != "path":
+        return None
+    from render.integrator.path_tracer import PathTracer  # needs Mitsuba's variant
+
+    sampler = LightSampler(scene, wanted)
+    return PathTracer(scene, integrator, sampler, path["max_depth"], path["hide_emitters"])
 
 
-def _integrator(description: dict[str, Any]) -> Any:
+def _beauty_integrator(description: dict[str, Any], aovs: Collection[str]) -> Any:
+    if "noise" in aovs:
+        description = {"type": "moment", "block_size": BLOCK_SIZE, "path": description}
+    return _load_part(description)
+
+
+def _auxiliary_integrator() -> Any:
+    wanted = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
+    return _load_part({"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE})
+
+
+def _vertex_aov(unlit: dict[str, Any], surface: Surface, aovs: Collection[str]) -> SceneRenderer | None:
+    """Return the scene in which the subject's albedo is the attribute VERTEX_AOV, 0 at first."""
+    if not any(name in VERTEX_AOVS for name in aovs):
+        return None
+    attributes = {VERTEX_AOV: np.zeros_like(surface.vertices)}
+    plain = Surface(surface.vertices, surface.normals, surface.faces, attributes)
+    subject = mesh("subject", plain, materials.vertex_attribute(VERTEX_AOV), np.array([0.0, SUBJECT]))
+    albedo = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
+    return SceneRenderer(_load({**unlit, "subject": subject}), _load_part(albedo))
+
+
+def _wireframe(surface: Surface, wireframe: Wireframe, camera: Camera, size: tuple[int, int]) -> Any:
+    lines = ribbons(surface, wireframe, camera, size[0])
+    return mesh("wireframe", lines, materials.diffuse(wireframe.colour), np.array([0.0, SUBJECT]))
+
+
+def _load(scene: dict[str, Any]) -> Any:
+    """Load a scene with its parts in order.
+
+    Parts are loaded and changed first: a scene whose shapes change later builds its bounding volumes again.
+    Mitsuba's optimizer is off: it merges shapes by the memory addresses of their materials, so emitters would
+    change places from one run to the next, and with them the noise.
+    """
+    import mitsuba as mi
+
+    parts = {name: _named_part(name, part) for name, part in scene.items() if name != "type"}
+    return mi.load_dict({"type": scene["type"], **parts}, parallel=False, optimize=False)
+
+
+def _load_part(description: dict[str, Any]) -> Any:
     import mitsuba as mi
 
     return mi.load_dict(description, parallel=False, optimize=False)
 
 
-def _load(scene: dict[str, Any]) -> Any:
-    """Load a scene in the order it is written.
-
-    Its parts are loaded first, and changed as they must be: a scene whose shapes are changed later builds its
-    bounding volumes again. Mitsuba's optimizer merges shapes by where their materials happen to lie in
-    memory; lamps then change places from one run to the next, and with them the noise.
-    """
-    import mitsuba as mi
-
-    parts = {name: _part(name, each) for name, each in scene.items() if name != "type"}
-    return mi.load_dict({"type": scene["type"], **parts}, parallel=False, optimize=False)
-
-
-def _part(name: str, described: Any) -> Any:
+def _named_part(name: str, described: Any) -> Any:
     import mitsuba as mi
 
     part = described
     if isinstance(described, dict):
-        part = mi.load_dict(described, parallel=False, optimize=False)
+        part = _load_part(described)
         part.set_id(name)
     if mi.variant() != "scalar_rgb":
-        _keep_out_of_kernels(part)
+        _make_opaque(part)
     return part
 
 
-def _keep_out_of_kernels(part: Any) -> None:
-    """Make where things stand, and how dense they are, data of the compiled code, not constants in it.
+def _make_opaque(part: Any) -> None:
+    """Make transforms and densities data of the compiled code, not constants in it.
 
-    Otherwise every frame whose stage moves or grows a little is compiled anew, which takes a third of a
-    second and a place on the disk.
+    With constants, every frame whose stage moves or grows a little is compiled again, which takes a third of
+    a second and space on the disk.
     """
     import drjit as dr
     import mitsuba as mi
@@ -243,12 +226,3 @@ def _keep_out_of_kernels(part: Any) -> None:
         dr.make_opaque(values[name])
         values[name] = values[name]
     values.update()
-
-
-def _beauty(path: dict[str, Any], lights: LightRig) -> dict[str, Any]:
-    return {**path, "hide_emitters": not lights.shows_sky, "block_size": BLOCK_SIZE}
-
-
-def _aovs() -> dict[str, Any]:
-    wanted = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
-    return {"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE}

@@ -1,4 +1,4 @@
-"""A camera as Mitsuba's sensor. An engine must have been started before anything here is called."""
+"""A camera as Mitsuba's sensor. Functions need a started engine."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ from render.scene.quality import Crop
 
 
 def sensor(camera: Camera, size: tuple[int, int], crop: Crop | None = None) -> dict[str, Any]:
-    """The lens and the film behind it.
+    """Return the sensor: lens, film and Mitsuba's sampler.
 
-    size  width and height in pixels
-    crop  the part of these pixels that is rendered, from the upper left: x0, y0, x1, y1
+    size  width and height of the picture in pixels
+    crop  rendered part of it, or None for all
 
-    Raises BadInputError where the lens cannot be in focus.
+    Raises BadInputError where the focus is not in front of the lens.
     """
     import mitsuba as mi
 
@@ -46,8 +46,8 @@ def sensor(camera: Camera, size: tuple[int, int], crop: Crop | None = None) -> d
 
 
 def _lens(camera: Camera) -> dict[str, Any]:
-    """A pinhole, or a thin lens, which sees a plane sharply."""
-    if not camera.blurs:
+    """Return a pinhole, or a thin lens with one plane in focus."""
+    if not camera.has_depth_of_field:
         return {"type": "perspective"}
     if camera.focus_distance <= camera.near:
         where = f"{-camera.focus_distance:.4g} units behind" if camera.focus_distance < 0.0 else "within"

@@ -1,4 +1,4 @@
-"""A stage as Mitsuba's shapes. An engine must have been started before anything here is called."""
+"""Stages and reference objects as Mitsuba's shapes. Functions need a started engine."""
 
 from __future__ import annotations
 
@@ -6,48 +6,51 @@ from typing import Any
 
 import numpy as np
 
-from render.base.serialise import Triple
+from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
 from render.mitsuba.mesh import mesh
 from render.mitsuba.texture_coordinates import SURROUNDINGS
-from render.scene import reference_objects as set_pieces
+from render.scene import reference_objects
 from render.scene.camera import Camera
+from render.scene.reference_objects import CHROME, GREY
 from render.scene.stage import Mesh, Placement, Stage
 from render.scene.surface import Surface
 
 PLINTH = (0.56, 0.555, 0.545)
-"""What a plinth reflects: a white one outshines what stands on it."""
+"""Reflectance of a plinth: a white one would outshine the subject."""
 
-_MARK = np.array([0.0, SURROUNDINGS])
+_UV = np.array([0.0, SURROUNDINGS])
 
 
 def shapes(stage: Stage, placement: Placement, camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
-    """All that stands around the subject, by the names it has in the scene. size: of the picture, pixels"""
+    """Return the shapes around the subject by their names in the scene. size: of the picture, pixels"""
     if stage.kind == "none":
         return {}
-    floor = _matt(stage.colour) if stage.roughness is None else _coated(stage.colour, stage.roughness)
-    made = {"stage": mesh("stage", _placed(stage.backdrop(), placement), floor, _MARK)}
+    floor = diffuse(stage.colour) if stage.roughness is None else _coated(stage, stage.roughness)
+    made = {"stage": mesh("stage", _placed(stage.backdrop(), placement), floor, _UV)}
     if stage.kind == "plinth":
-        made["plinth"] = mesh("plinth", _placed(stage.plinth(), placement), _matt(PLINTH), _MARK)
+        made["plinth"] = mesh("plinth", _placed(stage.plinth(), placement), diffuse(PLINTH), _UV)
     if stage.kind == "turntable":
-        grey, chrome, chart = set_pieces.spots(camera, placement, size[0] / size[1])
-        painted = {"type": "diffuse", "reflectance": {"type": "mesh_attribute", "name": "vertex_colour"}}
-        board = {"type": "twosided", "material": painted}
-        made["grey"] = mesh("grey", set_pieces.ball(grey), _matt((set_pieces.GREY,) * 3), _MARK)
-        made["chrome"] = mesh("chrome", set_pieces.ball(chrome), _mirror(), _MARK)
-        made["chart"] = mesh("chart", set_pieces.chart(chart, camera), board, _MARK)
+        grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])
+        mirror = two_sided(rough_conductor({"type": "rgb", "value": CHROME}, 0.02))
+        board = reference_objects.chart(chart, camera)
+        made["grey"] = mesh("grey", reference_objects.ball(grey), diffuse((GREY,) * 3), _UV)
+        made["chrome"] = mesh("chrome", reference_objects.ball(chrome), mirror, _UV)
+        made["chart"] = mesh("chart", board, vertex_attribute("colour"), _UV)
     return made
 
 
-def guides(stage: Stage, placement: Placement, camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
-    """Those shapes that AOVs have otherwise: a mirror has no albedo that Mitsuba could tell."""
+def auxiliary_shapes(
+    stage: Stage, placement: Placement, camera: Camera, size: tuple[int, int]
+) -> dict[str, Any]:
+    """Return the shapes that differ in auxiliary AOVs: Mitsuba knows no albedo of a mirror."""
     if stage.kind != "turntable":
         return {}
-    _, chrome, _ = set_pieces.spots(camera, placement, size[0] / size[1])
-    return {"chrome": mesh("chrome", set_pieces.ball(chrome), _matt((set_pieces.CHROME,) * 3), _MARK)}
+    _, chrome, _ = reference_objects.positions(camera, placement, size[0] / size[1])
+    return {"chrome": mesh("chrome", reference_objects.ball(chrome), diffuse((CHROME,) * 3), _UV)}
 
 
-def _placed(made: Mesh, placement: Placement) -> Surface:
-    vertices, normals, faces = made
+def _placed(stage_mesh: Mesh, placement: Placement) -> Surface:
+    vertices, normals, faces = stage_mesh
     to_scene = placement.matrix()
     linear = to_scene[:3, :3]
     moved = (vertices.astype(np.float64) @ linear.T + to_scene[:3, 3]).astype(np.float32)
@@ -55,28 +58,5 @@ def _placed(made: Mesh, placement: Placement) -> Surface:
     return Surface(moved, turned, faces)
 
 
-def _matt(colour: Triple) -> dict[str, Any]:
-    material = {"type": "diffuse", "reflectance": {"type": "rgb", "value": list(colour)}}
-    return {"type": "twosided", "material": material}
-
-
-def _coated(colour: Triple, roughness: float) -> dict[str, Any]:
-    material = {
-        "type": "roughplastic",
-        "diffuse_reflectance": {"type": "rgb", "value": list(colour)},
-        "alpha": max(roughness, 1e-2),
-        "distribution": "ggx",
-        "nonlinear": True,
-    }
-    return {"type": "twosided", "material": material}
-
-
-def _mirror() -> dict[str, Any]:
-    material = {
-        "type": "roughconductor",
-        "material": "none",
-        "specular_reflectance": {"type": "rgb", "value": set_pieces.CHROME},
-        "alpha": 0.02,
-        "distribution": "ggx",
-    }
-    return {"type": "twosided", "material": material}
+def _coated(stage: Stage, roughness: float) -> dict[str, Any]:
+    return two_sided(rough_plastic({"type": "rgb", "value": list(stage.colour)}, max(roughness, 1e-2)))

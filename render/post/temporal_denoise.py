@@ -108,7 +108,7 @@ def _moved(at: Moment, to: Moment, step: int, places: Floats) -> Floats:
     """(H, W, 3): how far the points at `places` of one frame go until the next: the subject's with the flow,
     the others with the stage."""
     flow = at.after if step > 0 else at.before
-    stage = at.placement.carried(at.position, to.placement) - at.position
+    stage = at.placement.moved(at.position, to.placement) - at.position
     of_subject = (at.matte > 0.5)[..., None]
     motion = np.where(of_subject, flow / np.maximum(at.matte, np.float32(0.5))[..., None], stage)
     motion = np.ascontiguousarray(motion, dtype=np.float32)

@@ -12,12 +12,10 @@ from render.raster.lamps import lamps_of
 from render.raster.parts import Floats, Set, Shape
 from render.scene.camera import Camera
 from render.scene.lights import Sky
-from render.scene.look import Look
+from render.scene.materials import Diffuse, Material
 
-BODILESS = ("metal", "brushed")
-UNCOATED = ("diffuse", "smoke")
 COAT = 0.05
-"""Models that have a mirror's colour and no other, models without a clear coat, and what others reflect."""
+"""Reflectance of a clear coat."""
 
 SHARPNESS = (6.0, 160.0)
 """Between which highlights are: sharper ones would fall between vertices, and be dots."""
@@ -43,14 +41,14 @@ class Lighting:
         if around.stage.kind == "none":
             return alone
         place, up = (np.array([v], np.float32) for v in (around.placement.origin, (0.0, 1.0, 0.0)))
-        floor = Shape(place, up, np.empty((0, 3), np.int32), Look("diffuse", around.stage.colour))
+        floor = Shape(place, up, np.empty((0, 3), np.int32), Diffuse(around.stage.colour))
         sent = alone.sent(floor, np.zeros(1, np.intp), 1)  # what looks up sees no ground
         return replace(alone, ground=sent[0, :3].astype(np.float64))
 
     def sent(self, shape: Shape, which: NDArray[np.intp], side: int) -> NDArray[np.float32]:
         """(N, 6): linear light of vertices with the key light, and without it; `side` as of the kernel."""
-        colours = np.array([shape.look.colour]) if shape.colours is None else shape.colours
-        sharp = float(np.clip(2.0 / max(shape.look.roughness, 0.02) ** 2 - 2.0, *SHARPNESS))
+        colours = np.array([shape.material.colour]) if shape.colours is None else shape.colours
+        sharp = float(np.clip(2.0 / max(shape.material.roughness, 0.02) ** 2 - 2.0, *SHARPNESS))
         about = np.array([self.sky.horizon, self.sky.zenith, self.ground, (sharp, 0.0, 0.0)])
         out = np.empty((len(which), 6), np.float32)
         light(
@@ -60,7 +58,7 @@ class Lighting:
             which,
             side,
             self.eye,
-            _reflects(shape.look),
+            _reflects(shape.material),
             about,
             self.lamps,
             out,
@@ -68,8 +66,8 @@ class Lighting:
         return out
 
 
-def _reflects(look: Look) -> Floats:
+def _reflects(material: Material) -> Floats:
     """(3,), as `light` takes it."""
-    if look.model in BODILESS:
+    if not material.has_body:
         return np.array([0.0, 1.0, 0.0])
-    return np.array([1.0, 0.0, 0.0 if look.model in UNCOATED else COAT])
+    return np.array([1.0, 0.0, COAT if material.has_coat else 0.0])

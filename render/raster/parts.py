@@ -14,7 +14,7 @@ from render.post.view import ACES, ColourView
 from render.raster.kernels.projection import project
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
-from render.scene.look import Look
+from render.scene.materials import Diffuse, Material
 from render.scene.stage import Mesh, Placement, Stage
 
 Floats = NDArray[np.float64]
@@ -23,15 +23,15 @@ Floats = NDArray[np.float64]
 class Shape(NamedTuple):
     """A surface: vertices (V, 3), normals (V, 3), faces (F, 3), and what it is made of.
 
-    colours (V, 3) take the place of the look's, where it has more than one (see
-    `render.mitsuba.vertex_colours`). Of a closed surface only faces that look outwards are seen, which is
+    colours (V, 3) take the place of the material's, where it has more than one (see
+    `render.scene.vertex_colours`). Of a closed surface only faces that look outwards are seen, which is
     quicker.
     """
 
     vertices: NDArray[np.floating]
     normals: NDArray[np.floating]
     faces: NDArray[np.int32]
-    look: Look
+    material: Material
     colours: Floats | None = None
     closed: bool = False
 
@@ -101,4 +101,4 @@ def _placed(mesh: Mesh, stage: Stage, placement: Placement) -> Shape:
     matrix = placement.matrix()
     turned = normals @ matrix[:3, :3].T / placement.size
     placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    return Shape(placed, turned, faces, Look("diffuse", stage.colour)).as_kernels_take_it()
+    return Shape(placed, turned, faces, Diffuse(stage.colour)).as_kernels_take_it()

@@ -22,7 +22,7 @@ from render.raster.shadow import Shadow
 from render.raster.sides import Sides
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.stage import STAGES, Placement
 
 
@@ -43,7 +43,7 @@ def preview(
     edges: Edges | None = None,
 ) -> Preview:
     """A picture of a surface on its stage, `size` (width, height) pixels."""
-    around = replace(around, lights=around.lights.plainly())
+    around = replace(around, lights=around.lights.without_maps())
     frame = _Frame.of(camera, around, size, display, edges is not None)
     seen = Sides.of(subject.as_kernels_take_it(), frame.lens, frame.near.shape)
     shadow = Shadow.of(seen.shape, around, seen.outwards)

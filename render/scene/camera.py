@@ -20,8 +20,8 @@ class Camera:
     up               the direction that points up in the picture
     field_of_view    horizontal, radians
     near, far        clipping distances, scene units
-    lens_radius      of its opening, scene units; 0 is sharp everywhere
-    focus_distance   along the lens, to the plane that is sharp, scene units
+    lens_radius      radius of the aperture, scene units; 0 is a pinhole, sharp everywhere
+    focus_distance   distance along the view direction to the plane in focus, scene units
     """
 
     origin: Triple
@@ -53,18 +53,18 @@ class Camera:
             )
 
     def axes(self) -> NDArray[np.float64]:
-        """(3, 3): the unit vectors that point right and up in the picture, and forward."""
+        """Return the unit vectors (3, 3) that point right and up in the picture, and forward."""
         forward = _unit(np.subtract(self.target, self.origin))
         right = _unit(np.cross(forward, self.up))
         return np.stack([right, np.cross(right, forward), forward])
 
     @property
-    def blurs(self) -> bool:
-        """Whether anything is out of focus: then no layer is free of noise."""
+    def has_depth_of_field(self) -> bool:
+        """Tell whether anything can be out of focus: then every AOV is noisy."""
         return self.lens_radius > 0.0
 
     def project(self, points: ArrayLike, aspect: float) -> NDArray[np.float64]:
-        """Where points (N, 3) fall: (N, 3) of x and y, −1 … 1 from edge to edge, and depth along the lens.
+        """Project points (N, 3): return x and y, −1 … 1 from edge to edge, and depth, (N, 3).
 
         x grows to the right and y upwards; what lies behind the camera has a depth below 0 and no
         meaningful x and y. `aspect` is the picture's width over its height.

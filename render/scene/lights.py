@@ -17,12 +17,12 @@ from render.scene.environment import Environment
 
 @dataclass(frozen=True)
 class Softbox:
-    """A glowing rectangle that faces its target; the camera does not see it, reflections do.
+    """A rectangular area light that faces its target. Reflections show it, the camera does not.
 
     position, target   stage units
     width, height      stage units; height is along the vertical
     radiance           linear Rec.709
-    name               what it is called in its rig
+    name               its name in the rig
     """
 
     position: Triple
@@ -35,7 +35,7 @@ class Softbox:
 
 @dataclass(frozen=True)
 class Sun:
-    """Parallel light with hard shadows. `direction` is where it shines to; irradiance in linear Rec.709."""
+    """Directional light with hard shadows: the direction it shines to, and its linear Rec.709 irradiance."""
 
     direction: Triple
     irradiance: Triple
@@ -52,14 +52,17 @@ class Sky:
 
     @property
     def is_uniform(self) -> bool:
+        """True if its radiance is the same in all directions."""
         return self.zenith == self.horizon == self.nadir
 
 
 @dataclass(frozen=True)
 class LightRig:
-    """All lights of a shot. `exposure` is in stops and acts when linear light becomes a display picture.
+    """All lights of a shot.
 
-    daylight, environment  what shines from all around in place of the sky; one of them
+    exposure     stops; applied when linear light becomes display values
+    daylight     a sun and sky in place of `sky`, or None
+    environment  an environment map in place of `sky`, or None
     """
 
     softboxes: tuple[Softbox, ...] = ()
@@ -71,18 +74,17 @@ class LightRig:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the lights whose strength `dimmed` can change."""
-        around = ("sun", "sky") if self.daylight or self.suns else ("sky",)
-        return (*dict.fromkeys(box.name for box in self.softboxes if box.name), *around)
+        """Names of the lights whose strength `dimmed` can change."""
+        distant = ("sun", "sky") if self.daylight or self.suns else ("sky",)
+        return (*dict.fromkeys(box.name for box in self.softboxes if box.name), *distant)
 
     @property
     def shows_sky(self) -> bool:
-        """Whether the lens sees what shines from all around."""
-        around = self.daylight or self.environment or self.sky
-        return around.visible
+        """True if the lens sees the sky, the daylight or the environment map."""
+        return (self.daylight or self.environment or self.sky).visible
 
     def turned(self, angle: float) -> LightRig:
-        """The same, turned by radians about the vertical, from +z towards +x."""
+        """Return the rig turned by radians about the vertical, from +z towards +x."""
         if angle == 0.0:
             return self
         return replace(
@@ -97,7 +99,7 @@ class LightRig:
         )
 
     def dimmed(self, strengths: Mapping[str, float]) -> LightRig:
-        """The same with lights that are that many times as strong, by their names."""
+        """Return the rig with the strength of lights multiplied, by their names."""
         sun, sky = strengths.get("sun", 1.0), strengths.get("sky", 1.0)
         return replace(
             self,
@@ -118,8 +120,8 @@ class LightRig:
             and replace(self.environment, intensity=self.environment.intensity * sky),
         )
 
-    def plainly(self) -> LightRig:
-        """The same with suns and a sky of one gradient alone, as quick previews know them."""
+    def without_maps(self) -> LightRig:
+        """Return a rig of softboxes, suns and a gradient sky alone, which is what quick previews render."""
         if self.daylight:
             x, y, z = self.daylight.direction
             high = math.sqrt(y)
@@ -136,8 +138,8 @@ class LightRig:
         return self
 
 
-def _turned(place: Triple, angle: float) -> Triple:
-    x, y, z = place
+def _turned(position: Triple, angle: float) -> Triple:
+    x, y, z = position
     c, s = math.cos(angle), math.sin(angle)
     return c * x + s * z, y, c * z - s * x
 
@@ -156,11 +158,11 @@ _RIM = Softbox((4.9, 3.4, -4.4), 0.55, 2.8, (110.0, 132.0, 172.0), name="rim")
 """A cool strip behind on the right: it draws the lips of the creases."""
 
 _BACK = Softbox((0.0, 8.6, -5.0), 4.0, 2.4, (15.0, 15.3, 16.0), target=(0.0, 0.0, -4.2), name="back")
-"""High over the ground behind the subject, which it lifts from the wall's darkness."""
+"""High over the ground behind the subject; it separates the subject from the dark wall."""
 
 LIGHTS = {
     "studio": LightRig((_KEY, _RIM, _BACK), sky=Sky(_FILL, _FILL, _FILL)),
-    # Long strips all around: a mirror shows its form only by what it has to bend.
+    # Long strips on all sides: a mirror shows its form only by the reflections it bends.
     "gallery": LightRig(
         (
             Softbox((-5.4, 3.4, 2.6), 0.7, 5.0, (74.0, 66.0, 56.0), name="left"),
@@ -170,7 +172,7 @@ LIGHTS = {
         ),
         sky=Sky((0.30, 0.34, 0.42), (0.12, 0.13, 0.16), (0.1, 0.1, 0.1)),
     ),
-    # The book's three: a warm key off the axis of the lens, a faint fill opposite, a rim behind.
+    # Three-point lighting: a warm key off the axis of the lens, a faint fill opposite, a rim behind.
     "three_point": LightRig(
         (
             Softbox((5.6, 5.0, 2.6), 1.5, 1.5, (190.0, 164.0, 132.0), name="key"),

@@ -1,4 +1,4 @@
-"""What a flow does to a surface, shown by colour: how fast it goes, and how far it has stretched."""
+"""Measures shown by colour: the speed of the flow, and how far the surface has stretched."""
 
 from __future__ import annotations
 
@@ -15,35 +15,35 @@ from render.scene.surface import Surface
 Floats = NDArray[np.float64]
 
 SPEED = "speed"
-"""The attribute (V, 1) of a surface's vertices that the measure of that name shows."""
+"""Name of the vertex attribute (V, 1) that the measure "speed" shows."""
 
 
-class Kind(NamedTuple):
-    """Of a measure: its unit, its usual colours and range, and whether equal steps are equal factors."""
+class MeasureKind(NamedTuple):
+    """Unit, default colour map and default range of a measure. `is_logarithmic`: equal steps are factors."""
 
     unit: str
     colours: str
     low: float
     high: float
-    by_factors: bool
+    is_logarithmic: bool
 
 
 KINDS = {
-    "speed": Kind("scene units per second", "viridis", 0.0, 4.0, by_factors=False),
-    "stretch": Kind("times as long", "inferno", 1.0, 4.0, by_factors=True),
-    "area": Kind("times as large", "coolwarm", 0.25, 4.0, by_factors=True),
+    "speed": MeasureKind("scene units per second", "viridis", 0.0, 4.0, is_logarithmic=False),
+    "stretch": MeasureKind("times as long", "inferno", 1.0, 4.0, is_logarithmic=True),
+    "area": MeasureKind("times as large", "coolwarm", 0.25, 4.0, is_logarithmic=True),
 }
 
 
 @dataclass(frozen=True)
 class Measure:
-    """A number at every point of a surface, and the colours that it is shown by.
+    """A measured number at every vertex, and the colour map that shows it.
 
-    of         "speed": of the flow, scene units per second; "stretch": how many times as long the direction
-               is that was lengthened most since the rest; "area": how many times as large the surface is
-    colours    one of COLOUR_MAPS; None: that of the kind
-    low, high  what its ends stand for, and all beyond; None: those of the kind. They are what is said, the
-               same in every frame and shot, so that a colour always means the same and never flickers
+    of         "speed" (of the flow, scene units per second), "stretch" (largest principal stretch since the
+               rest positions) or "area" (area over area at rest)
+    colours    one of COLOUR_MAPS; None for the kind's own
+    low, high  numbers at the ends of the colour map; None for the kind's own. They are the same in every
+               frame, so that a colour always means the same number and never flickers
     """
 
     of: str
@@ -57,52 +57,57 @@ class Measure:
         if self.colours is not None and self.colours not in COLOUR_MAPS:
             raise BadInputError(f"measure has colours {self.colours!r}; they can be {', '.join(COLOUR_MAPS)}")
         low, high = self.range
-        if not low < high or (self.kind.by_factors and not low > 0.0):
-            above = ", and above 0" if self.kind.by_factors else ""
+        if not low < high or (self.kind.is_logarithmic and not low > 0.0):
+            above = ", and above 0" if self.kind.is_logarithmic else ""
             raise BadInputError(f"measure has range {low} to {high}; the first is below the second{above}")
 
     @property
-    def kind(self) -> Kind:
+    def kind(self) -> MeasureKind:
+        """The kind that `of` names."""
         return KINDS[self.of]
 
     @property
     def range(self) -> tuple[float, float]:
+        """Numbers at the ends of the colour map."""
         low = self.kind.low if self.low is None else self.low
         return low, self.kind.high if self.high is None else self.high
 
-    def row(self) -> NDArray[np.float32]:
-        """(N, 3): the colours of phases from 0 to 1; beyond, the ends go on."""
+    @property
+    def repeats(self) -> bool:
+        """False: beyond the colour map its end colours continue."""
+        return False
+
+    def ramp(self) -> NDArray[np.float32]:
+        """Return the colours (N, 3) of phases from 0 to 1. Beyond, the end colours continue."""
         return colour_map(self.colours or self.kind.colours)
 
     def phases(self, surface: Surface) -> Floats:
-        """(V,): where in the row of colours vertices lie. Raises BadInputError where that is unknown."""
+        """Return the phases (V,) of vertices: 0 at the range's low end, 1 at its high end. Raises as
+        `values`."""
         low, high = self.range
-        found = self.values(surface)
-        if self.kind.by_factors:
-            found, low, high = np.log2(found), np.log2(low), np.log2(high)
-        return np.asarray((found - low) / (high - low))
+        values = self.values(surface)
+        if self.kind.is_logarithmic:
+            values, low, high = np.log2(values), np.log2(low), np.log2(high)
+        return np.asarray((values - low) / (high - low))
 
     def values(self, surface: Surface) -> Floats:
-        """(V,): what is measured."""
+        """Return the measured numbers (V,). Raises BadInputError where the surface lacks what they need."""
         if self.of == "speed":
             if SPEED not in surface.attributes:
                 raise BadInputError("look shows speed, and the surface does not say how fast its points go")
             return np.asarray(surface.attributes[SPEED], dtype=np.float64).reshape(-1)
-        if surface.material is None:
-            raise BadInputError(
-                f"look shows {self.of}, and the surface does not say where its points were; give it material"
-            )
+        rest = surface.require_rest(f"look shows {self.of}")
         if not len(surface.faces):
             raise BadInputError(f"look shows {self.of}, which is measured on triangles; a cloud has none")
-        longest, shortest = stretches(surface.material, surface.vertices, surface.faces)
+        longest, shortest = principal_stretches(rest, surface.vertices, surface.faces)
         measured = longest if self.of == "stretch" else longest * shortest
         return at_vertices(measured, surface)
 
 
-def stretches(
+def principal_stretches(
     rest: NDArray[np.floating], now: NDArray[np.floating], faces: NDArray[np.int32]
 ) -> tuple[Floats, Floats]:
-    """(F,) twice: the larger and the smaller principal stretch of triangles, from their places at rest.
+    """Return the larger and the smaller principal stretch of triangles since their rest, (F,) each.
 
     The deformation gradient F of a triangle is constant and maps its edges E at rest to its edges e now.
     Stretches are its singular values: the roots of the eigenvalues of FᵀF, which in the basis E are those
@@ -123,22 +128,22 @@ def stretches(
 
 
 def at_vertices(measured: Floats, surface: Surface) -> Floats:
-    """(V,): the geometric mean of the faces (F,) around each vertex, by their areas at rest.
+    """Return the geometric means (V,) of numbers (F,) over the faces of each vertex, weighted by rest area.
 
-    Both sides of a crease have their own.
+    Both sides of a crease have their own vertices, so their own means.
     """
-    assert surface.material is not None
-    before = _gram(surface.material, surface.faces)
+    assert surface.rest is not None
+    before = _gram(surface.rest, surface.faces)
     weight = np.sqrt(np.maximum(before[0] * before[2] - before[1] ** 2, 0.0))
     share = np.log(np.maximum(measured, 1e-6)) * weight
     corners, count = surface.faces.reshape(-1), len(surface.vertices)
     total = np.bincount(corners, np.repeat(share, 3), count)
-    around = np.bincount(corners, np.repeat(weight, 3), count)
-    return np.asarray(np.exp(total / np.where(around > 0.0, around, 1.0)))
+    weights = np.bincount(corners, np.repeat(weight, 3), count)
+    return np.asarray(np.exp(total / np.where(weights > 0.0, weights, 1.0)))
 
 
 def _gram(points: NDArray[np.floating], faces: NDArray[np.int32]) -> tuple[Floats, Floats, Floats]:
-    """(F,) thrice: products of two edges of each triangle, the first's with itself, both, the second's."""
+    """Return the dot products of two edges a, b of each triangle: a·a, a·b and b·b, (F,) each."""
     a, b, c = points.astype(np.float64)[faces].transpose(1, 0, 2)
     first, second = b - a, c - a
     return (first * first).sum(axis=1), (first * second).sum(axis=1), (second * second).sum(axis=1)

@@ -1,8 +1,8 @@
-"""Colour that moves with the material: patterns in the places that points had before anything moved them.
+"""Procedural patterns in rest positions, so that colours move with the material.
 
-A pattern gives every vertex one number, its *phase*, which faces interpolate; a row of colours says what a
-phase looks like. Borders between colours are therefore as sharp as the picture, however long the edges are:
-only their course is cut into straight pieces, one a face.
+A pattern gives every vertex one number, its *phase*, which faces interpolate; a colour ramp maps phases to
+colours. Borders between colours are therefore as sharp as the picture, however long the edges are: only
+their course is cut into straight pieces, one per face.
 """
 
 from __future__ import annotations
@@ -15,33 +15,34 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import Triple
-from render.scene.noise import fractal_noise, nearest_spot
 
 PATTERNS = ("layers", "gradient", "rings", "marble", "speckles")
 TEXELS = 2048
-"""Colours in the row of a pattern."""
+"""Colours in the ramp of a pattern."""
+
+_SEEDS = 2**32
 
 Phases = NDArray[np.float64]
+Vectors = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
 class Pigment:
     """A pattern and its colours.
 
-    pattern     "layers", one above the other along the axis, again and again; "gradient", from one end of
-                the axis to the other; "rings" around the axis, the last of which goes on outwards; "marble",
-                veins across the axis; "speckles"
-    colours     linear Rec.709 reflectances, two or more: of layers and rings in their order, the first from
-                the centre on; of a gradient along the axis; of others the ground, and then what is on it
-    scale       scene units: the thickness of a layer or ring, the length of a gradient, the distance between
-                veins, the size of the cells that speckles lie in
-    axis        direction in which the pattern goes on
-    centre      where it begins; a gradient has its middle there
-    softness    which share of a layer, a vein or a speckle its border takes: 0 is as sharp as the picture
-    share       of marble and speckles: how much of the ground the veins or the largest speckles take
-    turbulence  how far the pattern is displaced by noise, in scales
+    pattern     "layers" (repeated along the axis), "gradient" (along the axis), "rings" (around the axis;
+                the last one continues outwards), "marble" (veins across the axis) or "speckles"
+    colours     linear Rec.709 reflectances, two or more. Layers and rings: in order from the centre.
+                Gradient: along the axis. Marble and speckles: the ground, then the colours on it
+    scale       scene units: thickness of a layer or ring, length of a gradient, distance between veins, size
+                of the cells of speckles
+    axis        direction of the pattern
+    centre      origin of the pattern; the middle of a gradient
+    softness    width of borders, as a fraction of a layer, vein or speckle; 0 is as sharp as the picture
+    share       marble and speckles: fraction of the ground that veins or the largest speckles cover
+    turbulence  displacement of the pattern by noise, in scales
     octaves     of the noise, each half as large as the one before
-    seed        of the noise and of where speckles are
+    seed        of the noise and of the positions of speckles
     """
 
     pattern: str
@@ -74,66 +75,103 @@ class Pigment:
 
     @property
     def repeats(self) -> bool:
-        """Whether the row of colours begins again after its end; otherwise the ends go on."""
+        """True if the colour ramp repeats; otherwise its end colours continue."""
         return self.pattern in ("layers", "marble")
 
     def phases(self, points: NDArray[np.floating]) -> Phases:
-        """(V,): where in the row of colours points (V, 3) of the undeformed surface lie; 0 … 1 is one row."""
-        away = (np.asarray(points, dtype=np.float64) - self.centre) / self.scale
+        """Return the phases (V,) of rest positions (V, 3). The ramp spans phases 0 to 1."""
+        local = (np.asarray(points, dtype=np.float64) - self.centre) / self.scale
         axis = np.array(self.axis) / math.hypot(*self.axis)
         if self.turbulence:
-            away = away + self.turbulence * fractal_noise(away, self.octaves, self.seed)
+            local = local + self.turbulence * fractal_noise(local, self.octaves, self.seed)
         if self.pattern == "speckles":
-            return nearest_spot(away, self.seed)
-        along = away @ axis
+            return nearest_spot(local, self.seed)
+        along = local @ axis
         if self.pattern == "rings":
-            return np.asarray(np.linalg.norm(away - np.outer(along, axis), axis=1)) / len(self.colours)
+            return np.asarray(np.linalg.norm(local - np.outer(along, axis), axis=1)) / len(self.colours)
         if self.pattern == "gradient":
             return along + 0.5
         return along / (len(self.colours) if self.pattern == "layers" else 1.0)
 
-    def row(self) -> NDArray[np.float32]:
-        """(TEXELS, 3): the colours of phases from 0 to 1."""
+    def ramp(self) -> NDArray[np.float32]:
+        """Return the colours (TEXELS, 3) of phases from 0 to 1."""
         phases = (np.arange(TEXELS) + 0.5) / TEXELS
         colours = np.array(self.colours, dtype=np.float64)
         if self.pattern == "gradient":
-            at = np.linspace(0.0, 1.0, len(colours))
-            row = np.stack([np.interp(phases, at, part) for part in colours.T], axis=1)
+            stops = np.linspace(0.0, 1.0, len(colours))
+            ramp = np.stack([np.interp(phases, stops, part) for part in colours.T], axis=1)
         elif self.pattern in ("layers", "rings"):
-            row = self._bands(phases, colours)
+            ramp = self._bands(phases, colours)
         else:
-            row = self._upon_ground(phases, colours)
-        return row.astype(np.float32)
+            ramp = self._on_ground(phases, colours)
+        return ramp.astype(np.float32)
 
     def _bands(self, phases: Phases, colours: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Equal bands; a border is as wide as `softness`, half of it on either side."""
+        """Return equal bands with borders of width `softness`, half of it on either side."""
         place = phases * len(colours)
         band, within = place.astype(int), place % 1.0
         half = max(self.softness, 1e-6) / 2.0
-        before = _smooth(0.5 - within / (2.0 * half))[:, None]  # half way at the border itself
+        before = _smooth(0.5 - within / (2.0 * half))[:, None]  # half at the border itself
         after = _smooth(0.5 - (1.0 - within) / (2.0 * half))[:, None]
-        ends = colours[[-1, 0]] if self.repeats else colours[[0, -1]]  # before and after them
-        around = np.concatenate([ends[:1], colours, ends[1:]])
-        own, last, following = around[band + 1], around[band], around[band + 2]
-        return np.asarray(own + before * (last - own) + after * (following - own))
+        ends = colours[[-1, 0]] if self.repeats else colours[[0, -1]]  # beyond the first and the last band
+        padded = np.concatenate([ends[:1], colours, ends[1:]])
+        own, previous, following = padded[band + 1], padded[band], padded[band + 2]
+        return np.asarray(own + before * (previous - own) + after * (following - own))
 
-    def _upon_ground(self, phases: Phases, colours: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Veins in the middle of their part of the row, one after the other; speckles from its beginning."""
+    def _on_ground(self, phases: Phases, colours: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return veins, each in the middle of its part of the ramp, or speckles from the ramp's beginning."""
         ground, *others = colours
-        row = np.tile(ground, (len(phases), 1))
+        ramp = np.tile(ground, (len(phases), 1))
         for index, colour in enumerate(others):
             if self.pattern == "speckles":
-                away, half = phases, self.share * (len(others) - index) / len(others)
+                distance, half = phases, self.share * (len(others) - index) / len(others)
             else:  # each vein is thinner than the one before
-                away = np.abs(phases - (index + 0.5) / len(others))
+                distance = np.abs(phases - (index + 0.5) / len(others))
                 half = 0.5 * self.share / len(others) / (index + 1)
             soft = max(self.softness * half, 1e-6)
-            cover = _smooth((half - away) / soft + 0.5)[:, None]
-            row += cover * (colour - row)
-        return row
+            cover = _smooth((half - distance) / soft + 0.5)[:, None]
+            ramp += cover * (colour - ramp)
+        return ramp
 
 
 def _smooth(x: NDArray[np.float64]) -> NDArray[np.float64]:
-    """From 0 at 0 to 1 at 1, level at both."""
+    """Return the smoothstep of x: from 0 at 0 to 1 at 1, with slope 0 at both."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x * x * (3.0 - 2.0 * x))
+
+
+def fractal_noise(points: Vectors, octaves: int, seed: int) -> Vectors:
+    """Return displacements (N, 3) at points (N, 3): value noise with three channels.
+
+    Each octave is twice as fine and half as strong. The displacement is about 0.3 root mean square and never
+    above 1. Interpolates the eight values of a lattice cell (quintic fade of Perlin, *Improving noise*,
+    2002).
+    """
+    from render.scene.kernels.noise import add_value_noise  # numba is slow to import, and few looks need it
+
+    total, strength, rotation = np.zeros((len(points), 3)), 0.5, _rotation()
+    lattice = np.ascontiguousarray(points, dtype=np.float64)
+    for octave in range(octaves):
+        add_value_noise(lattice, (0x9E3779B9 * (octave + 1) + seed) % _SEEDS, strength, total)
+        strength *= 0.5
+        lattice = 2.0 * lattice @ rotation + 17.31  # lattices of two octaves never coincide
+    return total
+
+
+def nearest_spot(points: Vectors, seed: int) -> NDArray[np.float64]:
+    """Return the distance (N,) to the nearest spot, over the spot's size.
+
+    Each unit cell has one spot, of size 0.5 to 1 (Worley, *A cellular texture basis function*, 1996).
+    """
+    from render.scene.kernels.noise import find_spots
+
+    nearest = np.empty(len(points))
+    find_spots(np.ascontiguousarray(points, dtype=np.float64), seed % _SEEDS, nearest)
+    return nearest
+
+
+def _rotation() -> Vectors:
+    """Return a rotation (3, 3) by 1 radian about (1, 1, 1), under which no lattice repeats."""
+    axis, angle = np.full(3, 1.0 / math.sqrt(3.0)), 1.0
+    across = np.cross(np.eye(3), axis)
+    return np.asarray(np.eye(3) + math.sin(angle) * across + (1.0 - math.cos(angle)) * across @ across)

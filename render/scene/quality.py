@@ -1,4 +1,4 @@
-"""How good a picture is to be, from a look while working to delivery."""
+"""Quality settings of a rendered frame, from first looks to delivery."""
 
 from __future__ import annotations
 
@@ -7,33 +7,32 @@ from dataclasses import dataclass
 
 from render.base.errors import BadInputError
 
-PASS_SAMPLES = 16
-"""Samples a pixel in one pass; a square, as multijitter wants, and a power of two, as our sequence does."""
+BATCH_SAMPLES = 16
+"""Samples per pixel of a full sample batch: a square for multijitter, a power of two for our sequence."""
 
-FEWEST_ADAPTIVE = 3 * PASS_SAMPLES
-"""Samples of a picture that may stop earlier: two passes tell its noise, and a third one can be saved."""
+MIN_ADAPTIVE_SAMPLES = 3 * BATCH_SAMPLES
+"""Fewest samples with a noise threshold: two batches measure the noise, and a third one can be saved."""
 
 MOST_TEMPORAL_FRAMES = 4
-"""Frames to either side that a picture may take light from."""
+"""Most frames to either side that temporal denoising may read."""
 
 Crop = tuple[int, int, int, int]
-"""The pixels that are rendered, from the upper left of the picture: x0, y0, x1, y1; these two are outside."""
+"""Rendered pixels x0, y0, x1, y1 from the picture's upper left; x1 and y1 are excluded."""
 
 
 @dataclass(frozen=True)
 class Quality:
-    """What a picture costs and what it is good for.
+    """Resolution, sampling and denoising of a frame.
 
-    width, height   pixels
-    samples         paths a pixel; the plain variant rounds up to a rectangle: 4, 6, 9, 16, 64
-    noise_threshold the noise (see `adaptive.noise_of`) that is quiet enough: passes end there, or with
-                    `samples` at the latest; None takes them all
-    auxiliary_samples  samples a pixel of albedo, normal, position and depth, whose only noise is at edges
-    depth           vertices a path may have: 2 is direct light alone
-    crop            the part of the picture that is rendered; None is all of it
-    denoise         "off", or the denoiser's effort: "fast", "balanced" or "high"
-    temporal_denoise  frames before and after that the temporal denoiser reprojects; 0 is off: see
-                    `render.post.temporal_denoise`
+    width, height      pixels
+    samples            paths per pixel; the scalar variant rounds up to a rectangle: 4, 6, 9, 16, 64
+    depth              most vertices of a path: 2 is direct light alone
+    auxiliary_samples  samples per pixel of albedo, normal, position and depth, whose only noise is at edges
+    denoise            "off", or the denoiser's effort: "fast", "balanced" or "high"
+    temporal_denoise   frames before and after that temporal denoising reprojects; 0 is off
+    crop               rendered part of the picture; None is all of it
+    noise_threshold    noise (`adaptive_sampling.noise_of`) at which adaptive sampling stops; `samples` is
+                       the most then. None always takes `samples`
     """
 
     width: int
@@ -51,10 +50,10 @@ class Quality:
             if getattr(self, name) < 1:
                 raise BadInputError(f"quality has {name} {getattr(self, name)}; it must be at least 1")
         for name in ("samples", "auxiliary_samples"):
-            if (count := getattr(self, name)) > PASS_SAMPLES and count % PASS_SAMPLES:
+            if (count := getattr(self, name)) > BATCH_SAMPLES and count % BATCH_SAMPLES:
                 raise BadInputError(
-                    f"{count} {name} do not divide into passes of {PASS_SAMPLES}; take {PASS_SAMPLES}, "
-                    f"{2 * PASS_SAMPLES}, {4 * PASS_SAMPLES}, …"
+                    f"{count} {name} do not divide into batches of {BATCH_SAMPLES}; take {BATCH_SAMPLES}, "
+                    f"{2 * BATCH_SAMPLES}, {4 * BATCH_SAMPLES}, …"
                 )
         self._check_threshold()
         if self.depth < 2:
@@ -79,20 +78,21 @@ class Quality:
             return
         if not (math.isfinite(threshold) and threshold > 0.0):
             raise BadInputError(f"quality has noise_threshold {threshold}; it must be above 0, such as 0.02")
-        if self.samples < FEWEST_ADAPTIVE:
+        if self.samples < MIN_ADAPTIVE_SAMPLES:
             raise BadInputError(
-                f"noise_threshold has no pass to save of {self.samples} samples; "
-                f"take {FEWEST_ADAPTIVE} or more"
+                f"noise_threshold has no batch to save of {self.samples} samples; "
+                f"take {MIN_ADAPTIVE_SAMPLES} or more"
             )
 
     @property
     def rendered_size(self) -> tuple[int, int]:
-        """Width and height of what is rendered: the picture, or the part of it."""
+        """Width and height of the rendered part."""
         x0, y0, x1, y1 = self.crop or (0, 0, self.width, self.height)
         return x1 - x0, y1 - y0
 
     @property
     def aspect(self) -> float:
+        """Width over height of the whole picture."""
         return self.width / self.height
 
 

@@ -1,7 +1,8 @@
-"""Points as spheres, made of as many triangles as the picture shows and no more.
+"""Point clouds rendered as spheres, each cut into as many triangles as the picture shows.
 
-One mesh of small geodesic spheres is lit, seen and matted as every other surface, by every variant. Mitsuba's
-`ellipsoids`, which need no triangles, come out of its LLVM variant as speckled boxes, and have no matte.
+One mesh of small geodesic spheres is lit, seen and matted like every other surface, by every variant.
+Mitsuba's `ellipsoids`, which need no triangles, render as speckled boxes in its LLVM variant and have no
+matte.
 """
 
 from __future__ import annotations
@@ -19,11 +20,13 @@ from render.scene.camera import Camera
 from render.scene.surface import Surface
 
 TOLERANCE = 0.15
-"""Pixels that the outline of a sphere may lie beside a circle."""
+"""Pixels by which the outline of a sphere may differ from a circle."""
 
-FINEST = 24
-MOST_FACES = 8_000_000
-"""Of all spheres together: about 1.6 GB while a picture is made. Beyond, all of them become coarser."""
+MAX_SUBDIVISION = 24
+"""Pieces that an edge of the icosahedron is cut into at most."""
+
+MAX_FACES = 8_000_000
+"""Faces of all spheres together, about 1.6 GB while rendering. Beyond, all spheres become coarser."""
 
 _EDGE = math.atan(2.0)
 """The angle that an edge of the icosahedron spans, radians."""
@@ -31,27 +34,27 @@ _EDGE = math.atan(2.0)
 
 @dataclass(frozen=True, eq=False)
 class Spheres:
-    """What is rendered of a cloud.
+    """A point cloud to render.
 
     centres     float32 (N, 3), scene units
     radii       float32 (N,)
     attributes  by name, float32 (N, k)
-    material    float32 (N, 3), where the points were before anything moved them; pigments need it
+    rest        float32 (N, 3), rest positions, or None; patterns need them
     """
 
     centres: NDArray[np.float32]
     radii: NDArray[np.float32]
     attributes: Mapping[str, NDArray[np.float32]] = field(default_factory=dict)
-    material: NDArray[np.float32] | None = None
+    rest: NDArray[np.float32] | None = None
 
     def surface(self, camera: Camera, width: int) -> Surface:
-        """The spheres as triangles, as fine as a picture `width` pixels wide shows them from there.
+        """Return the spheres as triangles, fine enough for a picture `width` pixels wide.
 
-        Every vertex has the attributes of its point. Raises BadInputError for what cannot be rendered.
+        Vertices have the attributes of their point. Raises BadInputError for what cannot be rendered.
         """
         self._check()
-        fineness = self._fineness(camera, width)
-        parts = [self._part(np.flatnonzero(fineness == f), int(f)) for f in np.unique(fineness)]
+        subdivisions = self._subdivisions(camera, width)
+        parts = [self._part(np.flatnonzero(subdivisions == n), int(n)) for n in np.unique(subdivisions)]
         starts = np.cumsum([0, *(len(part.vertices) for part, _ in parts)])
         source = np.concatenate([points for _, points in parts])
         return Surface(
@@ -59,7 +62,7 @@ class Spheres:
             np.concatenate([part.normals for part, _ in parts]),
             np.concatenate([part.faces + start for (part, _), start in zip(parts, starts, strict=False)]),
             {name: values[source] for name, values in self.attributes.items()},
-            None if self.material is None else self.material[source],
+            None if self.rest is None else self.rest[source],
         )
 
     def _check(self) -> None:
@@ -80,24 +83,22 @@ class Spheres:
                 "not above 0"
             )
 
-    def _fineness(self, camera: Camera, width: int) -> NDArray[np.int64]:
-        """(N,) into how many pieces the edges of each sphere's icosahedron are cut."""
+    def _subdivisions(self, camera: Camera, width: int) -> NDArray[np.int64]:
+        """Return into how many pieces (N,) the edges of each sphere's icosahedron are cut."""
         depth = (self.centres - np.array(camera.origin)) @ camera.axes()[2]
-        near = np.maximum(
-            depth - self.radii, self.radii
-        )  # of one around the lens, and of those behind it too
+        near = np.maximum(depth - self.radii, self.radii)  # also for spheres around or behind the lens
         pixels = 0.5 * width / math.tan(camera.field_of_view / 2.0) * self.radii / near
         angle = np.arccos(1.0 - TOLERANCE / np.maximum(pixels, TOLERANCE))
         wanted = np.ceil(0.5 * _EDGE / angle)
-        fineness: NDArray[np.int64] = np.clip(wanted, 1, FINEST).astype(np.int64)
-        while fineness.max() > 1 and 20 * (fineness**2).sum() > MOST_FACES:
-            fineness = np.maximum(fineness - 1, 1)
-        return fineness
+        pieces: NDArray[np.int64] = np.clip(wanted, 1, MAX_SUBDIVISION).astype(np.int64)
+        while pieces.max() > 1 and 20 * (pieces**2).sum() > MAX_FACES:
+            pieces = np.maximum(pieces - 1, 1)
+        return pieces
 
-    def _part(self, points: NDArray[np.int64], fineness: int) -> tuple[Surface, NDArray[np.int64]]:
-        """Spheres of one fineness, and (V,) the point of each vertex."""
-        ball, faces, swelling = _ball(fineness)
-        grown = swelling * self.radii[points, None, None]
+    def _part(self, points: NDArray[np.int64], pieces: int) -> tuple[Surface, NDArray[np.int64]]:
+        """Return spheres of one subdivision, and the point (V,) of each vertex."""
+        ball, faces, scale = _geodesic_sphere(pieces)
+        grown = scale * self.radii[points, None, None]
         vertices = self.centres[points, None] + grown * ball
         starts = len(ball) * np.arange(len(points), dtype=np.int32)
         surface = Surface(
@@ -109,15 +110,17 @@ class Spheres:
 
 
 @cache
-def _ball(pieces: int) -> tuple[NDArray[np.float32], NDArray[np.int32], np.float32]:
-    """Unit vectors (V, 3) and faces (F, 3) of an icosahedron, every edge cut into so many pieces; and by how
-    much it must grow to hide as much as a sphere does, seen from all sides: a convex body shows a quarter of
-    its area (Cauchy 1841)."""
+def _geodesic_sphere(pieces: int) -> tuple[NDArray[np.float32], NDArray[np.int32], np.float32]:
+    """Return an icosahedron whose edges are cut into `pieces`: unit vectors (V, 3), faces (F, 3) and a scale.
+
+    Scaled by it, the body covers as much of the picture as the unit sphere, averaged over all directions: a
+    convex body shows a quarter of its area (Cauchy 1841).
+    """
     corners, triangles = _icosahedron()
     steps = np.array([(i, j) for i in range(pieces + 1) for j in range(pieces + 1 - i)])
-    at = {(i, j): k for k, (i, j) in enumerate(steps.tolist())}
-    cells = [(at[i, j], at[i + 1, j], at[i, j + 1]) for i, j in at if i + j < pieces]
-    cells += [(at[i + 1, j], at[i + 1, j + 1], at[i, j + 1]) for i, j in at if i + j < pieces - 1]
+    index = {(i, j): k for k, (i, j) in enumerate(steps.tolist())}
+    cells = [(index[i, j], index[i + 1, j], index[i, j + 1]) for i, j in index if i + j < pieces]
+    cells += [(index[i + 1, j], index[i + 1, j + 1], index[i, j + 1]) for i, j in index if i + j < pieces - 1]
     weights = np.column_stack([pieces - steps.sum(axis=1), steps]) / pieces
     loose = np.concatenate([weights @ corners[triangle] for triangle in triangles])
     loose /= np.linalg.norm(loose, axis=1, keepdims=True)
@@ -131,14 +134,17 @@ def _ball(pieces: int) -> tuple[NDArray[np.float32], NDArray[np.int32], np.float
 
 
 def _icosahedron() -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-    """Its corners are those of three golden rectangles; its faces are all triples at the least distance."""
+    """Return the corners (12, 3) and the faces (20, 3) of an icosahedron.
+
+    Its corners are those of three golden rectangles; its faces are all triples at the least distance.
+    """
     golden = (1.0 + math.sqrt(5.0)) / 2.0
     flat = np.array([(0.0, a, b * golden) for a in (-1.0, 1.0) for b in (-1.0, 1.0)])
     corners = np.concatenate([np.roll(flat, k, axis=1) for k in range(3)])
     near = np.linalg.norm(corners[:, None] - corners, axis=2) < 2.1
-    found = []
+    faces = []
     for i, j, k in np.ndindex(12, 12, 12):
         joined = i < j and i < k and j != k and near[i, j] and near[j, k] and near[k, i]
         if joined and np.linalg.det(corners[[i, j, k]]) > 0.0:
-            found.append((i, j, k))
-    return corners, np.array(found)
+            faces.append((i, j, k))
+    return corners, np.array(faces)

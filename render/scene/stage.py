@@ -1,4 +1,4 @@
-"""What the sculpture stands on, in stage units, and where that is in the scene."""
+"""Stages: the floor and wall around the subject, in stage units, and their placement in the scene."""
 
 from __future__ import annotations
 
@@ -13,29 +13,31 @@ from render.base.serialise import Triple
 from render.scene.camera import Camera
 
 RINGS, SIDES = 33, 64
-"""How finely a cyclorama is cut. Its normals are exact, so more would change no picture and cost rays."""
+"""Triangles of a cyclorama, outwards and around. Its normals are exact: more triangles change no picture."""
 
 KINDS = ("cyclorama", "ground", "plinth", "turntable", "none")
 
 BEVEL = 0.025
-"""Radius of a plinth's edges, stage units: they catch the light."""
+"""Radius of a plinth's edges, stage units: rounded edges catch the light."""
 
-NEARBY, HORIZON, EYE = 40.0, 400.0, 4.0
-"""Of the ground: how far it is flat, how far it goes, and how high it is there, stage units."""
+FLAT_RADIUS, HORIZON_RADIUS, HORIZON_HEIGHT = 40.0, 400.0, 4.0
+"""The ground: radius to which it is flat, its outer radius, and its height there, stage units."""
 
-_ROOM = {"plinth": (1.36, 0.22), "turntable": (1.16, 0.05)}
-"""How many times as far away the camera stands as for the subject alone, and how many stage units lower."""
+_CAMERA_MOVES = {"plinth": (1.36, 0.22), "turntable": (1.16, 0.05)}
+"""Camera distance as a multiple of the distance for the subject alone, and stage units to lower the
+camera."""
 
 Mesh = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]
 
 
 @dataclass(frozen=True)
 class Placement:
-    """Where the stage stands: the scene point under the subject's middle, and the subject's half-size.
+    """The transform of stage and lights: scale by `size`, turn by `turn`, then move to `origin`.
 
-    Stage and lights are scaled by `size`, turned by `turn` radians about the vertical (from +z towards
-    +x) and then moved by `origin`, so a sculpture and its enlarged copy with an equally enlarged placement
-    give the same picture.
+    origin  scene point under the subject's middle
+    size    half the subject's size, scene units. An enlarged sculpture with an enlarged placement gives the
+            same picture
+    turn    radians about the vertical, from +z towards +x
     """
 
     origin: Triple = (0.0, 0.0, 0.0)
@@ -49,35 +51,36 @@ class Placement:
             )
 
     def matrix(self) -> NDArray[np.float64]:
-        """(4, 4): stage units to scene units."""
+        """Return the transform (4, 4) from stage units to scene units."""
         c, s = math.cos(self.turn), math.sin(self.turn)
         transform = np.eye(4)
         transform[:3, :3] = self.size * np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
         transform[:3, 3] = self.origin
         return transform
 
-    def carried(self, points: NDArray[np.floating], to: Placement) -> NDArray[np.float64]:
-        """(…, 3): where points that go with the stage are once it stands as `to` says."""
+    def moved(self, points: NDArray[np.floating], to: Placement) -> NDArray[np.float64]:
+        """Return points (…, 3) of the stage after the stage has moved from this placement to `to`."""
         change = to.matrix() @ np.linalg.inv(self.matrix())
         return np.asarray(points @ change[:3, :3].T + change[:3, 3])
 
 
 @dataclass(frozen=True)
 class Stage:
-    """A cyclorama seen from anywhere: a round floor that sweeps up into a wall without an edge.
+    """A stage, by default a cyclorama: a round floor that sweeps up into a wall without an edge.
 
-    It is a shallow dish rather than a box: what a lens 10–20° above the floor sees is all there, and
-    light that is scattered upwards leaves at once, which makes pictures several times cheaper.
+    The cyclorama is a shallow dish, not a box. A lens 10–20° above the floor sees all of it, and light
+    scattered upwards leaves at once, which makes pictures several times cheaper.
 
-    kind          one of KINDS: "cyclorama", "ground" (level to the horizon), "plinth" (the subject stands on
-                  one, in a cyclorama), "turntable" (a cyclorama with balls and a colour chart in the lower
-                  corners of the picture), or "none" for a subject before the sky
-    colour        linear Rec.709 reflectance of floor and wall
-    roughness     of a coat on them: 0.05 mirrors, 0.4 shimmers; none is matt
-    floor         radius of the flat floor, stage units
-    sweep         width of the ring in which it rises
-    steepness     slope at the outer rim, radians
-    width, height of the plinth, stage units; `round` has it turned instead of square
+    kind           one of KINDS: "cyclorama", "ground" (level to the horizon), "plinth" (the subject stands
+                   on one, in a cyclorama), "turntable" (a cyclorama with reference balls and a colour chart
+                   in the lower corners of the picture), or "none" for a subject before the sky
+    colour         linear Rec.709 reflectance of floor and wall
+    roughness      of a clear coat on them: 0.05 mirrors, 0.4 shimmers; None is matt
+    floor          radius of the flat floor, stage units
+    sweep          width of the ring in which the floor rises, stage units
+    steepness      slope at the outer rim, radians
+    width, height  of the plinth, stage units
+    round          True for a round plinth, False for a square one
     """
 
     kind: str = "cyclorama"
@@ -103,15 +106,15 @@ class Stage:
             raise BadInputError(f"stage has roughness {self.roughness}; it must lie between 0 and 1")
 
     @property
-    def room(self) -> tuple[float, float] | None:
-        """How many times as far the camera stands, and by how many stage units lower, or as it is."""
-        return _ROOM.get(self.kind)
+    def camera_move(self) -> tuple[float, float] | None:
+        """Factor on the camera's distance and stage units to lower it, or None: see `adjusted_camera`."""
+        return _CAMERA_MOVES.get(self.kind)
 
-    def seen_by(self, camera: Camera, placement: Placement) -> Camera:
-        """The camera that frames the subject, a few steps back and lower where the stage needs room below."""
-        if self.room is None:
+    def adjusted_camera(self, camera: Camera, placement: Placement) -> Camera:
+        """Return the camera moved back and down where this stage needs space below the subject."""
+        if self.camera_move is None:
             return camera
-        back, down = self.room
+        back, down = self.camera_move
         x, y, z = camera.target
         away = [back * (a - b) for a, b in zip(camera.origin, camera.target, strict=True)]
         target = (x, y - down * placement.size, z)
@@ -120,43 +123,45 @@ class Stage:
         )
 
     def mesh(self) -> Mesh:
-        """All that stands there but for balls and charts, as `backdrop`."""
+        """Return backdrop and plinth as one mesh, without reference objects."""
         vertices, normals, faces = self.backdrop()
         if self.kind != "plinth":
             return vertices, normals, faces
-        more = self.plinth()
+        plinth = self.plinth()
         return (
-            np.concatenate([vertices, more[0]]),
-            np.concatenate([normals, more[1]]),
-            np.concatenate([faces, more[2] + np.int32(len(vertices))]),
+            np.concatenate([vertices, plinth[0]]),
+            np.concatenate([normals, plinth[1]]),
+            np.concatenate([faces, plinth[2] + np.int32(len(vertices))]),
         )
 
     def backdrop(self) -> Mesh:
-        """Vertices (V, 3), normals (V, 3) and faces (F, 3) of floor and wall, seen from within."""
+        """Return vertices (V, 3), normals (V, 3) and faces (F, 3) of floor and wall, seen from inside."""
         vertices, normals, faces = _revolve(*(self._level() if self.kind == "ground" else self._profile()))
         if self.kind == "plinth":
             vertices = vertices - np.array([0.0, self.height, 0.0], dtype=np.float32)
         return vertices, normals, faces
 
     def plinth(self) -> Mesh:
-        """As `backdrop`, of a pillar whose top lies at y = 0, its upper edges rounded."""
+        """Return the mesh of a pillar whose top is at y = 0, with rounded upper edges."""
         return _pillar(self.width / 2.0, self.height, self.width / 2.0 if self.round else 1.6 * BEVEL)
 
     def _level(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Points of radius and height, and normals: flat, and far away up to the height of the eye, since a
-        horizon lies there."""
+        """Return the profile of the ground and its normals: flat, then rising to the height of the eye.
+
+        The horizon is at that height.
+        """
         t = np.linspace(0.0, 1.0, RINGS)
-        rise = EYE * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
-        slope = np.arctan2(np.gradient(rise), np.gradient(t * (HORIZON - NEARBY)))
-        curve = np.stack([NEARBY + t * (HORIZON - NEARBY), rise], axis=1)
+        rise = HORIZON_HEIGHT * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
+        slope = np.arctan2(np.gradient(rise), np.gradient(t * (HORIZON_RADIUS - FLAT_RADIUS)))
+        curve = np.stack([FLAT_RADIUS + t * (HORIZON_RADIUS - FLAT_RADIUS), rise], axis=1)
         inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
         return np.concatenate([[[0.0, 0.0]], curve]), np.concatenate([[[0.0, 1.0]], inwards])
 
     def _profile(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Points (N, 2) of radius and height from the middle outwards, and their inward normals.
+        """Return points (N, 2) of radius and height, from the middle outwards, and their inward normals.
 
-        The slope follows a smoothstep, so that the curvature begins and ends at 0: a plain arc meets
-        the floor with a jump of curvature that reflections and gradients show as a line.
+        The slope follows a smoothstep: the curvature begins and ends at 0. Where an arc meets the floor, its
+        jump of curvature would show as a line in reflections and gradients.
         """
         t = np.linspace(0.0, 1.0, RINGS)
         slope = self.steepness * t**3 * (10.0 - 15.0 * t + 6.0 * t**2)
@@ -169,15 +174,15 @@ class Stage:
 
 
 def _revolve(profile: NDArray[np.float64], normals: NDArray[np.float64], sides: int = SIDES) -> Mesh:
-    """Turn a profile of (radius, height) about the y axis; faces look towards the axis."""
+    """Return the mesh of a profile (N, 2) turned about the y axis; faces look towards the axis."""
     angle = np.linspace(0.0, 2.0 * math.pi, sides, endpoint=False)
-    around = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    circle = np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
     def turned(pairs: NDArray[np.float64]) -> NDArray[np.float32]:
         ring = np.empty((len(pairs), sides, 3), dtype=np.float32)
-        ring[..., 0] = pairs[:, :1] * around[:, 0]
+        ring[..., 0] = pairs[:, :1] * circle[:, 0]
         ring[..., 1] = pairs[:, 1:]
-        ring[..., 2] = pairs[:, :1] * around[:, 1]
+        ring[..., 2] = pairs[:, :1] * circle[:, 1]
         return ring.reshape(-1, 3)
 
     i = np.arange(len(profile) - 1)[:, None] * sides
@@ -185,15 +190,16 @@ def _revolve(profile: NDArray[np.float64], normals: NDArray[np.float64], sides: 
     k = (j + 1) % sides
     inner_j, inner_k, outer_j, outer_k = i + j, i + k, i + sides + j, i + sides + k
     first = np.stack([inner_j, outer_k, outer_j], axis=-1)
-    second = np.stack([inner_j, inner_k, outer_k], axis=-1)[1:]  # at the middle it would have no area
+    second = np.stack([inner_j, inner_k, outer_k], axis=-1)[1:]  # without area at the middle
     faces = np.concatenate([first.reshape(-1, 3), second.reshape(-1, 3)]).astype(np.int32)
     return turned(profile), turned(normals), faces
 
 
 def _pillar(half: float, height: float, corner: float) -> Mesh:
-    """A square pillar of half a width, its vertical edges as round as `corner`: a turned one if that is all.
+    """Return a pillar with a square section of half-width `half`, its vertical edges rounded by `corner`.
 
-    An outline that is drawn in by some length keeps its straight parts; only its corners become smaller.
+    It is round where `corner` is `half`. The section shrinks towards the top by its corners alone: straight
+    parts keep their length.
     """
     turned = corner == half
     part = np.linspace(0.0, 1.0, 24 if turned else 6, endpoint=not turned)

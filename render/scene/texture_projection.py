@@ -1,7 +1,7 @@
-"""How pictures are laid on the undeformed sculpture, so that they move with the material.
+"""Texture projection: texture coordinates from rest positions, so that textures move with the material.
 
-Every corner of a triangle is given a place in the picture by where it was at rest. Where one vertex needs
-two, at the seam of a picture that goes around, or where the sides of a box meet, the surface is split.
+Every corner of a triangle gets its coordinates from its rest position. Where one vertex needs two, at the
+seam of a cylindrical texture or where the sides of a box meet, the surface is split.
 """
 
 from __future__ import annotations
@@ -21,21 +21,21 @@ Counts = NDArray[np.int64]
 
 PROJECTIONS = ("planar", "box", "cylindrical", "spherical")
 
-_AROUND = ("cylindrical", "spherical")
+_WRAPPED = ("cylindrical", "spherical")
 
 
 @dataclass(frozen=True)
 class Projection:
-    """How pictures lie on the undeformed subject. They repeat.
+    """The projection of textures onto the undeformed subject. Textures repeat.
 
-    kind     "planar", as a slide throws them along the axis; "box", along x, y or z, whichever a triangle
-             faces most; "cylindrical", around the axis; "spherical", around it and from pole to pole
-    axis     towards whom a planar picture looks; of the other two, what they go around
-    centre   where the middle of the picture lies, or the axis
-    scale    scene units: how wide a planar picture or one of a box is, or how high a cylindrical one
-    repeats  how often cylindrical and spherical pictures are seen on the way around
-    turn     radians: anticlockwise in its plane, or about the axis
-    offset   by which shares of itself a picture lies further to the right and up
+    kind     "planar" (like a slide, along the axis), "box" (along x, y or z, whichever a triangle faces
+             most), "cylindrical" (around the axis), "spherical" (around it, from pole to pole)
+    axis     planar: the direction the texture faces; cylindrical and spherical: the axis of revolution
+    centre   scene point at the middle of the texture, or on the axis
+    scale    scene units: width of a planar or box texture, height of a cylindrical one
+    repeats  copies of a cylindrical or spherical texture around the axis
+    turn     radians: anticlockwise in the texture's plane, or about the axis
+    offset   shift to the right and up, in widths and heights of the texture
     """
 
     kind: str = "box"
@@ -57,61 +57,63 @@ class Projection:
 
     @property
     def keeps_shape(self) -> bool:
-        """Whether a picture is as high as its width and its pixels make it."""
-        return self.kind not in _AROUND
+        """True if the height of a texture follows from its width and its pixels."""
+        return self.kind not in _WRAPPED
 
-    def places(self, points: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Counts]:
-        """(F, 3, 2): where the corners of faces (F, 3) lie, from the picture's middle, right and up.
+    def coordinates(self, points: Floats, faces: NDArray[np.int32]) -> tuple[Floats, Counts]:
+        """Return texture coordinates (F, 3, 2) of the corners of faces (F, 3), and group numbers (F, 3).
 
-        In widths of the picture, but around something in shares of it. Also (F, 3) whole numbers: corners of
-        one vertex that have the same number have the same place.
+        Coordinates go right and up from the texture's middle, in widths of the texture; cylindrical and
+        spherical ones in turns and heights. Corners of one vertex with the same group have the same
+        coordinates.
         """
         corners = (np.asarray(points, dtype=np.float64) - self.centre)[faces]
-        if self.kind in _AROUND:
-            return self._around(corners)
+        if self.kind in _WRAPPED:
+            return self._wrapped(corners)
         sides = _sides(corners) if self.kind == "box" else np.zeros(len(faces), dtype=np.int64)
         frames = np.array([_facing(axis) for axis in _BOX] if self.kind == "box" else [_facing(self._axis())])
         c, s = math.cos(self.turn), math.sin(self.turn)
         turned = np.array([[c, s], [-s, c]]) @ frames / self.scale
         return np.einsum("fcx,fdx->fcd", corners, turned[sides]), np.repeat(sides[:, None], 3, axis=1)
 
-    def _around(self, corners: Floats) -> tuple[Floats, Counts]:
+    def _wrapped(self, corners: Floats) -> tuple[Floats, Counts]:
         axis = np.array(self._axis())
         front = np.array([0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [0.0, -1.0, 0.0])
         front = _unit(front - (front @ axis) * axis)
         height, ahead, right = corners @ axis, corners @ front, corners @ np.cross(axis, front)
-        out = np.hypot(ahead, right)
+        radius = np.hypot(ahead, right)
         across = (np.arctan2(right, ahead) - self.turn) / (2.0 * math.pi)
         across -= np.round(across)
         seam = np.ptp(across, axis=1) > 0.5
         shift = (seam[:, None] & (across < 0.0)).astype(np.int64)
         across += shift
-        pole = out <= 1e-6 * max(float(out.max(initial=0.0)), 1e-12)  # of no direction: that of the others
+        pole = radius <= 1e-6 * max(float(radius.max(initial=0.0)), 1e-12)  # no direction of its own
         others = np.where(pole, 0.0, across).sum(axis=1) / np.maximum((~pole).sum(axis=1), 1)
         across = np.where(pole, others[:, None], across)
         shift = np.where(pole, 2 + np.arange(len(corners))[:, None], shift)
         up = height / self.scale
         if self.kind == "spherical":
-            up = np.arctan2(height, out) / math.pi * self.repeats
+            up = np.arctan2(height, radius) / math.pi * self.repeats
         return np.stack([across * self.repeats, up], axis=2), shift
 
     def _axis(self) -> Triple:
-        """Unit length; by default planar pictures look to the front, and others stand upright."""
+        """Return the unit axis; by default planar textures face the front, others stand upright."""
         axis = self.axis or ((0.0, 0.0, 1.0) if self.kind == "planar" else (0.0, 1.0, 0.0))
         x, y, z = _unit(np.array(axis)).tolist()
         return x, y, z
 
 
 _BOX = tuple((s * x, s * y, s * z) for x, y, z in np.eye(3).tolist() for s in (1.0, -1.0))
-"""Where the sides of a box look."""
+"""Directions that the sides of a box face."""
 
 
-def unwrapped(surface: Surface, points: Floats, projection: Projection) -> tuple[Surface, Floats]:
-    """The surface, split where a vertex lies in two places of the picture, and the place (V, 2) of each.
+def project_texture(surface: Surface, points: Floats, projection: Projection) -> tuple[Surface, Floats]:
+    """Return the surface, split where a vertex needs two texture coordinates, and those of its vertices (V,
+    2).
 
-    points: (V, 3), where its vertices were at rest
+    points  (V, 3), rest positions of its vertices
     """
-    places, groups = projection.places(points, surface.faces)
+    coordinates, groups = projection.coordinates(points, surface.faces)
     code = surface.faces.astype(np.int64) * (int(groups.max(initial=0)) + 1) + groups
     _, first, corner = np.unique(code, return_index=True, return_inverse=True)
     source = surface.faces.reshape(-1)[first]
@@ -121,21 +123,21 @@ def unwrapped(surface: Surface, points: Floats, projection: Projection) -> tuple
         normals=surface.normals[source],
         faces=corner.reshape(-1, 3).astype(np.int32),
         attributes={name: values[source] for name, values in surface.attributes.items()},
-        material=None if surface.material is None else surface.material[source],
+        rest=None if surface.rest is None else surface.rest[source],
         edges=None,
     )
-    return split, places.reshape(-1, 2)[first]
+    return split, coordinates.reshape(-1, 2)[first]
 
 
 def _sides(corners: Floats) -> Counts:
-    """(F,): which of _BOX triangles face most at rest."""
+    """Return which of _BOX (F,) triangles face most at rest."""
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     along = np.abs(normal).argmax(axis=1)
     return np.asarray(2 * along + (normal[np.arange(len(normal)), along] < 0.0), dtype=np.int64)
 
 
 def _facing(axis: Triple) -> Floats:
-    """(2, 3): right and up of a picture that looks along the axis to whom stands there."""
+    """Return right and up (2, 3) of a texture that faces along the axis."""
     look = np.array(axis)
     up = np.array([0.0, 1.0, 0.0] if abs(look[1]) < 0.9 else [0.0, 0.0, -1.0])
     right = _unit(np.cross(up, look))

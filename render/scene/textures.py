@@ -1,4 +1,4 @@
-"""Pictures from files that are laid on the sculpture: colours, or numbers such as roughness and height."""
+"""Textures: pictures from files that cover the sculpture, as colours, roughness or height."""
 
 from __future__ import annotations
 
@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.base.finite import require_finite
 from render.base.serialise import NOT_PLAIN
 from render.scene.colour_maps import linear_of_srgb
 
@@ -21,23 +20,23 @@ DEFAULT_CONFIG = "ocio://default"
 """OpenColorIO's own config, which names the colour spaces of textures."""
 
 WIDEST = 4096
-"""Pixels along a side that are kept of a picture; finer ones are averaged."""
+"""Pixels along a side that are kept of a texture; finer ones are averaged."""
 
 SPACES = ("srgb", "linear", "data")
-"""What pixels may be, in short: shown as a screen does, linear Rec.709, or numbers that are no colour."""
+"""Short names of colour spaces: display values, linear Rec.709, and numbers that are no colour."""
 
 _LINEAR = "lin_rec709_scene"
-"""What OpenColorIO's own config calls the space that pictures are in."""
+"""The name of linear Rec.709 in OpenColorIO's own config."""
 
 
 @dataclass(frozen=True)
 class Texture:
-    """A picture that is laid on.
+    """A picture that covers a surface.
 
     digest  SHA-256 of the file's content
-    space   one of SPACES, or a colour space that OpenColorIO's config knows; None: by what the file is,
-            "linear" where its pixels are floats (EXR, HDR, TIFF), and "srgb" otherwise
-    path    where the file lies
+    space   one of SPACES, or a colour space of OpenColorIO's config. None means "linear" for a file of
+            floats (EXR, HDR, TIFF), else "srgb"
+    path    the file
     """
 
     digest: str
@@ -45,50 +44,63 @@ class Texture:
     path: str = field(default="", metadata=NOT_PLAIN)
 
     def pixels(self) -> Pixels:
-        """(H, W, 3) linear Rec.709 from 0 to 1, or data as they are. Raises what `read_picture` raises."""
+        """Return pixels (H, W, 3), linear Rec.709 from 0 to 1, or data as stored. Raises as
+        `read_picture`."""
         return read_picture(self.path, self.digest, self.space)
 
     def numbers(self) -> Pixels:
-        """(H, W, 1): the mean of the channels, whatever they are."""
+        """Return the mean of the channels as stored, (H, W, 1). Raises as `read_picture`."""
         return np.ascontiguousarray(read_picture(self.path, self.digest, "data").mean(axis=2, keepdims=True))
 
 
 @lru_cache(maxsize=6)
 def read_picture(path: str, digest: str, space: str | None) -> Pixels:
-    """(H, W, 3): a file's first three channels, at most WIDEST pixels along a side; a lone channel is grey.
+    """Read the first three channels of a file, (H, W, 3), averaged down to at most WIDEST pixels a side.
 
-    Alpha is left out. Colours are cut to what surfaces reflect, 0 to 1; data are kept as they are.
+    A single channel becomes grey; alpha is left out. Colours are clipped to reflectances, 0 to 1; data are
+    kept as stored.
 
-    digest  names the content, so that a file that changes is read again
+    digest  of the content, so that a changed file is read again
 
-    Raises BadInputError for a file that is no picture, ends too early or holds what is not finite, and for
-    a space that is unknown.
+    Raises BadInputError for a file that is no picture, is truncated or has pixels that are not finite, and
+    for an unknown colour space.
     """
     require_space(space)
     pixels, is_float = _read(path)
     require_finite(pixels, path)
-    found = _linear(pixels, space or ("linear" if is_float else "srgb"), path)
-    while max(found.shape[:2]) > WIDEST:
-        height, width = found.shape[0] // 2, found.shape[1] // 2
-        found = found[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
-    found = np.ascontiguousarray(found, dtype=np.float32)
-    found.setflags(write=False)
-    return found
+    texture = _linear(pixels, space or ("linear" if is_float else "srgb"), path)
+    while max(texture.shape[:2]) > WIDEST:
+        height, width = texture.shape[0] // 2, texture.shape[1] // 2
+        texture = texture[: 2 * height, : 2 * width].reshape(height, 2, width, 2, 3).mean(axis=(1, 3))
+    texture = np.ascontiguousarray(texture, dtype=np.float32)
+    texture.setflags(write=False)
+    return texture
+
+
+def require_finite(pixels: NDArray[np.floating], path: str) -> None:
+    """Raise BadInputError where pixels (H, W, C) are not finite; the message names the first."""
+    bad = np.argwhere(~np.isfinite(pixels).all(axis=2))
+    if len(bad):
+        row, column = bad[0]
+        raise BadInputError(
+            f"{path}: pixel {column}, {row} and {len(bad) - 1} others are not finite; mend the file, with "
+            "oiiotool --fixnan box3 for one"
+        )
 
 
 def require_space(space: str | None) -> None:
-    """Raises BadInputError for a colour space that is unknown."""
+    """Raise BadInputError for an unknown colour space."""
     if space is None or space in SPACES or space in _names():
         return
-    spelt = {name.lower(): name for name in (*_names(), *SPACES)}
-    close = get_close_matches(space.lower(), spelt, 1)
-    hint = f"Did you mean {spelt[close[0]]!r}?" if close else f"Write one of {', '.join(SPACES)}."
+    by_lower_case = {name.lower(): name for name in (*_names(), *SPACES)}
+    close = get_close_matches(space.lower(), by_lower_case, 1)
+    hint = f"Did you mean {by_lower_case[close[0]]!r}?" if close else f"Write one of {', '.join(SPACES)}."
     raise BadInputError(f"space {space!r} is none that OpenColorIO's {DEFAULT_CONFIG} knows. {hint}")
 
 
 @cache
 def _names() -> frozenset[str]:
-    """Colour spaces of OpenColorIO's own config, and what else they are called."""
+    """Return the names and aliases of the colour spaces in OpenColorIO's own config."""
     import OpenImageIO as oiio
 
     config = oiio.ColorConfig(DEFAULT_CONFIG)
@@ -104,20 +116,21 @@ def _linear(pixels: Pixels, space: str, path: str) -> NDArray[np.floating]:
         return np.clip(pixels, 0.0, 1.0)
     import OpenImageIO as oiio
 
-    shown = oiio.ImageBuf(pixels)
-    found = oiio.ImageBufAlgo.colorconvert(shown, space, _LINEAR, colorconfig=DEFAULT_CONFIG)
-    if found.has_error:
-        raise BadInputError(f"{path}: OpenColorIO cannot convert it from {space!r}: {found.geterror()}")
-    return np.clip(np.asarray(found.get_pixels(oiio.FLOAT), dtype=np.float32), 0.0, 1.0)
+    converted = oiio.ImageBufAlgo.colorconvert(
+        oiio.ImageBuf(pixels), space, _LINEAR, colorconfig=DEFAULT_CONFIG
+    )
+    if converted.has_error:
+        raise BadInputError(f"{path}: OpenColorIO cannot convert it from {space!r}: {converted.geterror()}")
+    return np.clip(np.asarray(converted.get_pixels(oiio.FLOAT), dtype=np.float32), 0.0, 1.0)
 
 
 def _read(path: str) -> tuple[Pixels, bool]:
-    """(H, W, 3) as the file has them, and whether they are floats there."""
+    """Return pixels (H, W, 3) as stored, and True if the file stores floats."""
     import OpenImageIO as oiio
 
-    as_they_are = oiio.ImageSpec()
-    as_they_are["oiio:UnassociatedAlpha"] = 1
-    file = oiio.ImageInput.open(path, as_they_are)
+    unassociated = oiio.ImageSpec()
+    unassociated["oiio:UnassociatedAlpha"] = 1
+    file = oiio.ImageInput.open(path, unassociated)
     if file is None:
         reason = str(oiio.geterror() or "unknown format").splitlines()[0]
         raise BadInputError(

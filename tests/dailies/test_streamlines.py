@@ -8,7 +8,7 @@ import pytest
 from pipeline.dailies.preview.sketch import inks, shape_of
 from pipeline.dailies.preview.streamlines import PIECES, streamlines
 from pipeline.shot import Motion, read_shot
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 
 BOX = np.array([(x, y, z) for x in (-1.0, 1.0) for y in (-1.0, 1.0) for z in (-1.0, 1.0)])
 

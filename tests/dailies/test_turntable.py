@@ -24,7 +24,7 @@ from pipeline.shot.camera import Lens, View
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from render.scene.camera import Camera
-from render.scene.reference_objects import ball, chart, spots
+from render.scene.reference_objects import ball, chart, positions
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 from tests.conftest import commanded
@@ -235,7 +235,7 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
     framing = with_room(framing, STAGES["turntable"])
     camera = framing.camera
     object_ = np.concatenate([camera.project(angle, ASPECT) for angle in angles])
-    grey, chrome, board = spots(camera, framing.placement, ASPECT)
+    grey, chrome, board = positions(camera, framing.placement, ASPECT)
     pieces: list[Surface] = [ball(grey), ball(chrome), chart(board, camera)]
     projected = [camera.project(piece.vertices, ASPECT) for piece in pieces]
     assert np.abs(object_[:, :2]).max() < 1.0

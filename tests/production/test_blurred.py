@@ -18,7 +18,7 @@ def test_a_shot_is_blurred_and_tells_its_motion(project) -> None:
     assert done.code == 0, done.err
     (raw,) = project.frames(kind="raw")
     layers, header = read_exr(raw)
-    assert header["subframes"] > 1 and header["shutter"] == [-0.5, 0.5]
+    assert header["motion_samples"] > 1 and header["shutter"] == [-0.5, 0.5]
     inside = layers["matte"] == 1.0
     assert np.linalg.norm(layers["velocity"][inside], axis=1).max() > 1.0
     # The axis of the twist stands still, so that its speed is about the vertical.

@@ -37,5 +37,5 @@ def test_a_frame_whose_camera_is_inside_fails_and_the_others_are_made(project):
     project.shot.write_text(re.sub("camera: .*", f"camera: {{{way}}}", text))
     done = project.run("render", NAME, "-f", "1-3", "-q", "preview")
     assert done.code == 1
-    assert done.err.count("frame 3: the camera stands inside of the sculpture, at 0.1, 0, 0.1") == 1
+    assert done.err.count("frame 3: the camera is inside the sculpture, at 0.1, 0, 0.1") == 1
     assert [path.name for path in project.frames()] == [f"{NAME}.{n:04d}.exr" for n in (1, 2)]

@@ -77,7 +77,7 @@ def ended_in_pass(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, signal.Sign
     """Has this process sent itself a signal while it renders a pass, as a user or a scheduler would."""
 
     def arrange(number: int, sent: signal.Signals) -> None:
-        render, count = passes.Passes.render, 0
+        render, count = passes.SampleBatches.render, 0
 
         def rendering(*arguments: Any) -> None:
             nonlocal count
@@ -86,7 +86,7 @@ def ended_in_pass(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, signal.Sign
                 os.kill(os.getpid(), sent)
             render(*arguments)
 
-        monkeypatch.setattr(passes.Passes, "render", rendering)
+        monkeypatch.setattr(passes.SampleBatches, "render", rendering)
 
     return arrange
 
@@ -139,7 +139,7 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
 
     def kept(number: int, key: str) -> Path:
         keep = checkpoints.checkpoint_of(store, targets[number], key, lambda _: None, lambda: True)
-        keep.offer(lambda: {"done": np.array(1)})
+        keep.save_if_due(lambda: {"done": np.array(1)})
         return keep.path
 
     made, wanted, old, other = (kept(n, f"{n}" * 32) for n in range(4))

@@ -20,7 +20,7 @@ from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
 from render.scene.camera import Camera
 from render.scene.colour_maps import colour_map
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.stage import Placement
 
 BALL = "title: T\nframes: 1-6\nsubject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"

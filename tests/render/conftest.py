@@ -14,8 +14,9 @@ from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -73,7 +74,10 @@ def rendered(sphere: Surface, engine: Engine) -> Callable[..., RenderedFrame]:
             "engine": engine,
             **changes,
         }
-        return render_frame(**arguments)
+        parts = [
+            arguments.pop(name) for name in ("surface", "look", "lights", "stage", "placement", "camera")
+        ]
+        return render_frame(Scene(*parts), **arguments)
 
     return render
 

@@ -13,11 +13,12 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.frame.adaptive_sampling import noise_of
-from render.frame.motion_samples import Moment, Shutter
+from render.frame.motion_samples import ShutterInterval
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import Quality
+from render.scene.scene import MotionSample
 from render.scene.stage import Placement
 from render.scene.surface import Surface
 
@@ -80,13 +81,13 @@ def test_every_sub_frame_is_given_the_same_and_threads_change_nothing(
 ) -> None:
     right = CAMERA.axes()[0]
 
-    def at(offset: float) -> Moment:
+    def at(offset: float) -> MotionSample:
         moved = (sphere.vertices + 0.3 * offset * right).astype(np.float32)
-        return Moment(replace(sphere, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(sphere, vertices=moved), Placement(), CAMERA)
 
-    arguments = {"shutter": Shutter(-0.25, 0.25, at), "aovs": ("samples", "noise")}
+    arguments = {"shutter": ShutterInterval(-0.25, 0.25, at), "aovs": ("samples", "noise")}
     whole = rendered(quality=MOST, **arguments)
-    count = whole.facts["subframes"]
+    count = whole.facts["motion_samples"]
     assert count == 3 and whole.facts["samples"] == 96
     threshold = 1.35 * whole.facts["noise"]
     early = rendered(quality=replace(MOST, noise_threshold=threshold), **arguments)
@@ -107,5 +108,5 @@ def test_a_threshold_is_above_nothing(threshold: float) -> None:
 
 
 def test_a_threshold_that_could_save_no_pass_is_refused() -> None:
-    with pytest.raises(BadInputError, match="no pass to save of 32 samples; take 48 or more"):
+    with pytest.raises(BadInputError, match="no batch to save of 32 samples; take 48 or more"):
         Quality(64, 36, samples=32, depth=3, noise_threshold=0.1)

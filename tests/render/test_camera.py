@@ -18,10 +18,9 @@ from render.mitsuba.emitters import any_in_view
 from render.mitsuba.sensor import sensor
 from render.post.denoise import denoise
 from render.scene.camera import Camera
-from render.scene.inside import refuse_inside, turns
 from render.scene.lights import LIGHTS, LightRig
 from render.scene.quality import Quality
-from render.scene.surface import Surface
+from render.scene.surface import Surface, require_camera_outside, winding_number
 
 CAMERA = Camera((0.0, 1.0, 8.0), (0.0, 1.0, 0.0))
 SMALL = Quality(64, 36, samples=16, depth=3, auxiliary_samples=16)
@@ -67,8 +66,8 @@ def test_what_lies_in_the_plane_of_focus_is_sharp_and_the_rest_is_not(
 
 
 def test_a_lens_of_no_width_is_a_pinhole() -> None:
-    assert not CAMERA.blurs
-    assert dataclasses.replace(CAMERA, lens_radius=0.1).blurs
+    assert not CAMERA.has_depth_of_field
+    assert dataclasses.replace(CAMERA, lens_radius=0.1).has_depth_of_field
     with pytest.raises(BadInputError, match="lens_radius is -1"):
         dataclasses.replace(CAMERA, lens_radius=-1.0)
 
@@ -132,11 +131,11 @@ def test_a_closed_surface_winds_once_around_what_is_inside(point: tuple[float, f
     away = float(np.linalg.norm(np.subtract(point, (0.0, 1.0, 0.0))))
     if 0.95 < away < 1.01:
         return  # between the sphere and its facets
-    assert turns(sphere, np.array(point)) == pytest.approx(1.0 if away < 1.0 else 0.0, abs=1e-4)
+    assert winding_number(sphere, np.array(point)) == pytest.approx(1.0 if away < 1.0 else 0.0, abs=1e-4)
 
 
 def test_a_camera_inside_of_the_sculpture_is_told(rendered: Callable[..., RenderedFrame]) -> None:
-    with pytest.raises(BadInputError, match=r"stands inside of the sculpture, at 0, 1, 0.5"):
+    with pytest.raises(BadInputError, match=r"is inside the sculpture, at 0, 1, 0.5"):
         rendered(camera=Camera((0.0, 1.0, 0.5), (0.0, 1.0, 0.0)))
 
 
@@ -144,9 +143,9 @@ def test_a_camera_may_look_out_of_an_open_vessel() -> None:
     sphere = _sphere()
     lid = (sphere.vertices[sphere.faces][:, :, 1] > 1.7).all(axis=1)
     bowl = dataclasses.replace(sphere, faces=sphere.faces[~lid])
-    refuse_inside(bowl, Camera((0.0, 0.5, 0.3), (0.0, 1.0, 0.0)))
+    require_camera_outside(bowl, Camera((0.0, 0.5, 0.3), (0.0, 1.0, 0.0)))
     with pytest.raises(BadInputError):
-        refuse_inside(sphere, Camera((0.0, 0.5, 0.3), (0.0, 1.0, 0.0)))
+        require_camera_outside(sphere, Camera((0.0, 0.5, 0.3), (0.0, 1.0, 0.0)))
 
 
 def _sphere() -> Surface:

@@ -15,11 +15,12 @@ import pytest
 
 import render
 from render.frame.checkpoint import Checkpoint
-from render.frame.motion_samples import Moment, Shutter
+from render.frame.motion_samples import ShutterInterval
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import Quality
+from render.scene.scene import MotionSample
 from render.scene.stage import Placement
 from render.scene.surface import Surface
 
@@ -52,19 +53,19 @@ def same(one: RenderedFrame, other: RenderedFrame) -> bool:
 
 
 def ended_after(passes: int) -> Callable[[int, int], None]:
-    def on_pass(done: int, most: int) -> None:
+    def on_batch(done: int, most: int) -> None:
         if done == passes:
             raise EndedError
 
-    return on_pass
+    return on_batch
 
 
-def sliding(surface: Surface) -> Shutter:
-    def at(offset: float) -> Moment:
+def sliding(surface: Surface) -> ShutterInterval:
+    def at(offset: float) -> MotionSample:
         moved = (surface.vertices + offset * 0.3 * CAMERA.axes()[0]).astype(np.float32)
-        return Moment(replace(surface, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(surface, vertices=moved), Placement(), CAMERA)
 
-    return Shutter(-0.25, 0.25, at)
+    return ShutterInterval(-0.25, 0.25, at)
 
 
 @pytest.mark.parametrize("blurred", [False, True], ids=["still", "blurred"])
@@ -76,14 +77,14 @@ def test_a_picture_ended_after_any_pass_goes_on_to_the_same_bits(
     told: list[int] = []
     picture: dict[str, Any] = {"surface": marked, "aovs": EXTRA, "quality": quality}
     picture["shutter"] = sliding(marked) if blurred else None
-    whole = rendered(on_pass=lambda done, most: told.append(most), **picture)
+    whole = rendered(on_batch=lambda done, most: told.append(most), **picture)
     assert len(told) > 3
     for passes in (2, len(told)):
         with pytest.raises(EndedError):
-            rendered(keep=kept(tmp_path), on_pass=ended_after(passes), **picture)
+            rendered(checkpoint=kept(tmp_path), on_batch=ended_after(passes), **picture)
         left: list[int] = []
         again = rendered(
-            keep=kept(tmp_path), on_pass=lambda done, most, left=left: left.append(done), **picture
+            checkpoint=kept(tmp_path), on_batch=lambda done, most, left=left: left.append(done), **picture
         )
         assert left == list(range(passes + 1, len(told) + 1))
         assert same(whole, again)
@@ -92,19 +93,21 @@ def test_a_picture_ended_after_any_pass_goes_on_to_the_same_bits(
 
 def test_a_quiet_picture_that_was_ended_is_not_rendered_on(rendered: Rendered, tmp_path: Path) -> None:
     quality = replace(FINE, noise_threshold=0.5)
-    whole = rendered(quality=quality, keep=kept(tmp_path))
+    whole = rendered(quality=quality, checkpoint=kept(tmp_path))
     assert whole.facts["samples"] == 32
-    again = rendered(quality=quality, keep=kept(tmp_path), on_pass=lambda *_: pytest.fail("rendered on"))
+    again = rendered(
+        quality=quality, checkpoint=kept(tmp_path), on_batch=lambda *_: pytest.fail("rendered on")
+    )
     assert same(whole, again)
 
 
 def test_short_pictures_are_never_written(rendered: Rendered, tmp_path: Path) -> None:
-    rendered(quality=FINE, keep=unhurried(tmp_path))
+    rendered(quality=FINE, checkpoint=unhurried(tmp_path))
     assert not list(tmp_path.iterdir())
 
 
 def test_a_process_about_to_end_keeps_what_it_has(rendered: Rendered, tmp_path: Path) -> None:
-    rendered(quality=FINE, keep=kept(tmp_path))
+    rendered(quality=FINE, checkpoint=kept(tmp_path))
     assert [path.name for path in tmp_path.iterdir()] == ["half"]
 
 
@@ -120,7 +123,7 @@ def test_writing_takes_a_fiftieth_of_the_time_at_most(tmp_path: Path) -> None:
         return {"done": np.array(1)}
 
     while time.monotonic() < begun + 0.4:
-        keep.offer(state)
+        keep.save_if_due(state)
         time.sleep(0.001)
     assert writings == 1
 
@@ -128,7 +131,7 @@ def test_writing_takes_a_fiftieth_of_the_time_at_most(tmp_path: Path) -> None:
 def test_a_corrupt_file_is_told_of_once_and_removed(tmp_path: Path) -> None:
     told: list[str] = []
     keep = kept(tmp_path, warn=told.append)
-    keep.offer(lambda: {"done": np.array(3), "sum:beauty": np.random.default_rng(1).random((9, 16, 3))})
+    keep.save_if_due(lambda: {"done": np.array(3), "sum:beauty": np.random.default_rng(1).random((9, 16, 3))})
     sound = keep.load()
     assert sound is not None and int(sound["done"]) == 3
     data = keep.path.read_bytes()
@@ -145,7 +148,7 @@ def test_a_disk_that_refuses_is_told_of_once_and_fails_no_picture(rendered: Rend
     told: list[str] = []
     (tmp_path / "half").write_text("a file stands where the folder should be")
     keep = kept(tmp_path, warn=told.append)
-    assert same(rendered(quality=FINE, keep=keep), rendered(quality=FINE))
+    assert same(rendered(quality=FINE, checkpoint=keep), rendered(quality=FINE))
     assert len(told) == 1 and "starts anew" in told[0]
     assert [path.name for path in tmp_path.iterdir()] == ["half"]
 
@@ -160,18 +163,20 @@ from render.frame.checkpoint import Checkpoint
 from render.mitsuba.engine import choose
 from render.frame.render_frame import render_frame
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
+camera = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 render_frame(
-    surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(),
-    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(32, 18, 16000, depth=3, auxiliary_samples=16), 7,
+    Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), camera),
+    Quality(32, 18, 16000, depth=3, auxiliary_samples=16), 7,
     choose([sys.argv[2]], threads=1),
-    keep=Checkpoint(Path(sys.argv[3]), Path(sys.argv[4]), urgent=lambda: True),
+    checkpoint=Checkpoint(Path(sys.argv[3]), Path(sys.argv[4]), urgent=lambda: True),
 )
 """
 
@@ -197,5 +202,5 @@ def test_a_process_that_is_killed_leaves_what_another_goes_on_from(
     done = int(state["done"])
     assert 4 <= done < 1000
     fewer = replace(quality, samples=16 * (done + 1))
-    again = rendered(quality=fewer, keep=keep)
+    again = rendered(quality=fewer, checkpoint=keep)
     assert same(again, rendered(quality=fewer))

@@ -16,16 +16,18 @@ from hypothesis import strategies as st
 
 import render
 from render.base.errors import BadInputError
+from render.frame.accumulator import without_fireflies
 from render.frame.render_frame import render_frame
 from render.frame.rendered_frame import RenderedFrame
-from render.frame.sample_batches import seed_of, without_sparkles
+from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 from render.post.denoise import denoise
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS, LightRig, Sky, Sun
-from render.scene.look import LOOKS, Look
+from render.scene.materials import LOOKS, Diffuse
 from render.scene.measure import SPEED
 from render.scene.quality import QUALITIES, Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -131,7 +133,7 @@ def test_a_lamp_in_the_picture_shows_in_no_layer(rendered: Rendered, picture: Re
 @pytest.mark.parametrize("name", LOOKS)
 def test_every_look_renders(name: str, rendered: Rendered, sphere: Surface) -> None:
     speed = np.abs(sphere.vertices[:, :1])
-    brought = replace(sphere, material=sphere.vertices, attributes={SPEED: speed})
+    brought = replace(sphere, rest=sphere.vertices, attributes={SPEED: speed})
     layers = rendered(look=LOOKS[name], surface=brought)
     inside = layers["matte"] == 1.0
     assert np.isfinite(layers["beauty"]).all()
@@ -154,7 +156,7 @@ def test_a_look_takes_its_colour_from_an_attribute(rendered: Rendered, sphere: S
     speed[:, 1] = 0.5
     layers = rendered(
         surface=replace(sphere, attributes={"speed": speed}),
-        look=Look("diffuse", (1.0, 1.0, 1.0), colour_from="speed"),
+        look=Diffuse((1.0, 1.0, 1.0), colour_from="speed"),
     )
     assert layers["albedo"][layers["matte"] == 1.0] == pytest.approx(
         np.tile([0.0, 0.5, 0.0], (int((layers["matte"] == 1.0).sum()), 1)), abs=1e-3
@@ -163,7 +165,7 @@ def test_a_look_takes_its_colour_from_an_attribute(rendered: Rendered, sphere: S
 
 def test_a_missing_attribute_is_named(rendered: Rendered) -> None:
     with pytest.raises(BadInputError, match="'speed'"):
-        rendered(look=Look("diffuse", (1.0, 1.0, 1.0), colour_from="speed"))
+        rendered(look=Diffuse((1.0, 1.0, 1.0), colour_from="speed"))
 
 
 def _spoilt(surface: Surface, **changes: object) -> Surface:
@@ -193,7 +195,7 @@ def test_passes_are_reported_and_can_be_stopped(rendered: Rendered) -> None:
     seen: list[tuple[int, int]] = []
     rendered(
         quality=Quality(16, 9, samples=32, depth=2, auxiliary_samples=4),
-        on_pass=lambda *each: seen.append(each),
+        on_batch=lambda *each: seen.append(each),
     )
     assert seen == [(1, 3), (2, 3), (3, 3)]
 
@@ -201,7 +203,7 @@ def test_passes_are_reported_and_can_be_stopped(rendered: Rendered) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        rendered(on_pass=stop)
+        rendered(on_batch=stop)
 
 
 def test_more_samples_are_less_noisy(rendered: Rendered) -> None:
@@ -229,10 +231,10 @@ def test_denoising_is_repeatable(picture: RenderedFrame) -> None:
 def test_a_lone_spark_is_dimmed_and_a_line_of_light_is_not() -> None:
     light = np.full((9, 9, 3), 0.2)
     light[4, 4] = 50.0
-    assert without_sparkles(light)[4, 4].max() < 1.0
+    assert without_fireflies(light)[4, 4].max() < 1.0
     line = np.full((9, 9, 3), 0.2)
     line[:, 4:6] = 50.0
-    assert np.array_equal(without_sparkles(line), line)
+    assert np.array_equal(without_fireflies(line), line)
 
 
 @given(st.lists(st.one_of(st.integers(), st.text(max_size=5)), min_size=1, max_size=4))
@@ -248,13 +250,9 @@ def test_samples_that_make_no_whole_passes_are_refused(rendered: Rendered) -> No
 
 
 def test_render_frame_needs_nothing_but_arrays(sphere: Surface, engine: Engine) -> None:
+    camera = Camera(CAMERA_ORIGIN, CAMERA_TARGET)
     layers = render_frame(
-        sphere,
-        LOOKS["glaze"],
-        LIGHTS["studio"],
-        STAGES["cyclorama"],
-        Placement(),
-        Camera(CAMERA_ORIGIN, CAMERA_TARGET),
+        Scene(sphere, LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), camera),
         Quality(16, 9, samples=1, depth=2, auxiliary_samples=1),
         1,
         engine,
@@ -290,16 +288,18 @@ from render.scene.camera import Camera
 from render.mitsuba.engine import choose
 from render.frame.render_frame import render_frame
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.surface import Surface
 from render.scene.stage import STAGES, Placement
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
+camera = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 layers = render_frame(
-    surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(),
-    Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)), Quality(48, 27, samples=4, depth=3, auxiliary_samples=4), 7,
+    Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), camera),
+    Quality(48, 27, samples=4, depth=3, auxiliary_samples=4), 7,
     choose([sys.argv[2]], threads=int(sys.argv[4])),
 )
 np.savez(sys.argv[3], **layers.arrays)

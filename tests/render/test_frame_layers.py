@@ -12,13 +12,13 @@ import OpenImageIO as oiio
 import pytest
 
 from render.base.errors import BadInputError
-from render.frame.motion_samples import Moment
 from render.frame.rendered_frame import RenderedFrame
-from render.frame.sample_batches import Passes
+from render.frame.sample_batches import SampleBatches
 from render.mitsuba.engine import Engine
 from render.post.image import read_exr, write_exr
 from render.scene.camera import Camera
 from render.scene.quality import Quality
+from render.scene.scene import MotionSample
 from render.scene.spheres import Spheres
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
@@ -35,13 +35,13 @@ def marked(sphere: Surface) -> Surface:
     return replace(
         sphere,
         attributes={"velocity": (300.0 * sphere.vertices - 100.0).astype(np.float32)},
-        material=(0.5 * sphere.vertices - 3.0).astype(np.float32),
+        rest=(0.5 * sphere.vertices - 3.0).astype(np.float32),
     )
 
 
-def following(surface: Surface, by: tuple[float, float, float], camera: Camera = CAMERA) -> Moment:
+def following(surface: Surface, by: tuple[float, float, float], camera: Camera = CAMERA) -> MotionSample:
     moved = replace(surface, vertices=(surface.vertices + np.array(by)).astype(np.float32))
-    return Moment(moved, Placement(), camera)
+    return MotionSample(moved, Placement(), camera)
 
 
 def test_layers_show_what_vertices_bring_along_and_nothing_beside_the_subject(
@@ -147,7 +147,7 @@ def test_each_layer_is_kept_as_exactly_as_asked_for(
 
 def test_a_picture_cannot_be_told_noise_from_nothing() -> None:
     with pytest.raises(BadInputError):
-        Passes(Quality(16, 9, samples=1, depth=2), 1, ("noise",), 7)
+        SampleBatches(Quality(16, 9, samples=1, depth=2), 1, ("noise",), 7)
 
 
 def test_no_stage_moves_nowhere(rendered: Rendered, marked: Surface) -> None:

@@ -11,19 +11,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from render.frame.motion_samples import (
-    FEWEST_SAMPLES,
-    MOST_STEP,
-    MOST_SUBFRAMES,
-    Moment,
-    Shutter,
-    batch_of,
-    passes_of,
-    subframes,
+    MAX_MOTION_SAMPLES,
+    MAX_STEP,
+    MIN_SAMPLES,
+    ShutterInterval,
+    batch_sizes,
+    combined_batches,
+    motion_sample_count,
 )
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
-from render.scene.quality import PASS_SAMPLES, Quality
+from render.scene.quality import BATCH_SAMPLES, Quality
+from render.scene.scene import MotionSample
 from render.scene.stage import Placement
 from render.scene.surface import Surface
 
@@ -33,20 +33,20 @@ CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 FINE = Quality(48, 27, samples=32, depth=3, auxiliary_samples=16)
 
 
-def sliding(surface: Surface, way: float, opens: float = -0.25, closes: float = 0.25) -> Shutter:
+def sliding(surface: Surface, way: float, opens: float = -0.25, closes: float = 0.25) -> ShutterInterval:
     """The surface goes `way` scene units to the right of the picture in a frame."""
     right = CAMERA.axes()[0]
 
-    def at(offset: float) -> Moment:
+    def at(offset: float) -> MotionSample:
         moved = (surface.vertices + way * offset * right).astype(np.float32)
-        return Moment(replace(surface, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(surface, vertices=moved), Placement(), CAMERA)
 
-    return Shutter(opens, closes, at)
+    return ShutterInterval(opens, closes, at)
 
 
 def test_a_shutter_over_what_stands_still_changes_no_bit(rendered: Rendered, sphere: Surface) -> None:
     still, plain = rendered(quality=FINE, shutter=sliding(sphere, 0.0)), rendered(quality=FINE)
-    assert still.facts["subframes"] == 1
+    assert still.facts["motion_samples"] == 1
     assert all(np.array_equal(still[name], plain[name]) for name in plain.arrays)
 
 
@@ -57,7 +57,7 @@ def test_a_sliding_ball_is_smeared_by_its_way_in_pixels(rendered: Rendered, sphe
     shutter = sliding(sphere, way)
     layers, plain = rendered(quality=FINE, shutter=shutter), rendered(quality=FINE)
     path = 0.5 * way / (np.tan(np.radians(13.0)) * np.linalg.norm(CAMERA.origin)) * 24.0
-    assert shutter.longest_way((48, 27)) == pytest.approx(path, rel=0.15)
+    assert shutter.longest_motion((48, 27)) == pytest.approx(path, rel=0.15)
     columns = np.arange(48.0)
 
     def spread(matte: np.ndarray) -> float:
@@ -72,7 +72,7 @@ def test_a_sliding_ball_is_smeared_by_its_way_in_pixels(rendered: Rendered, sphe
 def test_what_is_smeared_is_as_bright(rendered: Rendered, sphere: Surface) -> None:
     layers, plain = (rendered(quality=FINE, shutter=s) for s in (sliding(sphere, 1.5), None))
     assert layers["beauty"].mean() == pytest.approx(plain["beauty"].mean(), rel=0.01)
-    assert layers.facts["subframes"] > 4
+    assert layers.facts["motion_samples"] > 4
 
 
 def test_the_way_is_that_of_the_shutter_alone(rendered: Rendered, sphere: Surface) -> None:
@@ -88,12 +88,12 @@ def test_the_way_is_that_of_the_shutter_alone(rendered: Rendered, sphere: Surfac
 def test_a_camera_that_pans_smears_what_stands_still(rendered: Rendered, sphere: Surface) -> None:
     right = CAMERA.axes()[0]
 
-    def at(offset: float) -> Moment:
+    def at(offset: float) -> MotionSample:
         target = tuple(CAMERA.target + 2.0 * offset * right)
-        return Moment(sphere, Placement(), replace(CAMERA, target=target))
+        return MotionSample(sphere, Placement(), replace(CAMERA, target=target))
 
-    layers = rendered(quality=FINE, shutter=Shutter(-0.25, 0.25, at))
-    assert layers.facts["subframes"] > 2
+    layers = rendered(quality=FINE, shutter=ShutterInterval(-0.25, 0.25, at))
+    assert layers.facts["motion_samples"] > 2
     assert ((layers["matte"] > 0.05) & (layers["matte"] < 0.95)).sum() > 60
 
 
@@ -115,7 +115,7 @@ def test_every_sample_is_taken_and_every_pass_told(rendered: Rendered, sphere: S
         quality=Quality(48, 27, samples=32, depth=2, auxiliary_samples=4),
         shutter=sliding(sphere, 2.0),
         aovs=("samples",),
-        on_pass=lambda *each: told.append(each),
+        on_batch=lambda *each: told.append(each),
     )
     assert (layers["samples"] == 32).all()
     assert told == [(n, len(told)) for n in range(1, len(told) + 1)]
@@ -123,20 +123,20 @@ def test_every_sample_is_taken_and_every_pass_told(rendered: Rendered, sphere: S
 
 @given(way=st.floats(0.0, 100.0), samples=st.sampled_from([1, 2, 3, 4, 5, 6, 7, 9, 12, 16, 32, 48, 64, 80]))
 def test_subframes_share_all_samples_evenly(way: float, samples: int) -> None:
-    count = subframes(way, samples)
-    assert 1 <= count <= MOST_SUBFRAMES
-    each = passes_of(samples, count)
+    count = motion_sample_count(way, samples)
+    assert 1 <= count <= MAX_MOTION_SAMPLES
+    each = batch_sizes(samples, count)
     assert sum(each) * count == samples
-    assert len(set(each)) == 1 and each[0] <= PASS_SAMPLES
-    together = batch_of(len(each) * count, each[0])
+    assert len(set(each)) == 1 and each[0] <= BATCH_SAMPLES
+    together = combined_batches(len(each) * count, each[0])
     assert (len(each) * count) % together == 0
-    assert together * each[0] <= max(PASS_SAMPLES, each[0])
-    if samples >= 2 * FEWEST_SAMPLES:
-        assert count == 1 or each[0] >= FEWEST_SAMPLES
-    if samples in (16, 32, 64) and count < samples // FEWEST_SAMPLES:
-        assert way <= MOST_STEP * count
+    assert together * each[0] <= max(BATCH_SAMPLES, each[0])
+    if samples >= 2 * MIN_SAMPLES:
+        assert count == 1 or each[0] >= MIN_SAMPLES
+    if samples in (16, 32, 64) and count < samples // MIN_SAMPLES:
+        assert way <= MAX_STEP * count
 
 
 def test_slow_things_are_not_cut_up() -> None:
-    assert subframes(0.0, 64) == subframes(MOST_STEP, 64) == 1
-    assert [subframes(way, 64) for way in (1.5, 3.0, 6.0, 50.0)] == [2, 4, 8, 16]
+    assert motion_sample_count(0.0, 64) == motion_sample_count(MAX_STEP, 64) == 1
+    assert [motion_sample_count(way, 64) for way in (1.5, 3.0, 6.0, 50.0)] == [2, 4, 8, 16]

@@ -12,10 +12,10 @@ import pytest
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.frame.rendered_frame import RenderedFrame
-from render.mitsuba.bsdf_check import reason, refusal, said_of
+from render.mitsuba.bsdf import load_error, parse_reason, refusal
 from render.mitsuba.engine import Engine
-from render.scene.bsdf import BSDFS, FORMS, TEXTURES, Bsdf
-from render.scene.look import LOOKS, Look
+from render.scene.materials import LOOKS, AnyMaterial, MitsubaMaterial
+from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -26,7 +26,7 @@ VALUES: dict[str, Any] = {"texture": 0.3, "number": 0.3, "bool": True, "index": 
 
 def whole(kind: str) -> dict[str, Any]:
     """A plugin with everything that it may say."""
-    form = FORMS[kind]
+    form = PLUGINS[kind]
     said: dict[str, Any] = {"type": kind}
     for name, wanted in form.parameters.items():
         said[name] = 0 if wanted == "file" else TEXTS.get(name) or VALUES.get(wanted)
@@ -48,27 +48,26 @@ def bsdf(**said: Any) -> Bsdf:
     return Bsdf(json.dumps(said))
 
 
-def look(**said: Any) -> Look:
-    found = bsdf(**said)
-    return Look("bsdf", found.colour, bsdf=found)
+def look(**said: Any) -> MitsubaMaterial:
+    return MitsubaMaterial.of(bsdf(**said))
 
 
 @pytest.mark.parametrize("kind", [kind for kind in BSDFS if kind != "measured"])
 def test_mitsuba_takes_all_that_its_materials_may_say(kind: str, engine: Engine) -> None:
-    assert said_of(Bsdf(json.dumps(whole(kind)))) == []
+    assert load_error(Bsdf(json.dumps(whole(kind)))) == []
 
 
 @pytest.mark.parametrize("kind", TEXTURES)
 def test_mitsuba_takes_all_that_its_textures_may_say(kind: str, engine: Engine) -> None:
-    assert said_of(bsdf(type="diffuse", reflectance=whole(kind))) == []
+    assert load_error(bsdf(type="diffuse", reflectance=whole(kind))) == []
 
 
 def test_what_mitsuba_has_against_a_material_is_told_without_its_own_code(engine: Engine) -> None:
-    way, why = said_of(bsdf(type="roughconductor", material="Auu"))
+    way, why = load_error(bsdf(type="roughconductor", material="Auu"))
     assert way == [] and "Auu" in why and "spectrum.cpp" not in why and "dictionary" not in why
-    way, why = said_of(bsdf(type="diffuse", reflectance=[0.1, 0.2, 3.0]))
+    way, why = load_error(bsdf(type="diffuse", reflectance=[0.1, 0.2, 3.0]))
     assert "range [0, 1]" in why
-    assert reason("something else") == ((), "something else")
+    assert parse_reason("something else") == ((), "something else")
 
 
 def test_mitsuba_is_asked_in_a_process_of_its_own_and_once() -> None:
@@ -82,7 +81,7 @@ def test_mitsuba_is_asked_in_a_process_of_its_own_and_once() -> None:
 def test_a_material_written_out_is_rendered_as_the_look_of_the_same_values(
     rendered: Rendered, sphere: Surface
 ) -> None:
-    marked = replace(sphere, material=sphere.vertices)
+    marked = replace(sphere, rest=sphere.vertices)
     own = rendered(surface=marked, look=LOOKS["clay"])
     same = rendered(surface=marked, look=look(type="diffuse", reflectance=list(LOOKS["clay"].colour)))
     inside = own["matte"] == 1.0  # noise differs with the tangents
@@ -94,7 +93,7 @@ def test_light_goes_through_what_is_clear(rendered: Rendered, sphere: Surface) -
     glass = look(type="dielectric", int_ior=1.5)
     assert glass.is_clear and not look(type="twosided", a={"type": "diffuse"}).is_clear
     assert look(type="bumpmap", a={"type": "roughdielectric"}).is_clear
-    marked = replace(sphere, material=sphere.vertices)
+    marked = replace(sphere, rest=sphere.vertices)
     layers = rendered(surface=marked, look=glass)
     inside = layers["matte"] == 1.0
     assert layers["beauty"][inside].mean() > 0.05 and layers["albedo"][inside].mean() > 0.3
@@ -103,7 +102,7 @@ def test_light_goes_through_what_is_clear(rendered: Rendered, sphere: Surface) -
 def test_a_material_that_mitsuba_refuses_is_one_message_at_the_frame(
     rendered: Rendered, sphere: Surface
 ) -> None:
-    marked = replace(sphere, material=sphere.vertices)
+    marked = replace(sphere, rest=sphere.vertices)
     with pytest.raises(BadInputError, match=r"look's bsdf cannot be made: .*Auu"):
         rendered(surface=marked, look=look(type="conductor", material="Auu"))
 
@@ -111,4 +110,4 @@ def test_a_material_that_mitsuba_refuses_is_one_message_at_the_frame(
 def test_a_material_written_out_survives_being_written_down() -> None:
     made = look(type="diffuse", reflectance=[0.1, 0.2, 0.3])
     assert made.colour == (0.1, 0.2, 0.3)
-    assert from_plain(Look, to_plain(made)) == made
+    assert from_plain(AnyMaterial, to_plain(made)) == made

@@ -16,13 +16,14 @@ from hypothesis import strategies as st
 from render.base.errors import BadInputError
 from render.base.serialise import to_plain
 from render.frame.rendered_frame import RenderedFrame
+from render.mitsuba.emitters import daylight_exposure, daylight_irradiances
 from render.mitsuba.engine import Engine
 from render.raster import Set, Shape, preview
 from render.scene.camera import Camera
-from render.scene.daylight import Daylight, exposure, irradiances, sun_position
+from render.scene.daylight import Daylight, sun_position
 from render.scene.environment import Environment, read_map
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
@@ -100,12 +101,12 @@ def test_the_sun_stands_where_almanacs_have_it() -> None:
 def test_daylight_is_a_warm_sun_and_a_blue_sky_and_dusk_is_not_black(engine: Engine) -> None:
     low, high = (Daylight(math.radians(angle)) for angle in (4.0, 60.0))
     for day in (low, high):
-        sun, sky = irradiances(day)
+        sun, sky = daylight_irradiances(day)
         assert sun[0] > sun[2] and sky[2] / sky[0] > sun[2] / sun[0]
-        facing = float((sun + sky / 2.0) @ [0.2126, 0.7152, 0.0722]) * exposure(day)
+        facing = float((sun + sky / 2.0) @ [0.2126, 0.7152, 0.0722]) * daylight_exposure(day)
         assert 4.0 < facing < 9.0
-    sun, _ = irradiances(high)
-    soft, _ = irradiances(replace(high, width=0.1))
+    sun, _ = daylight_irradiances(high)
+    soft, _ = daylight_irradiances(replace(high, width=0.1))
     assert soft == pytest.approx(sun, rel=0.02)
 
 

@@ -12,10 +12,10 @@ from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
-from render.mitsuba.texture_coordinates import laid_on
+from render.mitsuba.texture_coordinates import planar_coordinates
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Sky
-from render.scene.look import LOOKS, Absorption, Look
+from render.scene.materials import LOOKS, Absorption, AnyMaterial, BrushedMetal, Diffuse, Glass
 from render.scene.patterns import Pigment
 from render.scene.quality import Quality
 from render.scene.stage import STAGES
@@ -38,7 +38,7 @@ def middle(layers: RenderedFrame) -> np.ndarray:
 @pytest.fixture(scope="module")
 def at_rest(sphere: Surface) -> Surface:
     slow = np.full((len(sphere.vertices), 1), 2.0, np.float32)
-    return replace(sphere, material=sphere.vertices - np.float32([0, 1, 0]), attributes={"speed": slow})
+    return replace(sphere, rest=sphere.vertices - np.float32([0, 1, 0]), attributes={"speed": slow})
 
 
 @pytest.mark.parametrize("name", [name for name, look in LOOKS.items() if look.model != "gouraud"])
@@ -75,7 +75,7 @@ def test_light_through_a_slab_is_what_beer_lambert_and_fresnel_say(
         pytest.skip("the plain variant draws free paths")
     if medium:
         monkeypatch.setattr("render.mitsuba.absorption._is_compiled", lambda: False)
-    look = Look("glass", WHITE, refraction=1.5, absorption=SLAB)
+    look = Glass(WHITE, refraction=1.5, absorption=SLAB)
     camera = Camera((0.0, 0.0, 30.0), (0.0, 0.0, 0.0), field_of_view=np.radians(2.0))
     quality = Quality(16, 16, 64 if medium else 16, depth=10)
     layers = rendered(surface=block(half), look=look, camera=camera, quality=quality, **FURNACE)
@@ -128,11 +128,11 @@ def test_the_matte_does_not_show_what_stands_beside_it(rendered: Rendered, at_re
 
 def test_a_second_coordinate_beside_the_matte_can_be_read_again() -> None:
     points = np.random.default_rng(1).uniform(-7.0, 7.0, (200, 3))
-    laid = laid_on(points, np.eye(3)[:2])
+    laid = planar_coordinates(points, np.eye(3)[:2])
     told = laid.values.astype(np.float32)
     assert np.abs(told[:, 1] - 1.0).max() <= 1e-3
-    assert told[:, 1].astype(float) * laid.factor - laid.factor == pytest.approx(points[:, 1], abs=2e-3)
-    assert laid.factor % 1.0 == 0.0
+    assert told[:, 1].astype(float) * laid.scale - laid.scale == pytest.approx(points[:, 1], abs=2e-3)
+    assert laid.scale % 1.0 == 0.0
 
 
 @pytest.mark.parametrize(
@@ -140,9 +140,9 @@ def test_a_second_coordinate_beside_the_matte_can_be_read_again() -> None:
     [
         (lambda: Absorption((0.0, 1.0, 1.0)), "above 0"),
         (lambda: Absorption(WHITE, depth=0.0), "depth 0.0"),
-        (lambda: Look("diffuse", WHITE, absorption=SLAB), "only glass"),
-        (lambda: Look("brushed", WHITE, pigment=Pigment("layers", (WHITE, WHITE))), "one colour"),
-        (lambda: Look("brushed", WHITE, grain=(0.0, 0.0, 0.0)), "an axis has a length"),
+        (lambda: Diffuse(WHITE).with_values(absorption=SLAB), "does not heed absorption"),
+        (lambda: BrushedMetal(WHITE).with_values(pigment=Pigment("layers", (WHITE, WHITE))), "one colour"),
+        (lambda: BrushedMetal(WHITE, grain=(0.0, 0.0, 0.0)), "an axis has a length"),
     ],
 )
 def test_what_no_look_can_be_is_told(wrong: Callable[[], object], told: str) -> None:
@@ -152,9 +152,9 @@ def test_what_no_look_can_be_is_told(wrong: Callable[[], object], told: str) -> 
 
 @pytest.mark.parametrize("name", LOOKS)
 def test_a_look_comes_back_from_a_picture_header(name: str) -> None:
-    assert from_plain(Look, to_plain(LOOKS[name])) == LOOKS[name]
+    assert from_plain(AnyMaterial, to_plain(LOOKS[name])) == LOOKS[name]
 
 
 def test_brushed_metal_needs_to_know_where_points_were(rendered: Rendered, sphere: Surface) -> None:
-    with pytest.raises(BadInputError, match="give it material"):
-        rendered(surface=replace(sphere, material=None), look=LOOKS["brushed"])
+    with pytest.raises(BadInputError, match="has no rest positions"):
+        rendered(surface=replace(sphere, rest=None), look=LOOKS["brushed"])

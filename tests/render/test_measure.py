@@ -13,22 +13,22 @@ from hypothesis import strategies as st
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.frame.rendered_frame import RenderedFrame
-from render.mitsuba.vertex_colours import colours
 from render.scene.colour_maps import COLOUR_MAPS, colour_map
-from render.scene.look import LOOKS, Look
-from render.scene.measure import KINDS, Measure, at_vertices, stretches
+from render.scene.materials import LOOKS, AnyMaterial
+from render.scene.measure import KINDS, Measure, at_vertices, principal_stretches
 from render.scene.surface import Surface
+from render.scene.vertex_colours import vertex_colours as colours
 
 Rendered = Callable[..., RenderedFrame]
 
 
 @settings(deadline=None, max_examples=40)
 @given(st.integers(0, 2**32 - 1))
-def test_stretches_are_the_singular_values_of_what_deforms_a_triangle(seed: int) -> None:
+def test_principal_stretches_are_the_singular_values_of_what_deforms_a_triangle(seed: int) -> None:
     drawn = np.random.default_rng(seed)
     rest = drawn.uniform(-1, 1, (3, 3))
     deformed = drawn.uniform(-2, 2, (3, 3))
-    longest, shortest = stretches(rest, rest @ deformed.T, np.int32([[0, 1, 2]]))
+    longest, shortest = principal_stretches(rest, rest @ deformed.T, np.int32([[0, 1, 2]]))
     edges = np.stack([rest[1] - rest[0], rest[2] - rest[0]], axis=1)
     plane, _ = np.linalg.qr(edges)
     expected = np.linalg.svd(deformed @ plane, compute_uv=False)
@@ -37,11 +37,11 @@ def test_stretches_are_the_singular_values_of_what_deforms_a_triangle(seed: int)
 
 @settings(deadline=None, max_examples=20)
 @given(st.integers(0, 2**32 - 1))
-def test_nothing_stretches_that_only_moves_and_turns(seed: int) -> None:
+def test_nothing_principal_stretches_that_only_moves_and_turns(seed: int) -> None:
     drawn = np.random.default_rng(seed)
     rest, (turned, _) = drawn.uniform(-1, 1, (30, 3)), np.linalg.qr(drawn.normal(size=(3, 3)))
     faces = np.int32([[3 * i, 3 * i + 1, 3 * i + 2] for i in range(10)])
-    longest, shortest = stretches(rest, rest @ turned + drawn.normal(size=3), faces)
+    longest, shortest = principal_stretches(rest, rest @ turned + drawn.normal(size=3), faces)
     assert longest == pytest.approx(np.ones(10), abs=1e-5) and shortest == pytest.approx(
         np.ones(10), abs=1e-5
     )
@@ -49,16 +49,16 @@ def test_nothing_stretches_that_only_moves_and_turns(seed: int) -> None:
 
 def test_triangles_without_area_at_rest_count_for_nothing(sphere: Surface) -> None:
     flat = np.float32([[0, 0, 0], [1, 0, 0], [2, 0, 0]])
-    assert [part[0] for part in stretches(flat, 3.0 * flat, np.int32([[0, 1, 2]]))] == [1.0, 1.0]
-    grown = replace(sphere, material=(sphere.vertices / 3.0).astype(np.float32))  # its poles are flat ones
-    longest, shortest = stretches(grown.material, grown.vertices, grown.faces)
+    assert [part[0] for part in principal_stretches(flat, 3.0 * flat, np.int32([[0, 1, 2]]))] == [1.0, 1.0]
+    grown = replace(sphere, rest=(sphere.vertices / 3.0).astype(np.float32))  # its poles are flat ones
+    longest, shortest = principal_stretches(grown.rest, grown.vertices, grown.faces)
     assert at_vertices(longest * shortest, grown) == pytest.approx(
         np.full(len(sphere.vertices), 9.0), rel=1e-4
     )
 
 
 def test_what_has_grown_threefold_is_shown_as_that(sphere: Surface) -> None:
-    grown = replace(sphere, material=(sphere.vertices / 2.0).astype(np.float32))
+    grown = replace(sphere, rest=(sphere.vertices / 2.0).astype(np.float32))
     assert Measure("stretch").phases(grown) == pytest.approx(np.full(len(sphere.vertices), 0.5), abs=1e-4)
     assert Measure("area").phases(grown) == pytest.approx(np.full(len(sphere.vertices), 1.0), abs=1e-4)
     assert Measure("area", low=1.0, high=16.0).phases(grown) == pytest.approx(0.5, abs=1e-4)
@@ -99,16 +99,16 @@ def test_perceptual_maps_grow_lighter_all_the_way(name: str) -> None:
 def test_what_cannot_be_measured_is_told(sphere: Surface) -> None:
     with pytest.raises(BadInputError, match="how fast its points go"):
         Measure("speed").phases(sphere)
-    with pytest.raises(BadInputError, match="give it material"):
+    with pytest.raises(BadInputError, match="has no rest positions"):
         Measure("stretch").phases(sphere)
     for wrong in ({"of": "heat"}, {"colours": "jet"}, {"low": 5.0}, {"of": "area", "low": 0.0}):
         with pytest.raises(BadInputError):
             Measure(**{"of": "speed", **wrong})
     with pytest.raises(BadInputError, match="one colour"):
-        replace(LOOKS["glass"], measure=Measure("speed"))
+        LOOKS["glass"].with_values(measure=Measure("speed"))
 
 
 @pytest.mark.parametrize("of", KINDS)
 def test_a_measure_survives_being_written_down(of: str) -> None:
     look = replace(LOOKS["clay"], measure=Measure(of, "turbo", 1.0, 2.0))
-    assert from_plain(Look, to_plain(look)) == look
+    assert from_plain(AnyMaterial, to_plain(look)) == look

@@ -10,15 +10,16 @@ import numpy as np
 import pytest
 
 from render.frame.rendered_frame import RenderedFrame
-from render.integrator.light_sampler import aims
+from render.integrator.light_sampler import sampled_emitters
 from render.mitsuba.engine import Engine
-from render.mitsuba.scene import Rendering, build_scene
+from render.mitsuba.scene import SceneRenderer, build_scene
 from render.scene.camera import Camera
 from render.scene.daylight import Daylight
 from render.scene.environment import Environment
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.scene import Scene
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
 
@@ -34,16 +35,17 @@ MANY = LightRig(
 
 
 @pytest.fixture(scope="module")
-def built(sphere: Surface, engine: Engine) -> Callable[..., Rendering]:
+def built(sphere: Surface, engine: Engine) -> Callable[..., SceneRenderer]:
     if engine.variant == "scalar_rgb":
         pytest.skip("the plain variant follows Mitsuba's own paths")
 
-    def build(look: str = "clay", lights: LightRig = LIGHTS["studio"], depth: int = 4) -> Rendering:
+    def build(look: str = "clay", lights: LightRig = LIGHTS["studio"], depth: int = 4) -> SceneRenderer:
         placement = Placement((3.0, -1.0, 2.0), 1.0, 0.4)
         moved = replace(sphere, vertices=(sphere.vertices + np.float32([3.0, -1.0, 2.0])).astype(np.float32))
         lens = Camera((6.2, 1.9, 10.8), (3.0, -0.05, 2.0))
         stage = STAGES["cyclorama"]
-        return build_scene(moved, LOOKS[look], lights, stage, placement, lens, SIZE, depth).beauty
+        scene = Scene(moved, LOOKS[look], lights, stage, placement, lens)
+        return build_scene(scene, Quality(*SIZE, samples=1, depth=depth)).beauty
 
     return build
 
@@ -67,11 +69,11 @@ def blocks(picture: np.ndarray) -> np.ndarray:
     ids=["studio", "gallery", "glass", "daylight", "sun", "sky", "many lamps"],
 )
 def test_they_find_the_same_light_as_mitsuba(
-    look: str, lights: LightRig, within: float, built: Callable[..., Rendering]
+    look: str, lights: LightRig, within: float, built: Callable[..., SceneRenderer]
 ) -> None:
     """Glass gathers it in sparks, of which its mean hangs."""
     scene = built(look, lights)
-    ours, theirs = scene.light.picture(256, 0, 5)[..., :3], scene.render(1024, 6)
+    ours, theirs = scene.path_tracer.render(256, 0, 5)[..., :3], scene.render(1024, 6)
     assert ours.mean() == pytest.approx(theirs.mean(), rel=within)
     light = np.maximum(blocks(theirs), 0.05 * theirs.mean())
     assert np.sqrt((((blocks(ours) - blocks(theirs)) / light) ** 2).mean()) < 3.0 * within
@@ -79,17 +81,17 @@ def test_they_find_the_same_light_as_mitsuba(
 
 def test_a_map_of_a_place_is_looked_for_and_a_plain_sky_is_not(tmp_path: Path) -> None:
     place = LightRig(environment=Environment("0" * 64, path=str(tmp_path / "place.exr")))
-    assert [aim.name for aim in aims(place, np.eye(4))] == ["sky"]
-    assert [aim.name for aim in aims(LIGHTS["softbox"], np.eye(4))] == ["softbox0"]
+    assert [emitter.name for emitter in sampled_emitters(place, np.eye(4))] == ["sky"]
+    assert [emitter.name for emitter in sampled_emitters(LIGHTS["softbox"], np.eye(4))] == ["softbox0"]
 
 
 def test_errors_fall_faster_than_those_of_passes_that_know_nothing_of_each_other(
-    built: Callable[..., Rendering],
+    built: Callable[..., SceneRenderer],
 ) -> None:
     scene = built()
-    truth = scene.light.picture(1024, 0, 77)[..., :3] @ LUMA
+    truth = scene.path_tracer.render(1024, 0, 77)[..., :3] @ LUMA
     passes = [
-        [scene.light.picture(16, 16 * number, seed)[..., :3] @ LUMA for number in range(4)]
+        [scene.path_tracer.render(16, 16 * number, seed)[..., :3] @ LUMA for number in range(4)]
         for seed in range(4)
     ]
     one = np.mean([(each[0] - truth) ** 2 for each in passes])
@@ -99,23 +101,23 @@ def test_errors_fall_faster_than_those_of_passes_that_know_nothing_of_each_other
     assert one < theirs / 1.5
 
 
-def test_a_pass_of_sixteen_is_four_of_four(built: Callable[..., Rendering]) -> None:
-    light = built().light
-    whole = light.picture(16, 0, 5)
-    parts = np.mean([light.picture(4, first, 5) for first in (0, 4, 8, 12)], axis=0)
+def test_a_pass_of_sixteen_is_four_of_four(built: Callable[..., SceneRenderer]) -> None:
+    light = built().path_tracer
+    whole = light.render(16, 0, 5)
+    parts = np.mean([light.render(4, first, 5) for first in (0, 4, 8, 12)], axis=0)
     assert np.allclose(whole, parts, rtol=1e-4, atol=1e-5)
 
 
-def test_a_sequence_that_has_ended_goes_on_with_other_numbers(built: Callable[..., Rendering]) -> None:
-    light = built().light
-    assert not np.allclose(light.picture(4, 0, 5), light.picture(4, 1024, 5), rtol=1e-2)
+def test_a_sequence_that_has_ended_goes_on_with_other_numbers(built: Callable[..., SceneRenderer]) -> None:
+    light = built().path_tracer
+    assert not np.allclose(light.render(4, 0, 5), light.render(4, 1024, 5), rtol=1e-2)
 
 
-def test_pixels_know_nothing_of_each_other(built: Callable[..., Rendering]) -> None:
+def test_pixels_know_nothing_of_each_other(built: Callable[..., SceneRenderer]) -> None:
     """Or a denoiser would take what they have in common for a pattern."""
-    light = built().light
-    truth = light.picture(1024, 0, 77)[..., :3] @ LUMA
-    off = np.stack([light.picture(4, 0, seed)[..., :3] @ LUMA - truth for seed in range(32)])
+    light = built().path_tracer
+    truth = light.render(1024, 0, 77)[..., :3] @ LUMA
+    off = np.stack([light.render(4, 0, seed)[..., :3] @ LUMA - truth for seed in range(32)])
     off /= off.std(axis=0) + 1e-6
     for one, other in ((off[:, :, 1:], off[:, :, :-1]), (off[:, 1:], off[:, :-1]), (off[1:], off[:-1])):
         assert abs((one * other).mean()) < 0.03

@@ -13,9 +13,8 @@ from hypothesis import strategies as st
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.frame.rendered_frame import RenderedFrame
-from render.scene.look import LOOKS, Look
-from render.scene.noise import fractal_noise
-from render.scene.patterns import PATTERNS, TEXELS, Pigment
+from render.scene.materials import LOOKS, AnyMaterial
+from render.scene.patterns import PATTERNS, TEXELS, Pigment, fractal_noise
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -27,7 +26,7 @@ def at(pigment: Pigment, *points: tuple[float, float, float]) -> np.ndarray:
     """The colours of points: what the texture shows."""
     phases = pigment.phases(np.array(points))
     phases = phases % 1.0 if pigment.repeats else np.clip(phases, 0.0, 1.0)
-    return pigment.row()[np.minimum((phases * TEXELS).astype(int), TEXELS - 1)]
+    return pigment.ramp()[np.minimum((phases * TEXELS).astype(int), TEXELS - 1)]
 
 
 def test_layers_follow_one_another_and_begin_again() -> None:
@@ -98,12 +97,12 @@ def test_a_pigment_that_makes_no_sense_is_refused() -> None:
         with pytest.raises(BadInputError):
             Pigment(**{"pattern": "layers", "colours": (RED, BLUE), **wrong})
     with pytest.raises(BadInputError, match="one colour"):
-        replace(LOOKS["glass"], pigment=Pigment("layers", (RED, BLUE)))
+        LOOKS["glass"].with_values(pigment=Pigment("layers", (RED, BLUE)))
 
 
 def test_a_look_with_a_pigment_survives_being_written_down() -> None:
     look = replace(LOOKS["glaze"], pigment=Pigment("marble", (RED, BLUE), seed=9))
-    assert from_plain(Look, to_plain(look)) == look
+    assert from_plain(AnyMaterial, to_plain(look)) == look
 
 
 @pytest.mark.parametrize("name", ["clay", "glaze", "chrome", "taffy"])
@@ -111,7 +110,7 @@ def test_halves_reach_beauty_and_albedo_and_stay_when_the_surface_moves(
     name: str, rendered: Rendered, sphere: Surface
 ) -> None:
     look = replace(LOOKS[name], pigment=Pigment("layers", (RED, BLUE), scale=9.0, centre=(0, 1, 0)))
-    marked = replace(sphere, material=sphere.vertices)
+    marked = replace(sphere, rest=sphere.vertices)
     layers = rendered(surface=marked, look=look)
     inside = layers["matte"] == 1.0
     up = layers["position"][..., 1] > 1.0
@@ -133,14 +132,14 @@ def test_a_pigment_changes_no_other_layer(
     rendered: Rendered, sphere: Surface, picture: RenderedFrame
 ) -> None:
     look = replace(LOOKS["clay"], pigment=Pigment("speckles", (RED, BLUE), scale=0.4))
-    layers = rendered(surface=replace(sphere, material=sphere.vertices), look=look)
+    layers = rendered(surface=replace(sphere, rest=sphere.vertices), look=look)
     for name in ("matte", "normal", "depth", "position"):
         assert np.array_equal(layers[name], picture[name])
 
 
 def test_a_surface_without_places_at_rest_is_told(rendered: Rendered) -> None:
     look = replace(LOOKS["clay"], pigment=Pigment("layers", (RED, BLUE)))
-    with pytest.raises(BadInputError, match="where its points were"):
+    with pytest.raises(BadInputError, match="has no rest positions"):
         rendered(look=look)
 
 
@@ -149,7 +148,7 @@ def test_light_goes_through_and_the_denoiser_is_told_a_colour(name: str, rendere
     look = LOOKS[name]
     layers = rendered(look=look)
     inside = layers["matte"] == 1.0
-    told = np.array(look.colour) * (look.absorption.colour if look.absorption else 1.0)
+    told = np.array(look.auxiliary_colour)
     assert layers["albedo"][inside] == pytest.approx(np.tile(told, (inside.sum(), 1)), abs=1e-3)
     assert layers["beauty"][inside].mean() > 0.05
 

@@ -8,7 +8,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from render.mitsuba.vertex_colours import colours
 from render.raster import Preview, Set, Shape, preview, with_lines
 from render.raster.kernels.large_triangles import Large
 from render.raster.kernels.projection import LARGE, SMALL
@@ -17,10 +16,11 @@ from render.raster.parts import Lens
 from render.raster.sides import Sides
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
 from render.scene.stage import STAGES, Placement
 from render.scene.surface import Surface
+from render.scene.vertex_colours import vertex_colours as colours
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
 SIZE = (64, 36)
@@ -43,7 +43,7 @@ def joined(*shapes):
         np.concatenate([shape.vertices for shape in shapes]),
         np.concatenate([shape.normals for shape in shapes]),
         faces.astype(np.int32),
-        shapes[0].look,
+        shapes[0].material,
     )
 
 
@@ -104,11 +104,11 @@ def test_a_pigment_colours_the_surface_where_its_points_came_from():
     look = replace(LOOKS["clay"], pigment=pigment)
     plain = square(0.0)
     material = np.float32([(0, 0.5, 0), (0, 0.5, 0), (0, 1.5, 0), (0, 1.5, 0)])
-    surface = Surface(plain.vertices, plain.normals, plain.faces, material=material)
+    surface = Surface(plain.vertices, plain.normals, plain.faces, rest=material)
     found = colours(surface, look)
     np.testing.assert_allclose(found, np.float64([(1, 0, 0), (1, 0, 0), (0, 0, 1), (0, 0, 1)]), atol=1e-3)
     assert colours(surface, LOOKS["clay"]) is None
-    shape = plain._replace(look=look, colours=found)
+    shape = plain._replace(material=look, colours=found)
     picture = preview(shape, BARE, CAMERA, SIZE, "srgb").picture
     low, high = picture[23, 32], picture[13, 32]
     assert low[0] > low[2] + 0.1 and high[2] > high[0] + 0.1

@@ -17,7 +17,7 @@ from render.base.serialise import from_plain, to_plain
 from render.graphics.titles import TitleCard, title_frames
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS, LightRig, Softbox
-from render.scene.look import LOOKS, Look
+from render.scene.materials import LOOKS, Diffuse, Plastic
 from render.scene.quality import QUALITIES, Quality
 from render.scene.stage import STAGES, Placement, Stage
 
@@ -48,9 +48,13 @@ def test_what_is_left_out_takes_its_default() -> None:
 @pytest.mark.parametrize(
     ("kind", "values", "message"),
     [
-        (Look, {"model": "diffuse", "color": [1, 1, 1]}, "Look has no 'color'; it has model, colour"),
+        (
+            Diffuse,
+            {"model": "diffuse", "color": [1, 1, 1]},
+            "Diffuse has no 'color'; it has colour, roughness",
+        ),
         (Camera, {"origin": [0, 0, 1], "target": [0, 0]}, "Camera.target has 2 values; it needs 3"),
-        (Look, {"model": "diffuse"}, "missing 1 required"),
+        (Diffuse, {"model": "diffuse"}, "missing 1 required"),
         (LightRig, {"softboxes": [{"width": 1}]}, r"LightRig\.softboxes\[0\]"),
     ],
 )
@@ -71,9 +75,8 @@ def test_a_wrong_field_is_named(kind: type, values: dict[str, Any], message: str
         lambda: Placement(origin=(math.inf, 0.0, 0.0)),
         lambda: Stage("void"),
         lambda: Stage(sweep=0.0),
-        lambda: Look("velvet", (0.5, 0.5, 0.5)),
-        lambda: Look("diffuse", (0.5, 1.5, 0.5)),
-        lambda: Look("plastic", (0.5, 0.5, 0.5), roughness=2.0),
+        lambda: Diffuse((0.5, 1.5, 0.5)),
+        lambda: Plastic((0.5, 0.5, 0.5), roughness=2.0),
         lambda: Quality(0, 270, samples=4, depth=3),
         lambda: Quality(480, 270, samples=4, depth=1),
         lambda: Quality(480, 270, samples=4, depth=3, denoise="twice"),

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from render.base.errors import BadInputError
 from render.frame.rendered_frame import RenderedFrame
 from render.scene.camera import Camera
-from render.scene.spheres import MOST_FACES, TOLERANCE, Spheres
+from render.scene.spheres import MAX_FACES, TOLERANCE, Spheres
 
 CAMERA = Camera((0.0, 0.0, 10.0), (0.0, 0.0, 0.0))
 PIXELS_A_UNIT = 1920 / 2 / math.tan(CAMERA.field_of_view / 2) / 10
@@ -68,7 +68,7 @@ def test_too_many_spheres_become_coarser_rather_than_too_large() -> None:
     many = 30_000
     centres = np.random.default_rng(0).normal(size=(many, 3))
     surface = spheres(centres, np.full(many, 0.1)).surface(CAMERA, 1920)
-    assert many * 20 < len(surface.faces) <= MOST_FACES
+    assert many * 20 < len(surface.faces) <= MAX_FACES
 
 
 def test_every_vertex_has_the_attributes_of_its_point() -> None:

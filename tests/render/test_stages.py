@@ -18,7 +18,7 @@ from render.frame.rendered_frame import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Softbox
 from render.scene.quality import Quality
-from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, spots
+from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, positions
 from render.scene.stage import STAGES, Placement, Stage
 
 Rendered = Callable[..., RenderedFrame]
@@ -90,7 +90,7 @@ def test_pieces_stand_in_the_lower_corners_below_the_subject(view: View, size: t
     framing = with_room(framing, STAGES["turntable"])
     camera = framing.camera
     lowest = camera.project(corners, ASPECT)[:, 1].min()
-    grey, chrome, board = spots(camera, framing.placement, ASPECT)
+    grey, chrome, board = positions(camera, framing.placement, ASPECT)
     seen = [
         camera.project(shape.vertices, ASPECT) for shape in (ball(grey), ball(chrome), chart(board, camera))
     ]
@@ -124,7 +124,7 @@ def test_the_chart_has_the_published_colours() -> None:
 def test_albedos_of_the_pieces_are_what_they_reflect(rendered: Rendered) -> None:
     quality = Quality(480, 270, samples=1, depth=2, auxiliary_samples=4)
     layers = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)
-    grey, chrome, board = spots(FRONT, Placement(), ASPECT)
+    grey, chrome, board = positions(FRONT, Placement(), ASPECT)
 
     def there(points: np.ndarray) -> np.ndarray:
         x, y, _ = FRONT.project(points, ASPECT).T
@@ -140,7 +140,7 @@ def test_albedos_of_the_pieces_are_what_they_reflect(rendered: Rendered) -> None
 def test_a_chrome_ball_mirrors_what_a_grey_one_scatters(rendered: Rendered) -> None:
     quality = Quality(480, 270, samples=4, depth=3, auxiliary_samples=1)
     beauty = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)["beauty"].mean(axis=2)
-    grey, chrome, _ = spots(FRONT, Placement(), ASPECT)
+    grey, chrome, _ = positions(FRONT, Placement(), ASPECT)
     bright = []
     for spot in (grey, chrome):
         x, y, _ = FRONT.project(spot.middle[None], ASPECT)[0]

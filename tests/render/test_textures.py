@@ -15,13 +15,13 @@ import pytest
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.frame.rendered_frame import RenderedFrame
-from render.mitsuba.vertex_colours import colours
 from render.scene.camera import Camera
 from render.scene.colour_maps import linear_of_srgb
-from render.scene.look import LOOKS, Look, Relief
+from render.scene.materials import LOOKS, AnyMaterial, Relief
 from render.scene.surface import Surface
-from render.scene.texture_projection import PROJECTIONS, Projection, unwrapped
+from render.scene.texture_projection import PROJECTIONS, Projection, project_texture
 from render.scene.textures import Texture
+from render.scene.vertex_colours import vertex_colours as colours
 
 Rendered = Callable[..., RenderedFrame]
 
@@ -47,7 +47,7 @@ def quarters(path: Path) -> Texture:
 
 
 def looked(sphere: Surface) -> Surface:
-    return replace(sphere, material=sphere.vertices)
+    return replace(sphere, rest=sphere.vertices)
 
 
 @pytest.mark.parametrize(
@@ -95,7 +95,7 @@ def test_what_is_no_picture_is_told(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("kind", PROJECTIONS)
 def test_corners_of_a_triangle_lie_close_together_in_the_picture(kind: str, sphere: Surface) -> None:
-    split, places = unwrapped(looked(sphere), sphere.vertices, Projection(kind, centre=(0.0, 1.0, 0.0)))
+    split, places = project_texture(looked(sphere), sphere.vertices, Projection(kind, centre=(0.0, 1.0, 0.0)))
     assert np.abs(split.vertices[split.faces] - sphere.vertices[sphere.faces]).max() == 0.0
     across = places[split.faces]
     assert np.ptp(across, axis=1).max() < 0.2
@@ -104,9 +104,11 @@ def test_corners_of_a_triangle_lie_close_together_in_the_picture(kind: str, sphe
 
 def test_a_picture_around_an_axis_has_its_middle_in_front_and_goes_to_the_right() -> None:
     points = np.float64([[0, 0.5, 2], [2, 0, 0.1], [0.1, 0, 2]])
-    places, _ = Projection("cylindrical", scale=2.0).places(points, np.int32([[0, 1, 2]]))
+    places, _ = Projection("cylindrical", scale=2.0).coordinates(points, np.int32([[0, 1, 2]]))
     assert places[0, 0] == pytest.approx((0.0, 0.25)) and 0.2 < places[0, 1, 0] < 0.25
-    turned, _ = Projection("cylindrical", turn=math.pi / 2.0, scale=2.0).places(points, np.int32([[0, 1, 2]]))
+    turned, _ = Projection("cylindrical", turn=math.pi / 2.0, scale=2.0).coordinates(
+        points, np.int32([[0, 1, 2]])
+    )
     assert turned[0, 0, 0] == pytest.approx(-0.25)
 
 
@@ -114,7 +116,7 @@ def test_a_slide_lies_upright_and_moves_with_the_material(
     rendered: Rendered, sphere: Surface, tmp_path: Path
 ) -> None:
     slide = Projection("planar", centre=(0.0, 1.0, 0.0), scale=4.0)
-    look = replace(LOOKS["clay"], picture=quarters(tmp_path / "a.exr"), projection=slide)
+    look = replace(LOOKS["clay"], colour_texture=quarters(tmp_path / "a.exr"), projection=slide)
     layers = rendered(surface=looked(sphere), look=look, camera=FRONT)
     x, y, inside = layers["position"][..., 0], layers["position"][..., 1] - 1.0, layers["matte"] == 1.0
     for right, up, colour in ((-1, 1, RED), (1, 1, GREEN), (-1, -1, BLUE), (1, -1, WHITE)):
@@ -134,7 +136,7 @@ def test_a_slide_lies_upright_and_moves_with_the_material(
 def test_the_matte_is_as_it_was(
     rendered: Rendered, sphere: Surface, picture: RenderedFrame, tmp_path: Path
 ) -> None:
-    look = replace(LOOKS["clay"], picture=quarters(tmp_path / "a.exr"))
+    look = replace(LOOKS["clay"], colour_texture=quarters(tmp_path / "a.exr"))
     found = rendered(surface=looked(sphere), look=look)["matte"]
     assert np.abs(found - picture["matte"]).max() < 0.004
     assert (found[picture["matte"] == 1.0] == 1.0).all()
@@ -148,7 +150,9 @@ def test_where_the_picture_is_light_the_coat_is_rough(
     shown = {}
     for rough in (0.05, 0.7):
         pixels = write(tmp_path / f"{rough}.exr", np.full((2, 2, 1), rough))
-        shown[rough] = rendered(surface=looked(sphere), look=replace(look, rough=pixels))["beauty"]
+        shown[rough] = rendered(surface=looked(sphere), look=replace(look, roughness_texture=pixels))[
+            "beauty"
+        ]
     inside = rendered()["matte"] == 1.0
     assert shown[0.05][inside].max() > 1.5 * shown[0.7][inside].max()
 
@@ -160,7 +164,7 @@ def test_relief_is_as_strong_up_as_across(rendered: Rendered, sphere: Surface, t
         np.float32([[-1, 0, 0], [1, 0, 0], [1, 2, 0], [-1, 2, 0]]),
         np.float32([[0, 0, 1]] * 4),
         np.int32([[0, 1, 2], [0, 2, 3]]),
-        material=np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
+        rest=np.float32([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]]),
     )
     plain = replace(LOOKS["clay"], projection=Projection("planar"))
     flat = rendered(surface=square, look=plain, camera=FRONT)
@@ -177,15 +181,22 @@ def test_relief_is_as_strong_up_as_across(rendered: Rendered, sphere: Surface, t
 def test_a_look_with_pictures_survives_but_for_where_they_lie(tmp_path: Path) -> None:
     texture = quarters(tmp_path / "a.exr")
     look = replace(
-        LOOKS["glaze"], picture=texture, rough=texture, relief=Relief(texture), projection=Projection()
+        LOOKS["glaze"],
+        colour_texture=texture,
+        roughness_texture=texture,
+        relief=Relief(texture),
+        projection=Projection(),
     )
     bare = replace(texture, path="")
-    assert from_plain(Look, to_plain(look)) == replace(look, picture=bare, rough=bare, relief=Relief(bare))
+    assert from_plain(AnyMaterial, to_plain(look)) == replace(
+        look, colour_texture=bare, roughness_texture=bare, relief=Relief(bare)
+    )
 
 
 @pytest.mark.parametrize(
-    "part", [{"picture": Texture("1")}, {"rough": Texture("1")}, {"relief": Relief(Texture("1"))}]
+    "part",
+    [{"colour_texture": Texture("1")}, {"roughness_texture": Texture("1")}, {"relief": Relief(Texture("1"))}],
 )
 def test_pictures_that_a_material_cannot_have_are_told(part: dict[str, object]) -> None:
     with pytest.raises(BadInputError):
-        replace(LOOKS["glass"], **part)
+        LOOKS["glass"].with_values(**part)

@@ -13,7 +13,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Shot, read_film, read_shot
 from pipeline.shot.yaml.inheritance import inherited_files
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 
 FILES = {
     "A": """\

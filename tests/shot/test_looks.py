@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
-from render.scene.look import LOOKS, Absorption
+from render.scene.materials import LOOKS, Absorption
 from render.scene.patterns import PATTERNS, Pigment
 from render.scene.wireframe import Wireframe
 

@@ -11,7 +11,7 @@ import pytest
 from pipeline.errors import ShotError
 from pipeline.shot import Shot, read_shot
 from render.base.serialise import to_plain
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.measure import Measure
 from render.scene.texture_projection import Projection
 
@@ -57,8 +57,8 @@ def test_pictures_are_named_beside_the_shot(folder: Path) -> None:
         "projection: {kind: cylindrical, axis: x, scale: 3, repeats: 2, turn: 90, offset: [0.5, 0]}}"
     )
     look = shot_of(folder, said).picture.look
-    assert look.picture is not None and look.rough is not None and look.relief is not None
-    assert look.picture.pixels() == pytest.approx(np.full((4, 4, 3), 0.5), abs=0.01)
+    assert look.colour_texture is not None and look.roughness_texture is not None and look.relief is not None
+    assert look.colour_texture.pixels() == pytest.approx(np.full((4, 4, 3), 0.5), abs=0.01)
     assert look.projection == Projection(
         "cylindrical", (1.0, 0.0, 0.0), scale=3.0, repeats=2, turn=np.pi / 2, offset=(0.5, 0.0)
     )

@@ -130,7 +130,7 @@ BROKEN = [
     ("camera:", "quality: {draught: {samples: 6}}\ncamera:",
      "a.yaml:11:11: draught is not known under quality. Did you mean 'draft'?"),
     ("camera:", "quality: {final: {samples: 100}}\ncamera:",
-     "a.yaml:11:19: quality.final.samples: 100 samples do not divide into passes of 16. "
+     "a.yaml:11:19: quality.final.samples: 100 samples do not divide into batches of 16. "
      "Write up to 16, or a multiple of it."),
     ("camera:", "quality: {daily: {noise_threshold: 0.02}}\ncamera:",
      "a.yaml:11:19: daily takes 16 samples, too few to stop earlier; noise_threshold needs "

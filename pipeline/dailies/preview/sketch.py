@@ -15,13 +15,13 @@ from pipeline.mesh import icosphere
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from render.graphics.burn_in import BurnIn
-from render.mitsuba.vertex_colours import colours
 from render.movie.timecode import timecode
 from render.post.colour import quantise
 from render.raster import Edges, Set, Shape, preview, with_lines
-from render.scene.look import Look
+from render.scene.materials import Material
 from render.scene.measure import SPEED
 from render.scene.surface import Surface
+from render.scene.vertex_colours import vertex_colours
 
 MOST_BALLS = 20_000
 """Points of a cloud that are drawn; where there are more, some of them, and larger."""
@@ -81,12 +81,12 @@ class Sketch:
         }
 
 
-def shape_of(arrays: Mapping[str, AnyArray], look: Look) -> Shape:
+def shape_of(arrays: Mapping[str, AnyArray], look: Material) -> Shape:
     """What pictures of a frame are made from, as a shape; of a cloud a small ball for each point."""
     brought = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
     vertices, none = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", none)
-    shown = colours(Surface(vertices, normals, faces, brought, arrays["material"]), look)
+    shown = vertex_colours(Surface(vertices, normals, faces, brought, arrays["material"]), look)
     if "radii" not in arrays:
         return Shape(vertices, normals, faces, look, shown)
     every = -(-len(arrays["vertices"]) // MOST_BALLS)

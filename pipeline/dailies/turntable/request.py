@@ -14,7 +14,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 
 BOTH = "both"
 

@@ -136,7 +136,7 @@ def _seconds_in(folder: Path) -> Iterator[tuple[float, float]]:
     for path in islice(folder.glob("*.json"), FRAMES):
         try:
             told = json.loads(path.read_text())
-            if not told.get("passes_taken_up"):
+            if not told.get("resumed_batches"):
                 light = told["seconds"].pop("rendering") * told["threads"]
                 yield light, sum(told["seconds"].values()) * told["threads"]
         except (OSError, ValueError, KeyError, TypeError, AttributeError):

@@ -151,7 +151,7 @@ class Framer:
 
 def with_room(framing: Framing, stage: Stage) -> Framing:
     """The same with the camera where the stage's own pieces are in the picture too."""
-    return replace(framing, camera=stage.seen_by(framing.camera, framing.placement))
+    return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement))
 
 
 def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:

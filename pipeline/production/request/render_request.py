@@ -116,7 +116,7 @@ class RenderRequest(Showing):
             self.aspect,
             self.follow,
             self.net_pieces,
-            self.shot.picture.stage.room,
+            self.shot.picture.stage.camera_move,
         )
 
     def framings(self, store: Store) -> CameraFile | None:

@@ -205,10 +205,10 @@ class Showing:
     @cached_property
     def measures_speed(self) -> bool:
         """Whether the colours of its pictures are the speed of the flow."""
-        from render.scene.measure import SPEED
+        from render.scene.measure import SPEED, Measure
 
-        measure = self.shot.picture.look.measure
-        return measure is not None and measure.of == SPEED
+        pattern = self.shot.picture.look.pattern
+        return isinstance(pattern, Measure) and pattern.of == SPEED
 
     def goes_by_flow(self, number: int) -> bool:
         """Whether a picture needs its mesh, and the flow; a turntable's only turn."""

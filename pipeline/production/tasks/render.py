@@ -24,13 +24,14 @@ from pipeline.production.tasks.memory_guard import Wear
 from pipeline.production.tasks.signals import Stop, stopping
 from render.base.atomic_write import disk_errors
 from render.frame.checkpoint import Checkpoint
-from render.frame.motion_samples import Moment, Shutter
+from render.frame.motion_samples import ShutterInterval
 from render.frame.render_frame import render_frame
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.camera import Camera
 from render.scene.measure import SPEED
+from render.scene.scene import MotionSample, Scene
 from render.scene.spheres import Spheres
 from render.scene.surface import Surface
 from render.scene.wireframe import outlines
@@ -86,13 +87,9 @@ class _Room:
         context, request, begun = self.context, self.context.request, time.perf_counter()
         picture = request.shot.picture
         own, shutter, following = _moments(context, number, self.framings)
+        lights = picture.lights.turned(request.angles[number].lights)
         layers = render_frame(
-            own.subject,
-            picture.look,
-            picture.lights.turned(request.angles[number].lights),
-            picture.stage,
-            own.placement,
-            own.camera,
+            Scene(own.subject, picture.look, lights, picture.stage, own.placement, own.camera),
             request.quality,
             request.seed(number),
             self.engine,
@@ -100,14 +97,14 @@ class _Room:
             aovs=request.layers.extra,
             shutter=shutter,
             following=following,
-            keep=keep,
+            checkpoint=keep,
         )
-        if keep.taken_up:
-            context.resumed(number, keep.taken_up)
+        if keep.resumed:
+            context.resumed(number, keep.resumed)
         header = raw_header(context.request, number, self.framings[number], self.keys[number])
         write_exr(path, layers, header, dict(request.layers.precision))
         seconds = time.perf_counter() - begun
-        _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.taken_up)
+        _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.resumed)
 
     def _passed(self, number: int, done: int, most: int) -> None:
         self.stop.heed()
@@ -116,7 +113,7 @@ class _Room:
 
 def _moments(
     context: Context, number: int, framings: Mapping[int, Framing]
-) -> tuple[Moment, Shutter | None, Moment | None]:
+) -> tuple[MotionSample, ShutterInterval | None, MotionSample | None]:
     """What a picture shows, while its shutter is open, and at the next one; of these what it asks for."""
     request = context.request
     angle, framing = request.angles[number], framings[number]
@@ -128,20 +125,20 @@ def _moments(
     )
     measured = _measured(context, number, shading)
     if not request.moments_beside(number):
-        return Moment(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
+        return MotionSample(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
     from pipeline.production.render_inputs.motion import framing_at
 
     movement = _movement(context, number, arrays, shading)
     attributes = {**_attributes(movement, request.layers.extra), **measured}
 
-    def at(offset: float) -> Moment:
+    def at(offset: float) -> MotionSample:
         there = framing_at(framings, number, offset)
-        return Moment(_subject(arrays, movement.at(offset), attributes), there.placement, there.camera)
+        return MotionSample(_subject(arrays, movement.at(offset), attributes), there.placement, there.camera)
 
-    own = Moment(_subject(arrays, shown, attributes), framing.placement, framing.camera)
+    own = MotionSample(_subject(arrays, shown, attributes), framing.placement, framing.camera)
     opened = request.open_at(number)
     following = at(1.0) if "motion" in request.layers.extra else None
-    return own, None if opened is None else Shutter(*opened, at), following
+    return own, None if opened is None else ShutterInterval(*opened, at), following
 
 
 def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, AnyArray], Shading | None]:
@@ -209,11 +206,11 @@ def _subject(
 
 
 def _tell_statistics(
-    context: Context, number: int, key: Key, layers: RenderedFrame, seconds: float, taken_up: int
+    context: Context, number: int, key: Key, layers: RenderedFrame, seconds: float, resumed: int
 ) -> None:
     """What this picture took: it differs from run to run, and pictures do not, so it stands beside them.
 
-    taken_up  how many of its passes an earlier process had rendered, whose seconds are not known
+    resumed  how many of its batches an earlier process had rendered, whose seconds are not known
     """
     stages = {name: round(value, 4) for name, value in layers.seconds.items()}
     told = {
@@ -221,10 +218,10 @@ def _tell_statistics(
         "seconds": {**stages, "reading and writing": round(seconds - sum(layers.seconds.values()), 4)},
         "vertices": layers.facts["surface_vertices"],
         "faces": layers.facts["surface_faces"],
-        "subframes": layers.facts.get("subframes", 1),
+        "motion_samples": layers.facts.get("motion_samples", 1),
         "samples": layers.facts["samples"],
         **({"noise": layers.facts["noise"]} if "noise" in layers.facts else {}),
-        **({"passes_taken_up": taken_up} if taken_up else {}),
+        **({"resumed_batches": resumed} if resumed else {}),
         "threads": context.job.threads,
         "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }

@@ -10,8 +10,9 @@ from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.lights_and_stage import ENVIRONMENTS
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
-from render.scene.quality import FEWEST_ADAPTIVE, QUALITIES
+from render.scene.materials import LOOKS
+from render.scene.measure import Measure
+from render.scene.quality import MIN_ADAPTIVE_SAMPLES, QUALITIES
 
 ALTERNATIVES = (
     ("focal_length", "field_of_view"),
@@ -53,7 +54,8 @@ def measurable(source: YamlSource) -> Iterator[Problem]:
         return
     measure = source.get("look", "measure")
     name = look.get("material") if isinstance(look, dict) else look
-    default = LOOKS[name].measure if isinstance(name, str) and name in LOOKS else None
+    pattern = LOOKS[name].pattern if isinstance(name, str) and name in LOOKS else None
+    default = pattern if isinstance(pattern, Measure) else None
     of = next(iter(measure), None) if isinstance(measure, dict) else default.of if default else None
     if of in ("stretch", "area"):
         yield (
@@ -106,9 +108,9 @@ def noise_threshold(source: YamlSource) -> Iterator[Problem]:
         place = ("quality", name, "noise_threshold")
         samples = source.get("quality", name, "samples")
         samples = quality.samples if samples is None else samples
-        if is_number(source.get(*place)) and is_number(samples) and samples < FEWEST_ADAPTIVE:
+        if is_number(source.get(*place)) and is_number(samples) and samples < MIN_ADAPTIVE_SAMPLES:
             yield (
                 place,
                 f"{name} takes {samples} samples, too few to stop earlier; noise_threshold needs "
-                f"{FEWEST_ADAPTIVE} or more. Write samples: 256 beside it.",
+                f"{MIN_ADAPTIVE_SAMPLES} or more. Write samples: 256 beside it.",
             )

@@ -13,8 +13,8 @@ from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
 from pipeline.shot.yaml.parse_context import ParseContext, missing_file
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from render.base.errors import RenderError
-from render.mitsuba.bsdf_check import refusal
-from render.scene.bsdf import BSDFS, FORMS, TEXTURES, Bsdf, Form
+from render.mitsuba.bsdf import refusal
+from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf, Plugin
 from render.scene.textures import Texture, read_picture
 
 _KINDS = {
@@ -82,7 +82,7 @@ def _plugin(plugin: Any, where: Where, folder: Path, role: str, known: tuple[str
     if kind not in known:
         yield (*where, "type"), f"{shown(kind)!r} is no {role} of Mitsuba. {suggestion(kind, known)}"
         return
-    form = FORMS[kind]
+    form = PLUGINS[kind]
     inner = [0, 0]
     for name, value in plugin.items():
         if name == "type":
@@ -93,7 +93,7 @@ def _plugin(plugin: Any, where: Where, folder: Path, role: str, known: tuple[str
         elif _nests(form, value):
             is_texture = value.get("type") in TEXTURES
             inner[is_texture] += 1
-            yield from _plugin(value, place, folder, "texture" if is_texture else "material", tuple(FORMS))
+            yield from _plugin(value, place, folder, "texture" if is_texture else "material", tuple(PLUGINS))
         else:
             names = tuple(form.parameters)
             hint = suggestion(str(name), names) if names else "It takes none."
@@ -102,11 +102,11 @@ def _plugin(plugin: Any, where: Where, folder: Path, role: str, known: tuple[str
     yield from _file(plugin, where, folder)
 
 
-def _nests(form: Form, value: Any) -> bool:
+def _nests(form: Plugin, value: Any) -> bool:
     return isinstance(value, dict) and bool(form.materials[1] or form.textures)
 
 
-def _count(kind: str, form: Form, inner: list[int], where: Where) -> Iterator[Problem]:
+def _count(kind: str, form: Plugin, inner: list[int], where: Where) -> Iterator[Problem]:
     least, most = form.materials
     if not least <= inner[0] <= most:
         wanted = str(least) if least == most else f"{least} or {most}"
@@ -139,7 +139,7 @@ def _value(value: Any, kind: str, where: Where, folder: Path) -> Iterator[Proble
 
 
 def _file(plugin: dict[str, Any], where: Where, folder: Path) -> Iterator[Problem]:
-    if "filename" not in FORMS[plugin["type"]].parameters:
+    if "filename" not in PLUGINS[plugin["type"]].parameters:
         return
     name = plugin.get("filename")
     if name is None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
@@ -32,8 +31,8 @@ from pipeline.shot.documents.look_parts import (
 )
 from pipeline.shot.yaml.parse_context import ParseContext, finding
 from render.base.errors import RenderError
-from render.scene.bsdf import BSDFS, Bsdf
-from render.scene.look import CLEAR, LOOKS, PLAIN, Look
+from render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
+from render.scene.materials.mitsuba_bsdf import BSDFS, Bsdf
 from render.scene.textures import Texture
 
 BsdfMapping = Annotated[
@@ -119,18 +118,18 @@ class LookDocument(Document):
 
     def _is_consistent(self) -> LookDocument:
         assert self.material is not None
-        model = LOOKS[self.material].model
+        look = LOOKS[self.material]
         pattern = next((name for name in ("pigment", "measure", "picture") if self._has(name)), None)
-        if pattern and model in PLAIN:
+        if pattern and not isinstance(look, PatternedMaterial):
             raise PydanticCustomError(
                 "pigment",
                 "look has a {pattern}, and {why} {material}, which has one colour. Take one of {looks}, "
                 "or write colour.",
                 {
                     "pattern": pattern,
-                    "why": "light goes through" if model in CLEAR else "scratches make the pattern of",
+                    "why": "light goes through" if look.is_clear else "scratches make the pattern of",
                     "material": self.material,
-                    "looks": ", ".join(name for name, look in LOOKS.items() if look.model not in PLAIN),
+                    "looks": ", ".join(n for n, item in LOOKS.items() if isinstance(item, PatternedMaterial)),
                 },
             )
         given = [name for name in ("colour", "pigment", "measure") if getattr(self, name)]
@@ -140,14 +139,14 @@ class LookDocument(Document):
                 "them."
             )
         for name, model_with in _MODEL_WITH.items():
-            if getattr(self, name) is not None and model != model_with:
+            if getattr(self, name) is not None and look.model != model_with:
                 raise PydanticCustomError(
                     "facet",
                     "look has {name}, which {material} does not use. Remove it, or take {fitting}.",
                     {
                         "name": name,
                         "material": self.material,
-                        "fitting": " or ".join(n for n, look in LOOKS.items() if look.model == model_with),
+                        "fitting": " or ".join(n for n, item in LOOKS.items() if item.model == model_with),
                     },
                 )
         if self.projection and not (self.relief or self._has("picture") or self._has("rough")):
@@ -167,11 +166,11 @@ class LookDocument(Document):
             return isinstance(self.colour, PictureDocument | Texture)
         return isinstance(self.roughness, Texture) if name == "rough" else getattr(self, name) is not None
 
-    def build(self) -> Look:
+    def build(self) -> Material:
         """Return the look. A colour replaces the look's own pattern and absorption."""
         if self.material is None:
             assert self._bsdf is not None, "an invalid one has been reported"
-            base = Look("bsdf", self._bsdf.colour, bsdf=self._bsdf)
+            base: Material = MitsubaMaterial.of(self._bsdf)
         else:
             base = LOOKS[self.material]
         named = {"material", "bsdf", "colour", "roughness", "grain", "wireframe", *_PARTS}
@@ -181,15 +180,16 @@ class LookDocument(Document):
         if self.colour:
             given |= {"absorption": None, **self._colour_fields()}
         if self.roughness is not None:
-            given["rough" if self._has("rough") else "roughness"] = self.roughness
+            given["roughness_texture" if self._has("rough") else "roughness"] = self.roughness
         if self.grain:
             given["grain"] = axis(self.grain)
         for name in (*_PARTS, "wireframe"):
             if (part := getattr(self, name)) is not None:
                 given[name] = part.build()
-        return dataclasses.replace(base, **given)
+        return base.with_values(**given)
 
     def _colour_fields(self) -> dict[str, Any]:
         if isinstance(self.colour, list):
             return {"colour": vector(self.colour)}
-        return {"picture": self.colour.build() if isinstance(self.colour, PictureDocument) else self.colour}
+        texture = self.colour.build() if isinstance(self.colour, PictureDocument) else self.colour
+        return {"colour_texture": texture}

@@ -29,7 +29,7 @@ from pipeline.shot.documents.fields import (
 from pipeline.shot.yaml.parse_context import ParseContext, finding
 from render.base.errors import RenderError
 from render.scene.colour_maps import COLOUR_MAPS
-from render.scene.look import Absorption, Relief
+from render.scene.materials import Absorption, Relief
 from render.scene.measure import KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment
 from render.scene.texture_projection import PROJECTIONS, Projection

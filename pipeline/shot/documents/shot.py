@@ -19,8 +19,8 @@ from pipeline.shot.documents.picture import AovsField, ShutterDocument, SmoothDo
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.subject import SubjectDocument
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
-from render.scene.quality import MOST_TEMPORAL_FRAMES, PASS_SAMPLES
+from render.scene.materials import LOOKS
+from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES
 from render.scene.stage import STAGES
 
 
@@ -35,11 +35,12 @@ Resample = Annotated[
 
 
 def _check_samples(samples: int) -> int:
-    if samples > PASS_SAMPLES and samples % PASS_SAMPLES:
+    if samples > BATCH_SAMPLES and samples % BATCH_SAMPLES:
         raise PydanticCustomError(
             "passes",
-            "{samples} samples do not divide into passes of {size}. Write up to {size}, or a multiple of it.",
-            {"samples": samples, "size": PASS_SAMPLES},
+            "{samples} samples do not divide into batches of {size}. Write up to {size}, or a multiple of "
+            "it.",
+            {"samples": samples, "size": BATCH_SAMPLES},
         )
     return samples
 
@@ -48,7 +49,7 @@ Samples = Annotated[
     int,
     Field(ge=1, le=65536),
     AfterValidator(_check_samples),
-    SchemaKeywords(anyOf=[{"maximum": PASS_SAMPLES}, {"multipleOf": PASS_SAMPLES}]),
+    SchemaKeywords(anyOf=[{"maximum": BATCH_SAMPLES}, {"multipleOf": BATCH_SAMPLES}]),
 ]
 
 

@@ -9,7 +9,7 @@ from pipeline.shot.documents.flow_catalogue import facts
 from pipeline.shot.subject import SOLIDS
 from pipeline.shot.templates.flow_presets import FRAMES, Staging, staging_of
 from render.scene.lights import LIGHTS
-from render.scene.look import LOOKS
+from render.scene.materials import LOOKS
 from render.scene.stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"

@@ -1,0 +1,164 @@
+"""Sums of sample batches, and what follows from them: AOVs, noise, and whether the frame has converged."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.base.errors import BadInputError
+from render.frame.adaptive_sampling import MIN_BATCHES, noise_of
+from render.frame.rendered_frame import Pixels
+from render.scene.quality import Quality
+
+Picture = NDArray[np.float64]
+
+FIREFLY_FACTOR = 3.0
+"""Most brightness of a pixel in one batch, over the third brightest of its eight neighbours."""
+
+LUMINANCE, SQUARE = 3, 4
+"""Channels of a beauty picture: mean luminance, and mean of its square."""
+
+_LUMA = np.array([0.2126, 0.7152, 0.0722])
+
+
+@dataclass
+class Accumulator:
+    """The sums of the sample batches of one frame, in the order in which they are added.
+
+    quality         of the frame
+    aovs            names of AOVs beyond those of all frames
+    combined        beauty batches that are averaged before fireflies are removed
+    motion_samples  their number
+    samples         samples per pixel of the beauty so far
+    """
+
+    quality: Quality
+    aovs: Collection[str]
+    combined: int
+    motion_samples: int
+    samples: int = 0
+    _sums: dict[str, Picture] = field(default_factory=dict)
+    _terms: dict[str, int] = field(default_factory=dict)
+    _waiting: list[Picture] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        if "noise" in self.aovs and self.quality.samples < 2:
+            raise BadInputError("layer 'noise' cannot be told from one sample; take samples: 2 or more")
+
+    def add(self, name: str, picture: Picture) -> None:
+        """Add a batch of an AOV, or of "auxiliary" (see `mitsuba.scene.FrameScenes`)."""
+        self._sums[name] = self._sums[name] + picture if name in self._sums else picture
+        self._terms[name] = self._terms.get(name, 0) + 1
+
+    def add_beauty(self, picture: Picture, samples: int) -> None:
+        """Add a batch of the beauty, with channels LUMINANCE and SQUARE if the AOV `noise` is wanted."""
+        self.samples += samples
+        self._waiting.append(picture[..., :3])
+        if "noise" in self.aovs:
+            self.add("luminance", picture[..., LUMINANCE])
+            self.add("square", picture[..., SQUARE])
+        if len(self._waiting) == self.combined:
+            mean = self._waiting[0] if self.combined == 1 else sum(self._waiting) / self.combined
+            light = without_fireflies(np.asarray(mean))
+            self.add("beauty", light)
+            self._waiting = []
+            if self.quality.noise_threshold is not None:
+                self._compare(light @ _LUMA)
+
+    def frame_aovs(self) -> dict[str, Pixels]:
+        """Return the AOVs by name, once all motion samples have been rendered."""
+        means = {name: total / self._terms[name] for name, total in self._sums.items()}
+        auxiliary = means["auxiliary"]
+        arrays = {
+            "beauty": means["beauty"],
+            "albedo": np.clip(auxiliary[..., 0:3], 0.0, 1.0),
+            "normal": auxiliary[..., 7:10],
+            "position": auxiliary[..., 4:7],
+            "depth": auxiliary[..., 3],
+            "matte": np.clip(auxiliary[..., 11], 0.0, 1.0),
+        }
+        for name in self.aovs:
+            if name == "noise":
+                arrays[name] = _standard_error(means["luminance"], means["square"], self.samples)
+            elif name == "samples":
+                arrays[name] = np.full(auxiliary.shape[:2], self.samples)
+            else:
+                arrays[name] = means[name][..., :2] if name == "motion" else means[name]
+        return {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in arrays.items()}
+
+    def facts(self) -> dict[str, float]:
+        """Return the samples per pixel and, with adaptive sampling, the noise."""
+        if self.quality.noise_threshold is None:
+            return {"samples": self.quality.samples}
+        noise = {"noise": float(f"{self._noise:.4g}")} if self._is_comparable else {}
+        return {"samples": self.samples, **noise}
+
+    @property
+    def has_converged(self) -> bool:
+        """True if the noise is at most the quality's threshold, between rounds of motion samples."""
+        threshold = self.quality.noise_threshold
+        amid_round = "round" in self._sums or self._waiting
+        return threshold is not None and not amid_round and self._is_comparable and self._noise <= threshold
+
+    @property
+    def _is_comparable(self) -> bool:
+        return self._terms.get("squares", 0) >= MIN_BATCHES
+
+    @property
+    def _noise(self) -> float:
+        return noise_of(self._sums["luminances"], self._sums["squares"], self._terms["squares"])
+
+    def _compare(self, luminance: Picture) -> None:
+        """Add the luminance of a batch. The mean over a round of all motion samples is what is compared."""
+        self.add("round", luminance)
+        if self._terms["round"] * self.combined == self.motion_samples:
+            mean = self._sums.pop("round") / self._terms.pop("round")
+            self.add("luminances", mean)
+            self.add("squares", mean * mean)
+
+    def state(self) -> dict[str, NDArray[Any]]:
+        """Return everything, for a checkpoint."""
+        sums = {f"sum:{name}": total for name, total in self._sums.items()}
+        terms = {f"terms:{name}": np.array(count) for name, count in self._terms.items()}
+        waiting = {f"waiting:{index}": picture for index, picture in enumerate(self._waiting)}
+        return {"samples": np.array(self.samples), **sums, **terms, **waiting}
+
+    def restore(self, state: Mapping[str, NDArray[Any]]) -> None:
+        """Continue from what `state` returned."""
+
+        def named(kind: str) -> dict[str, NDArray[Any]]:
+            return {key.removeprefix(kind): state[key] for key in state if key.startswith(kind)}
+
+        self.samples = int(state["samples"])
+        self._sums = named("sum:")
+        self._terms = {name: int(count) for name, count in named("terms:").items()}
+        self._waiting = list(named("waiting:").values())
+
+
+def without_fireflies(light: Picture) -> Picture:
+    """Return radiance (H, W, 3) of one batch with single bright pixels dimmed to the bound of FIREFLY_FACTOR.
+
+    A highlight or a thin bright line has at least three bright neighbours at every pixel and stays; a path
+    that hit an emitter by chance has none.
+    """
+    luminance = light @ _LUMA
+    height, width = luminance.shape
+    padded = np.pad(luminance, 1, mode="edge")
+    offsets = [(y, x) for y in range(3) for x in range(3) if (y, x) != (1, 1)]
+    neighbours = [padded[y : y + height, x : x + width] for y, x in offsets]
+    third = np.partition(np.stack(neighbours), 5, axis=0)[5]
+    bound = FIREFLY_FACTOR * third + 1e-3
+    return np.asarray(light * (bound / np.maximum(luminance, bound))[..., None], dtype=np.float64)
+
+
+def _standard_error(mean: Picture, square: Picture, samples: int) -> Picture:
+    """Return the standard error (H, W) of the mean of independent samples: s / √n, s² unbiased.
+
+    Our samples are spread more evenly, and so are motion samples: their error is rather less.
+    """
+    variance = np.maximum(square - mean * mean, 0.0) * samples / (samples - 1)
+    return np.asarray(np.sqrt(variance / samples), dtype=np.float64)

@@ -1,0 +1,156 @@
+"""Build materials that are written out for Mitsuba, and ask Mitsuba whether it accepts them.
+
+Mitsuba alone knows the meaning of values. `refusal` asks it in a process of its own, since the caller may
+still have to choose its engine, and stores the answer in the disk cache.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+from render.base.disk_cache import cache_path, load_answer, store_answer
+from render.base.errors import BadInputError
+from render.mitsuba.texture_coordinates import TextureCoordinates, bitmap, to_uv
+from render.scene.materials.mitsuba_bsdf import Bsdf, Plain
+from render.scene.texture_projection import Projection
+from render.scene.textures import Texture
+
+TIMEOUT = 60.0
+"""Seconds that Mitsuba may take to check a material."""
+
+Refusal = tuple[tuple[str, ...], str]
+"""The path of names to the refused part of a description, and Mitsuba's reason."""
+
+_PACKAGE_ROOT = Path(__file__).resolve().parents[2]
+
+
+def build(bsdf: Bsdf, coordinates: TextureCoordinates, projection: Projection) -> Any:
+    """Return the BSDF, two-sided unless light passes through. Needs a started engine.
+
+    Raises BadInputError where Mitsuba refuses it.
+    """
+    import mitsuba as mi
+
+    try:
+        made = mi.load_dict(_for_mitsuba(bsdf.description, bsdf.files, coordinates, projection))
+        if mi.has_flag(made.flags(), mi.BSDFFlags.Transmission) or "TwoSided" in type(made).__name__:
+            return made
+        if bsdf.description["type"] in ("twosided", "null"):
+            return made
+        return mi.load_dict({"type": "twosided", "material": made})
+    except RuntimeError as error:
+        raise BadInputError(f"look's bsdf cannot be made: {parse_reason(str(error))[1]}") from None
+
+
+def refusal(bsdf: Bsdf) -> Refusal | None:
+    """Return where and why Mitsuba refuses a material, or None. Cached by text and version of Mitsuba.
+
+    None also where the machine is too busy to ask: rendering will then report it.
+    """
+    path = cache_path("materials", [version("mitsuba"), bsdf.text])
+    stored = load_answer(path)
+    answer = stored["refused"] if stored is not None and "refused" in stored else _ask_process(bsdf)
+    if answer is None:
+        return None
+    if stored is None:
+        store_answer(path, {"refused": answer})
+    return (tuple(answer[0]), str(answer[1])) if answer else None
+
+
+def parse_reason(message: str) -> Refusal:
+    """Return the part that an error message of Mitsuba names, and the message without source positions."""
+    node = re.search(r'dictionary node "([^"]*)"', message)
+    names = tuple(name for name in node[1].split(".") if name != "root") if node else ()
+    text = re.sub(r'^.*?dictionary node "[^"]*": ', "", message, flags=re.DOTALL)
+    text = re.sub(r'^failed to instantiate .*? plugin of type "[^"]*": ', "", text)
+    text = re.sub(r"\[[\w.:]*\] ", "", text)
+    return names, " ".join(text.split()).rstrip("!.")
+
+
+def _for_mitsuba(
+    part: Plain, files: tuple[Texture, ...], coordinates: TextureCoordinates, projection: Projection
+) -> Plain:
+    """Return a description with textures read and projected, and lists turned into colours."""
+    if part["type"] == "rgb":
+        return part
+    made: Plain = {}
+    for name, value in part.items():
+        if isinstance(value, dict):
+            value = _for_mitsuba(value, files, coordinates, projection)
+        elif isinstance(value, list):
+            value = {"type": "rgb", "value": value}
+        made[name] = value
+    if part["type"] == "measured":
+        made["filename"] = files[part["filename"]].path
+    if part["type"] == "checkerboard":
+        made["to_uv"] = to_uv(coordinates, projection)
+    if part["type"] == "bitmap":
+        kept = {name: value for name, value in made.items() if name in ("filter_type", "wrap_mode")}
+        made = {**bitmap(files[part["filename"]].pixels(), coordinates, projection), **kept}
+    return made
+
+
+def _ask_process(bsdf: Bsdf) -> Any:
+    """Return `load_error` from a process of its own, or None where that fails."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(_PACKAGE_ROOT), *sys.path])}
+    question = json.dumps({"text": bsdf.text, "files": [file.path for file in bsdf.files]})
+    try:
+        done = subprocess.run(
+            [sys.executable, "-m", "render.mitsuba.bsdf"],
+            input=question,
+            env=environment,
+            capture_output=True,
+            text=True,
+            timeout=TIMEOUT,
+        )
+        return json.loads(done.stdout) if done.returncode == 0 else None
+    except (OSError, ValueError, subprocess.TimeoutExpired):
+        return None
+
+
+def load_error(bsdf: Bsdf) -> list[Any]:
+    """Return where and why this process's Mitsuba refuses a material, or []. Textures are taken as grey."""
+    import mitsuba as mi
+    import numpy as np
+
+    def without_files(part: Any) -> Any:
+        if isinstance(part, list):
+            return {"type": "rgb", "value": part}
+        if not isinstance(part, dict) or part["type"] == "rgb":
+            return part
+        made = {name: without_files(value) for name, value in part.items() if name != "space"}
+        if part["type"] == "measured":
+            made["filename"] = bsdf.files[part["filename"]].path
+        if part["type"] == "bitmap":
+            del made["filename"]
+            made["bitmap"] = mi.Bitmap(np.full((2, 2, 3), 0.5, np.float32))
+        return made
+
+    try:
+        mi.load_dict(without_files(bsdf.description))
+    except RuntimeError as error:
+        names, text = parse_reason(str(error))
+        return [list(names), text]
+    return []
+
+
+def main() -> None:
+    """Run the process that asks: a description and paths of files on stdin, the answer on stdout."""
+    import mitsuba as mi
+
+    mi.set_variant("scalar_rgb")
+    mi.set_log_level(mi.LogLevel.Error)
+    question = json.loads(sys.stdin.read())
+    files = tuple(Texture("", None, path) for path in question["files"])
+    print(json.dumps(load_error(Bsdf(question["text"], files))), flush=True)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,38 @@
+"""Materials: what the sculpture is made of. Plain descriptions; `render.mitsuba.materials` builds them."""
+
+from render.scene.materials.looks import LOOKS
+from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief
+from render.scene.materials.mitsuba_bsdf import Bsdf
+from render.scene.materials.models import (
+    AnyMaterial,
+    BrushedMetal,
+    Diffuse,
+    Glass,
+    Glossy,
+    Gouraud,
+    Metal,
+    MitsubaMaterial,
+    Plastic,
+    Satin,
+    Smoke,
+)
+
+__all__ = [
+    "LOOKS",
+    "Absorption",
+    "AnyMaterial",
+    "BrushedMetal",
+    "Bsdf",
+    "Diffuse",
+    "Glass",
+    "Glossy",
+    "Gouraud",
+    "Material",
+    "Metal",
+    "MitsubaMaterial",
+    "PatternedMaterial",
+    "Plastic",
+    "Relief",
+    "Satin",
+    "Smoke",
+]

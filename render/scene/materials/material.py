@@ -1,0 +1,196 @@
+"""The base classes of materials, and parts that several of them have."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.base.errors import BadInputError
+from render.base.serialise import Triple
+from render.scene.measure import Measure
+from render.scene.patterns import Pigment
+from render.scene.texture_projection import Projection
+from render.scene.textures import Texture
+from render.scene.wireframe import Wireframe
+
+M = TypeVar("M", bound="Material")
+
+_REFUSALS = {
+    "roughness_texture": "has one roughness; those of plastic, metal and satin vary",
+    "relief": "takes no relief; leave it out",
+    **{
+        name: f"has one colour; leave its {word} out"
+        for name, word in (("pigment", "pigment"), ("measure", "measure"), ("colour_texture", "picture"))
+    },
+}
+"""What a look is told that was given a field of another model."""
+
+
+@dataclass(frozen=True)
+class Material:
+    """Base class: what a surface is made of. Opaque materials look the same from both sides.
+
+    colour     linear Rec.709 reflectance
+    roughness  of highlights: 0.03 is the gloss of a mirror, 0.5 is matt
+    wireframe  lines drawn along edges, or None
+    model      the model's name, in headers and keys
+    """
+
+    is_lit: ClassVar[bool] = True
+    """False if the material brings its own light and background."""
+
+    has_body: ClassVar[bool] = True
+    """False for metals, which reflect in highlights only. Quick previews need this and `has_coat`."""
+
+    has_coat: ClassVar[bool] = True
+    """True if a clear coat adds white highlights."""
+
+    colour: Triple
+    roughness: float = 0.1
+    wireframe: Wireframe | None = field(default=None, kw_only=True)
+    model: str = field(default="", init=False)
+
+    def __post_init__(self) -> None:
+        if not all(0.0 <= part <= 1.0 for part in self.colour):
+            raise BadInputError(f"look has colour {self.colour}; reflectances lie between 0 and 1")
+        self._require_fractions("roughness")
+
+    @property
+    def is_clear(self) -> bool:
+        """True if light passes through."""
+        return False
+
+    @property
+    def auxiliary_colour(self) -> Triple:
+        """Colour of a clear material in the albedo AOV, which would be black without."""
+        return self.colour
+
+    @property
+    def min_path_depth(self) -> int:
+        """Vertices that paths need to pass through the material; with fewer, a body is black."""
+        return 0
+
+    @property
+    def pattern(self) -> Pigment | Measure | None:
+        """What varies the colour by a phase per vertex, or None."""
+        return None
+
+    @property
+    def texture_projection(self) -> Projection | None:
+        """Projection of the material's textures, or None for a material without textures."""
+        return None
+
+    @property
+    def scratch_axes(self) -> NDArray[np.float64] | None:
+        """Unit axes (2, 3) along scratches and across them, or None for a material without scratches."""
+        return None
+
+    def with_values(self: M, **values: Any) -> M:
+        """Return the material with fields replaced. None for a field that its model lacks is left out.
+
+        Raises BadInputError for another value of such a field, and for a value out of range.
+        """
+        names = {part.name for part in fields(self) if part.init}
+        for name, value in values.items():
+            if name not in names and value is not None:
+                refusal = _REFUSALS.get(name, f"does not heed {name}; leave it out")
+                raise BadInputError(f"a look of {self.model} {refusal}")
+        return replace(self, **{name: value for name, value in values.items() if name in names})
+
+    def _require_fractions(self, *names: str) -> None:
+        for name in names:
+            if not 0.0 <= getattr(self, name) <= 1.0:
+                raise BadInputError(f"look has {name} {getattr(self, name)}; it must lie between 0 and 1")
+
+
+@dataclass(frozen=True)
+class PatternedMaterial(Material):
+    """Base class of materials whose colour may vary over the surface, by one of four sources.
+
+    colour_from     name of a vertex attribute (V, 3), or None
+    pigment         a procedural pattern, or None
+    measure         a measured number shown by a colour map, or None
+    colour_texture  a texture, or None
+    projection      the projection of textures
+    """
+
+    colour_from: str | None = field(default=None, kw_only=True)
+    pigment: Pigment | None = field(default=None, kw_only=True)
+    measure: Measure | None = field(default=None, kw_only=True)
+    colour_texture: Texture | None = field(default=None, kw_only=True)
+    projection: Projection = field(default_factory=Projection, kw_only=True)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        sources = {
+            "pigment": self.pigment,
+            "measure": self.measure,
+            "picture": self.colour_texture,
+            "colour_from": self.colour_from,
+        }
+        names = [name for name, source in sources.items() if source is not None]
+        if len(names) > 1:
+            raise BadInputError(f"look has {' and '.join(names)}; its colour comes from one of them")
+        if self.has_textures and self.pattern:
+            raise BadInputError(
+                f"look has a {names[0]}, and pictures from files beside it; take one of the two"
+            )
+
+    @property
+    def pattern(self) -> Pigment | Measure | None:
+        """The pigment or the measure, or None."""
+        return self.pigment or self.measure
+
+    @property
+    def has_textures(self) -> bool:
+        """True if a texture gives the colour."""
+        return self.colour_texture is not None
+
+    @property
+    def texture_projection(self) -> Projection | None:
+        """Projection of the material's textures, or None for a material without textures."""
+        return self.projection if self.has_textures else None
+
+
+@dataclass(frozen=True)
+class Relief:
+    """A texture of heights. It changes shading only: outlines stay.
+
+    height  of white over black, scene units; below 0 dark parts stand out
+    """
+
+    texture: Texture
+    height: float = 0.02
+
+    def __post_init__(self) -> None:
+        if not math.isfinite(self.height):
+            raise BadInputError(f"relief has height {self.height}; it must be finite")
+
+
+@dataclass(frozen=True)
+class Absorption:
+    """Absorption inside a body: light falls exponentially with distance (Beer and Lambert).
+
+    colour  linear Rec.709: the fraction of light left after `depth`; above 0
+    depth   in halves of the subject's size
+    """
+
+    colour: Triple
+    depth: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not (all(0.0 < part <= 1.0 for part in self.colour) and 0.0 < self.depth <= 1000.0):
+            raise BadInputError(
+                f"absorption has colour {self.colour} and depth {self.depth}; colours lie above 0 and "
+                "up to 1, depths above 0 and up to 1000"
+            )
+
+    @property
+    def rate(self) -> Triple:
+        """Absorption coefficient, per half of the subject's size."""
+        red, green, blue = (0.0 - math.log(part) / self.depth for part in self.colour)
+        return red, green, blue

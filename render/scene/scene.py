@@ -1,0 +1,66 @@
+"""Scenes: everything that one frame shows, as plain descriptions."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from render.scene.camera import Camera
+from render.scene.lights import LightRig
+from render.scene.materials import Material
+from render.scene.spheres import Spheres
+from render.scene.stage import Placement, Stage
+from render.scene.surface import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class MotionSample:
+    """The moving parts of a scene at one time: subject, placement of the stage, camera."""
+
+    subject: Surface | Spheres
+    placement: Placement
+    camera: Camera
+
+    def pixels(self, size: tuple[int, int], points: ArrayLike | None = None) -> NDArray[np.float64]:
+        """Project the subject's points, or others (N, 3): return pixels right and up of the middle, and
+        depth.
+
+        size  width and height of the picture
+        """
+        if points is None:
+            points = self.subject.centres if isinstance(self.subject, Spheres) else self.subject.vertices
+        projected = self.camera.project(points, size[0] / size[1])
+        return projected * (size[0] / 2.0, size[1] / 2.0, 1.0)
+
+    def surface(self, width: int) -> Surface:
+        """Return the subject as triangles, fine enough for a picture `width` pixels wide."""
+        subject = self.subject
+        return subject.surface(self.camera, width) if isinstance(subject, Spheres) else subject
+
+    def with_attributes(self, attributes: dict[str, NDArray[np.float32]]) -> MotionSample:
+        """Return the sample with more attributes of the subject's points."""
+        merged = {**self.subject.attributes, **attributes}
+        return replace(self, subject=replace(self.subject, attributes=merged))
+
+
+@dataclass(frozen=True, eq=False)
+class Scene:
+    """What a frame shows: the subject and its material, lights, stage and camera."""
+
+    subject: Surface | Spheres
+    material: Material
+    lights: LightRig
+    stage: Stage
+    placement: Placement
+    camera: Camera
+
+    @property
+    def motion_sample(self) -> MotionSample:
+        """The moving parts of the scene."""
+        return MotionSample(self.subject, self.placement, self.camera)
+
+    def at(self, sample: MotionSample) -> Scene:
+        """Return the scene with the moving parts of a motion sample."""
+        return replace(self, subject=sample.subject, placement=sample.placement, camera=sample.camera)

@@ -1,0 +1,64 @@
+"""Colours of vertices, from a pattern's phases or from a texture, for pictures without a path tracer.
+
+The path tracer interpolates phases and looks up the colour ramp per sample (`render.mitsuba.materials`).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.scene.materials import Material, PatternedMaterial
+from render.scene.measure import Measure
+from render.scene.surface import Surface
+from render.scene.textures import Texture
+
+Floats = NDArray[np.float64]
+
+
+def vertex_phases(surface: Surface, material: Material) -> Floats | None:
+    """Return the phases (V,) of the material's pattern, or None for a material without one.
+
+    Raises BadInputError where the surface lacks what the pattern needs.
+    """
+    pattern = material.pattern
+    if pattern is None:
+        return None
+    if isinstance(pattern, Measure):
+        return pattern.phases(surface)
+    return pattern.phases(surface.require_rest("look has a pigment"))
+
+
+def vertex_colours(surface: Surface, material: Material) -> Floats | None:
+    """Return linear Rec.709 reflectances (V, 3), or None for a material of one colour.
+
+    Raises BadInputError where the surface lacks what the colours need.
+    """
+    if isinstance(material, PatternedMaterial) and material.colour_texture is not None:
+        return _texture_colours(surface, material, material.colour_texture)
+    phases = vertex_phases(surface, material)
+    if phases is None or material.pattern is None:
+        return None
+    ramp = material.pattern.ramp()
+    phases = phases % 1.0 if material.pattern.repeats else np.clip(phases, 0.0, 1.0)
+    return np.asarray(ramp[np.minimum((phases * len(ramp)).astype(int), len(ramp) - 1)], dtype=np.float64)
+
+
+def _texture_colours(surface: Surface, material: PatternedMaterial, texture: Texture) -> Floats:
+    """Return the texels at vertices; a vertex with two texture coordinates takes one of them."""
+    rest = surface.require_rest("look has a picture")
+    points = np.repeat(np.arange(len(rest), dtype=np.int32)[:, None], 3, axis=1)
+    faces = surface.faces if len(surface.faces) else points
+    corners, _ = material.projection.coordinates(rest, faces)
+    coordinates = np.zeros((len(rest), 2))
+    coordinates[faces.reshape(-1)] = corners.reshape(-1, 2)
+    pixels = texture.pixels()
+    height, width = pixels.shape[:2]
+    right, up = material.projection.offset
+    across = coordinates[:, 0] + 0.5 - right
+    down = 0.5 + up - coordinates[:, 1] * (width / height if material.projection.keeps_shape else 1.0)
+    rows, columns = (
+        np.minimum((place % 1.0 * count).astype(int), count - 1)
+        for place, count in ((down, height), (across, width))
+    )
+    return np.asarray(pixels[rows, columns], dtype=np.float64)
