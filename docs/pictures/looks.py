@@ -24,10 +24,10 @@ from pipeline.shot import read_shot
 from pipeline.shot.camera import View
 from pipeline.shot.shot import Shot
 from render.frame.render_frame import render_frame
+from render.graphics.typesetting import lettering
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
-from render.post.image import lettering
 from render.scene.lights import LIGHTS
 from render.scene.measure import SPEED
 from render.scene.quality import QUALITIES

@@ -1,7 +1,7 @@
-"""Burn-ins: which frame of which shot a picture is, in small type along its upper and lower edge.
+"""Burn-ins: shot, frame and timecode in small type along the upper and lower edge of a picture.
 
-The type stands on bands that darken the picture softly, so it can be read on snow and on night alike. Words
-are set once and letters of numbers too, so a burn-in costs next to nothing a frame.
+The type stands on bands that darken the picture softly, so it can be read on any picture. Words, and the
+letters of changing values, are set once: a burn-in costs next to nothing per frame.
 """
 
 from __future__ import annotations
@@ -15,10 +15,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError, suggestion
-from render.graphics.typesetting import BASELINE, cut_short, lay, line
+from render.graphics.typesetting import BASELINE, cut_short, line, overlay
 
 FIELDS = ("shot", "frame", "timecode", "key", "quality", "version")
-"""What a burn-in can tell."""
+"""The fields that a burn-in can show."""
 
 Strip = NDArray[np.float32]
 
@@ -31,26 +31,26 @@ _CORNERS = {  # fields by band and side; the first of a corner stands at the edg
 _BRIGHT, _QUIET = 0.96, 0.78
 _INKS = {"shot": _BRIGHT, "timecode": _BRIGHT}
 _FONT = "DroidSans"
-"""Its digits are all as wide, so numbers stand still while they count."""
+"""All its digits have one width, so numbers stand still while they count."""
 _CHANGING = ("frame", "timecode", "key")
-"""Fields of another value in every frame: put together of letters that were set before."""
+"""Fields that change with every frame: put together from letters that are set once."""
 
-_SIZE, _SMALLEST = 0.0265, 9
-"""The size of type, as a share of the picture's height, and in pixels."""
-_WIDEST = 0.0165
-"""The same as a share of its width, for pictures that are upright."""
+_SIZE, _MIN_SIZE = 0.0265, 9
+"""Font size as a share of the picture's height, and its minimum in pixels."""
+_WIDTH_SHARE = 0.0165
+"""Font size as a share of the width, for upright pictures."""
 _BAND, _DARKEST = 3.2, 0.66
-"""How high a band is, in sizes of its type, and how much light it takes away along the edge."""
+"""Height of a band in font sizes, and the share of light that it takes at the picture's edge."""
 
 
 @dataclass(frozen=True)
 class BurnIn:
-    """Puts facts about a picture over it: shot and version below on the left, frame and timecode below on
-    the right, quality and key above.
+    """The fields to burn in: shot and version below on the left, frame and timecode below on the right,
+    quality and key above.
 
-    fields  which of FIELDS are shown; a field without a value is left out
+    fields  some of FIELDS; a field without a value is left out
 
-    Raises BadInputError for a field that there is none of.
+    Raises BadInputError for an unknown field.
     """
 
     fields: tuple[str, ...] = FIELDS
@@ -62,28 +62,28 @@ class BurnIn:
 
     @classmethod
     def parse(cls, text: str) -> BurnIn:
-        """`shot,frame,timecode`; `all` is everything. Raises BadInputError."""
+        """Read `shot,frame,timecode`; `all` means all fields. Raises BadInputError."""
         words = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
         return cls() if words in ((), ("all",)) else cls(words)
 
     def over(self, picture: NDArray[Any], values: Mapping[str, str | int]) -> NDArray[Any]:
-        """A copy of a display picture (H, W, 3), uint8, uint16 or float 0 … 1, with `values` over it.
+        """Return a copy of a display picture (H, W, 3), uint8, uint16 or float 0 … 1, with `values` over it.
 
-        A frame that is a number is written as in file names: 0012. Raises BadInputError for another shape.
+        A frame number is written as in file names: 0012. Raises BadInputError for another shape.
         """
         if picture.ndim != 3 or picture.shape[2] != 3:
             raise BadInputError(f"a burn-in goes over a picture (H, W, 3), not over {picture.shape}")
         height, width = picture.shape[:2]
-        size = max(_SMALLEST, round(min(_SIZE * height, _WIDEST * width)))
+        size = max(_MIN_SIZE, round(min(_SIZE * height, _WIDTH_SHARE * width)))
         done = picture.copy()
         for band in ("upper", "lower"):
-            told = {side: self._told(band, side, values) for side in ("left", "right")}
-            if any(told.values()):
+            texts = {side: self._texts(band, side, values) for side in ("left", "right")}
+            if any(texts.values()):
                 strip = done[: round(_BAND * size)] if band == "upper" else done[-round(_BAND * size) :]
-                _print(strip, size, band, told["left"], told["right"])
+                _print(strip, size, band, texts["left"], texts["right"])
         return done
 
-    def _told(self, band: str, side: str, values: Mapping[str, str | int]) -> list[tuple[str, str]]:
+    def _texts(self, band: str, side: str, values: Mapping[str, str | int]) -> list[tuple[str, str]]:
         shown = [field for field in _CORNERS[band, side] if field in self.fields and field in values]
         written = [(field, _written(field, values[field])) for field in shown]
         return [(field, text) for field, text in written if text]
@@ -96,7 +96,7 @@ def _written(field: str, value: str | int) -> str:
 def _print(
     strip: NDArray[Any], size: int, band: str, left: list[tuple[str, str]], right: list[tuple[str, str]]
 ) -> None:
-    """Darken the pixels (h, W, 3) of a band, and set its type on them."""
+    """Darken the pixels (h, W, 3) of a band and write the texts of its left and right corner."""
     width, gap = strip.shape[1], round(0.9 * size)
     light = _band(size, band)[: len(strip)] if band == "upper" else _band(size, band)[-len(strip) :]
     top = 1.0 if strip.dtype.kind == "f" else float(np.iinfo(strip.dtype).max)
@@ -106,12 +106,12 @@ def _print(
     for field, text in right:
         words = _line(field, text, size)
         at -= words.shape[1]
-        lay(made, words, at, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
+        overlay(made, words, at, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
         at -= gap
     start, room = size, at - size
     for field, text in left:
         words = line(cut_short(text, _FONT, size, room), _FONT, size)
-        lay(made, words, start, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
+        overlay(made, words, start, baseline - round(BASELINE * size), _INKS.get(field, _QUIET) * top)
         start, room = start + words.shape[1] + gap, room - words.shape[1] - gap
     strip[:] = made if strip.dtype.kind == "f" else np.rint(made)
 
@@ -125,7 +125,7 @@ def _line(field: str, text: str, size: int) -> Strip:
 
 @lru_cache(maxsize=16)
 def _band(size: int, band: str) -> Strip:
-    """How much light each row of a band leaves: little along the edge, all where the band ends."""
+    """Return the share of light that each row keeps: little along the edge, all where the band ends."""
     rows = round(_BAND * size)
     inward = (np.arange(rows, dtype=np.float32) + 0.5) / rows
     fade = np.clip((1.0 - inward) / 0.6, 0.0, 1.0)

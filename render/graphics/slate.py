@@ -1,6 +1,6 @@
-"""Slates: what stands before a clip, so that whoever opens it knows what it is; and cards for what failed.
+"""Slates, which name a clip before its first frame, and cards that stand for frames that failed.
 
-Nothing on them tells when they were made: the same shot has the same slate.
+They show no date: the same shot has the same slate.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
-from render.graphics.typesetting import cut_short, fitting, line, wrapped, write
+from render.graphics.typesetting import cut_short, fit_size, line, wrap, write
 
 Floats = NDArray[np.float32]
 
@@ -31,19 +31,19 @@ BARS: tuple[Triple, ...] = (
     (0.75, 0.0, 0.0),
     (0.0, 0.0, 0.75),
 )
-"""Colour bars of 75 %, as SMPTE EG 1 orders them."""
+"""Colour bars of 75%, in the order of SMPTE EG 1."""
 GREYS = 11
 """Steps of the ramp from black to white."""
 
 
 @dataclass(frozen=True, eq=False)
 class Slate:
-    """What stands on a slate.
+    """A slate.
 
-    name      the shot's, large
-    title     what it is called, beside
-    facts     names and values, read in two columns
-    picture   display values 0 … 1 (h, w, 3), shown small; None where there is none
+    name      of the shot, large
+    title     of the shot, below it
+    facts     names and values, in two columns
+    picture   display values 0 … 1 (h, w, 3), shown small; None for none
     imprint   in the upper right corner
     """
 
@@ -53,18 +53,18 @@ class Slate:
     picture: Floats | None = None
     imprint: str = "flowsculpt"
 
-    def drawn(self, size: tuple[int, int]) -> Floats:
-        """The slate as display values (H, W, 3), for pictures of that width and height."""
-        return _Sheet(size).slate(self)
+    def draw(self, size: tuple[int, int]) -> Floats:
+        """Draw the slate in display values (H, W, 3), for frames of that width and height."""
+        return _Card(size).slate(self)
 
 
-def failure(size: tuple[int, int], heading: str, reason: str) -> Floats:
-    """A card (H, W, 3) in the place of a picture that there is none of: which one, and why."""
-    return _Sheet(size).failure(heading, reason)
+def failure_card(size: tuple[int, int], heading: str, reason: str) -> Floats:
+    """Draw a card (H, W, 3) that stands for a missing frame and says which one, and why it failed."""
+    return _Card(size).failure(heading, reason)
 
 
-class _Sheet:
-    """A page, its distances measured by `unit`: a hundredth of its height, or less where it is narrow."""
+class _Card:
+    """A page. Its distances are in units: a hundredth of its height, or less where it is narrow."""
 
     def __init__(self, size: tuple[int, int]) -> None:
         self.width, self.height = size
@@ -78,14 +78,14 @@ class _Sheet:
         write(self.page, "SLATE", _SANS, small, (self.margin, self._down(12.0)), QUIET, 0.3)
         imprint = slate.imprint.upper()
         write(self.page, imprint, _SANS, small, (right, self._down(12.0)), QUIET, 0.3, from_right=True)
-        name = fitting(slate.name, _SANS, self._size(9.5), room, 0.01)
+        name = fit_size(slate.name, _SANS, self._size(9.5), room, 0.01)
         write(self.page, slate.name, _SANS, name, (self.margin, self._down(27.5)), INK, 0.01)
         if slate.title:
             size = self._size(4.0)
             title = cut_short(slate.title, _SERIF, size, room)
             write(self.page, title, _SERIF, size, (self.margin, self._down(34.5)), QUIET)
         self._rule(self._down(39.5))
-        self._shown(slate.picture)
+        self._picture(slate.picture)
         self._facts(slate.facts, with_picture=slate.picture is not None)
         self._references()
         return self.page
@@ -93,19 +93,19 @@ class _Sheet:
     def failure(self, heading: str, reason: str) -> Floats:
         middle = self.height / 2.0
         room = self.width - 2 * self.margin
-        size = fitting(heading, _SANS, self._size(5.5), room)
+        size = fit_size(heading, _SANS, self._size(5.5), room)
         y = round(middle - 2.0 * self.unit)
         mark = self.page[max(0, round(y - 4.1 * self.unit)) : y, round(self.margin) :]
         mark[:, : max(1, round(0.5 * self.unit))] = WARNING
         write(self.page, heading, _SANS, size, (self.margin + 2.4 * self.unit, y), INK)
         small = self._size(2.9)
-        for number, words in enumerate(wrapped(reason, _SANS, small, room - 2.4 * self.unit, most=5)):
+        for number, words in enumerate(wrap(reason, _SANS, small, room - 2.4 * self.unit, max_lines=5)):
             at = (self.margin + 2.4 * self.unit, y + (6.2 + 4.4 * number) * self.unit)
             write(self.page, words, _SANS, small, at, QUIET)
         return self.page
 
     def _facts(self, facts: Sequence[tuple[str, str]], with_picture: bool) -> None:
-        """Rows of a name and a value."""
+        """Draw rows of a name and a value."""
         size = self._size(2.75)
         tab = max((line(name, _SANS, size).shape[1] for name, _ in facts), default=0) + 2.6 * self.unit
         edge = self._picture_left() - 4.0 * self.unit if with_picture else self.width - self.margin
@@ -118,8 +118,8 @@ class _Sheet:
     def _picture_left(self) -> float:
         return self.width - self.margin - 58.0 * self.unit
 
-    def _shown(self, picture: Floats | None) -> None:
-        """The picture small, under the rule on the right."""
+    def _picture(self, picture: Floats | None) -> None:
+        """Draw the picture small, below the rule on the right."""
         if picture is None:
             return
         widest, highest = 58.0 * self.unit, 36.0 * self.unit
@@ -130,7 +130,7 @@ class _Sheet:
         self._fill(top, right - small.shape[1], small)
 
     def _references(self) -> None:
-        """Colour bars and a ramp of greys along the lower edge, by which a display can be judged."""
+        """Draw colour bars and a ramp of greys along the lower edge, to judge a display by."""
         top, height = self._down(85.0), 2.6 * self.unit
         left, right = round(self.margin), round(self.width - self.margin)
         middle = (left + right) // 2
@@ -155,7 +155,7 @@ class _Sheet:
         place[:] = values[: place.shape[0], : place.shape[1]]
 
     def _down(self, units: float) -> float:
-        """So far below the upper edge of what is drawn on, which stands in the middle of an upright page."""
+        """Return the row at a distance from the top of the drawing, which is centred on upright pages."""
         return self.top + units * self.unit
 
     def _size(self, units: float) -> int:
@@ -163,7 +163,7 @@ class _Sheet:
 
 
 def _ground(size: tuple[int, int]) -> Floats:
-    """Warm and dark, a little lighter towards the upper left, where the name stands."""
+    """Return a warm dark ground, a little lighter towards the upper left, where the name stands."""
     width, height = size
     y, x = np.mgrid[0:height, 0:width].astype(np.float32)
     across, down = x / max(1, width) - 0.30, y / max(1, height) - 0.28
@@ -173,7 +173,7 @@ def _ground(size: tuple[int, int]) -> Floats:
 
 
 def _resized(picture: Floats, size: tuple[int, int]) -> Floats:
-    """The mean over each smaller pixel's place, by sums along both sides."""
+    """Resize a picture by area means, from cumulative sums along both axes."""
     made = picture.astype(np.float64)
     for axis, target in ((0, size[1]), (1, size[0])):
         length = made.shape[axis]

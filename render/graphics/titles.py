@@ -1,4 +1,4 @@
-"""Title cards: a few words of light on a warm dark ground, fading in and out."""
+"""Title cards: a title and a subtitle on a warm dark ground, fading in and out."""
 
 from __future__ import annotations
 
@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import Triple
-from render.post.image import lettering
+from render.graphics.typesetting import line
 
 
 @dataclass(frozen=True)
 class TitleCard:
-    """What stands on a card; sizes are shares of the picture's height.
+    """A title card; sizes are shares of the picture's height.
 
     title, subtitle   one line each; the title is set in wide capitals
     ground, centre    display colours of the corners and of the glow behind the words
@@ -35,10 +35,10 @@ class TitleCard:
 def title_frames(
     card: TitleCard, size: tuple[int, int], count: int, fade: int
 ) -> Iterator[NDArray[np.float32]]:
-    """`count` frames of display values (H, W, 3); the words fade in over `fade` frames and out again.
+    """Yield `count` frames of display values (H, W, 3); the words fade in over `fade` frames and out again.
 
-    The ground stays, so a cut from and to the card is a cut of light, not of black; the glow swells a
-    little while the words stand. Raises BadInputError where the fades do not fit into `count`.
+    The ground does not fade, so a cut to the card does not flash black; its glow grows a little meanwhile.
+    Raises BadInputError where the fades do not fit into `count`.
     """
     if fade < 0 or count < 1 or 2 * fade > count:
         raise BadInputError(f"a title of {count} frames cannot fade over {fade} at each end; at most half")
@@ -66,31 +66,31 @@ def _ground(card: TitleCard, size: tuple[int, int], swell: float) -> NDArray[np.
 
 
 def _words(card: TitleCard, size: tuple[int, int]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Masks (H, W) of the title, a little above the middle, and of the subtitle below it."""
+    """Return the coverage (H, W) of the title, a little above the middle, and of the subtitle below it."""
     width, height = size
     title = _fitted(card.title.upper(), "DroidSans", card.title_size * height, 0.30, width)
     subtitle = _fitted(card.subtitle, "DroidSerif-Italic", card.subtitle_size * height, 0.03, width)
-    return _placed(title, size, 0.46), _placed(subtitle, size, 0.575)
+    return _centred(title, size, 0.46), _centred(subtitle, size, 0.575)
 
 
 def _fitted(text: str, font: str, height: float, spacing: float, width: int) -> NDArray[np.float32]:
-    """The line at that height in pixels, or smaller where it would fill over four fifths of the width."""
+    """Set a line at that height in pixels, or smaller where it would fill over four fifths of the width."""
     if not text.strip():
         return np.zeros((1, 1), dtype=np.float32)
-    line = lettering(text, font, max(2, round(height)), spacing)
-    if line.shape[1] > 0.8 * width:
-        line = lettering(text, font, max(2, int(height * 0.8 * width / line.shape[1])), spacing)
-    return line[:, :width]
+    cover = line(text, font, max(2, round(height)), spacing)
+    if cover.shape[1] > 0.8 * width:
+        cover = line(text, font, max(2, int(height * 0.8 * width / cover.shape[1])), spacing)
+    return cover[:, :width]
 
 
-def _placed(line: NDArray[np.float32], size: tuple[int, int], middle: float) -> NDArray[np.float32]:
-    """The line on an empty page: centred across, its ink's middle at that share of the height."""
+def _centred(cover: NDArray[np.float32], size: tuple[int, int], middle: float) -> NDArray[np.float32]:
+    """Place a line on an empty page: centred across, the middle of its ink at a share of the height."""
     width, height = size
     page = np.zeros((height, width), dtype=np.float32)
-    rows = np.flatnonzero(line.any(axis=1))
+    rows = np.flatnonzero(cover.any(axis=1))
     if not len(rows):
         return page
-    ink = line[rows[0] : rows[-1] + 1][:height]
+    ink = cover[rows[0] : rows[-1] + 1][:height]
     top = min(max(0, round(middle * height - ink.shape[0] / 2.0)), height - ink.shape[0])
     left = (width - ink.shape[1]) // 2
     page[top : top + ink.shape[0], left : left + ink.shape[1]] = ink
@@ -98,7 +98,7 @@ def _placed(line: NDArray[np.float32], size: tuple[int, int], middle: float) -> 
 
 
 def _fade(number: int, count: int, fade: int) -> float:
-    """0 … 1 over the first `fade` frames, back over the last."""
+    """Rise from 0 to 1 over the first `fade` frames and fall over the last."""
     if fade == 0:
         return 1.0
     return _smooth(min((number + 0.5) / fade, (count - number - 0.5) / fade, 1.0))

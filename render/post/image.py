@@ -138,36 +138,6 @@ def read_png(path: Path) -> NDArray[Any]:
         return np.asarray(pixels).reshape(spec.height, spec.width, spec.nchannels)
 
 
-def lettering(text: str, font: str, height: int, spacing: float = 0.0) -> NDArray[np.float32]:
-    """One line of text as coverage (H, W), 0 … 1; `height` is the font's size in pixels.
-
-    `spacing` is added after each letter, in font heights. `font` is the name of a font that OpenImageIO
-    ships or the system has. Letters are set four times too large and scaled down, which places them to
-    a quarter of a pixel. Raises BadInputError for a font that is not there.
-    """
-    fine = 4
-    size = height * fine
-    around = _ink_width("HH", size, font)
-    offsets, x = [], 0.0
-    for letter in text:
-        offsets.append(round(x))
-        x += _ink_width(f"H{letter}H", size, font) - around + spacing * size  # bearings included
-    width = max(1, round(x - spacing * size))
-    page = oiio.ImageBuf(oiio.ImageSpec(-(-width // fine) * fine, 2 * size, 3, oiio.FLOAT))
-    for letter, offset in zip(text, offsets, strict=True):
-        oiio.ImageBufAlgo.render_text(page, offset, int(1.4 * size), letter, size, font, [1.0, 1.0, 1.0])
-    ink = np.asarray(page.get_pixels(oiio.FLOAT))[..., 0]
-    rows, columns = ink.shape[0] // fine, ink.shape[1] // fine
-    return np.asarray(ink.reshape(rows, fine, columns, fine).mean(axis=(1, 3)), dtype=np.float32)
-
-
-def _ink_width(text: str, size: int, font: str) -> int:
-    box = oiio.ImageBufAlgo.text_size(text, size, font)
-    if not box.defined:
-        raise BadInputError(f"there is no font {font!r}; try DroidSans or DroidSerif")
-    return int(box.xend - box.xbegin)
-
-
 def _precision(layer: str, wanted: Mapping[str, str]) -> str:
     return wanted[layer] if layer in wanted else AOVS[layer].precision if layer in AOVS else "half"
 

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from render.base.errors import BadInputError
-from render.graphics.contact_sheet import GROUND, MOST_PIXELS, ContactSheet, columns_for, reduced, reduction
+from render.graphics.contact_sheet import GROUND, MAX_PIXELS, ContactSheet, columns_for, reduced, reduction
 
 SIZE = (64, 36)
 CAPTIONS = tuple((("strength", f"{s}"), ("max_edge_length", f"{m}")) for s in (1, 2) for m in (0.1, 0.2, 0.3))
@@ -91,7 +91,7 @@ def test_columns_make_a_sheet_like_a_screen() -> None:
 def test_large_sheets_show_smaller_pictures() -> None:
     assert reduction(4, 2, (480, 270)) == 1
     factor = reduction(100, 10, (1920, 1080))
-    assert 10 * 1920 / factor <= MOST_PIXELS
+    assert 10 * 1920 / factor <= MAX_PIXELS
     light = np.arange(5 * 7 * 3, dtype=np.float32).reshape(5, 7, 3)
     small = reduced(light, 2)
     assert small.shape == (2, 3, 3)

@@ -16,7 +16,8 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
 from render.frame.rendered_frame import RenderedFrame
-from render.post.image import lettering, read_exr, read_header, read_png, write_exr, write_png
+from render.graphics.typesetting import lettering
+from render.post.image import read_exr, read_header, read_png, write_exr, write_png
 
 
 @pytest.fixture

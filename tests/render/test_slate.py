@@ -5,15 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from render.graphics.slate import BARS, GREYS, Slate, failure
-from render.graphics.typesetting import cut_short, line, wrapped
+from render.graphics.slate import BARS, GREYS, Slate, failure_card
+from render.graphics.typesetting import cut_short, line, wrap
 
 FACTS = (("version", "v003"), ("frames", "1-48"), ("quality", "final"))
 PICTURE = np.tile(np.linspace(0.3, 0.7, 96, dtype=np.float32)[:, None], (54, 1, 3))
 
 
 def test_a_slate_carries_bars_and_greys_of_exact_colours() -> None:
-    slate = Slate("A010_cube", "A cube", FACTS).drawn((960, 540))
+    slate = Slate("A010_cube", "A cube", FACTS).draw((960, 540))
     row = slate[465]
     for colour in BARS:
         assert (np.abs(row - np.float32(colour)).max(axis=1) == 0).any()
@@ -22,15 +22,15 @@ def test_a_slate_carries_bars_and_greys_of_exact_colours() -> None:
 
 
 def test_the_same_shot_has_the_same_slate() -> None:
-    one, other = (Slate("A010_cube", "A cube", FACTS, PICTURE).drawn((480, 270)) for _ in range(2))
+    one, other = (Slate("A010_cube", "A cube", FACTS, PICTURE).draw((480, 270)) for _ in range(2))
     assert one.dtype == np.float32
     assert (one == other).all()
     assert ((one >= 0.0) & (one <= 1.0)).all()
 
 
 def test_a_picture_stands_on_it_small_and_unchanged_in_light() -> None:
-    with_picture = Slate("A010_cube", "", FACTS, PICTURE).drawn((960, 540))
-    without = Slate("A010_cube", "", FACTS).drawn((960, 540))
+    with_picture = Slate("A010_cube", "", FACTS, PICTURE).draw((960, 540))
+    without = Slate("A010_cube", "", FACTS).draw((960, 540))
     rows, columns = np.nonzero(np.abs(with_picture - without).max(axis=2) > 0.05)
     shown = with_picture[rows.min() : rows.max() + 1, columns.min() : columns.max() + 1]
     assert abs(shown.shape[1] / shown.shape[0] - 96 / 54) < 0.03
@@ -39,20 +39,21 @@ def test_a_picture_stands_on_it_small_and_unchanged_in_light() -> None:
 
 @pytest.mark.parametrize("size", [(1, 1), (16, 9), (5, 200), (200, 5), (270, 480), (2048, 858)])
 def test_slates_and_cards_have_any_size(size: tuple[int, int]) -> None:
-    for page in (Slate("A", "b", FACTS, PICTURE).drawn(size), failure(size, "frame 17 failed", "disk full")):
+    slate = Slate("A", "b", FACTS, PICTURE)
+    for page in (slate.draw(size), failure_card(size, "frame 17 failed", "disk full")):
         assert page.shape == (size[1], size[0], 3)
         assert np.isfinite(page).all()
 
 
 def test_a_long_name_is_set_smaller_and_a_long_reason_in_several_lines() -> None:
-    slate = Slate("B" * 60, "T" * 300, [("key", "k" * 400)], PICTURE).drawn((960, 540))
+    slate = Slate("B" * 60, "T" * 300, [("key", "k" * 400)], PICTURE).draw((960, 540))
     assert np.abs(slate[60:200, 920:] - slate[60:200, 919:920]).max() < 0.02
-    card = failure((960, 540), "frame 17 failed", "the surface is not finite " * 40)
+    card = failure_card((960, 540), "frame 17 failed", "the surface is not finite " * 40)
     assert np.abs(card[:, 930:] - card[:, 929:930]).max() < 0.02
 
 
 def test_words_are_wrapped_within_their_room() -> None:
-    lines = wrapped("the flow at frame 16 tears the surface apart", "DroidSans", 12, 100.0, most=3)
+    lines = wrap("the flow at frame 16 tears the surface apart", "DroidSans", 12, 100.0, max_lines=3)
     assert len(lines) == 3
     assert all(line(each, "DroidSans", 12).shape[1] <= 100 for each in lines)
     assert cut_short("abc", "DroidSans", 12, 0.0) == ""

@@ -169,7 +169,7 @@ class Delivery:
         reel = self.reel
         poster = reel.poster(replace(look, covered=False))[0].astype(np.float32) / np.float32(65535)
         facts = (*reel.facts, ("made as", encode.name))
-        drawn = Slate(reel.title, reel.subtitle, facts, poster).drawn(reel.size)
+        drawn = Slate(reel.title, reel.subtitle, facts, poster).draw(reel.size)
         frame = opaque(quantise(drawn, bits=16), look)
         for _ in range(self._slate_frames):
             yield frame

@@ -15,7 +15,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
 from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import Provenance, records
-from render.graphics.slate import failure
+from render.graphics.slate import failure_card
 from render.movie.planes import Frame
 from render.post.colour import quantise, to_display
 
@@ -110,7 +110,7 @@ class Rushes:
     def _card(self, number: int, reason: str, look: Look) -> Frame:
         size = self.request.quality.rendered_size
         heading = f"{self.request.name}  frame {number} failed"
-        return opaque(quantise(failure(size, heading, reason), bits=16), look)
+        return opaque(quantise(failure_card(size, heading, reason), bits=16), look)
 
     def _key(self, number: int) -> str:
         return self.keys[number].frame if self.keys is not None else ""
