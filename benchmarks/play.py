@@ -11,8 +11,7 @@ import numpy as np
 from benchmarks.works import Film
 from pipeline.arrays import Points
 from pipeline.mesh import TriangleMesh, icosphere
-from pipeline.mesh.normals import NORMAL
-from pipeline.mesh.tangents import carried_normals
+from pipeline.mesh.normals import NORMAL, carried_normals
 from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
 from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS
 

@@ -17,7 +17,7 @@ from benchmarks.normals import Ball, Row, angles, back, exact_normals, films
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import Floats
 from pipeline.mesh import split_at_creases
-from pipeline.mesh.tangents import unit
+from pipeline.mesh.normals import unit
 from pipeline.shot import Motion
 
 OUT = Path(__file__).parent / "out"

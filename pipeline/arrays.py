@@ -1,4 +1,4 @@
-"""Names for the array types that cross from one room to the next; shapes stand in the docstrings."""
+"""Names of array types; docstrings give the shapes."""
 
 from __future__ import annotations
 

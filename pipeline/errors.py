@@ -12,7 +12,7 @@ from render.base.errors import suggestion as suggestion
 
 
 class UsageError(FlowsculptError):
-    """An argument, option or value that cannot be (exit code 2)."""
+    """An impossible argument, option or value (exit code 2)."""
 
 
 class ShotError(FlowsculptError):
@@ -24,19 +24,19 @@ class ShotError(FlowsculptError):
 
 
 class MeshError(FlowsculptError):
-    """A mesh that is not what the work needs: empty, not finite, not manifold (exit code 2)."""
+    """An unusable mesh: empty, not finite, not manifold (exit code 2)."""
 
 
 class MissingInputError(FlowsculptError):
-    """A file or a shot that is named but not there (exit code 3)."""
+    """A named file or shot that does not exist (exit code 3)."""
 
     exit_code = 3
 
 
 class FrameError(FlowsculptError):
-    """A frame that could not be made while others could (exit code 1).
+    """A frame that failed while others could be made (exit code 1).
 
-    frame  which one, where that is known; the message then begins with it
+    frame  its number, if known; the message then begins with it
     """
 
     exit_code = 1
@@ -46,5 +46,5 @@ class FrameError(FlowsculptError):
         self.frame = frame
 
     def of(self, frame: int) -> FrameError:
-        """This error as that frame's; one that knows its frame stays as it is."""
+        """Return this error with a frame, unless it has one."""
         return self if self.frame is not None else FrameError(str(self), frame)

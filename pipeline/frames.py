@@ -1,4 +1,4 @@
-"""Frames are integers, time is seconds: ranges as artists write them, and the rate that joins the two."""
+"""Frame ranges as artists write them, and frame rates. Frames are integers, time is seconds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from fractions import Fraction
 from pipeline.errors import UsageError
 
 MOST_FRAMES = 100_000
-"""What one range may hold: over an hour at 24 frames per second."""
+"""Frames in one range: over an hour at 24 frames per second."""
 
 SLOWEST, FASTEST = Fraction(1, 10), Fraction(1000)
 """Frames per second."""
@@ -28,7 +28,7 @@ class FrameRange:
 
     @classmethod
     def parse(cls, text: str) -> FrameRange:
-        """Raises UsageError, naming the text, where it is no range, or holds no whole frame or too many."""
+        """Return the range. Raises UsageError, with the text, for no range, no whole frame, or too many."""
         if _reach(text) > MOST_FRAMES:
             raise UsageError(
                 f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
@@ -50,6 +50,7 @@ class FrameRange:
 
     @classmethod
     def of(cls, numbers: Iterable[int]) -> FrameRange:
+        """Return the range of these frames, in this order."""
         return cls(tuple(numbers))
 
     @property
@@ -61,7 +62,7 @@ class FrameRange:
         return max(self.numbers)
 
     def outside(self, other: FrameRange) -> FrameRange:
-        """The frames that `other` does not hold, in our order."""
+        """Return the frames that `other` does not hold, in this order."""
         theirs = set(other.numbers)
         return FrameRange(tuple(n for n in self.numbers if n not in theirs))
 
@@ -75,7 +76,7 @@ class FrameRange:
         return number in self.numbers
 
     def __str__(self) -> str:
-        """The shortest way to write it in ascending order: `1-48x2`."""
+        """Return the shortest text in ascending order: `1-48x2`."""
         import fileseq
 
         return str(fileseq.framesToFrameRange(sorted(self.numbers), sort=True)) if self.numbers else ""
@@ -89,9 +90,9 @@ class FrameRate:
 
     @classmethod
     def of(cls, value: int | float | str | Fraction) -> FrameRate:
-        """Accepts 24, 29.97 (read as 30000/1001), "24000/1001".
+        """Return the rate for 24, 29.97 (read as 30000/1001) or "24000/1001".
 
-        Raises UsageError where it is no rate, or not from SLOWEST to FASTEST.
+        Raises UsageError for other text, and for rates outside SLOWEST to FASTEST.
         """
         try:
             if not _RATE.fullmatch(str(value)):
@@ -109,7 +110,7 @@ class FrameRate:
         return cls(_NTSC.get(fps, fps))
 
     def seconds(self, frames: float) -> float:
-        """How long that many frames last, as exactly as a float can say it."""
+        """Return the duration of that many frames, as exactly as a float can hold it."""
         numerator, denominator = frames.as_integer_ratio()
         return numerator * self.fps.denominator / (denominator * self.fps.numerator)
 
@@ -118,20 +119,20 @@ class FrameRate:
 
 
 def shortened(value: object) -> str:
-    """As Python writes it, for messages that stay in one line whatever was typed."""
+    """Return the repr of a value, cut to one line for messages."""
     text = repr(value)
     return text if len(text) <= 60 else f"{text[:50]}…{text[-5:]}"
 
 
 def _reach(text: str) -> int:
-    """How many frames lie from first to last in the parts of a range; too many for numbers beyond reason."""
+    """Return the number of frames between the ends of a range's parts; too many for absurd numbers."""
     if any(len(digits.lstrip("0")) > 9 for digits in re.findall(r"\d+", text)):
         return MOST_FRAMES + 1
     return sum(abs(int(last) - int(first)) + 1 for first, last in re.findall(r"(-?\d+)-(-?\d+)", text))
 
 
 _PLAIN = re.compile(r"([0-9]+)-([0-9]+)")
-"""Every frame from one to another, as shots and edits have them."""
+"""A range of every frame, as most shots and edits have it."""
 
 _RATE = re.compile(r"\s*[+-]?\d{1,20}(\.\d{0,20}([eE][+-]?\d{1,3})?|[eE][+-]?\d{1,3}|/\d{1,20})?\s*")
 """Numbers short enough to be computed exactly."""

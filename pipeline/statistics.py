@@ -1,4 +1,4 @@
-"""How mesh-like a surface is (P7), and how much a resampling disturbs it (P38)."""
+"""Statistics of a mesh (P7), and the flicker that a resampling adds to its shading (P38)."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pipeline.mesh.kernels.intersections import count_crossings, fill_grid
 
 @dataclass(frozen=True)
 class MeshStatistics:
-    """Mesh-like means that `mean_edge / diameter` is small and `median_dihedral` near π.
+    """A surface is mesh-like if `mean_edge / diameter` is small and `median_dihedral` near π.
 
     mean_edge        mean edge length, scene units; every edge counts once for each of its faces
     diameter         diagonal of the bounding box, scene units
     median_dihedral  median inner angle between neighbouring faces, radians: π is flat
     area             scene units squared
-    crossings        pairs of faces that pass through each other, which no continuous flow makes
+    crossings        pairs of faces that intersect, which no continuous flow makes
     """
 
     mean_edge: float
@@ -32,7 +32,7 @@ class MeshStatistics:
 
 
 def mesh_statistics(mesh: TriangleMesh) -> MeshStatistics:
-    """The statistics of a sound mesh."""
+    """Return the statistics of a sound mesh."""
     corners = mesh.vertices[mesh.faces]
     sides = corners[:, (1, 2, 0)] - corners
     squares = np.einsum("fij,fij->fi", sides, sides)
@@ -49,7 +49,7 @@ def mesh_statistics(mesh: TriangleMesh) -> MeshStatistics:
 
 
 def _median_dihedral(mesh: TriangleMesh, normals: Vectors) -> float:
-    """The angle falls as the cosine grows, so the median cosine will do; π where no faces meet."""
+    """Return the median inner angle, by the median cosine; π where no faces meet."""
     twin = np.empty(3 * len(mesh.faces), np.int32)
     match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
     first = np.flatnonzero(twin > np.arange(len(twin)))
@@ -61,11 +61,11 @@ def _median_dihedral(mesh: TriangleMesh, normals: Vectors) -> float:
 
 @dataclass(frozen=True)
 class Sizzle:
-    """What one resampling does to the shading where nothing else happens: at the vertices that stay (P38).
+    """Jump of the shading that one resampling causes at the vertices that stay (P38).
 
-    shading  rms jump of the normals that are rendered, radians
-    surface  rms jump of the normals of the faces around, radians
-    share    of the vertices before that stay, 0 to 1
+    shading  rms jump of the rendered normals, radians
+    surface  rms jump of the mean face normals, radians
+    share    of the earlier vertices that stay, 0 to 1
     """
 
     shading: float
@@ -76,7 +76,7 @@ class Sizzle:
 def sizzle(
     before: TriangleMesh, shaded_before: ShadedMesh, after: TriangleMesh, shaded_after: ShadedMesh
 ) -> Sizzle:
-    """From a surface that has been moved and not resampled yet to the same one resampled.
+    """Return the jump from a surface after a move to the same surface after resampling.
 
     Vertices at creases, which have several normals, are left out of the shading.
     """
@@ -88,20 +88,20 @@ def sizzle(
 
 
 def surviving(before: TriangleMesh, after: TriangleMesh) -> tuple[Indices, Indices]:
-    """Which vertices of one mesh are at the very place, bit for bit, of which of the other."""
+    """Return the indices of vertices at the same position, bit for bit, in both meshes."""
     one, other = (np.ascontiguousarray(mesh.vertices + 0.0).view("V24").ravel() for mesh in (before, after))
     _, old, new = np.intersect1d(one, other, return_indices=True)
     return old.astype(np.int32), new.astype(np.int32)
 
 
 def undivided(shaded: ShadedMesh) -> AnyArray:
-    """(V,) bool: which vertices of the mesh have one normal only."""
+    """Return flags (V,) of the vertices with a single normal."""
     once: AnyArray = np.bincount(shaded.source_vertex) == 1
     return once
 
 
 def _angles(one: Vectors, other: Vectors) -> Floats:
-    """Between unit vectors (N, 3), radians; the half of the chord keeps digits where the angle is small."""
+    """Return the angles between unit vectors (N, 3), radians; half chords keep the digits of small ones."""
     angles: Floats = 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(one - other, axis=1), 1.0))
     return angles
 
@@ -114,10 +114,10 @@ _CELL = 1.5  # size of a cell of the grid, in faces of median size
 
 
 def self_intersections(mesh: TriangleMesh) -> int:
-    """How many pairs of faces cross each other; 0 for an embedded surface.
+    """Return the number of pairs of faces that cross each other; 0 for an embedded surface.
 
-    Two faces cross where an edge of one passes through the inside of the other. Faces that share an edge
-    are not compared, those that share a corner are; mere contact does not count.
+    Two faces cross where an edge of one passes through the inside of the other. Faces that share an edge are
+    not compared, those that share a corner are; mere contact does not count.
     """
     if not len(mesh.faces):
         return 0

@@ -13,7 +13,7 @@ from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import TriangleMesh, icosphere, split_at_creases
-from pipeline.mesh.tangents import carried_normals, tangents
+from pipeline.mesh.normals import carried_normals, tangents
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from pipeline.statistics import sizzle, surviving

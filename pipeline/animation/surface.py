@@ -14,8 +14,7 @@ from pipeline.flow.flow_map import FrameStep
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.identity import Register
-from pipeline.mesh.normals import NORMAL, vertex_normals
-from pipeline.mesh.tangents import carried_normals
+from pipeline.mesh.normals import NORMAL, carried_normals, vertex_normals
 from pipeline.resample import PolyhedralResampler, Report, Resampler, Thresholds
 from pipeline.resample.placement.rest_surface import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling

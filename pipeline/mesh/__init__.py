@@ -1,4 +1,4 @@
-"""What a surface is: values, solids, files, connectivity, proofs and normals."""
+"""Meshes: values, solids, files, connectivity, validation and normals."""
 
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.io.read import read_mesh, read_polygons
@@ -7,7 +7,7 @@ from pipeline.mesh.normals import ShadedMesh, dihedral_angles, face_normals, spl
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.solids.primitives import box, icosphere, rod, sheet, torus
 from pipeline.mesh.triangle_mesh import TriangleMesh
-from pipeline.mesh.validation import Soundness, require, require_polygons, validate, validate_polygons
+from pipeline.mesh.validation import Soundness, require, validate
 
 __all__ = [
     "HalfedgeMesh",
@@ -22,13 +22,11 @@ __all__ = [
     "read_mesh",
     "read_polygons",
     "require",
-    "require_polygons",
     "rod",
     "sheet",
     "split_at_creases",
     "torus",
     "validate",
-    "validate_polygons",
     "vertex_normals",
     "write_mesh",
 ]

@@ -3,8 +3,8 @@
 The basis is that of Riesenfeld's thesis (*Applications of B-spline Approximation to Geometric Problems of
 Computer-Aided Design*, 1973) and of Farin, *Curves and Surfaces for CAGD*. The surface does not pass through
 its points but stays within their convex hull, and moving them by an affine map moves it by the same map. An
-open side begins near its second row of points and ends near the last but one: at them, where they lie in the
-middle between their neighbours.
+open side begins near its second row of points and ends near the last but one: exactly there, if those points
+are the midpoints of their neighbours.
 """
 
 from __future__ import annotations
@@ -18,21 +18,21 @@ from pipeline.mesh.normals import ShadedMesh, vertex_normals
 from pipeline.mesh.triangle_mesh import TriangleMesh
 
 PIECES = 8
-"""Into how many pieces each span between two control points is cut, where nothing is said."""
+"""Default number of pieces for each span between two control points."""
 
 MOST_VERTICES = 16_000_000
 
-_FLAT = 1e-12  # of the product of both tangents' lengths: below, they tell no normal
+_FLAT = 1e-12  # of the product of both tangents' lengths; shorter cross products give no normal
 
 
 def bspline_surface(points: Points, lattice: Lattice, pieces: int = PIECES) -> ShadedMesh:
-    """The surface of a net, every span cut into `pieces` × `pieces` quads of two triangles.
+    """Return the surface of a net, every span cut into `pieces` × `pieces` quads of two triangles.
 
     points  (lattice.rows · lattice.columns, 3)
 
     Vertices lie on the surface; normals are the cross products of its two derivatives. Where these vanish or
-    are parallel, at a pole for one, the normal is the mean of the triangles around. `source_vertex` is the
-    control point that weighs most.
+    are parallel, as at a pole, the normal is the mean of the surrounding triangles. `source_vertex` is the
+    control point with the largest weight.
 
     Raises UsageError where the surface would have more than MOST_VERTICES vertices.
     """
@@ -53,9 +53,9 @@ def bspline_surface(points: Points, lattice: Lattice, pieces: int = PIECES) -> S
 
 
 def bspline_values(values: AnyArray, lattice: Lattice, pieces: int = PIECES) -> Floats:
-    """(N, k) of what the control points have (V, k), at the vertices of `bspline_surface`: the same blend.
+    """Return values (N, k) at the vertices of `bspline_surface`, blended from control points (V, k).
 
-    Of places at rest it is where the vertices were at rest.
+    Rest positions of control points give the rest positions of the vertices.
     """
     across, along = _samples(lattice, pieces)
     grid = np.asarray(values, np.float64).reshape(lattice.rows, lattice.columns, -1)
@@ -63,12 +63,12 @@ def bspline_values(values: AnyArray, lattice: Lattice, pieces: int = PIECES) -> 
 
 
 class _Samples:
-    """Where one direction of a net is looked at, and how much its points weigh there.
+    """Sample places along one direction of a net, and the weights of its points there.
 
-    points   (M, 4) the points that count
-    weights  (M, 4) how much; they add up to 1
+    points   (M, 4) the points with a weight
+    weights  (M, 4) their weights; they add up to 1
     slopes   (M, 4) the derivatives of the weights; they add up to 0
-    nearest  (M,) the point that weighs most
+    nearest  (M,) the point with the largest weight
     """
 
     def __init__(self, count: int, closed: bool, pieces: int) -> None:
@@ -89,20 +89,20 @@ class _Samples:
 
 
 def _samples(lattice: Lattice, pieces: int) -> tuple[_Samples, _Samples]:
-    """Of the direction from row to row, and of that from column to column."""
+    """Return the samples along the columns of a net (from row to row), and along its rows."""
     around, across = lattice.closed
     return _Samples(lattice.rows, around, pieces), _Samples(lattice.columns, across, pieces)
 
 
 def _blend(grid: Floats, row_weights: Floats, rows: _Samples, weights: Floats, columns: _Samples) -> Floats:
-    """(M · N, k) of (R, C, k): first over the rows, then over the columns."""
+    """Blend a grid (R, C, k) over its rows, then over its columns: (M · N, k)."""
     over_rows = np.einsum("mi,mick->mck", row_weights, grid[rows.points])
     over_both = np.einsum("nj,mnjk->mnk", weights, over_rows[:, columns.points])
     return np.ascontiguousarray(over_both.reshape(-1, grid.shape[2]))
 
 
 def _normals(mesh: TriangleMesh, by_row: Vectors, by_column: Vectors) -> Vectors:
-    """(N, 3) unit."""
+    """Return unit normals (N, 3)."""
     normals = np.cross(by_row, by_column)
     lengths = np.linalg.norm(normals, axis=1)
     known = lengths > _FLAT * np.linalg.norm(by_row, axis=1) * np.linalg.norm(by_column, axis=1)

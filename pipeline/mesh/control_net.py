@@ -1,4 +1,4 @@
-"""How the control points of a net are laid out: rows and columns, each of which may close to a ring."""
+"""Control nets: the layout of their points, and nets with the surface of a sheet, a tube or a torus."""
 
 from __future__ import annotations
 
@@ -11,17 +11,18 @@ from pipeline.arrays import AnyArray, Faces, Floats, Points
 from pipeline.errors import MeshError, UsageError
 
 LEAST = 4
-"""Points along each side: what one piece of a cubic is made of."""
+"""Points along each side: the support of one cubic piece."""
 
 
 @dataclass(frozen=True)
 class Lattice:
-    """Points in rows, of which those of a row follow each other: point (i, j) is the (i · columns + j)th.
+    """Layout of control points in rows, one row after the other: point (i, j) is number i · columns + j.
 
-    rows, columns  how many there are; 4 at least
-    closed         whether the first row follows the last one, and the first column the last
+    rows, columns  their numbers; at least 4
+    closed         True where the first row follows the last one, and where the first column does
 
-    The front of a net is where going from row to row, then from column to column, turns counter-clockwise.
+    The front of a net is the side from which the turn from the row to the column direction is
+    counter-clockwise.
 
     Raises MeshError for fewer rows or columns.
     """
@@ -38,28 +39,30 @@ class Lattice:
             )
 
     def __len__(self) -> int:
-        """How many points there are."""
+        """Return the number of points."""
         return self.rows * self.columns
 
     def faces(self) -> Faces:
-        """(F, 3) the net itself as triangles, two for each of its cells."""
+        """Return the net as triangles (F, 3), two for each of its cells."""
         return grid_faces(self.rows, self.columns, self.closed)
 
     def as_array(self) -> AnyArray:
-        """int32 (4,): rows, columns, and 1 for each way that is closed."""
+        """Return int32 (4,): rows, columns, and 1 for each closed direction."""
         return np.array([self.rows, self.columns, *self.closed], np.int32)
 
     @classmethod
     def from_array(cls, numbers: AnyArray) -> Lattice:
-        """What `as_array` was called on. Raises MeshError where it was nothing."""
+        """Return the lattice of an `as_array`. Raises MeshError for other arrays."""
         if numbers.shape != (4,):
-            raise MeshError(f"a net is told by 4 numbers, not by {numbers.shape}; it is no frame of ours")
+            raise MeshError(
+                f"a net has shape {numbers.shape}; it must be 4 numbers: rows, columns and what is closed"
+            )
         rows, columns, around, across = numbers.tolist()
         return cls(rows, columns, (bool(around), bool(across)))
 
 
 def grid_faces(rows: int, columns: int, closed: tuple[bool, bool]) -> Faces:
-    """(F, 3) triangles over points in rows, two a cell; closed sides share their points."""
+    """Return triangles (F, 3) over points in rows, two a cell; closed sides share their points."""
     i = np.arange(rows if closed[0] else rows - 1)[:, None]
     j = np.arange(columns if closed[1] else columns - 1)[None, :]
     below, above = i * columns, (i + 1) % rows * columns
@@ -72,7 +75,7 @@ Net = tuple[Points, Lattice]
 
 
 def sheet_net(size: tuple[float, float], rows: int, columns: int) -> Net:
-    """A rectangle in the plane y = 0 that faces upwards. `size` is along x and z; rows go along x."""
+    """Return a rectangle in the plane y = 0 that faces upwards. `size` is along x and z; rows run along x."""
     z, x = _line(size[1], rows), _line(size[0], columns)
     points = np.zeros((rows, columns, 3))
     points[..., 2], points[..., 0] = z[:, None], x[None, :]
@@ -80,7 +83,7 @@ def sheet_net(size: tuple[float, float], rows: int, columns: int) -> Net:
 
 
 def tube_net(length: float, radius: float, rows: int, columns: int) -> Net:
-    """An open tube along the y axis; rows go around it. It has the radius where columns are."""
+    """Return an open tube along the y axis with this radius at the columns; rows run around it."""
     points = np.empty((rows, columns, 3))
     points[..., 1] = _line(length, rows)[:, None]
     points[..., 0], points[..., 2] = _ring(radius, columns)
@@ -88,13 +91,13 @@ def tube_net(length: float, radius: float, rows: int, columns: int) -> Net:
 
 
 def torus_net(radius: float, tube_radius: float, rows: int, columns: int) -> Net:
-    """A ring around the y axis; rows go around the axis, columns around the tube.
+    """Return a ring around the y axis; rows run around the axis, columns around the tube.
 
     Raises UsageError where the tube is as thick as the ring is wide.
     """
     if tube_radius >= radius:
         raise UsageError(
-            f"tube_radius {tube_radius:g} must be below radius {radius:g}, or the ring meets itself"
+            f"tube_radius {tube_radius:g} must be below radius {radius:g}, or the ring intersects itself"
         )
     away, height = _ring(tube_radius, rows)
     cos, sin = _ring(1.0, columns)
@@ -106,14 +109,15 @@ def torus_net(radius: float, tube_radius: float, rows: int, columns: int) -> Net
 
 
 def _line(extent: float, count: int) -> Floats:
-    """Points evenly on a line, one beyond each end of it: a cubic with open ends is as long as the extent."""
+    """Return points evenly on a line, one beyond each end, so that an open cubic spans the extent."""
     return extent * ((np.arange(count) - 1.0) / (count - 3) - 0.5)
 
 
 def _ring(radius: float, count: int) -> tuple[Floats, Floats]:
-    """Points on a circle so much larger that a closed cubic has the radius at its points; cosine and sine.
+    """Return cosine and sine of a circle enlarged so that a closed cubic through it has the radius.
 
-    There it is a sixth of the neighbours and four sixths of the point: (4 + 2 cos step) / 6 of the circle.
+    At its points the cubic takes a sixth of each neighbour and four sixths of the point: (4 + 2 cos step) / 6
+    of the circle.
     """
     step = 2.0 * math.pi / count
     angle = step * np.arange(count)

@@ -1,4 +1,4 @@
-"""Who is who on a surface whose vertices come and go: a number for each that is never given twice."""
+"""Identities of vertices, never given twice, and the ancestry that recorded births give."""
 
 from __future__ import annotations
 
@@ -11,34 +11,34 @@ from pipeline.errors import MeshError, UsageError
 from pipeline.mesh.triangle_mesh import TriangleMesh
 
 IDENTITY = "identity"
-"""The vertex attribute (V,), int64, that tells the vertices of a film apart."""
+"""Vertex attribute (V,), int64, that tells the vertices of a film apart."""
 
-_MOST = 1 << 53  # attributes are carried as float64, which counts no further
-_NOBODY = np.empty((0, 3), np.int64)
+_LARGEST = 1 << 53  # attributes are stored as float64, which has no larger odd integers
+_NO_BIRTHS = np.empty((0, 3), np.int64)
 
 
 def with_identities(mesh: TriangleMesh) -> TriangleMesh:
-    """The mesh with its vertices numbered from 0 on: where a film begins."""
+    """Return the mesh with its vertices numbered from 0: the start of a film."""
     return mesh.with_attributes(**{IDENTITY: np.arange(len(mesh.vertices), dtype=np.int64)})
 
 
 class Register:
-    """The births of one frame, and how many vertices there have ever been.
+    """The births of one frame, and the number of identities ever given.
 
-    given   how many numbers have been given: the next vertex gets this one
-    births  int64 (N, 3), in order of birth: a vertex's number and its parents'; those that died again
-            within the frame are among them
+    given   number of identities given: the next vertex gets this one
+    births  int64 (N, 3), in order of birth: identities of a vertex and its two parents; includes vertices
+            that died within the frame
     """
 
     def __init__(self, given: int) -> None:
         self.given = given
-        self._pages: list[AnyArray] = []
+        self._records: list[AnyArray] = []
 
     @classmethod
     def of(cls, mesh: TriangleMesh, given: int = 0) -> Register | None:
-        """The register of a mesh of which so many numbers have been given; None where it has no identities.
+        """Return the register of a mesh after that many identities; None if it has none.
 
-        Raises MeshError where these are not different numbers, int64 and from 0 on.
+        Raises MeshError where identities are not different numbers, int64 and from 0 on.
         """
         if IDENTITY not in mesh.attributes:
             return None
@@ -50,7 +50,7 @@ class Register:
             )
         ordered = np.sort(numbers)
         low, high = int(ordered.min(initial=0)), int(ordered.max(initial=-1))
-        if (np.diff(ordered) == 0).any() or low < 0 or high >= _MOST:
+        if (np.diff(ordered) == 0).any() or low < 0 or high >= _LARGEST:
             raise MeshError(
                 f"attribute {IDENTITY!r} holds a number twice, or one that is below 0 or over 2**53; it must "
                 "tell all vertices apart. Rename it if it means something else"
@@ -59,21 +59,21 @@ class Register:
 
     @property
     def births(self) -> AnyArray:
-        return np.concatenate([_NOBODY, *self._pages])
+        return np.concatenate([_NO_BIRTHS, *self._records])
 
     def begin(self) -> None:
-        """A new frame, in which nobody has been born yet."""
-        self._pages.clear()
+        """Start a new frame without births."""
+        self._records.clear()
 
     def enter(self, identities: Floats, parents: Indices) -> None:
-        """Number the last vertices of a surface, which have just been born.
+        """Number the last vertices of a surface, which are new.
 
         identities  (V,) of the whole surface, to be written into
-        parents     (N, 2) the two vertices that each of the last N was born of, earlier ones of these N too
+        parents     (N, 2) the parents of each of the last N vertices, which may be among these N
         """
         first, more = len(identities) - len(parents), self.given + len(parents)
         identities[first:] = np.arange(self.given, more)
-        self._pages.append(
+        self._records.append(
             np.column_stack([identities[first:], identities[parents]]).astype(np.int64).reshape(-1, 3)
         )
         self.given = more
@@ -81,10 +81,10 @@ class Register:
 
 @dataclass(frozen=True, eq=False)
 class Ancestry:
-    """A sparse matrix (V, U) that has earlier vertices' shares in the vertices of now, row after row.
+    """A sparse matrix (V, U) with the shares of earlier vertices in the present ones, row after row.
 
-    heirs      int64 (K,) vertices now, ascending
-    ancestors  int64 (K,) vertices then, ascending for each heir
+    heirs      int64 (K,) present vertices, ascending
+    ancestors  int64 (K,) earlier vertices, ascending for each heir
     weights    float64 (K,) above 0; those of an heir add up to 1
     """
 
@@ -94,12 +94,12 @@ class Ancestry:
 
     @property
     def survives(self) -> AnyArray:
-        """(V,) bool: which vertices were there then. Whoever was born since has two ancestors at least."""
+        """(V,) flags of the vertices that existed earlier; a vertex born since has at least two ancestors."""
         survives: AnyArray = np.bincount(self.heirs) == 1
         return survives
 
     def mixed(self, values: AnyArray) -> Floats:
-        """(V, …) the weighted means of what the vertices had then, (U, …): for a survivor its own."""
+        """Return weighted means (V, …) of earlier values (U, …); a survivor keeps its own."""
         flat = np.asarray(values, np.float64).reshape(len(values), -1)
         mixed = np.empty((len(self.survives), flat.shape[1]))
         for k, column in enumerate(flat.T):
@@ -108,14 +108,14 @@ class Ancestry:
 
 
 def ancestry(now: AnyArray, then: AnyArray, births: AnyArray) -> Ancestry:
-    """Of whom the vertices of now descend: each birth is the mean of its two parents.
+    """Return how the present vertices descend from earlier ones: each birth is the mean of its two parents.
 
     now     (V,) the attribute `identity` of the later surface
     then    (U,) that of the earlier one
-    births  (N, 3) the records of all births after `then`, up to `now`, in order; earlier ones do no harm
+    births  (N, 3) the records of all births after `then`, up to `now`, in order; earlier ones are ignored
 
-    Weights are sums of powers of one half, and exact over fifty generations. A collapse shows in them only
-    in who is left: a survivor is its own whole ancestor, even where it has moved to the middle of its edge.
+    Weights are sums of powers of one half, exact over fifty generations. A survivor is its own only ancestor,
+    even where a collapse has moved it to the middle of its edge.
 
     Raises UsageError where the births are out of order, or those of a vertex are missing.
     """
@@ -142,7 +142,7 @@ def ancestry(now: AnyArray, then: AnyArray, births: AnyArray) -> Ancestry:
 
 
 def _found(wanted: AnyArray, ascending: AnyArray) -> AnyArray:
-    """(N,) where numbers stand in an ascending row; -1 where they do not."""
+    """Return the index (N,) of each wanted number in an ascending row; -1 if it is missing."""
     place = np.searchsorted(ascending, wanted)
     there = place < len(ascending)
     there[there] = ascending[place[there]] == wanted[there]
@@ -151,7 +151,7 @@ def _found(wanted: AnyArray, ascending: AnyArray) -> AnyArray:
 
 
 def _merged(heirs: AnyArray, names: AnyArray, weights: Floats) -> tuple[AnyArray, AnyArray, Floats]:
-    """Each pair of an heir and a name once, in order, with the sum of its weights."""
+    """Return each pair of an heir and a name once, in order, with the sum of its weights."""
     order = np.lexsort((names, heirs))
     heirs, names, weights = heirs[order], names[order], weights[order]
     begins = np.flatnonzero(np.append(True, np.diff(heirs) | np.diff(names))[: len(heirs)])

@@ -1,8 +1,13 @@
-"""Normals: of faces, across edges, and of vertices so that a polyhedron looks smooth (Gouraud; P39)."""
+"""Normals: of faces, of vertices split at creases (Gouraud; P39), and carried through a flow.
+
+Under a map with the Jacobian J, tangents go to J t and normals to the direction of cof(J) n = det(J) J⁻ᵀ n,
+which is (J t₁) × (J t₂) for t₁ × t₂ = n. J t is differenced: two points beside each vertex go with it.
+"""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -12,10 +17,14 @@ from pipeline.errors import MeshError
 from pipeline.kernels import readable
 from pipeline.mesh.kernels.halfedge import SOUND, match_twins
 from pipeline.mesh.kernels.normals import (
+    count_known,
+    cross_beside,
     find_hard,
     flag_trusted,
+    longest_side,
     normals_of_faces,
     number_fans,
+    place_beside,
     prefer_known,
     scale_known,
     sum_normals,
@@ -24,14 +33,13 @@ from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import require
 
 NORMAL = "normal"
-"""The vertex attribute (V, 3) of normals known from elsewhere, carried through a flow for one: of unit
-length, or zero where there is none."""
+"""Vertex attribute (V, 3): known normals, carried through a flow for example; unit, or zero where unknown."""
 
 HARD_ANGLE = math.radians(40)
 
 
 class ShadedMesh(NamedTuple):
-    """A surface as renderers want it: a vertex at a crease appears once for every smooth side.
+    """A surface as renderers take it: a vertex at a crease appears once for every smooth side.
 
     vertices       float64 (N, 3), N >= V; the first V are the mesh's own
     normals        float64 (N, 3), unit
@@ -46,14 +54,14 @@ class ShadedMesh(NamedTuple):
 
 
 def face_normals(mesh: TriangleMesh) -> Vectors:
-    """(F, 3) unit normals, pointing outwards; zero for a face without area."""
+    """Return unit normals (F, 3), pointing outwards; zero for a face without area."""
     normals = np.empty((len(mesh.faces), 3))
     normals_of_faces(mesh.vertices, mesh.faces, normals)
     return normals
 
 
 def dihedral_angles(mesh: TriangleMesh) -> Floats:
-    """(3F,) by half-edge ``3f + i``: the angle between the normals of its two faces, radians.
+    """Return the angle between the normals of the two faces at each half-edge ``3f + i``, (3F,), radians.
 
     0 where the surface is flat, pi where it doubles back on itself, nan on a boundary.
     Raises MeshError where the mesh is not an oriented manifold.
@@ -62,8 +70,11 @@ def dihedral_angles(mesh: TriangleMesh) -> Floats:
 
 
 def _turns(normals: Vectors, twin: Indices) -> Floats:
-    """`dihedral_angles`, of faces with these normals."""
-    mine, theirs = np.repeat(normals, 3, axis=0), normals[twin // 3]
+    return angles_between(np.repeat(normals, 3, axis=0), normals[twin // 3], twin)
+
+
+def angles_between(mine: Vectors, theirs: Vectors, twin: AnyArray) -> Floats:
+    """Return the angles (N,) between unit normals (N, 3), radians; nan where `twin` is negative."""
     sine = np.linalg.norm(np.cross(mine, theirs), axis=1)
     angles: Floats = np.arctan2(sine, np.einsum("ij,ij->i", mine, theirs))
     angles[twin < 0] = math.nan
@@ -73,15 +84,14 @@ def _turns(normals: Vectors, twin: Indices) -> Floats:
 def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE) -> ShadedMesh:
     """Give every vertex the normal of the smooth surface around it, and one for each side of a crease.
 
-    Edges where the surface turns by more than `hard_angle` (radians; of a (V,) one for each vertex, by the
-    mean of both ends) are creases (P29), and so are those that the mesh tags (P31).
-    Normals are means of the faces around, weighted by their angle at the vertex (Thürmer & Wüthrich 1998), so
-    that the triangulation matters little. A crease that ends within the surface leaves no seam: a closed fan
-    is divided by two hard edges or more. Faces without area are ignored; normals are always unit.
+    Creases are edges where the surface turns by more than `hard_angle` (radians; if (V,), the mean of both
+    ends; P29), and edges that the mesh tags (P31). Normals are means over the surrounding faces, weighted by
+    their angle at the vertex (Thürmer & Wüthrich 1998), so that they depend little on the triangulation. A
+    crease that ends within the surface leaves no seam: it takes two hard edges to divide a closed fan. Faces
+    without area are ignored; normals are always unit.
 
-    A vertex whose own normal is to be trusted (`trusted_normals`) keeps it and is not divided, however the
-    surface turns there: that depends on the triangles, and its normal does not. Where it is not, the smooth
-    sides that it does not point into have it nevertheless.
+    A vertex with a trusted normal (`trusted_normals`) keeps it and is not divided, however its faces turn.
+    Other known normals replace those of the smooth sides that they agree with.
 
     Raises MeshError where the mesh is not an oriented manifold, or the attribute is not (V, 3).
     """
@@ -101,30 +111,30 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
 
 
 def trusted_normals(mesh: TriangleMesh) -> AnyArray:
-    """(V,) bool: at which vertices the attribute `normal` is what the surface should be shaded with.
+    """Return flags (V,) of the vertices to be shaded with their attribute `normal`.
 
-    Not where it is zero or not finite, at tagged creases, or where it points into one of the faces around: a
-    sheet that has become thinner than its triangles has a rim of which they show nothing, and a face that is
-    seen must not be shaded with the normal of its back.
+    A normal is not trusted where it is zero or not finite, at tagged creases, or where it points into a
+    surrounding face. A sheet thinner than its triangles has a rim that they do not show, and a visible face
+    must not be shaded with the normal of its back.
     """
     return _trusted(mesh, _known(mesh), face_normals(mesh)).view(bool)
 
 
 def vertex_normals(mesh: TriangleMesh) -> Vectors:
-    """(V, 3) unit normals, one a vertex, smooth over everything; angle-weighted."""
+    """Return unit normals (V, 3), one a vertex, smooth everywhere; angle-weighted."""
     count = len(mesh.vertices)
     return _smooth(mesh, mesh.faces, face_normals(mesh), np.zeros(count, np.uint8), count)
 
 
 def _smooth(mesh: TriangleMesh, fans: Faces, face: Vectors, known: AnyArray, count: int) -> Vectors:
-    """(count, 3) unit normals of fans (F, 3), but not at vertices whose normal is `known`."""
+    """Return unit normals (count, 3) of fans (F, 3), except at vertices whose normal is `known`."""
     smooth = np.empty((count, 3))
     sum_normals(mesh.vertices, mesh.faces, readable(fans, np.int32), face, known, smooth)
     return smooth
 
 
 def twins_of(mesh: TriangleMesh) -> Indices:
-    """(3F,) the half-edge that runs back along the same edge, -1 on a boundary. Raises MeshError."""
+    """Return the half-edge that runs back along the same edge, (3F,), -1 on a boundary. Raises MeshError."""
     twin = np.empty(mesh.faces.size, np.int32)
     problem, _ = match_twins(mesh.faces.reshape(-1), len(mesh.vertices), twin)
     if problem != SOUND:
@@ -134,13 +144,13 @@ def twins_of(mesh: TriangleMesh) -> Indices:
 
 
 def _tagged(mesh: TriangleMesh) -> AnyArray:
-    """(3F,) bool: the half-edges of tagged creases."""
+    """Return flags (3F,) of the half-edges of tagged creases."""
     if not len(mesh.creases):
         return np.zeros(mesh.faces.size, bool)
     at_crease = np.zeros(len(mesh.vertices), bool)
     at_crease[mesh.creases.ravel()] = True
     ends = _ends(mesh)
-    near = np.flatnonzero(at_crease[ends].all(axis=1))  # few: the rest need not be looked for
+    near = np.flatnonzero(at_crease[ends].all(axis=1))
     both = np.sort(ends[near], axis=1).astype(np.int64) @ (1 << 32, 1)
     tagged = np.zeros(mesh.faces.size, bool)
     tagged[near] = np.isin(both, mesh.creases.astype(np.int64) @ (1 << 32, 1))
@@ -148,13 +158,15 @@ def _tagged(mesh: TriangleMesh) -> AnyArray:
 
 
 def _ends(mesh: TriangleMesh) -> Indices:
-    """(3F, 2) the two vertices of each half-edge."""
+    """Return the two vertices of each half-edge, (3F, 2)."""
     return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
 def _known(mesh: TriangleMesh) -> Vectors | None:
-    """(V, 3) the unit normals that the mesh brings along, zero where it has none, and at tagged creases; None
-    where it brings none at all, or has no faces."""
+    """Return the unit normals (V, 3) of the mesh's attribute; zero where there is none and at tagged creases.
+
+    None if the mesh has no such attribute or no faces.
+    """
     if NORMAL not in mesh.attributes or not len(mesh.faces):
         return None
     given, known = readable(mesh.attributes[NORMAL]), np.empty((len(mesh.vertices), 3))
@@ -166,8 +178,67 @@ def _known(mesh: TriangleMesh) -> Vectors | None:
 
 
 def _trusted(mesh: TriangleMesh, known: Vectors | None, face: Vectors) -> AnyArray:
-    """(V,) uint8, see `trusted_normals`."""
+    """Return `trusted_normals` as uint8 (V,)."""
     trusted = np.zeros(len(mesh.vertices), np.uint8)
     if known is not None:
         flag_trusted(mesh.faces, face, known, trusted)
     return trusted
+
+
+STEP = 1e-7
+"""Distance of tangent points from their vertex, in sizes of the surface.
+
+A one-sided difference errs by about STEP (truncation) + 2e-16 / STEP (rounding), least near 1.5e-8; a little
+more allows for a surface off the origin. A frame then turns a normal by a millionth of a degree too much
+(docs/normals.md); two-sided differences would cost twice as many points.
+"""
+
+
+def carried_normals(
+    move: Callable[[Points], Points],
+    points: Points,
+    moved: Points,
+    normals: Vectors,
+    apart: Floats | None = None,
+) -> Vectors:
+    """Return unit normals (V, 3) of a surface after a flow has moved it.
+
+    move     the flow over the step: points (N, 3) to their new positions; called once, with at most 2V points
+    points   (V, 3) vertices before the step
+    moved    (V, 3) the same vertices after it
+    normals  (V, 3) unit normals before it; zero where there is none, which stays so
+    apart    (V,) distance of tangent points from their vertex; by default STEP sizes of the surface
+
+    A vertex whose ring the flow has collapsed to a line gets zero: it has no normal any more.
+    """
+    known, carried = readable(normals), np.zeros((len(normals), 3))
+    if not count_known(known):
+        return carried
+    if apart is None:
+        apart = np.full(len(points), STEP * longest_side(readable(points)))
+    beside = move(_beside(points, known, apart))
+    cross_beside(known, readable(moved), readable(beside), carried)
+    return carried
+
+
+def tangents(normals: Vectors) -> tuple[Vectors, Vectors]:
+    """Return two unit vectors (N, 3) each, with t₁ × t₂ = n, for unit normals (N, 3)."""
+    beside = _beside(np.zeros((len(normals), 3)), normals, np.ones(len(normals)))
+    return beside[: len(beside) // 2], beside[len(beside) // 2 :]
+
+
+def _beside(points: Points, normals: Vectors, apart: Floats) -> Points:
+    """Return tangent points (2K, 3) of the K vertices with a normal: first all along one tangent."""
+    known = readable(normals)
+    beside = np.empty((2 * count_known(known), 3))
+    place_beside(readable(points), known, readable(apart), beside)
+    return beside
+
+
+def unit(vectors: Vectors, otherwise: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> Vectors:
+    """Return vectors (N, 3) of length 1; `otherwise` for those without a length, or not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        lengths: Floats = np.linalg.norm(vectors, axis=1, keepdims=True)
+        good = (lengths > 0) & np.isfinite(lengths)
+        scaled: Vectors = np.divide(vectors, lengths, out=np.tile(otherwise, (len(vectors), 1)), where=good)
+    return scaled

@@ -1,7 +1,7 @@
-"""Curved patches over the triangles, cut finely for rendering, so that no silhouette shows facets (P37).
+"""Point-normal triangles: curved patches cut finely for rendering, so that no silhouette shows facets (P37).
 
-Point-normal triangles: Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles*, Symposium on Interactive 3D
-Graphics 2001. Each patch needs its own corners and normals only; its geometry is cubic, its normal quadratic.
+Vlachos, Peters, Boyd & Mitchell, *Curved PN Triangles*, Symposium on Interactive 3D Graphics 2001. Each patch
+needs its own corners and normals only; its geometry is cubic, its normal quadratic.
 """
 
 from __future__ import annotations
@@ -20,14 +20,14 @@ MOST_PIECES = 16
 
 
 def tessellate(shaded: ShadedMesh, pieces: int) -> ShadedMesh:
-    """The surface with every triangle bent to a patch and cut into pieces² triangles.
+    """Return the surface with every triangle bent to a patch and cut into pieces² triangles.
 
-    shaded  as `split_at_creases` gives it
-    pieces  into how many every edge is cut; 1 leaves the surface as it is
+    shaded  a result of `split_at_creases`
+    pieces  pieces of every edge; 1 leaves the surface as it is
 
-    The first N vertices are those given; a new one has the source vertex of the nearest corner. Face f
-    becomes faces pieces² f and the ones after. Patches meet without cracks, bit for bit, at creases too:
-    there both sides share a border curve that follows the crease. A flat side with straight edges stays flat.
+    The first N vertices are the given ones; a new one has the source vertex of the nearest corner. Face f
+    becomes faces pieces² f and the ones after. Patches meet without cracks, bit for bit, also at creases,
+    where both sides share a border curve that follows the crease. A flat side with straight edges stays flat.
 
     Raises UsageError for other numbers of pieces than 1 to 16, and MeshError where the mesh is not an
     oriented manifold.
@@ -55,9 +55,9 @@ def tessellate(shaded: ShadedMesh, pieces: int) -> ShadedMesh:
 
 
 def spread(values: AnyArray, shaded: ShadedMesh, fine: ShadedMesh) -> Floats:
-    """(N, k) of what the vertices of a mesh have (V, k), at those of its tessellation: linear over each face.
+    """Interpolate vertex values (V, k) of a mesh linearly to its tessellation, (N, k).
 
-    shaded, fine  the argument and the answer of `tessellate`
+    shaded, fine  the argument and the result of `tessellate`
     """
     corners = values[shaded.source_vertex]
     if fine is shaded or not len(shaded.faces):
@@ -74,9 +74,10 @@ def spread(values: AnyArray, shaded: ShadedMesh, fine: ShadedMesh) -> Floats:
 
 
 def _places(vertices: int, corners: Indices, twin: Indices, pieces: int) -> tuple[Indices, int]:
-    """(3F,) where the new vertices of each half-edge begin, -1 where its twin makes them; and where all end.
+    """Return the first new vertex of each half-edge (3F,), -1 where its twin makes them; and the end of all.
 
-    Two half-edges share them where their ends are shared: not along a crease, whose sides differ in normals.
+    Two half-edges share new vertices where their ends are shared: not along a crease, whose sides differ in
+    normals.
     """
     half, ends = np.arange(len(corners)), corners.reshape(-1, 3)[:, (1, 2, 0)].reshape(-1)
     shared = (twin >= 0) & (corners == ends[twin]) & (ends == corners[twin])
@@ -86,7 +87,7 @@ def _places(vertices: int, corners: Indices, twin: Indices, pieces: int) -> tupl
 
 
 def _grids(corners: Indices, twin: Indices, places: Indices, pieces: int, inside: int) -> AnyArray:
-    """(F, (n + 1)(n + 2) / 2) the vertices of each face's patch, in the order of `_cells`."""
+    """Return the vertices of each face's patch, (F, (n + 1)(n + 2) / 2), in the order of `_cells`."""
     faces, n = len(corners) // 3, pieces
     steps = np.arange(n - 1)
     there = places[:, None] + steps
@@ -103,12 +104,12 @@ def _grids(corners: Indices, twin: Indices, places: Indices, pieces: int, inside
 
 
 def _cells(n: int) -> AnyArray:
-    """((n + 1)(n + 2) / 2, 2) steps towards the second and the third corner."""
+    """Return steps ((n + 1)(n + 2) / 2, 2) towards the second and the third corner."""
     return np.array([(i, j) for i in range(n + 1) for j in range(n + 1 - i)])
 
 
 def _pattern(n: int) -> tuple[AnyArray, AnyArray]:
-    """(n², 3) the triangles of a patch, by its cells; and which corner each cell is nearest to, 0 to 2."""
+    """Return the triangles of a patch (n², 3) by its cells; and the nearest corner of each cell, 0 to 2."""
     cells = _cells(n)
     at = {(i, j): index for index, (i, j) in enumerate(cells.tolist())}
     triangles = []

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import MeshError
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh, frozen
 from pipeline.mesh.triangulation import triangulate
 
 
@@ -25,8 +25,8 @@ class PolygonMesh:
     attributes  by name, one row a vertex: (V,) or (V, k)
     creases     int32 (K, 2): edges that are hard whatever their angle (P31), sorted, each once
 
-    Raises MeshError where a face has fewer than three corners or names a vertex that is not there, or
-    where other arrays have other shapes. `require_polygons` says whether it is a surface.
+    Raises MeshError where a face has fewer than three corners or names a missing vertex, or where other
+    arrays have other shapes. `pipeline.mesh.require` checks whether it is a surface.
     """
 
     vertices: Points
@@ -56,14 +56,14 @@ class PolygonMesh:
         attributes: Mapping[str, ArrayLike] | None = None,
         creases: ArrayLike | None = None,
     ) -> PolygonMesh:
-        """From the arrays as they are kept."""
+        """Return a mesh of arrays like the fields."""
         mesh = cls.__new__(cls)
         mesh._fill(vertices, np.asarray(offsets), np.asarray(corners), attributes, creases)
         return mesh
 
     @classmethod
     def from_triangles(cls, mesh: TriangleMesh) -> PolygonMesh:
-        """The same surface, every face with three sides."""
+        """Return the same surface with faces of three sides."""
         offsets = 3 * np.arange(len(mesh.faces) + 1)
         return cls.from_arrays(mesh.vertices, offsets, mesh.faces.reshape(-1), mesh.attributes, mesh.creases)
 
@@ -75,31 +75,31 @@ class PolygonMesh:
         attributes: Mapping[str, ArrayLike] | None,
         creases: ArrayLike | None,
     ) -> None:
-        # vertices, attributes and creases keep the rules that triangles have
+        # vertices, attributes and creases follow the rules of triangle meshes
         shared = TriangleMesh(vertices, np.empty((0, 3), np.int32), attributes, creases)
         _check_faces(offsets, corners, len(shared.vertices))
         object.__setattr__(self, "vertices", shared.vertices)
-        object.__setattr__(self, "offsets", _frozen(offsets))
-        object.__setattr__(self, "corners", _frozen(corners))
+        object.__setattr__(self, "offsets", frozen(offsets, np.int32))
+        object.__setattr__(self, "corners", frozen(corners, np.int32))
         object.__setattr__(self, "attributes", MappingProxyType(dict(shared.attributes)))
         object.__setattr__(self, "creases", shared.creases)
 
     def __len__(self) -> int:
-        """How many faces there are."""
+        """Return the number of faces."""
         return len(self.offsets) - 1
 
     def face(self, number: int) -> Indices:
-        """(n,) the corners of one face."""
+        """Return the corners (n,) of one face."""
         return self.corners[self.offsets[number] : self.offsets[number + 1]]
 
     @property
     def sides(self) -> Indices:
-        """(F,) how many sides each face has."""
+        """(F,) the number of sides of each face."""
         return np.diff(self.offsets)
 
     @property
     def average_sides(self) -> float:
-        """Sides a face, on average: 3 once all are triangles (P21)."""
+        """Mean number of sides a face: 3 once all are triangles (P21)."""
         return len(self.corners) / max(len(self), 1)
 
     @property
@@ -121,7 +121,7 @@ class PolygonMesh:
 
     @property
     def extents(self) -> Floats:
-        """(F,) the longest side of each face's box along the axes, scene units (P17)."""
+        """(F,) the longest side of each face's bounding box, scene units (P17)."""
         if not len(self):
             return np.empty(0)
         at, starts = self.vertices[self.corners], self.offsets[:-1]
@@ -131,7 +131,7 @@ class PolygonMesh:
 
     @property
     def area_vectors(self) -> Vectors:
-        """(F, 3) Newell's normals, as long as the face is large; for a flat face its area."""
+        """(F, 3) Newell normals, with the area of a flat face as length."""
         if not len(self):
             return np.empty((0, 3))
         first = self.vertices[self.corners[self.offsets[:-1]]][self.owners]
@@ -140,7 +140,7 @@ class PolygonMesh:
 
     @property
     def areas(self) -> Floats:
-        """(F,) of each face, seen along its Newell normal."""
+        """(F,) area of each face, seen along its Newell normal."""
         areas: Floats = np.linalg.norm(self.area_vectors, axis=1)
         return areas
 
@@ -160,23 +160,23 @@ class PolygonMesh:
         return np.column_stack(np.divmod(keys, max(len(self.vertices), 1))).astype(np.int32)
 
     def with_vertices(self, vertices: ArrayLike) -> PolygonMesh:
-        """The same surface elsewhere."""
+        """Return the same surface with other positions."""
         return PolygonMesh.from_arrays(vertices, self.offsets, self.corners, self.attributes, self.creases)
 
     def with_attributes(self, **attributes: ArrayLike) -> PolygonMesh:
-        """The same polygons with attributes added or replaced."""
+        """Return the same surface with attributes added or replaced."""
         more = {**self.attributes, **attributes}
         return PolygonMesh.from_arrays(self.vertices, self.offsets, self.corners, more, self.creases)
 
     def with_creases(self, creases: ArrayLike) -> PolygonMesh:
-        """The same surface with these edges tagged, and no others."""
+        """Return the same surface with these creases only."""
         return PolygonMesh.from_arrays(self.vertices, self.offsets, self.corners, self.attributes, creases)
 
     def triangulated(self) -> TriangleMesh:
-        """The same surface of triangles; vertices, attributes and creases stay as they are (P23).
+        """Return the surface as triangles; vertices, attributes and creases stay as they are (P23).
 
-        A face that cannot be cut without doubling another's edge takes a vertex at the mean of its
-        corners; such vertices come last.
+        A face that cannot be cut without doubling another's edge takes a vertex at the mean of its corners;
+        such vertices come last.
         """
         faces, filled = triangulate(self.vertices, self.offsets, self.corners)
         if not len(filled):
@@ -211,13 +211,7 @@ def _check_faces(offsets: AnyArray, corners: AnyArray, vertices: int) -> None:
 
 
 def _extended(values: AnyArray, rings: Sequence[Indices]) -> AnyArray:
-    """An attribute with a row for the middle of each ring: the mean, or the first corner's where integer."""
+    """Return an attribute with a row for the middle of each ring: the mean, or one corner's if integer."""
     blends = values.dtype.kind == "f"
     rows = [values[ring].mean(axis=0) if blends else values[ring[0]] for ring in rings]
     return np.concatenate([values, np.array(rows, values.dtype)])
-
-
-def _frozen(array: AnyArray) -> Indices:
-    kept = np.array(array, dtype=np.int32, order="C")
-    kept.flags.writeable = False
-    return kept

@@ -1,4 +1,4 @@
-"""Points strewn evenly, the same for the same seed: on a surface, or in what it encloses."""
+"""Scatter points evenly, reproducibly by seed: on a surface, or inside one."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ _PROBES = 4096
 
 
 def on_surface(mesh: TriangleMesh, count: int, seed: int) -> Points:
-    """(count, 3) points on a mesh, as many on equal areas.
+    """Return points (count, 3) on a mesh, evenly by area.
 
-    mesh  of about as many faces as there are to be points, or more
+    mesh  should have at least about as many faces as points
 
-    The areas of the faces, one after the other, are a line on which the points lie at equal distances. Within
-    its face a point lies anywhere, but only half as far from the middle as it could: points of neighbouring
-    faces then keep apart, and there are neither heaps nor holes.
+    The areas of the faces, in order, form a line with points at equal distances. Within its face a point lies
+    anywhere, but only half as far from the middle as it could: points of neighbouring faces then keep apart,
+    without clusters or holes.
     """
     random = np.random.default_rng(seed)
     corners = mesh.vertices[mesh.faces]
@@ -38,13 +38,13 @@ def on_surface(mesh: TriangleMesh, count: int, seed: int) -> Points:
 
 
 def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, seed: int) -> Points:
-    """(count, 3) points of the box `bounds` (2, 3) that are inside.
+    """Return points (count, 3) of the box `bounds` (2, 3) that are inside.
 
-    inside  tells (N,) flags of points (N, 3); some of the box must be
+    inside  returns flags (N,) for points (N, 3); some of the box must be inside
 
     The places are those of the additive recurrence by the generalised golden ratio (Roberts, *The
-    unreasonable effectiveness of quasirandom sequences*, 2018), which fills a box evenly however many are
-    taken, each moved by up to 0.4 of what is between two of them, for its rows would show.
+    unreasonable effectiveness of quasirandom sequences*, 2018), which fills a box evenly for any count. Each
+    is moved by up to 0.4 of the distance between two, which hides the rows.
     """
     random = np.random.default_rng(seed)
     low, extent = bounds[0], bounds[1] - bounds[0]

@@ -22,10 +22,10 @@ class TriangleMesh:
     attributes  by name, one row a vertex: (V,) or (V, k)
     creases     int32 (K, 2): edges, by their two vertices, that are hard whatever their angle (P31)
 
-    Creases are kept sorted and each once, so that equal sets of them are equal arrays.
+    Creases are sorted and unique, so that equal sets are equal arrays.
 
-    Raises MeshError where the arrays have other shapes or a face names a vertex that is not there.
-    What makes a mesh *good* (finite, manifold, closed) is for `pipeline.mesh.validation` to say.
+    Raises MeshError where the arrays have other shapes or a face names a missing vertex.
+    `pipeline.mesh.validation` checks whether a mesh is finite, manifold and closed.
     """
 
     vertices: Points
@@ -40,7 +40,7 @@ class TriangleMesh:
         attributes: Mapping[str, ArrayLike] | None = None,
         creases: ArrayLike | None = None,
     ) -> None:
-        points = _frozen(vertices, np.float64)
+        points = frozen(vertices, np.float64)
         corners = np.asarray(faces)
         if points.ndim != 2 or points.shape[1] != 3:
             raise MeshError(f"vertices have shape {points.shape}; they must be (V, 3)")
@@ -53,25 +53,25 @@ class TriangleMesh:
                 f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
                 f"there are {len(points)} vertices, numbered from 0"
             )
-        named = {name: _frozen(values) for name, values in (attributes or {}).items()}
+        named = {name: frozen(values) for name, values in (attributes or {}).items()}
         for name, values in named.items():
             if values.ndim == 0 or len(values) != len(points):
                 raise MeshError(f"attribute {name!r} has shape {values.shape}; it needs {len(points)} rows")
-        object.__setattr__(self, "creases", _frozen(_sorted_pairs(creases, len(points)), np.int32))
+        object.__setattr__(self, "creases", frozen(_sorted_pairs(creases, len(points)), np.int32))
         object.__setattr__(self, "vertices", points)
-        object.__setattr__(self, "faces", _frozen(corners, np.int32))
+        object.__setattr__(self, "faces", frozen(corners, np.int32))
         object.__setattr__(self, "attributes", MappingProxyType(named))
 
     def with_vertices(self, vertices: ArrayLike) -> TriangleMesh:
-        """The same surface elsewhere."""
+        """Return the same surface with other positions."""
         return TriangleMesh(vertices, self.faces, self.attributes, self.creases)
 
     def with_attributes(self, **attributes: ArrayLike) -> TriangleMesh:
-        """The same surface with more attributes, or with others in place of those it has."""
+        """Return the same surface with attributes added or replaced."""
         return TriangleMesh(self.vertices, self.faces, {**self.attributes, **attributes}, self.creases)
 
     def with_creases(self, creases: ArrayLike) -> TriangleMesh:
-        """The same surface with these edges tagged, and no others."""
+        """Return the same surface with these creases only."""
         return TriangleMesh(self.vertices, self.faces, self.attributes, creases)
 
     @property
@@ -85,7 +85,7 @@ class TriangleMesh:
 
 
 def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
-    """(K, 2) int32, each pair ascending and once, in order; whether they are edges is not looked at."""
+    """Return pairs (K, 2) int32, each ascending and once, in order; does not check that they are edges."""
     ends = np.asarray([] if pairs is None else pairs)
     if ends.size == 0:
         return np.empty((0, 2), np.int32)
@@ -96,9 +96,11 @@ def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
     return np.unique(np.sort(ends, axis=1), axis=0).astype(np.int32)
 
 
-def _frozen(values: ArrayLike, kind: type | None = None) -> AnyArray:
-    """An array in C order into which nobody writes: a copy, or this one if it is its own and read-only, as
-    those of meshes are. Who made it so must not write into it again."""
+def frozen(values: ArrayLike, kind: type | None = None) -> AnyArray:
+    """Return a read-only array in C order: a copy, or the array itself if it owns its data and is read-only.
+
+    Whoever made such an array must not write into it again.
+    """
     if type(values) is np.ndarray and values.dtype == (kind or values.dtype):
         flags = values.flags
         if flags.owndata and flags.c_contiguous and not flags.writeable:

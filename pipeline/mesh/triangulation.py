@@ -1,4 +1,4 @@
-"""Polygons into triangles without losing a vertex (P23)."""
+"""Triangulate polygons without losing a vertex (P23)."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Fac
     offsets  int32 (F + 1,): face f has the corners ``corners[offsets[f]:offsets[f + 1]]``
     corners  int32 (C,)
 
-    Answers (T, 3) triangles, face after face, and the (M,) faces that took a vertex in their middle,
-    numbered from V on in this order. That happens only where every way to cut a face would double an
-    edge of another one. The least sum prefers round triangles, lets no triangle turn over where the
-    polygon is simple and nearly flat, concave or not, and makes none without area out of corners that
-    lie on a line, which polygons with split sides are full of. (Ear clipping does: of a convex polygon
-    with points on its sides it cuts such a triangle in nearly every second case.)
+    Returns triangles (T, 3), face after face, and the faces (M,) that took a vertex in their middle, numbered
+    from V on in this order. Those are faces where every other cut would double an edge of another face. The
+    least sum prefers round triangles, turns no triangle over where the polygon is simple and nearly flat, and
+    makes none without area from corners on a line, which polygons with split sides have many of. (Ear
+    clipping does so in nearly every second convex polygon with points on its sides.)
     """
     triangles = np.empty((int((np.diff(offsets) - 2).sum()), 3), np.int32)
     if np.diff(offsets).max(initial=3) == 3:
@@ -35,13 +34,13 @@ def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Fac
 
 
 def _starts(offsets: Indices) -> Indices:
-    """(F + 1,): where each face's triangles begin."""
+    """Return the start of each face's triangles, (F + 1,)."""
     starts: Indices = offsets - 2 * np.arange(len(offsets), dtype=np.int32)
     return starts
 
 
 def _doubled(triangles: Faces, offsets: Indices, corners: Indices) -> Indices:
-    """The faces with a side or a diagonal that joins the same vertices as one of another face."""
+    """Return the faces with a side or diagonal that joins the same vertices as one of another face."""
     tails = triangles.reshape(-1).astype(np.int64)
     heads = np.roll(triangles, -1, axis=1).reshape(-1)
     keys = tails * (int(corners.max()) + 1) + heads
@@ -56,7 +55,7 @@ def _doubled(triangles: Faces, offsets: Indices, corners: Indices) -> Indices:
 def _recut(
     points: Points, offsets: Indices, corners: Indices, triangles: Faces, doubled: Indices
 ) -> tuple[Faces, Indices]:
-    """Cut the doubled faces again, one after the other, each with regard to all edges there are."""
+    """Cut the doubled faces again, one after the other, with regard to all edges there are."""
     starts, redo = _starts(offsets), set(doubled.tolist())
     taken: set[Edge] = set()
     for f in range(len(offsets) - 1):

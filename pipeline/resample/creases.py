@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
 from pipeline.errors import UsageError
-from pipeline.mesh.normals import dihedral_angles
+from pipeline.mesh.normals import angles_between, dihedral_angles
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import twin_corners
@@ -83,11 +83,7 @@ def _turns(mesh: Mesh) -> Floats:
     if isinstance(mesh, TriangleMesh):
         return dihedral_angles(mesh)
     twin, normals = twin_corners(mesh), mesh.normals
-    mine, theirs = normals[mesh.owners], normals[mesh.owners[twin]]
-    sine = np.linalg.norm(np.cross(mine, theirs), axis=1)
-    angles: Floats = np.arctan2(sine, np.einsum("ij,ij->i", mine, theirs))
-    angles[twin < 0] = np.nan
-    return angles
+    return angles_between(normals[mesh.owners], normals[mesh.owners[twin]], twin)
 
 
 def _once(pairs: Indices) -> Indices:

@@ -10,7 +10,7 @@ import pytest
 from examples import figure_a, figure_b, figure_c, figure_d, figure_e, figure_f
 from examples.film import edge_lengths, sphericity
 from pipeline.arrays import Points
-from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, require, require_polygons
+from pipeline.mesh import PolygonMesh, TriangleMesh, box, icosphere, require
 
 Cubes = tuple[TriangleMesh, TriangleMesh]
 Sheets = tuple[PolygonMesh, PolygonMesh, TriangleMesh]
@@ -86,7 +86,7 @@ def test_the_bread_slicer_makes_as_few_parts_as_can_be_and_recursion_a_power_of_
 def test_slices_of_a_concave_face_fill_it() -> None:
     face = figure_c.horseshoe()
     parts = figure_c.sliced(face)
-    require_polygons(parts)
+    require(parts)
     assert parts.extents.max() <= figure_c.LONGEST
     assert parts.areas.sum() == pytest.approx(face.areas.sum())
 

@@ -14,12 +14,10 @@ from pipeline.mesh import (
     box,
     icosphere,
     require,
-    require_polygons,
     rod,
     sheet,
     torus,
     validate,
-    validate_polygons,
 )
 from pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_polygon
 
@@ -72,7 +70,7 @@ def test_attributes_and_creases_follow_the_rules_of_triangles() -> None:
 @pytest.mark.parametrize("mesh", [icosphere(5), torus(), rod(), sheet(edge_length=0.4), box()])
 def test_triangles_are_judged_alike_as_triangles_and_as_polygons(mesh) -> None:  # type: ignore[no-untyped-def]
     polygons = PolygonMesh.from_triangles(mesh)
-    assert validate_polygons(polygons) == validate(mesh)
+    assert validate(polygons) == validate(mesh)
     assert np.array_equal(polygons.triangulated().faces, mesh.faces)
 
 
@@ -172,6 +170,6 @@ def test_a_face_without_a_free_diagonal_takes_a_vertex_in_its_middle() -> None:
 
 
 def test_a_closed_surface_is_required_where_it_is_asked_for() -> None:
-    assert require_polygons(CUBE, closed=True).euler == 2
+    assert require(CUBE, closed=True).euler == 2
     with pytest.raises(MeshError, match="4 edges have a face on one side only"):
-        require_polygons(PolygonMesh(POINTS, [CUBE.face(f) for f in range(5)]), closed=True)
+        require(PolygonMesh(POINTS, [CUBE.face(f) for f in range(5)]), closed=True)

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import UsageError
-from pipeline.mesh import read_mesh, read_polygons, require_polygons, validate
+from pipeline.mesh import read_mesh, read_polygons, require, validate
 from pipeline.resample import PolyhedralReport
 from pipeline.shot import Motion, read_shot
 
@@ -210,7 +210,7 @@ def test_polygons_stay_a_surface_in_the_bracket_and_shown_by_triangles(settings_
     for frame in frames_of(POLYHEDRA + settings_):
         polygons, mesh = frame.polygons, frame.mesh
         assert polygons is not None
-        assert require_polygons(polygons, closed=True).euler == 2 and validate(mesh).closed
+        assert require(polygons, closed=True).euler == 2 and validate(mesh).closed
         np.testing.assert_array_equal(mesh.vertices[: len(polygons.vertices)], polygons.vertices)
         np.testing.assert_array_equal(mesh.creases, polygons.creases)
         ends = polygons.vertices[polygons.edges]

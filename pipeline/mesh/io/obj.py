@@ -1,4 +1,4 @@
-"""Wavefront OBJ with its polygons, groups and creases.
+"""Wavefront OBJ with its polygons, groups and creases; and Object File Format (OFF).
 
 Vertices and faces by the format's specification (Wavefront, Advanced Visualizer, Appendix B); crease tags
 as OpenSubdiv writes them: ``t crease 2/1/0 a b sharpness``, vertices numbered from 0.
@@ -21,11 +21,11 @@ _UNSMOOTHED = ("off", "0")
 
 
 def read_wavefront(path: Path) -> FileSurface:
-    """Read the faces of an OBJ file; faces are grouped by object, group, smoothing group and material.
+    """Read the faces of an OBJ file, grouped by object, group, smoothing group and material.
 
-    Faces outside all smoothing groups are one group among themselves: many writers leave smoothing out,
-    and a surface without it has not every edge as a crease. Lines, points, curves and texture
-    coordinates are passed over. Raises ValueError, with its line, at what cannot be read.
+    Faces outside all smoothing groups form one group: many writers leave smoothing out, and such a surface
+    has no creases. Lines, points, curves and texture coordinates are skipped. Raises ValueError, with its
+    line, for unreadable input.
     """
     points: list[list[float]] = []
     faces: list[list[int]] = []
@@ -56,7 +56,7 @@ def read_wavefront(path: Path) -> FileSurface:
 
 
 def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:
-    """Statements as words, with the line where each ends; a backslash goes on in the next line."""
+    """Yield statements as words, with the line where each ends; a backslash continues a line."""
     words: list[str] = []
     with path.open(encoding="utf-8", errors="replace") as file:
         for number, text in enumerate(file, 1):
@@ -70,7 +70,7 @@ def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:
 
 
 def _vertex(word: str, points: int) -> int:
-    """The vertex of ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``, from 0; negative ones count backwards."""
+    """Return the vertex of ``v``, ``v/vt``, ``v//vn`` or ``v/vt/vn``, from 0; negative ones count back."""
     number = int(word.split("/", 1)[0])
     if number == 0:
         raise ValueError("vertices are numbered from 1")
@@ -78,7 +78,7 @@ def _vertex(word: str, points: int) -> int:
 
 
 def _creases(words: list[str]) -> list[tuple[int, int]]:
-    """The edges of one tag: consecutive pairs of its vertices, unless its sharpness is 0."""
+    """Return the edges of one tag: consecutive pairs of its vertices, unless its sharpness is 0."""
     count = int(words[2].split("/", 1)[0])
     chain = [int(word) for word in words[3 : 3 + count]]
     sharpness = [float(word) for word in words[3 + count :]]
@@ -86,9 +86,9 @@ def _creases(words: list[str]) -> list[tuple[int, int]]:
 
 
 def read_object_file(path: Path) -> FileSurface:
-    """Read an OFF file of text; normals, colours and edge counts are passed over.
+    """Read an OFF text file; normals, colours and edge counts are skipped.
 
-    Raises ValueError at what cannot be read.
+    Raises ValueError for unreadable input.
     """
     rows = _rows(path)
     first = next(rows, [])
@@ -107,7 +107,7 @@ def read_object_file(path: Path) -> FileSurface:
 
 
 def _rows(path: Path) -> Iterator[list[str]]:
-    """The words of each line that holds any, comments left out."""
+    """Yield the words of each line that has any, without comments."""
     for line in path.read_text(encoding="utf-8", errors="replace").splitlines():
         words = line.split("#", 1)[0].split()
         if words:

@@ -42,9 +42,9 @@ class _Element(NamedTuple):
 
 
 def read_polygon_file(path: Path) -> FileSurface:
-    """Read vertices and faces of a PLY file; other elements are passed over.
+    """Read vertices and faces of a PLY file; other elements are skipped.
 
-    Raises ValueError at what cannot be read.
+    Raises ValueError for unreadable input.
     """
     tables = read_elements(path)
     vertex, face = tables.get("vertex", {}), tables.get("face", {})
@@ -58,9 +58,9 @@ def read_polygon_file(path: Path) -> FileSurface:
 
 
 def read_elements(path: Path) -> dict[str, dict[str, Column]]:
-    """Every element of a PLY file by its name: its properties, an array of numbers or a list of arrays each.
+    """Return every element of a PLY file by name: its properties, each an array or a list of arrays.
 
-    Raises ValueError at what cannot be read.
+    Raises ValueError for unreadable input.
     """
     data = path.read_bytes()
     head, mark, body = data.partition(b"end_header")
@@ -90,7 +90,7 @@ def _header(lines: list[str]) -> tuple[str, list[_Element]]:
 
 
 def _type(name: str) -> str:
-    """numpy's short name of a type, without its byte order."""
+    """Return numpy's short name of a type, without its byte order."""
     return np.dtype(_OLD_NAMES.get(name, name)).str[1:]
 
 
@@ -125,7 +125,7 @@ def _binary(elements: list[_Element], body: bytes, order: str) -> Iterator[tuple
 
 
 def _even_rows(element: _Element, body: bytes, order: str, at: int) -> AnyArray | None:
-    """All rows at once, where each list is as long in every row as in the first; None where it is not."""
+    """Read all rows at once, if each list is as long in every row as in the first; None otherwise."""
     fields: list[tuple[str, str, int]] = []
     for p in element.properties:
         size = 1

@@ -1,8 +1,7 @@
-"""Points from files: clouds with what is known of each point, and the rows of control nets."""
+"""Read points: clouds with the attributes of each point, and control nets."""
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import NamedTuple
@@ -10,7 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points
-from pipeline.errors import FlowsculptError, MeshError, MissingInputError
+from pipeline.errors import MeshError
+from pipeline.mesh.io.file_surface import read_by_suffix
 from pipeline.mesh.io.obj import read_wavefront
 from pipeline.mesh.io.ply import read_elements
 
@@ -26,17 +26,18 @@ class PointSet(NamedTuple):
 
 
 def read_points(path: str | Path) -> PointSet:
-    """The points of a PLY (the vertices, with their other properties), XYZ, NPZ or OBJ file, in their order.
+    """Read the points of a PLY, XYZ, NPZ or OBJ file, in their order.
 
-    xyz  a point a line: three numbers, parted by blanks or commas; further ones are `column_4` and so on
-    npz  `points` or `vertices` (N, 3); arrays (N,) beside are attributes, as `attribute:<name>` are
+    ply  the vertices, with their other properties as attributes
+    xyz  a point a line: three numbers, separated by blanks or commas; further ones are `column_4` and so on
+    npz  `points` or `vertices` (N, 3); arrays (N,) are attributes, also those named `attribute:<name>`
     obj  the vertices
 
     Raises MissingInputError where there is no such file, MeshError where it cannot be read, has no points, or
     points that are not finite.
     """
     path = Path(path)
-    found = _read(path, _READERS, "a file of points")
+    found = read_by_suffix(path, _READERS, "a file of points")
     if not len(found.points):
         raise MeshError(f"{path}: it holds no points; a cloud needs at least one")
     if found.points.ndim != 2 or found.points.shape[1] != 3:
@@ -46,7 +47,7 @@ def read_points(path: str | Path) -> PointSet:
 
 
 def read_net(path: str | Path, columns: int | None = None) -> Floats:
-    """(rows, columns, 3) the control points of a net.
+    """Read the control points of a net, (rows, columns, 3).
 
     npz  `points` or `vertices` (rows, columns, 3), or (N, 3) with `columns`
     obj  the vertices, row by row, `columns` in each
@@ -55,7 +56,7 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
     points, or has points that are not finite.
     """
     path = Path(path)
-    points = _read(path, {name: _READERS[name] for name in ("npz", "obj")}, "a file of a net").points
+    points = read_by_suffix(path, {name: _READERS[name] for name in ("npz", "obj")}, "a file of a net").points
     if points.ndim == 3:
         if columns not in (None, points.shape[1]):
             raise MeshError(
@@ -72,23 +73,6 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
         raise MeshError(f"{path}: its points have shape {points.shape}; they must be (rows, columns, 3)")
     _require_finite(path, grid)
     return grid
-
-
-def _read(path: Path, readers: Mapping[str, Callable[[Path], PointSet]], what: str) -> PointSet:
-    if not path.is_file():
-        raise MissingInputError(f"{path}: there is no such file; check the path")
-    reader = readers.get(path.suffix.lstrip(".").lower())
-    if reader is None:
-        raise MeshError(
-            f"{path}: {path.suffix or 'no suffix'} is not {what}; use one of {', '.join(readers)}"
-        )
-    try:
-        return reader(path)
-    except FlowsculptError:
-        raise
-    except (ValueError, KeyError, IndexError, TypeError, OSError, zipfile.BadZipFile) as error:
-        kind = path.suffix.lstrip(".").upper()
-        raise MeshError(f"{path}: it cannot be read as {kind} ({_brief(error)})") from error
 
 
 def _require_finite(path: Path, points: Floats) -> None:
@@ -147,8 +131,3 @@ _READERS: Mapping[str, Callable[[Path], PointSet]] = {
     "npz": _archive,
     "obj": _wavefront,
 }
-
-
-def _brief(error: Exception) -> str:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= 120 else text[:117] + "…"

@@ -1,1 +1,1 @@
-"""Solids."""
+"""Solids: their meshes, and their analytic surfaces."""

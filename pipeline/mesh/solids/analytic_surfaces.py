@@ -1,7 +1,7 @@
-"""The true surfaces that solids are meshed from: the nearest point on them, and the normal there.
+"""Analytic surfaces of solids: the nearest point on them, and the normal there.
 
-Each is centred at the origin, like the meshes of `pipeline.mesh.solids.primitives`. A point on a flat
-side or a straight edge keeps its bits.
+Each is centred at the origin, like the meshes of `pipeline.mesh.solids.primitives`. A point on a flat side or
+a straight edge keeps its bits.
 """
 
 from __future__ import annotations
@@ -12,18 +12,20 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.arrays import AnyArray, Points, Vectors
-from pipeline.mesh.tangents import unit
+from pipeline.mesh.normals import unit
 
 CLOSE = 1e-9
-"""How near, in sizes of the solid, counts as on a crease."""
+"""Distance, in sizes of the solid, that counts as on a crease."""
 
 RIM = 2e-4
-"""Points this near to a round rim, in radii, are put on it: a rim that was bent by interpolation between
-vertices 20° apart comes as close."""
+"""Distance from a round rim, in radii, within which points are put on the rim.
+
+Interpolation between vertices 20° apart bends a rim by as much.
+"""
 
 
 AHEAD, UP = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)
-"""Where a point in the middle goes, to which all directions are equal."""
+"""Direction for a point in the middle, where all directions are equal."""
 
 
 class AnalyticSurface(ABC):
@@ -31,19 +33,21 @@ class AnalyticSurface(ABC):
 
     @abstractmethod
     def __call__(self, points: Points) -> Points:
-        """The nearest point (N, 3) on the surface of each point; of equally near ones, any."""
+        """Return the nearest point (N, 3) on the surface to each point; of equally near ones, any."""
 
     @abstractmethod
     def normals(self, points: Points) -> Vectors:
-        """(N, 3): the unit normal, outwards, where each point is nearest; zero on a crease."""
+        """Return the outward unit normal (N, 3) at the nearest point to each; zero on a crease."""
 
     @abstractmethod
     def encloses(self, points: Points) -> AnyArray:
-        """(N,) flags: which points lie inside, or on the surface."""
+        """Return flags (N,) of the points inside, or on the surface."""
 
 
 @dataclass(frozen=True)
 class SphereSurface(AnalyticSurface):
+    """A sphere."""
+
     radius: float
 
     def __call__(self, points: Points) -> Points:
@@ -53,12 +57,12 @@ class SphereSurface(AnalyticSurface):
         return unit(points, UP)
 
     def encloses(self, points: Points) -> AnyArray:
-        return _no_further(points, self.radius)
+        return _is_within(points, self.radius)
 
 
 @dataclass(frozen=True)
 class TorusSurface(AnalyticSurface):
-    """Around y; `radius` reaches to the middle of the tube."""
+    """A torus around y; `radius` reaches to the middle of the tube."""
 
     radius: float
     tube_radius: float
@@ -70,7 +74,7 @@ class TorusSurface(AnalyticSurface):
         return unit(points - self._middle(points), UP)
 
     def encloses(self, points: Points) -> AnyArray:
-        return _no_further(points - self._middle(points), self.tube_radius)
+        return _is_within(points - self._middle(points), self.tube_radius)
 
     def _middle(self, points: Points) -> Points:
         return self.radius * unit(points * (1.0, 0.0, 1.0), AHEAD)
@@ -78,7 +82,7 @@ class TorusSurface(AnalyticSurface):
 
 @dataclass(frozen=True)
 class CapsuleSurface(AnalyticSurface):
-    """Along y, with round caps; `length` is over all."""
+    """A cylinder along y with round caps; `length` includes them."""
 
     length: float
     radius: float
@@ -90,7 +94,7 @@ class CapsuleSurface(AnalyticSurface):
         return unit(points - self._core(points), AHEAD)
 
     def encloses(self, points: Points) -> AnyArray:
-        return _no_further(points - self._core(points), self.radius)
+        return _is_within(points - self._core(points), self.radius)
 
     def _core(self, points: Points) -> Points:
         half = 0.5 * self.length - self.radius
@@ -101,7 +105,7 @@ class CapsuleSurface(AnalyticSurface):
 
 @dataclass(frozen=True)
 class CylinderSurface(AnalyticSurface):
-    """Along y, with flat caps."""
+    """A cylinder along y with flat caps."""
 
     length: float
     radius: float
@@ -131,13 +135,13 @@ class CylinderSurface(AnalyticSurface):
 
     def encloses(self, points: Points) -> AnyArray:
         low = np.abs(points[:, 1]) <= 0.5 * self.length
-        inside: AnyArray = low & _no_further(points * (1.0, 0.0, 1.0), self.radius)
+        inside: AnyArray = low & _is_within(points * (1.0, 0.0, 1.0), self.radius)
         return inside
 
 
 @dataclass(frozen=True)
 class BoxSurface(AnalyticSurface):
-    """With its sides across the axes; `size` holds the full extents."""
+    """A box along the axes; `size` holds the full extents."""
 
     size: tuple[float, float, float]
 
@@ -160,7 +164,7 @@ class BoxSurface(AnalyticSurface):
 
 @dataclass(frozen=True)
 class SheetSurface(AnalyticSurface):
-    """In the plane y = 0, facing upwards; `size` is along x and z."""
+    """A rectangle in the plane y = 0, facing upwards; `size` is along x and z."""
 
     size: tuple[float, float]
 
@@ -172,11 +176,11 @@ class SheetSurface(AnalyticSurface):
         return np.tile((0.0, 1.0, 0.0), (len(points), 1))
 
     def encloses(self, points: Points) -> AnyArray:
-        """None: it is open."""
+        """Return no flag: the surface is open."""
         return np.zeros(len(points), bool)
 
 
-def _no_further(points: Points, distance: float) -> AnyArray:
-    """(N,) flags: which are so near to the origin."""
+def _is_within(points: Points, distance: float) -> AnyArray:
+    """Return flags (N,) of the points within a distance from the origin."""
     near: AnyArray = np.einsum("ij,ij->i", points, points) <= distance * distance
     return near

@@ -1,4 +1,4 @@
-"""A lattice: square bars on the lines of a cubic grid, joined as one closed surface with crisp edges."""
+"""BarLattice: square bars on the lines of a cubic grid, joined to one closed surface with crisp edges."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from pipeline.mesh.solids.analytic_surfaces import CLOSE, AnalyticSurface
 from pipeline.mesh.solids.primitives import cut_into, positive, square_grid, welded
 from pipeline.mesh.triangle_mesh import TriangleMesh
 
-MOST_CROSSINGS = 8000
-"""Of bars: more are finer than a picture, and each costs a hundred triangles even where nothing is cut."""
+MAX_CROSSINGS = 8000
+"""Crossings of bars: more are finer than a picture, and each costs a hundred triangles even uncut."""
 
-AT_ONCE = 20_000
-"""Points that are looked up together: each is compared with 30 rectangles."""
+BLOCK = 20_000
+"""Points per block: each is compared with 30 rectangles."""
 
 
 @dataclass(frozen=True)
 class BarLattice(AnalyticSurface):
-    """Square bars about the origin. Where `size` is `thickness` along an axis they lie in one layer.
+    """Square bars around the origin. If `size` equals `thickness` along an axis they lie in one layer.
 
     size       full extents in x, y and z, scene units, the outer bars included
-    spacing    between the middles of neighbouring bars; it gives way so that whole spacings fill the size
+    spacing    between the middles of neighbouring bars; adjusted so that whole spacings fill the size
     thickness  of a bar
 
-    Raises UsageError where bars are thicker than the lattice, or would meet, or are too many.
+    Raises UsageError where bars are thicker than the lattice, would meet, or are too many.
     """
 
     size: tuple[float, float, float]
@@ -51,43 +51,43 @@ class BarLattice(AnalyticSurface):
                     "than twice that"
                 )
         crossings = math.prod(self._along(length) for length in self.size)
-        if crossings > MOST_CROSSINGS:
+        if crossings > MAX_CROSSINGS:
             raise UsageError(
-                f"bars {self.spacing:g} apart cross at {crossings:g} places; {MOST_CROSSINGS} are the most. "
+                f"bars {self.spacing:g} apart cross at {crossings:g} places; {MAX_CROSSINGS} are the most. "
                 "Widen spacing, or lower size."
             )
 
     def _along(self, length: float) -> int:
-        """How many bars stand side by side in a length."""
-        room = length - self.thickness
-        if room == 0:
+        """Return the number of bars side by side in a length."""
+        spare = length - self.thickness
+        if spare == 0:
             return 1
-        before_they_meet = math.ceil(room / self.thickness) - 1
-        return 1 + max(1, min(round(room / self.spacing), before_they_meet))
+        most = math.ceil(spare / self.thickness) - 1
+        return 1 + max(1, min(round(spare / self.spacing), most))
 
     @cached_property
     def crossings(self) -> tuple[int, int, int]:
-        """How many there are along x, y and z."""
+        """Numbers of bars along x, y and z."""
         x, y, z = (self._along(length) for length in self.size)
         return x, y, z
 
     @cached_property
     def pitch(self) -> Floats:
-        """(3,): the spacing as it has become, scene units; 0 across a single layer."""
+        """(3,): the adjusted spacing, scene units; 0 across a single layer."""
         pitch: Floats = (np.array(self.size) - self.thickness) / np.maximum(1, np.array(self.crossings) - 1)
         return pitch
 
     def middles(self, axis: int) -> Floats:
-        """Where bars cross, along an axis."""
+        """Return the coordinates of the crossings along an axis."""
         last = self.crossings[axis] - 1
         places: Floats = self.pitch[axis] * (np.arange(last + 1) - 0.5 * last)
         return places
 
     def __call__(self, points: Points) -> Points:
-        return self._found(points)[0]
+        return self._closest(points)[0]
 
     def normals(self, points: Points) -> Vectors:
-        return self._found(points)[1]
+        return self._closest(points)[1]
 
     def encloses(self, points: Points) -> AnyArray:
         middle = np.stack([self.middles(k)[self._nearest_crossing(points, k)] for k in range(3)], axis=1)
@@ -96,13 +96,13 @@ class BarLattice(AnalyticSurface):
         inside = [along_bar[:, k] & np.delete(across_bar, k, axis=1).all(axis=1) for k in range(3)]
         return np.asarray(np.any(inside, axis=0))
 
-    def _found(self, points: Points) -> tuple[Points, Vectors]:
+    def _closest(self, points: Points) -> tuple[Points, Vectors]:
         points = np.asarray(points, np.float64)
-        pieces = [self._nearest(points[i : i + AT_ONCE]) for i in range(0, max(1, len(points)), AT_ONCE)]
+        pieces = [self._nearest(points[i : i + BLOCK]) for i in range(0, max(1, len(points)), BLOCK)]
         return np.concatenate([on for on, _ in pieces]), np.concatenate([normals for _, normals in pieces])
 
     def _nearest(self, points: Points) -> tuple[Points, Vectors]:
-        """The nearest points (N, 3), and the normals there.
+        """Return the nearest points (N, 3), and the normals there.
 
         Bars go straight through, so the nearest place is beside the nearest crossing, on one of 30
         rectangles: the four sides of each half bar, and an end where there is none.
@@ -115,8 +115,8 @@ class BarLattice(AnalyticSurface):
         on = np.clip(local[:, None], low, high)
         squared = np.where(goes_on[:, bar] == of_bar, ((local[:, None] - on) ** 2).sum(axis=2), np.inf)
         nearest = on[np.arange(len(on)), squared.argmin(axis=1)]
-        here = ((on - nearest[:, None]) ** 2).sum(axis=2) <= (CLOSE * self.thickness) ** 2
-        sides = np.sign((here & np.isfinite(squared)).astype(np.float64) @ outwards)
+        touched = ((on - nearest[:, None]) ** 2).sum(axis=2) <= (CLOSE * self.thickness) ** 2
+        sides = np.sign((touched & np.isfinite(squared)).astype(np.float64) @ outwards)
         sides[np.abs(sides).sum(axis=1) != 1] = 0.0
         return np.where(nearest == local, points, middle + nearest), sides
 
@@ -130,8 +130,11 @@ class BarLattice(AnalyticSurface):
 
     @cached_property
     def _rectangles(self) -> tuple[Floats, Floats, Floats, AnyArray, AnyArray]:
-        """About a crossing at the origin: lowest and highest corners and normals, each (30, 3); which of the
-        six half bars each goes by, and whether it is a side of that one or the end in its stead, (30,)."""
+        """The 30 rectangles about a crossing at the origin.
+
+        Lowest and highest corners and normals, each (30, 3); for each rectangle its half bar of six, and True
+        for a side of the bar or False for the end in its place, (30,).
+        """
         half, reach = 0.5 * self.thickness, 0.5 * np.maximum(self.pitch, self.thickness)
         low, high = np.full((30, 3), -half), np.full((30, 3), half)
         outwards, bar, of_bar = np.zeros((30, 3)), np.repeat(np.arange(6), 5), np.arange(30) % 5 > 0
@@ -151,10 +154,10 @@ def lattice(
     thickness: float = 0.15,
     edge_length: float | None = None,
 ) -> TriangleMesh:
-    """The surface of a `BarLattice`, its flat sides cut into rectangles with no side over `edge_length`.
+    """Return the mesh of a `BarLattice`, its flat sides cut into rectangles with no side over `edge_length`.
 
-    Space is ruled by planes along the sides of the bars. Between them lie blocks, full where at least two of
-    their three extents are across a bar; the surface is where a full block has an empty one beside it.
+    Planes along the sides of the bars divide space into blocks. A block is full if at least two of its three
+    extents are across a bar; the surface lies between full and empty blocks.
     """
     shape = BarLattice(size, spacing, thickness)
     cuts = [_cuts(shape, axis, edge_length) for axis in range(3)]
@@ -173,22 +176,22 @@ def lattice(
             at[:, v] = marks[v][block[v]] + np.rint(square[:, 1] * n)
             at[:, axis] = marks[axis][block[axis] + (side > 0)]
             parts.append((at, faces if side > 0 else faces[:, ::-1]))
-    found, faces = welded(parts)
-    where = found.astype(np.int64)
+    points, faces = welded(parts)
+    marks_hit = points.astype(np.int64)
     return TriangleMesh(
-        np.column_stack([_ruler(shape, axis, cuts[axis])[where[:, axis]] for axis in range(3)]), faces
+        np.column_stack([_ruler(shape, axis, cuts[axis])[marks_hit[:, axis]] for axis in range(3)]), faces
     )
 
 
 def _cuts(shape: BarLattice, axis: int, edge_length: float | None) -> list[int]:
-    """Into how many each block along an axis is cut: bars, and the gaps between them, by turns."""
+    """Return the number of parts of each block along an axis: bars and gaps alternate."""
     bar = cut_into(shape.thickness, edge_length)
     gap = cut_into(shape.pitch[axis] - shape.thickness, edge_length)
     return [gap if k % 2 else bar for k in range(2 * shape.crossings[axis] - 1)]
 
 
 def _ruler(shape: BarLattice, axis: int, cuts: list[int]) -> Floats:
-    """The places of the cuts along an axis, scene units."""
+    """Return the coordinates of the cuts along an axis, scene units."""
     half = 0.5 * shape.thickness
     ends = np.ravel([(at - half, at + half) for at in shape.middles(axis)])
     pieces = [np.linspace(ends[k], ends[k + 1], n + 1)[:-1] for k, n in enumerate(cuts)]

@@ -1,4 +1,4 @@
-"""Subjects to begin with: closed solids and an open sheet, meshed near-uniformly, outside outwards."""
+"""Solids and sheets as meshes with near-uniform triangles, faces outwards; and the grids they are made of."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ ORIGIN = (0.0, 0.0, 0.0)
 def box(
     size: ArrayLike = (2.0, 2.0, 2.0), edge_length: float | None = None, centre: ArrayLike = ORIGIN
 ) -> TriangleMesh:
-    """A box with crisp edges along the axes.
+    """Return a box with crisp edges along the axes.
 
     size         full extents in x, y and z, or one number for a cube
     edge_length  the sides are cut into squares no larger than this; without it, one square a side
@@ -44,7 +44,7 @@ def box(
 def sheet(
     size: tuple[float, float] = (2.0, 2.0), edge_length: float | None = None, centre: ArrayLike = ORIGIN
 ) -> TriangleMesh:
-    """A flat rectangle in the plane y = 0 that faces upwards, with a boundary. `size` is along x and z."""
+    """Return a flat rectangle in the plane y = 0 that faces upwards; `size` is along x and z."""
     extents = np.asarray(size, np.float64)
     positive("size", extents)
     grid, faces = square_grid(cut_into(extents[1], edge_length), cut_into(extents[0], edge_length))
@@ -54,7 +54,7 @@ def sheet(
 
 
 def icosphere(frequency: int = 8, radius: float = 1.0, centre: ArrayLike = ORIGIN) -> TriangleMesh:
-    """A geodesic sphere: every edge of an icosahedron cut into `frequency` parts; 10 n² + 2 vertices."""
+    """Return a geodesic sphere: an icosahedron with edges cut into `frequency` parts; 10 n² + 2 vertices."""
     if frequency < 1:
         raise UsageError(f"frequency {frequency} must be at least 1; 16 gives a sphere of 2562 vertices")
     positive("radius", np.array([radius]))
@@ -68,7 +68,7 @@ def icosphere(frequency: int = 8, radius: float = 1.0, centre: ArrayLike = ORIGI
 def torus(
     radius: float = 1.0, tube_radius: float = 0.4, edge_length: float = 0.1, centre: ArrayLike = ORIGIN
 ) -> TriangleMesh:
-    """A ring around the y axis; `radius` reaches from there to the middle of the tube."""
+    """Return a ring around the y axis; `radius` reaches to the middle of the tube."""
     positive("radius and tube_radius", np.array([radius, tube_radius, edge_length]))
     if tube_radius >= radius:
         raise UsageError(
@@ -87,7 +87,7 @@ def rod(
     caps: str = "round",
     centre: ArrayLike = ORIGIN,
 ) -> TriangleMesh:
-    """A bar along the y axis, to be pulled and twisted. `length` is over all, `caps` "round" or "flat"."""
+    """Return a bar along the y axis. `length` includes the caps, which are "round" or "flat"."""
     positive("length, radius and edge_length", np.array([length, radius, edge_length]))
     if caps not in ("round", "flat"):
         raise UsageError(f"caps {caps!r} must be 'round' or 'flat'")
@@ -112,9 +112,9 @@ def rod(
 
 
 def _revolved(profile: Sequence[Points], edge_length: float, centre: ArrayLike) -> TriangleMesh:
-    """Rings around y through the (radius, height) rows of a profile that ascends on the outside.
+    """Return rings around y through the (radius, height) rows of a profile that ascends on the outside.
 
-    Each ring has as many vertices as its girth asks for, so triangles keep their shape towards the
+    Each ring has as many vertices as its circumference needs, so triangles keep their shape towards the
     poles. A profile that returns to its first row closes a ring of rings; otherwise both ends are poles.
     """
     closed = bool(np.array_equal(profile[0], profile[-1]))
@@ -137,7 +137,7 @@ def _revolved(profile: Sequence[Points], edge_length: float, centre: ArrayLike) 
 
 
 def _zipped(low: AnyArray, low_angle: Floats, high: AnyArray, high_angle: Floats) -> Faces:
-    """Triangles between two rings, always taking the next vertex that comes first around the axis."""
+    """Return triangles between two rings, always taking the next vertex that comes first around the axis."""
     m, n = len(low), len(high)
     faces, i, j = [], 0, 0
     while i < (m if m > 1 else 0) or j < (n if n > 1 else 0):
@@ -153,7 +153,7 @@ def _zipped(low: AnyArray, low_angle: Floats, high: AnyArray, high_angle: Floats
 
 
 def _triangle_grid(n: int) -> tuple[Points, Faces]:
-    """Barycentric points of a triangle cut into n² smaller ones, and their corners."""
+    """Return barycentric points of a triangle cut into n² smaller ones, and their corners."""
     rows = [(i, j) for i in range(n + 1) for j in range(n + 1 - i)]
     at = {cell: k for k, cell in enumerate(rows)}
     upright = [(at[i, j], at[i + 1, j], at[i, j + 1]) for i, j in rows if i + j < n]
@@ -163,7 +163,7 @@ def _triangle_grid(n: int) -> tuple[Points, Faces]:
 
 
 def _icosahedron() -> tuple[Points, Faces]:
-    """Two poles and two rings of five, the upper one turned by 36 degrees."""
+    """Return two poles and two rings of five, the upper one turned by 36 degrees."""
     turn = 2 * math.pi * np.arange(5) / 5
     height, girth = 1 / math.sqrt(5), 2 / math.sqrt(5)
     upper = np.column_stack([girth * np.cos(turn), np.full(5, height), -girth * np.sin(turn)])
@@ -182,13 +182,13 @@ _SIDES = [(4, 6, 7, 5), (0, 1, 3, 2), (2, 3, 7, 6), (0, 4, 5, 1), (1, 5, 7, 3), 
 
 
 def six_sided_box(size: ArrayLike) -> PolygonMesh:
-    """A box of six quadrilaterals around the origin; `size` holds its full extents in x, y and z."""
+    """Return a box of six quadrilaterals around the origin; `size` holds its full extents (P20)."""
     corners = np.array(list(product((-0.5, 0.5), repeat=3)))
     return PolygonMesh(corners * np.asarray(size, np.float64), _SIDES)
 
 
 def one_sided_sheet(size: ArrayLike) -> PolygonMesh:
-    """One quadrilateral in the plane y = 0 that faces upwards; `size` is along x and z."""
+    """Return one quadrilateral in the plane y = 0 that faces upwards; `size` is along x and z (P20)."""
     half = 0.5 * np.asarray(size, np.float64)
     corners = np.zeros((4, 3))
     corners[:, (0, 2)] = half * [(-1, -1), (-1, 1), (1, 1), (1, -1)]
@@ -196,7 +196,7 @@ def one_sided_sheet(size: ArrayLike) -> PolygonMesh:
 
 
 def square_grid(m: int, n: int) -> tuple[Points, Faces]:
-    """(m + 1)(n + 1) points of the unit square and its triangles, whose diagonals alternate."""
+    """Return (m + 1)(n + 1) points of the unit square and its triangles, whose diagonals alternate."""
     i, j = (part.reshape(-1) for part in np.meshgrid(np.arange(m), np.arange(n), indexing="ij"))
     a, b = i * (n + 1) + j, (i + 1) * (n + 1) + j
     quads = np.column_stack([a, b, b + 1, a + 1])
@@ -217,7 +217,7 @@ def welded(parts: Sequence[tuple[Points, Faces]]) -> tuple[Points, Faces]:
 
 
 def cut_into(side: float, edge_length: float | None) -> int:
-    """Into how many a side is cut, for edges no longer than this; 1 without a length."""
+    """Return the number of parts of a side for edges no longer than `edge_length`; 1 without a length."""
     if edge_length is None:
         return 1
     positive("edge_length", np.array([edge_length]))
@@ -225,7 +225,7 @@ def cut_into(side: float, edge_length: float | None) -> int:
 
 
 def positive(name: str, values: Points) -> None:
-    """Raises UsageError where one of the lengths (N,) is none."""
+    """Raise UsageError unless all lengths (N,) are finite and positive."""
     if not (np.isfinite(values).all() and (values > 0).all()):
         raise UsageError(
             f"{name} {', '.join(f'{v:g}' for v in values)} must be positive lengths in scene units"

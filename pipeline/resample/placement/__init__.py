@@ -1,1 +1,1 @@
-"""Placement."""
+"""Placements: on the chord, on curved patches, on the exact surface."""

@@ -20,7 +20,7 @@ from pipeline.resample.kernels.work_lists import Changes
 
 
 class Placement(Protocol):
-    """Where splits place new vertices, and how far others may be moved."""
+    """A rule for where splits place new vertices, and how far others may move."""
 
     @property
     def leaves_chord(self) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
-from pipeline.mesh.tangents import unit
+from pipeline.mesh.normals import unit
 
 PointMap = Callable[[Points], Points]
 

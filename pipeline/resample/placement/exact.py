@@ -9,8 +9,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
-from pipeline.mesh.normals import vertex_normals
-from pipeline.mesh.tangents import carried_normals, unit
+from pipeline.mesh.normals import carried_normals, unit, vertex_normals
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
 from pipeline.resample.kernels.limits import Limits

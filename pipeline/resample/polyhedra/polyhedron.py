@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.validation import require_polygons, twin_corners
+from pipeline.mesh.validation import require, twin_corners
 
 OUTSIDE = -1
 """The face beyond a boundary, and the mark of a removed element."""
@@ -48,7 +48,7 @@ class Polyhedron:
     points: list[Point]
 
     def __init__(self, mesh: PolygonMesh) -> None:
-        require_polygons(mesh)
+        require(mesh)
         self._load(mesh, twin_corners(mesh))
 
     def split_edge(self, h: int, points: Sequence[Point]) -> list[int]:

@@ -13,7 +13,6 @@ from pipeline.mesh import (
     read_mesh,
     read_polygons,
     require,
-    require_polygons,
     write_mesh,
 )
 
@@ -49,7 +48,7 @@ def test_polygons_are_read_as_they_were_written(tmp_path: Path, suffix: str) -> 
 @pytest.mark.parametrize("suffix", ["stl", "glb"])
 def test_a_format_of_triangles_gives_polygons_of_three_sides(tmp_path: Path, suffix: str) -> None:
     write_mesh(icosphere(3), tmp_path / f"ball.{suffix}")
-    assert require_polygons(read_polygons(tmp_path / f"ball.{suffix}"), closed=True).euler == 2
+    assert require(read_polygons(tmp_path / f"ball.{suffix}"), closed=True).euler == 2
 
 
 def test_a_concave_polygon_of_a_file_is_cut_into_triangles_that_do_not_overlap(tmp_path: Path) -> None:

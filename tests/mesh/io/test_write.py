@@ -63,7 +63,9 @@ def test_glb_is_what_the_standard_asks_for(tmp_path: Path) -> None:
     scene = json.loads(data[20 : 20 + words])
     assert scene["buffers"][0]["byteLength"] == len(data) - 28 - words
     assert all(view["byteOffset"] % 4 == 0 for view in scene["bufferViews"])
-    assert scene["accessors"][0]["max"] == [1.0, 1.0, 1.0]
+    attributes = scene["meshes"][0]["primitives"][0]["attributes"]
+    assert set(attributes) == {"POSITION", "NORMAL"}
+    assert scene["accessors"][attributes["POSITION"]]["max"] == [1.0, 1.0, 1.0]
 
 
 def test_npz_keeps_everything(tmp_path: Path) -> None:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import ShotError, UsageError
 from pipeline.mesh import TriangleMesh, dihedral_angles, face_normals, require
-from pipeline.mesh.solids.bars import MOST_CROSSINGS, BarLattice, lattice
+from pipeline.mesh.solids.bars import MAX_CROSSINGS, BarLattice, lattice
 from pipeline.shot import Solid, read_shot
 
 counts = st.tuples(*[st.integers(1, 4)] * 3)
@@ -121,7 +121,7 @@ def test_vertices_stay_bit_for_bit_and_normals_are_the_faces_own() -> None:
         ((2.0, 2.0, 0.15), 0.6, 0.1, "more than twice"),
         ((2.0, 2.0, 0.05), 0.6, 0.1, "more than twice"),
         ((2.0, 2.0, math.nan), 0.6, 0.1, "positive"),
-        ((1e12, 1e12, 1e12), 1e-3, 1e-4, f"{MOST_CROSSINGS} are the most"),
+        ((1e12, 1e12, 1e12), 1e-3, 1e-4, f"{MAX_CROSSINGS} are the most"),
     ],
 )
 def test_bars_that_cannot_be_are_refused(

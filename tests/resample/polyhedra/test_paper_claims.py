@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.arrays import Points
 from pipeline.errors import UsageError
-from pipeline.mesh import PolygonMesh, require, require_polygons
+from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import PolyhedralResampler, Thresholds, edges_by_angle, edges_in_region
 from pipeline.resample.creases import WithinBall, WithinBox
 from pipeline.resample.polyhedra.editor import PolyhedronEditor
@@ -51,10 +51,10 @@ def twisted(points: Points, frame: int) -> Points:
 def test_p16_any_polyhedron_is_subdivided_edges_and_faces(
     kind: str, cutting: Cutting, menagerie: dict[str, PolygonMesh]
 ) -> None:
-    before = require_polygons(menagerie[kind])
+    before = require(menagerie[kind])
     resampler = PolyhedralResampler(menagerie[kind], COARSE, cutting)
     report = resampler.resample()
-    after = require_polygons(resampler.mesh)
+    after = require(resampler.mesh)
     assert (after.euler, after.closed) == (before.euler, before.closed)
     assert report.longest <= 0.3
     assert report.widest <= 0.3
@@ -148,7 +148,7 @@ def test_p22_small_faces_may_collapse_instead_of_short_edges(menagerie: dict[str
             done += report.collapses
             assert report.too_short == sum(report.refused.values())
         assert done > 20
-        assert require_polygons(resampler.mesh, closed=True).euler == 2
+        assert require(resampler.mesh, closed=True).euler == 2
         short[collapse] = report.too_short / report.edges
     assert 3 * short["edges"] < short["areas"]
 
@@ -225,4 +225,4 @@ def test_p35_thresholds_may_be_functions_over_the_surface(menagerie: dict[str, P
     height = mesh.vertices[mesh.corners[mesh.offsets[:-1]], 1]
     assert report.longest <= 0.5
     assert mesh.areas[height > 1.5].mean() < 0.3 * mesh.areas[height < 0.5].mean()
-    assert require_polygons(mesh, closed=True).euler == 2
+    assert require(mesh, closed=True).euler == 2

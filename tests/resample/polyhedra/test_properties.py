@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError
-from pipeline.mesh import PolygonMesh, require_polygons, validate
+from pipeline.mesh import PolygonMesh, require, validate
 from pipeline.resample import PolyhedralResampler, Thresholds
 from pipeline.resample.polyhedra.resampler import Collapse
 from pipeline.resample.polyhedra.slicing import Cutting
@@ -52,7 +52,7 @@ def test_every_polyhedron_survives_every_motion(
     collapse: Collapse,
     menagerie: dict[str, PolygonMesh],
 ) -> None:
-    rng, before = np.random.default_rng(seed), require_polygons(menagerie[kind])
+    rng, before = np.random.default_rng(seed), require(menagerie[kind])
     thresholds = Thresholds(longest, ratio * longest, hard_angle, max_vertices=3_000)
     resampler = PolyhedralResampler(menagerie[kind], thresholds, cutting, collapse)
     for _ in range(3):
@@ -61,9 +61,9 @@ def test_every_polyhedron_survives_every_motion(
             report = resampler.resample()
         except FrameError as error:
             assert "budget" in str(error)
-            assert require_polygons(resampler.mesh).euler == before.euler
+            assert require(resampler.mesh).euler == before.euler
             return
-        after = require_polygons(resampler.mesh)
+        after = require(resampler.mesh)
         assert (after.euler, after.closed) == (before.euler, before.closed)
         lengths = edge_lengths(resampler.mesh)
         assert report.too_long == 0
@@ -112,5 +112,5 @@ def test_a_thousand_frames_leave_a_sound_surface(menagerie: dict[str, PolygonMes
             ]
         )
         report = resampler.resample()
-        found = require_polygons(resampler.mesh, closed=True)
+        found = require(resampler.mesh, closed=True)
         assert (found.euler, report.too_long) == (2, 0)

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import MeshError
-from pipeline.mesh import PolygonMesh, require_polygons
+from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import Thresholds
 from pipeline.resample.polyhedra.can_collapse import can_collapse
 from pipeline.resample.polyhedra.collapse import Collapser
@@ -78,12 +78,12 @@ def collapse_face(surface: Polyhedron, rng: np.random.Generator) -> None:
 def test_no_operation_changes_the_kind_of_surface(
     kind: str, seed: int, steps: list[Step], menagerie: dict[str, PolygonMesh]
 ) -> None:
-    rng, before = np.random.default_rng(seed), require_polygons(menagerie[kind])
+    rng, before = np.random.default_rng(seed), require(menagerie[kind])
     surface = Polyhedron(menagerie[kind])
     for step in steps:
         step(surface, rng)
         assert surface.fault() is None
-    after = require_polygons(surface.mesh())
+    after = require(surface.mesh())
     assert (after.euler, after.closed) == (before.euler, before.closed)
     mesh, _ = surface.renumber()
     anew = Polyhedron(mesh)
