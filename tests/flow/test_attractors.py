@@ -108,7 +108,7 @@ def test_volume_shrinks_at_a_constant_rate(field: Attractor, rate: float) -> Non
 
 @settings(max_examples=60, deadline=None)
 @given(st.sampled_from(sorted(ATTRACTORS)), st.integers(0, 10_000), st.floats(0.3, 2.0))
-def test_the_gradient_stays_below_the_steepness_within_reach(name: str, seed: int, factor: float) -> None:
+def test_the_gradient_stays_below_its_bound_within_reach(name: str, seed: int, factor: float) -> None:
     """With the parameters of the paper, and others; among the places are the corners of the reach."""
     kind = ATTRACTORS[name][0]
     own = [

@@ -89,7 +89,7 @@ def test_halving_the_step_divides_the_error_by_sixteen(name: str, points: Points
 
 
 @pytest.mark.parametrize("name", ["formula", "attraction", "repulsion", "wind"])
-def test_the_steepness_bounds_the_gradient_off_the_jumps(name: str, points: Points) -> None:
+def test_the_gradient_bound_holds_off_the_jumps(name: str, points: Points) -> None:
     field = FIELDS[name]
     norms = np.linalg.norm(gradients(field, points), ord=2, axis=(1, 2))
     assert np.quantile(norms, 0.99) <= field.gradient_bound(0.3) * (1 + 1e-6)
@@ -185,7 +185,7 @@ def test_turbulence_has_the_speed_that_it_says_at_all_times_and_any_octaves() ->
     assert CurlNoise(1.0, 1.0, 1).numbers(0.0)[1] * RMS == pytest.approx(1.0)
 
 
-def test_few_places_of_turbulence_are_steeper_than_its_steepness() -> None:
+def test_few_points_of_turbulence_exceed_its_gradient_bound() -> None:
     points = np.random.default_rng(3).uniform(-40, 40, size=(40_000, 3))
     for octaves in (1, 3):
         field = CurlNoise(1.0, 1.0, octaves, 0.6)

@@ -49,11 +49,11 @@ def points() -> Points:
     return np.random.default_rng(3).normal(size=(57, 3))
 
 
-def history_of(flow: Flow, frames: int) -> FlowMap:
-    history = FlowMap()
+def flow_map_of(flow: Flow, frames: int) -> FlowMap:
+    flow_map = FlowMap()
     for frame in range(frames):
-        history.add(FrameStep(flow, frame * DT, DT, frame + 2))
-    return history
+        flow_map.add(FrameStep(flow, frame * DT, DT, frame + 2))
+    return flow_map
 
 
 def frame_by_frame(flow: Flow, points: Points, frames: int) -> Points:
@@ -69,17 +69,17 @@ def test_a_carried_point_has_the_bits_of_a_vertex_moved_frame_by_frame(
 ) -> None:
     points = np.random.default_rng(3).normal(size=(57, 3))
     flow = Sequence(tuple(FLOWS[i] for i in chosen))
-    carried = history_of(flow, frames).carry(points)
+    carried = flow_map_of(flow, frames).carry(points)
     assert carried.tobytes() == frame_by_frame(flow, points, frames).tobytes()
 
 
 @pytest.mark.parametrize("flow", FLOWS, ids=lambda flow: flow.name)
 def test_it_grows_by_a_frame_at_a_time(flow: Flow, points: Points) -> None:
-    history, moved = FlowMap(), points
+    flow_map, moved = FlowMap(), points
     for frame in range(4):
-        assert len(history) == frame
-        assert history.carry(points).tobytes() == moved.tobytes()
-        history.add(FrameStep(flow, frame * DT, DT, frame + 2))
+        assert len(flow_map) == frame
+        assert flow_map.carry(points).tobytes() == moved.tobytes()
+        flow_map.add(FrameStep(flow, frame * DT, DT, frame + 2))
         moved = checked_displacement(flow, moved, frame * DT, DT, frame + 2)
 
 
@@ -89,15 +89,15 @@ def test_streamlines_of_many_frames_are_one_call(points: Points, monkeypatch: py
     follow = StepPlan.follow
     monkeypatch.setattr(StepPlan, "follow", lambda self, p: calls.append(len(self.tables)) or follow(self, p))
     flow = Sequence((FLOWS[0], FLOWS[1]))
-    whole = history_of(flow, 12).carry(points)
+    whole = flow_map_of(flow, 12).carry(points)
     assert len(calls) == 1
     monkeypatch.setattr(module, "LARGEST_STEP_PLAN", calls.pop() // 5)
-    again = history_of(flow, 12).carry(points)
+    again = flow_map_of(flow, 12).carry(points)
     assert 5 <= len(calls) <= 9 and max(calls) <= module.LARGEST_STEP_PLAN
     assert again.tobytes() == whole.tobytes()
 
 
-def test_what_a_course_reads_lives_as_long_as_the_course(points: Points) -> None:
+def test_what_a_step_plan_reads_lives_as_long_as_the_plan(points: Points) -> None:
     """Fields, and regions, that are gone when it is followed, and their memory filled by others."""
 
     def flows() -> tuple[Streamlines, Streamlines]:
@@ -126,14 +126,14 @@ def test_what_a_course_reads_lives_as_long_as_the_course(points: Points) -> None
 
 def test_points_given_stay_as_they_are(points: Points) -> None:
     before = points.copy()
-    history = FlowMap()
-    assert history.carry(points) is not points
-    history_of(FLOWS[-1], 2).carry(points)
+    flow_map = FlowMap()
+    assert flow_map.carry(points) is not points
+    flow_map_of(FLOWS[-1], 2).carry(points)
     np.testing.assert_array_equal(points, before)
 
 
 def test_no_points_are_carried_to_no_points() -> None:
-    assert history_of(Sequence(tuple(FLOWS)), 2).carry(np.empty((0, 3))).shape == (0, 3)
+    assert flow_map_of(Sequence(tuple(FLOWS)), 2).carry(np.empty((0, 3))).shape == (0, 3)
 
 
 def test_a_point_that_leaves_the_numbers_is_told_with_frame_flow_and_place() -> None:
@@ -143,7 +143,7 @@ def test_a_point_that_leaves_the_numbers_is_told_with_frame_flow_and_place() -> 
         FrameError,
         match=r"^frame 7: on the way from the rest surface: frame \d: flow lorenz moved vertex 1 from",
     ) as told:
-        history_of(flow, 6).carry(points)
+        flow_map_of(flow, 6).carry(points)
     assert told.value.frame == 7
 
 
@@ -152,13 +152,13 @@ def test_a_user_flow_that_fails_is_told(points: Points) -> None:
         raise ValueError("no wind")
 
     with pytest.raises(FrameError, match=r"^frame 4: .*fail raised ValueError: no wind"):
-        history_of(Function(fail), 3).carry(points)
+        flow_map_of(Function(fail), 3).carry(points)
 
 
 def test_a_field_too_steep_to_follow_is_refused_when_its_frame_is_added() -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=keyed((0.0, 0.1), (0.0, 100.0), "linear")))
-    history = FlowMap()
-    history.add(FrameStep(flow, -DT, DT, 1))
+    flow_map = FlowMap()
+    flow_map.add(FrameStep(flow, -DT, DT, 1))
     with pytest.raises(FrameError, match=r"^frame 2: flow vortex at 0 s needs .* sub-steps"):
-        history.add(FrameStep(flow, 0.0, DT, 2))
-    assert len(history) == 1
+        flow_map.add(FrameStep(flow, 0.0, DT, 2))
+    assert len(flow_map) == 1
