@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.dailies.preview.streamlines import Streamlines, streamlines
+from pipeline.dailies.preview.streamlines import StreamlineSet, streamlines
 from pipeline.mesh import icosphere
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
@@ -109,7 +109,7 @@ def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
     return np.array_equal(np.sort(begin * many + end), np.sort(end * many + begin))
 
 
-def inks(ways: Streamlines) -> tuple[Floats, Floats]:
+def inks(ways: StreamlineSet) -> tuple[Floats, Floats]:
     """Colours (N, K, 3) by speed, and opacity (N, K) that fades at both ends."""
     fast = float(np.quantile(ways.speeds, 0.95)) if ways.speeds.size else 1.0
     share = np.clip(ways.speeds / max(fast, 1e-300), 0.0, 1.0)

@@ -25,14 +25,14 @@ STILL = 0.02
 """Below that share of the usual speed of the fast points nothing is drawn."""
 
 
-class Streamlines(NamedTuple):
+class StreamlineSet(NamedTuple):
     """points (N, PIECES + 1, 3), and how fast they go there (N, PIECES + 1), units per second."""
 
     points: Floats
     speeds: Floats
 
 
-def streamlines(motion: Motion, frame: int, around: Points, seeds: int = SEEDS) -> Streamlines:
+def streamlines(motion: Motion, frame: int, around: Points, seeds: int = SEEDS) -> StreamlineSet:
     """Streamlines of all flows of a motion together, as they are at a frame, about points (V, 3).
 
     The flow is held still while they are drawn. Raises FrameError where the flow fails there.
@@ -44,14 +44,14 @@ def streamlines(motion: Motion, frame: int, around: Points, seeds: int = SEEDS) 
     fast = float(np.quantile(speeds, 0.95))
     begin = begin[speeds > STILL * fast]
     if not len(begin) or fast == 0.0:
-        return Streamlines(np.empty((0, PIECES + 1, 3)), np.empty((0, PIECES + 1)))
+        return StreamlineSet(np.empty((0, PIECES + 1, 3)), np.empty((0, PIECES + 1)))
     usual = float(np.median(speeds[speeds > STILL * fast]))
     step = LONG * float(half.max()) / usual / PIECES
     forth, back = (_followed(motion, frame, begin, side * step, FASTEST * usual) for side in (1, -1))
     points = np.concatenate([back[:0:-1], forth]).swapaxes(0, 1)
     points = points[np.isfinite(points).all(axis=(1, 2))]
     speeds = np.linalg.norm(np.diff(points, axis=1), axis=2) / step
-    return Streamlines(points, np.concatenate([speeds[:, :1], speeds], axis=1))
+    return StreamlineSet(points, np.concatenate([speeds[:, :1], speeds], axis=1))
 
 
 def _velocity(motion: Motion, frame: int, points: Points) -> Vectors:
