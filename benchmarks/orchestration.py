@@ -121,7 +121,7 @@ def fill(plan: Plan) -> None:
         files += [("normals", request.normals_key(n)) for n in request.requested]
         files += [(kind, getattr(keys[n], kind)) for n in request.requested for kind in ("raw", "frame")]
         files.append(("movie", request.movie_key([keys[n].frame for n in sorted(request.requested)])))
-        keys.note()  # as finding cameras does
+        keys.remember()  # as finding cameras does
         for kind, key in files:
             store.put(kind, key, lambda path: _write(path, "a dummy"))
 

@@ -41,7 +41,7 @@ class Sitting:
         path = root / "shots" / f"{NAME}.yaml"
         path.parent.mkdir(parents=True)
         path.write_text(text)
-        request = RenderRequest(ShotSource(text, path).pinned(), quality, engine.variant, tuple(frames))
+        request = RenderRequest(ShotSource(text, path).with_inputs(), quality, engine.variant, tuple(frames))
         request = request if frames else request.whole()
         planner = Planner(Store(root), cores)
         planner.pictures(request)

@@ -6,6 +6,7 @@ import re
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 
 from pipeline.errors import UsageError
 
@@ -53,11 +54,11 @@ class FrameRange:
         """Return the range of these frames, in this order."""
         return cls(tuple(numbers))
 
-    @property
+    @cached_property
     def first(self) -> int:
         return min(self.numbers)
 
-    @property
+    @cached_property
     def last(self) -> int:
         return max(self.numbers)
 

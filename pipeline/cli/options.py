@@ -170,9 +170,9 @@ class PictureOptions:
 
     def quality(self, name: str) -> str:
         """Return the name of a quality with crop and scale, as its folder has it. Raises UsageError."""
-        from pipeline.production.request.crop_and_scale import windowed
+        from pipeline.production.request.crop_and_scale import cropped_name
 
-        return windowed(name, self.crop, self.scale)
+        return cropped_name(name, self.crop, self.scale)
 
 
 def project_of(

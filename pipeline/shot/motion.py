@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any, Literal
 
 import numpy as np
@@ -114,9 +115,14 @@ class Motion:
     speed: Number = 1.0
     max_step: float = DEFAULT_MAX_STEP
 
-    @property
+    @cached_property
     def clock(self) -> Clock:
         return Clock(self.frames, self.rate, self.speed)
+
+    @cached_property
+    def _latest(self) -> dict[str, Any]:
+        """The latest answers of `resampling_at` and `bounded`: callers ask several times about one frame."""
+        return {}
 
     def step(self, frame: int) -> tuple[float, float]:
         """Return start and duration, in seconds of the flow, of the step that leads into `frame`.
@@ -132,10 +138,14 @@ class Motion:
         """Return the resampling of that frame: keyed and formula thresholds are evaluated."""
         if self.resampling is None:
             return None
-        now = self.resampling.thresholds.at(frame, self.clock.time(frame))
-        return (
-            self.resampling if now is self.resampling.thresholds else replace(self.resampling, thresholds=now)
-        )
+        latest: Resampling | None
+        at, latest = self._latest.get("resampling", (None, None))
+        if at != frame:
+            now = self.resampling.thresholds.at(frame, self.clock.time(frame))
+            same = now is self.resampling.thresholds
+            latest = self.resampling if same else replace(self.resampling, thresholds=now)
+            self._latest["resampling"] = frame, latest
+        return latest
 
     def limit_steps(self, flow: Flow, frame: int) -> Flow:
         """Return a flow whose sub-steps into that frame are no longer than `max_step`.
@@ -147,7 +157,14 @@ class Motion:
         longest = None if resampling is None else resampling.thresholds.max_edge_length
         if isinstance(longest, Curvature | DistanceToCamera):
             longest = longest.coarsest
-        return flow.with_max_step(self.max_step * longest) if isinstance(longest, float) else flow
+        if not isinstance(longest, float):
+            return flow
+        bounded: Flow
+        unbounded, length, bounded = self._latest.get("bounded", (None, None, flow))
+        if unbounded is not flow or length != longest:
+            bounded = flow.with_max_step(self.max_step * longest)
+            self._latest["bounded"] = flow, longest, bounded
+        return bounded
 
     def mesh_at_rest(self) -> TriangleMesh:
         """Return the subject's mesh, as fine as the first frame needs it.

@@ -1,4 +1,4 @@
-"""The ledger tells what reading a shot would find, or nothing."""
+"""The planning cache holds what reading a shot would find, or nothing."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from pathlib import Path
 import pytest
 
 from pipeline.production.execution.project import Project
-from pipeline.production.request import planning_cache, shot_source
-from pipeline.production.request.input_digests import pins_of
+from pipeline.production.request import planning_cache
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_summary import ShotSummary
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.request.shot_summary import ShotSummary, input_digests
 from pipeline.production.request.turntable import Turntable
 from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.serialise import from_plain, to_plain
 
 SHOT = """\
 title: T
@@ -58,7 +59,7 @@ def never(*arguments: object) -> None:
 
 
 def forgetful(request: RenderRequest) -> RenderRequest:
-    return replace(request, source=replace(request.source, ledger=None))
+    return replace(request, source=replace(request.source, cache=None))
 
 
 @pytest.mark.parametrize("quality", ["draft", "final"])
@@ -88,25 +89,25 @@ def test_an_edit_of_the_shot_or_of_a_file_that_it_reads_is_seen(shot: Path) -> N
 
 
 def test_a_file_that_comes_to_lie_beside_those_that_were_read_has_the_shot_read_again(shot: Path) -> None:
-    summary = ShotSummary.from_data(take_of(shot).source.summary.as_data())
-    assert summary.holds
+    summary = from_plain(ShotSummary, to_plain(take_of(shot).source.summary))
+    assert summary.is_current
     (shot.parent / "wedge2.obj").write_text(WEDGE)
-    assert not summary.holds
+    assert not summary.is_current
 
 
 def test_other_code_knows_nothing_of_it(shot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     book = PlanningCache(shot.parent)
-    book.note({"a": 1}, "of this")
-    assert book.recall("of this") == {"a": 1}
-    assert book.recall("of that") is None
+    book.put({"a": 1}, "of this")
+    assert book.get("of this") == {"a": 1}
+    assert book.get("of that") is None
     monkeypatch.setattr(planning_cache, "_code", lambda: ["other"])
-    assert book.recall("of this") is None
+    assert book.get("of this") is None
 
 
 @pytest.mark.parametrize("damage", [b"", b"\xff", b"{}", b"0\n{}"])
 def test_a_damaged_entry_counts_as_none(shot: Path, damage: bytes) -> None:
     keys = keys_of(take_of(shot))
-    entries = list((shot.parent / ".flowsculpt/ledger").glob("*.json"))
+    entries = list((shot.parent / ".flowsculpt/planning").glob("*.json"))
     assert entries
     for entry in entries:
         entry.write_bytes(damage)
@@ -116,26 +117,26 @@ def test_a_damaged_entry_counts_as_none(shot: Path, damage: bytes) -> None:
 def test_a_disk_that_refuses_hinders_nothing(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     book = PlanningCache(tmp_path / "file")
-    book.note({"a": 1}, "of this")
-    assert book.recall("of this") is None
+    book.put({"a": 1}, "of this")
+    assert book.get("of this") is None
 
 
 def test_entries_that_nobody_asks_for_go(root: Path) -> None:
     book = PlanningCache(root)
-    book.note({}, "old")
-    (entry,) = (root / ".flowsculpt/ledger").iterdir()
+    book.put({}, "old")
+    (entry,) = (root / ".flowsculpt/planning").iterdir()
     os.utime(entry, (0.0, 0.0))
-    book.note({}, "new")
+    book.put({}, "new")
     assert not entry.exists()
-    assert book.recall("new") == {}
+    assert book.get("new") == {}
 
 
 def test_work_that_was_planned_for_another_file_is_told_as_before(shot: Path) -> None:
     planned = take_of(shot)
     (shot.parent / "wedge.obj").write_text(WEDGE.replace("v 2 0 0", "v 3 0 0"))
     take_of(shot)
-    late = shot_source.ShotSource.from_data(planned.source.as_data(), PlanningCache(shot.parent))
-    assert late.pins == pins_of([(shot.parent / "wedge.obj", planned.source.pins[0][1])])
-    assert late.pins[0][1] != digest_of_file(shot.parent / "wedge.obj")
+    late = replace(from_plain(ShotSource, to_plain(planned.source)), cache=PlanningCache(shot.parent))
+    assert late.inputs == input_digests([(shot.parent / "wedge.obj", planned.source.inputs[0][1])])
+    assert late.inputs[0][1] != digest_of_file(shot.parent / "wedge.obj")
     with pytest.raises(Exception, match="changed since the work was planned"):
         assert late.summary

@@ -77,7 +77,7 @@ def test_a_job_without_the_permission_runs_nothing(shot: str, tmp_path: Path) ->
     forbidden = replace(
         plan,
         requests=tuple(
-            {**request, "script": {**request["script"], "allow_code": False}} for request in plan.requests
+            {**request, "source": {**request["source"], "allow_code": False}} for request in plan.requests
         ),
     )
     done = job_of(forbidden, tmp_path)

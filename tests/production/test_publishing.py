@@ -115,7 +115,9 @@ def test_a_version_is_read_only_and_tells_all_that_it_was_made_from(published: D
     record = Provenance.read(folder / FILE)
     assert (record.note, record.quality, list(record.frames)) == ("first look", QUALITY, [1, 2, 3, 4])
     assert record.source.text == SHOT and record.source.path == Path(f"shots/{NAME}.yaml")
-    assert record.source.pins == (("models/wedge.obj", digest_of_file(published.root / "models/wedge.obj")),)
+    assert record.source.inputs == (
+        ("models/wedge.obj", digest_of_file(published.root / "models/wedge.obj")),
+    )
     assert set(record.packages) >= {"mitsuba", "numba", "flowsculpt"} and record.host["cores"] >= 1
     assert record.timings["render"] > 0.0 and record.timings["simulate"] > 0.0
     for frame in record.frames.values():

@@ -5,34 +5,34 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import UsageError
-from pipeline.production.request.crop_and_scale import base_of, quality_named, windowed
+from pipeline.production.request.crop_and_scale import base_of, cropped_name, quality_named
 from render.scene.quality import QUALITIES
 
 
 def quality(crop=None, scale=None, of="final"):
-    return quality_named(windowed(of, crop, scale), QUALITIES)
+    return quality_named(cropped_name(of, crop, scale), QUALITIES)
 
 
 def test_without_a_word_a_quality_is_itself():
-    assert windowed("draft") == windowed("draft", scale="100%") == "draft"
+    assert cropped_name("draft") == cropped_name("draft", scale="100%") == "draft"
     assert quality() == QUALITIES["final"]
 
 
 def test_a_picture_may_be_scaled_by_per_cent_or_by_a_factor():
-    assert windowed("final", scale="50%") == windowed("final", scale="0.5") == "final.scale50"
+    assert cropped_name("final", scale="50%") == cropped_name("final", scale="0.5") == "final.scale50"
     half = quality(scale="50%")
     assert (half.width, half.height, half.samples) == (960, 540, QUALITIES["final"].samples)
-    assert windowed("draft", scale="33.3%") == "draft.scale33.3"
+    assert cropped_name("draft", scale="33.3%") == "draft.scale33.3"
 
 
 def test_a_part_is_said_in_shares_or_in_pixels():
-    assert windowed("final", "0.25,0.5,0.75,1") == windowed("final", "480,540,1440,1080")
+    assert cropped_name("final", "0.25,0.5,0.75,1") == cropped_name("final", "480,540,1440,1080")
     assert quality("480,540,1440,1080").crop == (480, 540, 1440, 1080)
-    assert windowed("preview", "0,0,1,1") == "preview.crop0-0-480-270"
+    assert cropped_name("preview", "0,0,1,1") == "preview.crop0-0-480-270"
 
 
 def test_a_part_of_a_scaled_picture_is_in_pixels_of_that():
-    assert windowed("final", "0.5,0,1,1", "50%") == "final.scale50.crop480-0-960-540"
+    assert cropped_name("final", "0.5,0,1,1", "50%") == "final.scale50.crop480-0-960-540"
 
 
 @given(st.tuples(*[st.floats(0, 1)] * 4), st.sampled_from([*QUALITIES]), st.sampled_from(["100%", "37%"]))
@@ -45,7 +45,7 @@ def test_every_part_of_some_size_is_found_again_in_its_name(shares, of, scale):
     left, upper, right, lower = part.crop
     assert left <= x0 * part.width + 1e-5 and right >= x1 * part.width - 1e-5
     assert upper <= y0 * part.height + 1e-5 and lower >= y1 * part.height - 1e-5
-    assert base_of(windowed(of, f"{x0},{y0},{x1},{y1}", scale)) == of
+    assert base_of(cropped_name(of, f"{x0},{y0},{x1},{y1}", scale)) == of
 
 
 @pytest.mark.parametrize(
@@ -68,9 +68,9 @@ def test_every_part_of_some_size_is_found_again_in_its_name(shares, of, scale):
 )
 def test_what_is_no_part_of_a_picture_is_told(crop, scale, message):
     with pytest.raises(UsageError, match=message):
-        windowed("final", crop, scale)
+        cropped_name("final", crop, scale)
 
 
 def test_an_unknown_quality_is_left_to_be_told_of():
-    assert windowed("finest", "0,0,1,1") == "finest"
+    assert cropped_name("finest", "0,0,1,1") == "finest"
     assert base_of("final.crop1-2") == "final.crop1-2"

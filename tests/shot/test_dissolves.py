@@ -11,6 +11,7 @@ from pipeline.errors import MissingInputError, ShotError
 from pipeline.production.request.edit import Edit
 from pipeline.shot import read_film
 from pipeline.shot.shot import Film
+from render.base.serialise import from_plain, to_plain
 
 SHOT = "title: {0}\nframes: 1-12\nsubject: {{solid: box}}\nresample: off\n"
 
@@ -36,14 +37,14 @@ def test_dissolves_overlap_and_shorten_the_film(folder: Path) -> None:
     edit = Edit.of(
         film(folder, "  - A\n  - {shot: B, frames: 3-10, dissolve: 4}\n  - {shot: A, dissolve: 2}"), "f"
     )
-    assert [(piece.clip, piece.frames, piece.dissolve) for piece in edit.pieces] == [
+    assert [(piece.clip, piece.frames, piece.dissolve) for piece in edit.items] == [
         (0, 12, 0),
         (1, 8, 4),
         (2, 12, 2),
     ]
     assert edit.length == 12 + 8 + 12 - 4 - 2
-    assert edit.firsts == (0, 8, 14)
-    assert Edit.from_data(edit.as_data()) == edit
+    assert edit.starts == (0, 8, 14)
+    assert from_plain(Edit, to_plain(edit)) == edit
 
 
 def test_cards_stand_between_shots(folder: Path) -> None:
@@ -51,7 +52,7 @@ def test_cards_stand_between_shots(folder: Path) -> None:
     entries = f"  - A\n  - {card}\n  - {{shot: B, dissolve: 6}}"
     read = film(folder, entries, "title_seconds: 1\n")
     edit = Edit.of(read, "f")
-    assert [piece.title for piece in edit.pieces] == ["F", "", "Part two", ""]
+    assert [piece.title for piece in edit.items] == ["F", "", "Part two", ""]
     assert edit.length == 24 + 12 + 12 + 12 - 12
     assert read.seconds == pytest.approx(edit.length / 24)
 

@@ -13,7 +13,7 @@ from pipeline.cli.progress import progress_bars
 from pipeline.dailies.turntable.request import BOTH, TurntableRequest
 from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.errors import UsageError
-from pipeline.production.request.crop_and_scale import windowed
+from pipeline.production.request.crop_and_scale import cropped_name
 
 
 def turntable(
@@ -52,7 +52,7 @@ def turntable(
     --look clay,glaze,chrome` renders each look, and one movie of all three side by side.
     """
     project = options.project(common, variant)
-    named = windowed(quality, None, scale)
+    named = cropped_name(quality, None, scale)
     request = TurntableRequest(project, subject, named, at, frames, turn, _looks(look), bare)
 
     def draw() -> list[Path]:

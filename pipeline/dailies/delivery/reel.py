@@ -17,6 +17,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.movies import cut_together
+from render.base.serialise import to_plain
 from render.movie.planes import Frame
 from render.movie.sequences import dissolve, mix_frames
 from render.movie.timecode import FILM_START
@@ -90,7 +91,7 @@ def of_film(edit: Edit, requests: Sequence[RenderRequest], store: Store, failed:
     lost = _lost(wanted)
     quality_name, rate = requests[0].quality_name, edit.frame_rate
     size = requests[0].quality.rendered_size
-    opening = edit.pieces[0]
+    opening = edit.items[0]
 
     def frames(look: Look) -> Iterator[Shown]:
         def clip(place: int) -> Iterator[Shown]:
@@ -113,7 +114,7 @@ def of_film(edit: Edit, requests: Sequence[RenderRequest], store: Store, failed:
         start=FILM_START * ceil(rate.fps),
         count=edit.length,
         facts=(("shots", ", ".join(shots)), *_facts(requests[0], f"{edit.length}", edit.length, rate)),
-        content=[edit.as_data()["pieces"], *(each.content(each.request.requested) for each in rushes)],
+        content=[to_plain(edit.items), *(each.content(each.request.requested) for each in rushes)],
         lost=lost,
         covered=all(each.covers(n) for each, n in wanted if each.holds(n)),
         edit=edit,

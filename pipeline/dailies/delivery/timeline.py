@@ -65,7 +65,7 @@ class Timeline:
         """Clips and cards with the dissolves between them."""
         import opentimelineio as otio
 
-        pieces = self.edit.pieces
+        pieces = self.edit.items
         for index, piece in enumerate(pieces):
             after = pieces[index + 1].dissolve if index + 1 < len(pieces) else 0
             if piece.dissolve:

@@ -120,7 +120,7 @@ class Session:
 
 def files_of(source: ShotSource) -> set[Path]:
     """All that a shot is read from; but not files that come to lie beside it later."""
-    pinned = [Path(path) for path, _ in source.pins or ()]
+    pinned = [Path(path) for path, _ in source.inputs or ()]
     return {source.path, *(source.path.with_name(name) for name, _ in source.beside), *pinned}
 
 
@@ -131,7 +131,7 @@ def _recipe(ready: Ready, number: int) -> tuple[Any, ...]:
     flows = repr(flow_cache_data(request.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
     return (
         request.normals_key(number),
-        repr(request.measured(number)),
+        repr(request.speed_data(number)),
         ready.framings[number],
         (shown.look, shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),

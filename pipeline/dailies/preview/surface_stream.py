@@ -113,7 +113,7 @@ class SurfaceStream:
 
 def _key(request: RenderRequest, number: int) -> Key:
     """Of what is drawn of a frame: its normals, and speeds where colours show them."""
-    measured = request.measured(number)
+    measured = request.speed_data(number)
     return key_of(request.normals_key(number), measured) if measured else request.normals_key(number)
 
 

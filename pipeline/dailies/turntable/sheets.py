@@ -18,8 +18,8 @@ from pipeline.dailies.turntable.request import EIGHTHS, QUARTERS, TurntableReque
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import key_of
 from pipeline.production.keys.stages import TURNTABLE_SHEET
-from pipeline.production.request.edit import movie_bits
-from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.crop_and_scale import movie_bits
+from pipeline.production.request.frame_keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import Turntable
 from pipeline.production.store.paths import Folders

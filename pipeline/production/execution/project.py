@@ -17,14 +17,12 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.crop_and_scale import base_of
-from pipeline.production.request.edit import Edit
+from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
+from pipeline.production.request.frame_keys import FrameKeys
 from pipeline.production.request.lookup import FILM, find_shot
-from pipeline.production.request.picture_keys import FrameKeys
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.request.resolved_edit import ResolvedEdit, edited
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.request.source_cache import SourceCache, shot_around
+from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
 from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
@@ -211,12 +209,12 @@ class Project:
 
     def _script(self, path: Path) -> ShotSource:
         read = self._texts.source(path.absolute(), self.settings, self.allow_code)
-        return replace(read, ledger=PlanningCache(self.root)).pinned()
+        return replace(read, cache=PlanningCache(self.root)).with_inputs()
 
     def _montage(self, path: Path) -> ResolvedEdit:
         """What an edit shows; its shots are read only where the ledger does not tell it."""
-        ledger = PlanningCache(self.root)
-        return edited(path, self.settings, ledger, lambda shot: self._script(shot).summary)
+        cache = PlanningCache(self.root)
+        return resolved_edit(path, self.settings, cache, lambda shot: self._script(shot).summary)
 
     def planner(self, many: int = 1) -> Planner:
         """Return a planner for so many requests that are made side by side."""

@@ -150,7 +150,7 @@ class PlannedWorkflow:
 
     def _is_of(self, place: int, home: str, quality: str) -> bool:
         request = self.plan.requests[place]
-        return request["quality"] == quality and Path(request["script"]["path"]).stem == home
+        return request["quality_name"] == quality and Path(request["source"]["path"]).stem == home
 
     # Planning
 

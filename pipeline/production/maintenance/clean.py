@@ -77,7 +77,7 @@ def _of_last_runs(root: Path, count: int) -> Iterator[RenderRequest]:
     for path in sorted((root / PLANS).glob("*.json"), reverse=True):
         with contextlib.suppress(OSError, ValueError, KeyError):
             for data in json.loads(path.read_text())["requests"]:
-                about = data["script"]["path"], data["quality"], str(data["turntable"])
+                about = data["source"]["path"], data["quality_name"], str(data["turntable"])
                 seen[about] += 1
                 if seen[about] <= count:
                     yield RenderRequest.from_data(data)

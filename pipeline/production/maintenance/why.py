@@ -20,7 +20,7 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.keys.digest import Key
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.maintenance.differences import Difference, differences
-from pipeline.production.request.header import raw_header
+from pipeline.production.request.frame_keys import raw_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.store.event_log import EventReader, logs_of
@@ -28,6 +28,7 @@ from pipeline.production.store.paths import PLANS
 from pipeline.production.store.store import Store
 from pipeline.shot.yaml.inheritance import inherited
 from render.base.errors import RenderError
+from render.base.serialise import from_plain
 from render.post.image import read_header
 
 _SAID_OTHERWISE = ("key", "mesh_key", "normals_key", "stages", "steadied_with")
@@ -175,7 +176,7 @@ def _script_in(plan: Path, job: str) -> ShotSource | None:
     with contextlib.suppress(OSError, ValueError, KeyError, StopIteration):
         data = json.loads(plan.read_text())
         requests = next(each["requests"] for each in data["jobs"] if each["name"] == job)
-        return ShotSource.from_data(data["requests"][requests[0]]["script"])
+        return from_plain(ShotSource, data["requests"][requests[0]]["source"])
     return None
 
 

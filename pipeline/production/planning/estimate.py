@@ -94,12 +94,12 @@ def _clock(by_stage: Mapping[str, float], chains: Mapping[int, float], cores: in
 def _about(plan: Plan, job: Job) -> tuple[str, str]:
     """The shot, as its folder is called, and the quality that a job is for."""
     data = plan.requests[job.requests[0]]
-    name, turn = Path(data["script"]["path"]).stem, data["turntable"]
+    name, turn = Path(data["source"]["path"]).stem, data["turntable"]
     if turn and job.stage not in OF_MOTION:
         table = Turntable(**turn)
         name = name if table.of_file else f"{name}.{table.at:04d}"
         name = f"{name}/{table.look}" if table.look else name
-    return name, data["quality"]
+    return name, data["quality_name"]
 
 
 def _told(sample: Sample | None) -> str:

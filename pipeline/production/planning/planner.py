@@ -29,11 +29,11 @@ from pipeline.production.planning.plan import (
     with_threads,
 )
 from pipeline.production.planning.profile import Share
-from pipeline.production.request.cameras import CameraFile
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.frame_keys import CameraFile, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
+from render.base.serialise import to_plain
 
 LONG = 8
 """Frames that a simulation has in common with others from which on these wait for them: to wait costs the
@@ -152,7 +152,7 @@ class Planner:
             self._surfaces(entry, unrendered)
         self._batches(entry, "render", unrendered)
         self._batches(entry, "finish", unfinished)
-        names.note()
+        names.remember()
         if self.whole:
             self._rest(entry, "render", _union(names[n].window for n in frames))
             self._rest(entry, "finish", frames)
@@ -192,7 +192,7 @@ class Planner:
         jobs = [*self._simulations(), *self._jobs]
         return Plan(
             requests=tuple(entry.request.as_data() for entry in entries),
-            film=self._cut.as_data() if self._cut else None,
+            film=to_plain(self._cut) if self._cut else None,
             jobs=tuple(with_threads(jobs, self.cores, self.share)),
             links=tuple(self._links.values()),
             targets=tuple(dict.fromkeys(self._targets)),

@@ -1,7 +1,7 @@
-"""A part of a picture, or a smaller one: what `--crop` and `--scale` ask for.
+"""Crops and scales of a quality: what `--crop` and `--scale` ask for.
 
-Such pictures are a quality of their own, whose name says what they are: `final.scale50.crop0-0-480-270`. It
-names their folder and, through the pixels that it means, their keys, so that they never mix with whole ones.
+Each is a quality of its own, with the name `final.scale50.crop0-0-480-270`. The name is that of its folder,
+and its pixels are part of the keys, so these pictures never mix with whole ones.
 """
 
 from __future__ import annotations
@@ -15,18 +15,15 @@ from pipeline.errors import UsageError
 from render.scene.quality import QUALITIES, Crop, Quality
 
 LEAST, MOST = 1.0, 400.0
-"""Per cent that a picture may be scaled by."""
+"""Limits of `--scale`, per cent."""
 
 _NAME = re.compile(r"(\w+)(?:\.scale(\d+(?:\.\d+)?))?(?:\.crop(\d+)-(\d+)-(\d+)-(\d+))?")
 
 
-def windowed(quality: str, crop: str | None = None, scale: str | None = None) -> str:
-    """The name of a quality's part or scaled picture, as `--crop` and `--scale` say it.
-
-    Raises UsageError, with what is wrong, for what is no part of a picture.
-    """
+def cropped_name(quality: str, crop: str | None = None, scale: str | None = None) -> str:
+    """Return the name of a quality's crop or scale. Raises UsageError where an option is wrong."""
     if quality not in QUALITIES:
-        return quality  # which is told where it is looked up
+        return quality  # whoever looks it up tells that it is unknown
     name = quality
     if scale is not None and (per_cent := _per_cent(scale)) != 100.0:
         name += f".scale{per_cent:g}"
@@ -37,21 +34,21 @@ def windowed(quality: str, crop: str | None = None, scale: str | None = None) ->
 
 
 def is_quality(name: str) -> bool:
-    """Whether it is the name of a quality, of a part or of a scaled picture of one."""
+    """Tell whether it is the name of a quality, or of a crop or scale of one."""
     match = _NAME.fullmatch(name)
     return match is not None and match[1] in QUALITIES
 
 
 def base_of(name: str) -> str:
-    """The quality that a name is a part or a scaled picture of."""
+    """Return the quality whose crop or scale has this name."""
     match = _NAME.fullmatch(name)
     return match[1] if match else name
 
 
 def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
-    """Of a name that `windowed` gave, by the qualities of a shot."""
+    """Return the quality of a name that `cropped_name` gave, by the qualities of a shot."""
     match = _NAME.fullmatch(name)
-    assert match, "names are made by `windowed`, or looked up before"
+    assert match, "names are made by `cropped_name`, or looked up before"
     base, scale, *crop = match.groups()
     quality = qualities[base]
     if scale is not None:
@@ -64,8 +61,13 @@ def quality_named(name: str, qualities: Mapping[str, Quality]) -> Quality:
     return quality
 
 
+def movie_bits(name: str) -> int:
+    """Return the bits of a movie's samples: 10 keep gradients smooth, 8 play everywhere."""
+    return 10 if base_of(name) == "final" else 8
+
+
 def _per_cent(text: str) -> float:
-    """`50%` or `0.5`"""
+    """Parse `50%` or `0.5`."""
     try:
         number = float(text.removesuffix("%")) * (1.0 if text.endswith("%") else 100.0)
     except ValueError:
@@ -79,10 +81,7 @@ def _per_cent(text: str) -> float:
 
 
 def _pixels(text: str, width: int, height: int) -> Crop:
-    """`x0,y0,x1,y1` in shares of the picture, where none is above 1, or in pixels of it.
-
-    Parts of a pixel count as whole ones.
-    """
+    """Parse `x0,y0,x1,y1`: fractions of the picture if none is above 1, else pixels; round outwards."""
     try:
         numbers = [float(part) for part in text.split(",")]
     except ValueError:

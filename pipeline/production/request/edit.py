@@ -1,20 +1,24 @@
-"""The edit: what a film shows, frame by frame, between its title and its credits."""
+"""The edit of a film: what it shows, frame by frame, between its title and its credits."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import accumulate, count, pairwise
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.errors import FrameError
+from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import FILM
-from pipeline.production.request.crop_and_scale import base_of
+from pipeline.production.keys.digest import Key
+from pipeline.production.keys.picture_keys import film_key
+from pipeline.production.request.crop_and_scale import movie_bits
+from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.shot_summary import ShotSummary
 from pipeline.production.store import paths
 from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.serialise import from_plain, to_plain
 
 if TYPE_CHECKING:
     from pipeline.shot import Film
@@ -22,18 +26,13 @@ if TYPE_CHECKING:
     from render.movie.sound import Sound
 
 
-def movie_bits(quality_name: str) -> int:
-    """Bits a sample: 10 where gradients must stay smooth, 8 where everything must play it."""
-    return 10 if base_of(quality_name) == "final" else 8
-
-
 @dataclass(frozen=True)
 class EditItem:
-    """A clip or a card of a film, in its place.
+    """A clip or a card in its place in a film.
 
-    clip      the place of its take among the film's; None of a card
-    frames    how many it has, those that dissolve included
-    dissolve  over how many of them it comes through the piece before
+    clip      index of its shot among the film's clips; None for a card
+    frames    its length, with the frames that dissolve
+    dissolve  frames over which it comes through the item before
     """
 
     clip: int | None
@@ -45,7 +44,12 @@ class EditItem:
 
 @dataclass(frozen=True)
 class AudioTrack:
-    """The sound of a film: its file as it was when the film was planned, and how it lies in the film."""
+    """The sound of a film: a file as it was when the film was planned, and how it lies in the film.
+
+    start    seconds into the film; below 0 its beginning is left out
+    gain     decibels
+    fade_in, fade_out  seconds
+    """
 
     file: str
     digest: str
@@ -56,17 +60,16 @@ class AudioTrack:
 
     @property
     def content(self) -> dict[str, Any]:
-        """All that decides what is heard, which where the file lies does not."""
+        """What decides the sound; the place of the file does not."""
         return {name: value for name, value in asdict(self).items() if name != "file"}
 
     @property
     def is_unchanged(self) -> bool:
-        """Whether the file is what it was."""
         path = Path(self.file)
         return path.is_file() and digest_of_file(path) == self.digest
 
     def sound(self) -> Sound:
-        """Raises FrameError where the file is not what it was."""
+        """Return the sound. Raises FrameError where the file was changed."""
         from render.movie.sound import Sound
 
         path = Path(self.file)
@@ -77,21 +80,21 @@ class AudioTrack:
 
 @dataclass(frozen=True)
 class Edit:
-    """A film's name, pieces, sound and rate; its shots are the plan's takes, in order."""
+    """Name, items, rate and sound of a film; the shots of its clips are the plan's, in order."""
 
     name: str
-    pieces: tuple[EditItem, ...]
+    items: tuple[EditItem, ...]
     rate: str
     audio: AudioTrack | None = None
 
     @classmethod
     def of(cls, film: Film, name: str) -> Edit:
-        """`name` is what its file is called."""
+        """Return the edit of a film file; the movie is called `name`."""
         from pipeline.shot.shot import Card, Clip
 
         clips = count()
 
-        def piece(entry: Clip | Card) -> EditItem:
+        def item(entry: Clip | Card) -> EditItem:
             frames = entry.length(film.rate)
             if isinstance(entry, Clip):
                 return EditItem(next(clips), frames, entry.dissolve)
@@ -100,20 +103,10 @@ class Edit:
         first, *others = film.credits or ("",)
         title = Card(film.title, film.subtitle, film.title_seconds if film.title else 0.0)
         credits = Card(first, " · ".join(others), film.credits_seconds if film.credits else 0.0)
-        pieces = [piece(entry) for entry in (title, *film.entries, credits)]
-        track = film.sound
-        audio = None if track is None else AudioTrack(**{**vars(track), "file": str(track.file)})
-        return cls(name, tuple(piece for piece in pieces if piece.frames), str(film.rate), audio)
-
-    def as_data(self) -> dict[str, Any]:
-        audio = None if self.audio is None else asdict(self.audio)
-        pieces = [asdict(piece) for piece in self.pieces]
-        return {"name": self.name, "pieces": pieces, "rate": self.rate, "heard": audio}
-
-    @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> Edit:
-        audio = None if data["heard"] is None else AudioTrack(**data["heard"])
-        return cls(data["name"], tuple(EditItem(**piece) for piece in data["pieces"]), data["rate"], audio)
+        items = [item(entry) for entry in (title, *film.entries, credits)]
+        sound = film.sound
+        audio = None if sound is None else AudioTrack(**{**vars(sound), "file": str(sound.file)})
+        return cls(name, tuple(item for item in items if item.frames), str(film.rate), audio)
 
     @property
     def frame_rate(self) -> FrameRate:
@@ -122,28 +115,78 @@ class Edit:
     @property
     def length(self) -> int:
         """Frames of the whole film; those of dissolves count once."""
-        return sum(piece.frames - piece.dissolve for piece in self.pieces)
+        return sum(item.frames - item.dissolve for item in self.items)
 
     @property
-    def firsts(self) -> tuple[int, ...]:
-        """Of each piece, how many frames of the film come before its first."""
-        lengths = (piece.frames - following.dissolve for piece, following in pairwise(self.pieces))
+    def starts(self) -> tuple[int, ...]:
+        """The first frame of each item, counted from 0."""
+        lengths = (item.frames - following.dissolve for item, following in pairwise(self.items))
         return tuple(accumulate(lengths, initial=0))
 
     def path(self, quality_name: str) -> Path:
         return paths.film(quality_name, self.name)
 
-    def key(self, quality_name: str, frame_keys: Sequence[Key], shown_as: Sequence[Any]) -> Key:
-        """Of all that its file holds; what it is called is not in it.
+    def key(self, quality_name: str, frames: Sequence[Key], shown_as: Sequence[Any]) -> Key:
+        """Return the key of the film's movie, whatever its name.
 
-        shown_as  of each shot, what is between its light and the picture
+        frames    keys of the frames of all clips
+        shown_as  for each clip, how its light becomes the picture of a display
         """
-        return key_of(
-            FILM.recipe,
-            [asdict(piece) for piece in self.pieces],
-            self.rate,
-            None if self.audio is None else self.audio.content,
-            list(frame_keys),
-            list(shown_as),
-            movie_bits(quality_name),
-        )
+        audio = None if self.audio is None else self.audio.content
+        items = [asdict(item) for item in self.items]
+        return film_key(items, self.rate, audio, frames, shown_as, movie_bits(quality_name))
+
+
+@dataclass(frozen=True)
+class ResolvedEdit:
+    """An edit with its shots looked up.
+
+    clips  for each clip the path of its shot file and the frames that it shows
+    shots  for each clip the frames and the rate of its shot: all that an edit needs of it
+    """
+
+    edit: Edit
+    clips: tuple[tuple[Path, tuple[int, ...]], ...]
+    shots: tuple[tuple[tuple[int, ...], str], ...]
+
+    @classmethod
+    def of(cls, film: Film, name: str) -> ResolvedEdit:
+        clips = [(clip.shot.path, clip.frames.numbers) for clip in film.clips]
+        shots = [(clip.shot.frames.numbers, str(clip.shot.rate)) for clip in film.clips]
+        absolute = tuple((path.absolute(), frames) for path, frames in clips if path is not None)
+        return cls(Edit.of(film, name), absolute, tuple(shots))
+
+    def is_current(self, summary_of: Callable[[Path], ShotSummary]) -> bool:
+        """Tell whether shots and sound are as they were. Raises what reading a shot raises."""
+        summaries = (summary_of(path) for path, _ in self.clips)
+        same = all((s.frames, s.rate) == shot for s, shot in zip(summaries, self.shots, strict=True))
+        return same and (self.edit.audio is None or self.edit.audio.is_unchanged)
+
+
+def resolved_edit(
+    path: Path, settings: tuple[str, ...], cache: PlanningCache, summary_of: Callable[[Path], ShotSummary]
+) -> ResolvedEdit:
+    """Return the edit at `path`, with settings in its shots; the cache spares reading all of them.
+
+    Raises what `read_film` raises.
+    """
+    text = _text(path)
+    found_from = "film", text, str(path.absolute()), settings
+    known = None if text is None else cache.get(*found_from)
+    if known is not None:
+        resolved = from_plain(ResolvedEdit, known)
+        with suppress(FlowsculptError):  # reading the film tells all that is wrong
+            if resolved.is_current(summary_of):
+                return resolved
+    from pipeline.shot import read_film
+
+    resolved = ResolvedEdit.of(read_film(path, settings, text), path.stem)
+    cache.put(to_plain(resolved), *found_from)
+    return resolved
+
+
+def _text(path: Path) -> str | None:
+    """Return None where the file cannot be read; `read_film` tells why."""
+    with suppress(OSError, UnicodeDecodeError):
+        return path.read_text(encoding="utf-8")
+    return None

@@ -1,8 +1,8 @@
-"""The ledger: keys that were found before, so that planning need not read a shot to find them anew.
+"""The planning cache: what reading a shot found, so that planning need not read it again.
 
-It only makes planning faster and may be deleted at any time. What stands in it is filed under all that it
-was found from: the shot's text and settings, the code of the whole project, the versions of what that rests
-on. An entry that cannot be read, or was changed, counts as none.
+It only makes planning faster and may be deleted at any time. An entry is filed under everything it was found
+from: the shot's text and settings, the sources of the whole project, the versions of the packages they use.
+A damaged entry counts as none.
 """
 
 from __future__ import annotations
@@ -19,25 +19,27 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.keys.digest import Key, key_of
+from pipeline.errors import MachineError
+from pipeline.production.keys.digest import key_of
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-
-_PROJECT = Path(__file__).parents[3]
+from render.base.atomic_write import atomic_write
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")
 KEPT_SECONDS = 60 * 24 * 3600.0
-"""Entries that nobody has asked for so long are removed when another is written."""
+"""Seconds without use after which an entry goes when another is written."""
+
+_PROJECT = Path(__file__).parents[3]
 
 
 @dataclass(frozen=True)
 class PlanningCache:
-    """The ledger of a root folder."""
+    """The planning cache of a root folder."""
 
     root: Path
 
-    def recall(self, *found_from: Any) -> Any:
-        """What was noted of this, plain data; None where nothing was."""
+    def get(self, *found_from: Any) -> Any:
+        """Return the plain data that was put under `found_from`; None where there is none."""
         path = self._path(found_from)
         try:
             digest, text = path.read_text(encoding="utf-8").split("\n", 1)
@@ -50,29 +52,26 @@ class PlanningCache:
                 os.utime(path)
         return json.loads(text)
 
-    def note(self, data: Any, *found_from: Any) -> None:
-        """Remember plain data, where there is something to be remembered for: a root that no run has begun
-        in stays as it is. A disk that refuses hinders nothing."""
+    def put(self, data: Any, *found_from: Any) -> None:
+        """File plain data under `found_from`, if a run has begun in the root. Ignore errors of the disk."""
+        if not (self.root / STATE).is_dir():
+            return
         path, text = self._path(found_from), json.dumps(data, separators=(",", ":"))
-        draft = Store(self.root).draft(".json")
-        with contextlib.suppress(OSError):
-            if not (self.root / STATE).is_dir():
-                return
-            for folder in (path.parent, draft.parent):
-                folder.mkdir(exist_ok=True)
-            try:
+        with contextlib.suppress(OSError, MachineError):
+            with atomic_write(path, Store(self.root).draft(".json"), flush=False) as draft:
                 draft.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
-                draft.replace(path)
-            finally:
-                draft.unlink(missing_ok=True)
-            self._forget_old()
+            self._remove_old()
+
+    @property
+    def _folder(self) -> Path:
+        return self.root / STATE / "planning"
 
     def _path(self, found_from: tuple[Any, ...]) -> Path:
-        return self.root / STATE / "ledger" / f"{key_of(_code(), *found_from)}.json"
+        return self._folder / f"{key_of(_code(), *found_from)}.json"
 
-    def _forget_old(self) -> None:
+    def _remove_old(self) -> None:
         oldest = time.time() - KEPT_SECONDS
-        with os.scandir(self.root / STATE / "ledger") as entries:
+        with os.scandir(self._folder) as entries:
             for entry in entries:
                 with contextlib.suppress(OSError):
                     if entry.stat().st_mtime < oldest:
@@ -81,7 +80,7 @@ class PlanningCache:
 
 @cache
 def _code() -> list[str]:
-    """Return all that keys may depend on beside a shot: more than they do, so that nothing is left out."""
+    """Return all that entries may depend on beside a shot: more than they do, so that nothing is left out."""
     digest = hashlib.sha256()
     for package in ("pipeline", "render"):
         for file in sorted((_PROJECT / package).rglob("*.py")):
@@ -90,5 +89,5 @@ def _code() -> list[str]:
     return [digest.hexdigest(), sys.version, *(f"{name}={version(name)}" for name in PACKAGES)]
 
 
-def _digest(text: str) -> Key:
+def _digest(text: str) -> str:
     return hashlib.sha256(text.encode()).hexdigest()

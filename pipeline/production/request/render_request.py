@@ -1,35 +1,313 @@
-"""A take: the pictures of one shot at one quality, and the key of every file on the way to them.
+"""Render requests: frames of one shot at one quality, and the key of every file on the way to them.
 
-A shot's own take shows each mesh frame once. A turntable's shows one of them many times, turned.
+The request of a shot shows each mesh frame once. That of a turntable shows one of them many times, turned.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.frames import FrameRange
+from pipeline.production.keys import picture_keys
 from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, STAGES, STILLS
-from pipeline.production.request.cameras import CameraFile
-from pipeline.production.request.edit import movie_bits
-from pipeline.production.request.picture_keys import PictureKeys
-from pipeline.production.request.showing import Showing
+from pipeline.production.keys.stages import STILLS
+from pipeline.production.request import key_inputs
+from pipeline.production.request.crop_and_scale import base_of, movie_bits, quality_named
+from pipeline.production.request.frame_keys import CameraFile, PictureKeys
+from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
+from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Store
 from render.base.serialise import from_plain, to_plain
 from render.scene.quality import Quality
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.production.render_inputs.framing import Framing
+    from pipeline.resample import Thresholds
+    from pipeline.shot import Shot
+    from pipeline.shot.camera import View
+    from pipeline.shot.shot import AovSelection
 
 FORMS = tuple(stage.name for stage in STILLS)
-"""Of single frames as a display shows them; a task of the workflow has the name of each."""
+"""Forms of stills; a stage has the name of each."""
 
 
 @dataclass(frozen=True)
-class RenderRequest(Showing):
-    """The pictures of one shot at one quality, rendered by one variant: keys, each made of the one before."""
+class _Facts:
+    """What planning asks of a request again and again.
+
+    cameras      the key of its cameras
+    reach        frames to either side that the temporal denoiser reads
+    precision    layers that the shot names, and `half` or `float`
+    follow_flow  pictures that need their mesh and the flow
+    need_mesh    pictures made of their mesh itself, not of what `smooth_normals` keeps for rendering
+    """
+
+    cameras: Key
+    reach: int
+    quality: Quality
+    precision: tuple[tuple[str, str], ...]
+    follow_flow: tuple[int, ...]
+    need_mesh: tuple[int, ...]
+
+
+@dataclass(frozen=True)
+class RenderRequest:
+    """Frames of one shot at one quality, rendered by one variant.
+
+    source        what its shot is read from
+    quality_name  a quality, or a crop or scale of one
+    requested     the numbers of the frames
+    home          the folder of its files, if it is not the shot's own; file names and seeds are the same
+    """
+
+    source: ShotSource
+    quality_name: str
+    variant: str
+    requested: tuple[int, ...]
+    turntable: Turntable | None = None
+    home: str | None = None
+
+    def as_data(self) -> dict[str, Any]:
+        data: dict[str, Any] = to_plain(self)
+        return data
+
+    @classmethod
+    def from_data(cls, data: Mapping[str, Any], cache: PlanningCache | None = None) -> RenderRequest:
+        """Return the request that `as_data` described; `cache` spares reading its shot."""
+        request = from_plain(cls, data)
+        return replace(request, source=replace(request.source, cache=cache))
+
+    @property
+    def shot(self) -> Shot:
+        """The shot. Raises what `ShotSource.shot` raises."""
+        return self.source.shot
+
+    @property
+    def name(self) -> str:
+        """The shot's name, known without reading it."""
+        return self.source.name
+
+    # Frames and files
+
+    @cached_property
+    def angles(self) -> dict[int, TurntableAngle]:
+        """What each picture of the whole request shows, by number."""
+        if self.turntable is None:
+            return {number: TurntableAngle(number) for number in self.source.summary.frames}
+        return self.turntable.angles()
+
+    def whole(self) -> RenderRequest:
+        """Return the request of all pictures."""
+        return replace(self, requested=tuple(self.angles))
+
+    @property
+    def is_whole(self) -> bool:
+        """True if all pictures are requested."""
+        return set(self.requested) == set(self.angles)
+
+    @cached_property
+    def motion_folders(self) -> Folders:
+        """The folders of mesh frames: the shot's, for its turntables too."""
+        if self.home is not None:
+            return Folders(Path(self.home), self.name)
+        of_file = self.turntable and self.turntable.of_file
+        return Folders.of_turntable(self.name) if of_file else Folders.of_shot(self.name)
+
+    @cached_property
+    def folders(self) -> Folders:
+        """The folders of pictures."""
+        if self.turntable is None:
+            return self.motion_folders
+        name = self.name if self.turntable.of_file else f"{self.name}.{self.turntable.at:04d}"
+        return Folders.of_turntable(name, self.turntable.look)
+
+    def places(self, kind: str, numbers: Iterable[int]) -> list[str]:
+        """Return where files are shown: `mesh`, `normals`, `raw`, `frame`, or a form of stills."""
+        folders = self.motion_folders if kind in ("mesh", "normals") else self.folders
+        return folders.numbered(kind, self.quality_name, numbers)
+
+    def place(self, kind: str, number: int) -> Path:
+        return Path(self.places(kind, (number,))[0])
+
+    @property
+    def movie_path(self) -> Path:
+        """The path of the movie: of the whole request, of one turn, or of a range of frames."""
+        if self.is_whole:
+            return self.folders.movie(self.quality_name)
+        turn = self.turntable and self.turntable.turn_of(self.requested)
+        return self.folders.movie(self.quality_name, turn or str(FrameRange.of(self.requested)))
+
+    @property
+    def subject(self) -> str:
+        """What events and messages call it: the shot or the turntable, with its look or folder."""
+        if self.turntable and self.turntable.look:
+            return f"{self.folders.name} ({self.turntable.look})"
+        return self.folders.name if self.home is None else f"{self.name} ({Path(self.home).name})"
+
+    @property
+    def label(self) -> str:
+        """A name for its jobs."""
+        return f"{self.folders.name}_{self.quality_name}" + ("_turntable" if self.turntable else "")
+
+    # What a picture shows
+
+    @cached_property
+    def quality_of_shot(self) -> Quality:
+        """The quality as the shot says it; `quality` is the same and need not read the shot."""
+        return quality_named(self.quality_name, self.shot.picture.qualities)
+
+    @property
+    def aspect(self) -> float:
+        """Width to height of the whole picture, whatever its crop and scale."""
+        return self.shot.picture.qualities[base_of(self.quality_name)].aspect
+
+    @property
+    def shown_as(self) -> Mapping[str, Any]:
+        """How the light of its pictures becomes the picture of a display, plain data."""
+        return self.source.summary.shown_as
+
+    def seed(self, number: int) -> int:
+        from render.frame.sample_batches import seed_of
+
+        return seed_of(self.folders.name, number)
+
+    def thresholds(self, number: int) -> Thresholds:
+        """Return the thresholds of a frame, whose hard angle makes creases."""
+        from pipeline.production.keys.mesh_keys import thresholds_at
+
+        return thresholds_at(self.shot.motion, number)
+
+    @property
+    def net_pieces(self) -> int | None:
+        """Pieces into which the surface of a net is cut for its cameras; None for other subjects."""
+        from pipeline.shot.point_subjects import ControlNet
+
+        is_net = isinstance(self.shot.motion.subject, ControlNet)
+        return self.shot.picture.tessellate if is_net else None
+
+    @property
+    def follow(self) -> float:
+        """How far the camera follows the sculpture; that of a turntable does not."""
+        return 0.0 if self.turntable else self.shot.picture.camera.follow
+
+    def view(self, number: int) -> View:
+        """Return the view of a picture. A turntable stands still, and its stage needs the object in frame."""
+        view = self.shot.picture.camera.at(self._time(number))
+        if self.turntable is None or self.shot.picture.stage.kind != "turntable":
+            return view
+        return framed_whole(view)
+
+    def open_at(self, number: int) -> tuple[float, float] | None:
+        """Return when the shutter opens and closes, in frames from the picture; None without motion blur."""
+        return self.shot.picture.shutter.open_at(self._time(number))
+
+    def _time(self, number: int) -> float:
+        return self.shot.motion.clock.time(self.angles[number].mesh)
+
+    @property
+    def temporal_reach(self) -> int:
+        """Frames to either side that the temporal denoiser reads; none without denoising."""
+        return 0 if self.quality_of_shot.denoise == "off" else self.quality_of_shot.temporal_denoise
+
+    @cached_property
+    def aovs(self) -> AovSelection:
+        """AOVs the shot requests, plus `before` and `after` if temporal denoising is on."""
+        aovs = self.shot.picture.aovs
+        return aovs.adding("before", "after") if self.temporal_reach else aovs
+
+    def offsets(self, number: int) -> tuple[float, ...]:
+        """Return the other moments that shutter and AOVs of a picture show, in frames from its own."""
+        return (*(self.open_at(number) or ()), *self._offsets_of_aovs)
+
+    @cached_property
+    def _offsets_of_aovs(self) -> tuple[float, ...]:
+        from pipeline.production.render_inputs.motion import STEP
+
+        steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
+        return tuple(offset for name in self.aovs.extra for offset in steps.get(name, ()))
+
+    @cached_property
+    def measures_speed(self) -> bool:
+        """True if the colours of its pictures are the speed of the flow."""
+        from render.scene.measure import SPEED
+
+        measure = self.shot.picture.look.measure
+        return measure is not None and measure.of == SPEED
+
+    # What planning asks for, from the cache where it is there
+
+    @cached_property
+    def _facts(self) -> _Facts:
+        cache, found_from = self.source.cache, ("request", self.identity)
+        known = None if cache is None else cache.get(*found_from)
+        if known is not None:
+            return from_plain(_Facts, known)
+        follow_flow = tuple(n for n in self.angles if self._needs_flow(n))
+        facts = _Facts(
+            cameras=key_inputs.cameras_key(self),
+            reach=self.temporal_reach,
+            quality=self.quality_of_shot,
+            precision=tuple(self.shot.picture.aovs.precision),
+            follow_flow=follow_flow,
+            need_mesh=follow_flow if self.shot.picture.dicing is None else tuple(self.angles),
+        )
+        if cache is not None:
+            cache.put(to_plain(facts), *found_from)
+        return facts
+
+    @cached_property
+    def identity(self) -> Key:
+        """The digest of all that decides its keys, but for versions of stages."""
+        summary = self.source.summary
+        data = {**self.as_data(), "requested": None}
+        data["source"] = {**data["source"], "inputs": summary.inputs}
+        return key_of(data, summary.meshes, summary.normals)
+
+    def _needs_flow(self, number: int) -> bool:
+        return self.measures_speed or (self.turntable is None and bool(self.offsets(number)))
+
+    @property
+    def quality(self) -> Quality:
+        return self._facts.quality
+
+    @property
+    def precision(self) -> tuple[tuple[str, str], ...]:
+        """Layers that the shot names, and `half` or `float`."""
+        return self._facts.precision
+
+    @property
+    def reach(self) -> int:
+        """`temporal_reach`, without reading the shot."""
+        return self._facts.reach
+
+    def follows_flow(self, number: int) -> bool:
+        """Tell whether a picture needs its mesh and the flow; those of a turntable only turn."""
+        return number in self._numbers[0]
+
+    def needs_mesh(self, number: int) -> bool:
+        """Tell whether a picture is made of its mesh itself, not of what `smooth_normals` keeps of it."""
+        return number in self._numbers[1]
+
+    @cached_property
+    def _numbers(self) -> tuple[frozenset[int], frozenset[int]]:
+        return frozenset(self._facts.follow_flow), frozenset(self._facts.need_mesh)
+
+    def window(self, number: int, is_available: Callable[[int], bool]) -> tuple[int, ...]:
+        """Return the frames that the temporal denoiser reads: available ones around `number`, no gaps."""
+        first = last = number
+        while number - first < self.reach and is_available(first - 1):
+            first -= 1
+        while last - number < self.reach and is_available(last + 1):
+            last += 1
+        return tuple(range(first, last + 1))
+
+    # Keys
 
     def mesh_key(self, number: int) -> Key:
         return self.source.summary.meshes[number]
@@ -39,167 +317,36 @@ class RenderRequest(Showing):
 
     @property
     def cameras_key(self) -> Key:
-        return str(self._settled["cameras"])
-
-    @cached_property
-    def _settled(self) -> Mapping[str, Any]:
-        """What planning asks of it: the key of its cameras, its quality, how far pictures take light from
-        others, which of them follow the flow and need their meshes."""
-        ledger = self.source.ledger
-        found_from = "request", self.identity
-        known = None if ledger is None else ledger.recall(*found_from)
-        if known is None:
-            follow_flow = [n for n in self.angles if self.goes_by_flow(n)]
-            known = {
-                "cameras": self._cameras_key(),
-                "reach": self.steadied_over,
-                "quality": to_plain(self.quality_of_shot),
-                "precision": [list(layer) for layer in self.shot.picture.aovs.precision],
-                "follow_flow": follow_flow,
-                "need_mesh": follow_flow if self.shot.picture.dicing is None else list(self.angles),
-            }
-            if ledger is not None:
-                ledger.note(known, *found_from)
-        return {
-            **known,
-            "quality": from_plain(Quality, known["quality"]),
-            **{name: frozenset(known[name]) for name in ("follow_flow", "need_mesh")},
-        }
-
-    @cached_property
-    def identity(self) -> Key:
-        """Of all that decides the take's keys, but for what code does."""
-        summary = self.source.summary
-        data = {**self.as_data(), "requested": None}
-        data["script"] = {**data["script"], "pins": summary.pins}
-        return key_of(data, summary.meshes, summary.normals)
-
-    @property
-    def quality(self) -> Quality:
-        found: Quality = self._settled["quality"]
-        return found
-
-    @property
-    def precision(self) -> list[tuple[str, str]]:
-        """Of the layers that the shot speaks of, by name half or float."""
-        return [(name, precision) for name, precision in self._settled["precision"]]
-
-    @property
-    def reach(self) -> int:
-        """Pictures to either side that light is taken from."""
-        return int(self._settled["reach"])
-
-    def window(self, number: int, is_there: Callable[[int], bool]) -> tuple[int, ...]:
-        """The pictures whose light a picture takes in, itself among them: those around it without a gap that
-        are there, being asked for as well or rendered before."""
-        first = last = number
-        while number - first < self.reach and is_there(first - 1):
-            first -= 1
-        while last - number < self.reach and is_there(last + 1):
-            last += 1
-        return tuple(range(first, last + 1))
-
-    def follows_flow(self, number: int) -> bool:
-        """`goes_by_flow`, which need not read the shot again."""
-        return number in self._settled["follow_flow"]
-
-    def needs_mesh(self, number: int) -> bool:
-        """Whether a picture is made of its mesh itself, not of what was kept of it for rendering alone."""
-        return number in self._settled["need_mesh"]
-
-    def _cameras_key(self) -> Key:
-        shown = sorted({angle.mesh for angle in self.angles.values()})
-        return key_of(
-            FRAME_CAMERA.recipe,
-            [self.mesh_key(n) for n in shown],
-            [[n, angle.mesh, angle.spin, self.view(n)] for n, angle in self.angles.items()],
-            self.aspect,
-            self.follow,
-            self.net_pieces,
-            self.shot.picture.stage.camera_move,
-        )
+        return self._facts.cameras
 
     def framings(self, store: Store) -> CameraFile | None:
-        """Every picture's camera and stage, where the store has them."""
+        """Return camera and stage of every picture, or None where the store does not hold them."""
         return CameraFile.of(store, self.cameras_key, self.angles)
 
-    def _beside(self, number: int, framings: Mapping[int, Framing]) -> list[Any]:
-        """What decides a picture beyond what decides every one: layers, and what acts around its moment."""
-        layers, offsets = self.layers, self.moments_beside(number)
-        if not (layers.precision or offsets):
-            return []
-        around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
-        turn = self.turntable.step(number) if self.turntable else None
-        flow: list[Any] = []
-        if self.turntable is None and offsets:
-            from pipeline.production.render_inputs.motion import flow_cache_data
+    def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
+        return key_inputs.raw_key(self, number, framings)
 
-            flow = flow_cache_data(self.shot.motion, number, offsets)
-        opened = self.open_at(number)
-        return [list(map(list, layers.precision)), opened, flow, turn, around if offsets else []]
-
-    def measured(self, number: int) -> list[Any]:
-        """What decides the colours of a picture that shows speeds; nothing of others."""
-        if not self.measures_speed:
-            return []
-        from pipeline.production.render_inputs.motion import STEP, flow_cache_data
-        from render.scene.measure import SPEED
-
-        return [[SPEED, flow_cache_data(self.shot.motion, self.angles[number].mesh, (-STEP, STEP))]]
+    def speed_data(self, number: int) -> list[Any]:
+        """Return what decides the colours of a picture that shows speeds; nothing of others."""
+        return key_inputs.speed_data(self, number)
 
     @cached_property
-    def _appearance(self) -> Key:
-        """Of what is the same in all pictures."""
-        picture = self.shot.picture
-        return key_of(
-            to_plain(picture.look),
-            to_plain(replace(picture.lights, exposure=0.0)),
-            to_plain(picture.stage),
-            to_plain(self.quality),
-            self.variant,
-            picture.dicing,
-        )
+    def appearance(self) -> Key:
+        """The digest of what all pictures share."""
+        return key_inputs.appearance(self)
 
-    def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
-        angle = self.angles[number]
-        return key_of(
-            RENDER.recipe,
-            self.normals_key(angle.mesh),
-            [angle.spin, angle.lights] if angle.lights else angle.spin,
-            framings[number].as_data(),
-            self._appearance,
-            self.seed(number),
-            *self._beside(number, framings),
-            *self.measured(number),
-        )
-
-    def frame_key(self, raw: Key, around: list[Key]) -> Key:
-        """Of a finished picture; `around` are the raw ones whose light it takes in, if any."""
-        return key_of(FINISH.recipe, raw, self.quality.denoise, around)
+    def frame_key(self, raw: Key, neighbours: list[Key]) -> Key:
+        """Return the key of a denoised frame; `neighbours`: raw keys of the frames it is averaged with."""
+        return picture_keys.frame_key(raw, self.quality.denoise, neighbours)
 
     def picture_keys(self, store: Store) -> PictureKeys | None:
-        """The keys of the pictures of the take, once its cameras are known."""
+        """Return the keys of its frames, or None before its cameras are found."""
         cameras = self.framings(store)
         return None if cameras is None else PictureKeys(self, store, cameras)
 
-    def seed(self, number: int) -> int:
-        from render.frame.sample_batches import seed_of
+    def still_key(self, form: str, frame: Key) -> Key:
+        return picture_keys.still_key(form, frame, self.shown_as)
 
-        return seed_of(self.folders.name, number)
-
-    @property
-    def shown_as(self) -> Mapping[str, Any]:
-        """Plain data of what is between the light of its pictures and a display."""
-        return self.source.summary.shown_as
-
-    def still_key(self, form: str, frame_key: Key) -> Key:
-        return key_of(STAGES[form].recipe, frame_key, self.shown_as)
-
-    def movie_key(self, frame_keys: list[Key]) -> Key:
-        return key_of(
-            ASSEMBLE.recipe,
-            frame_keys,
-            self.source.summary.rate,
-            self.shown_as,
-            movie_bits(self.quality_name),
-        )
+    def movie_key(self, frames: list[Key]) -> Key:
+        rate, bits = self.source.summary.rate, movie_bits(self.quality_name)
+        return picture_keys.movie_key(frames, rate, self.shown_as, bits)

@@ -1,33 +1,37 @@
-"""What planning asks of a shot again and again, found once: its frames, its files, the keys of its meshes."""
+"""What planning needs of a shot: its frames, the files it reads, the keys of its meshes and normals."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.errors import MissingInputError, UsageError
 from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.request.input_digests import InputDigests, are_unchanged, pins_of
 from pipeline.production.store.paths import STATE
+from pipeline.shot.yaml.lookup import digest_of_file
 
 if TYPE_CHECKING:
     from pipeline.shot import Shot
+
+InputDigests = tuple[tuple[str, str], ...]
+"""Paths of the files that a shot reads, in order, and the SHA-256 of their contents."""
 
 
 @dataclass(frozen=True)
 class ShotSummary:
     """A shot as planning sees it.
 
-    pins             the files that it reads, and what they held
-    listings         the folders that these lie in, and keys of what is there: a name with a * may fit more
-    runs_python      whether its flows are Python files of the user's
-    rate, shown_as   frames per second, and what is between its light and the pictures of a display
+    inputs           the files that it reads, and their digests
+    listings         folders of these files, and digests of the names in them: a name with * may match more
+    runs_python      True if its flows are Python files of the user's
+    rate, shown_as   frames per second; how its light becomes the picture of a display
     meshes, normals  keys by frame
     """
 
-    pins: InputDigests
-    listings: tuple[tuple[str, Key], ...]
+    inputs: InputDigests
+    listings: tuple[tuple[str, str], ...]
     runs_python: bool
     frames: tuple[int, ...]
     rate: str
@@ -40,10 +44,10 @@ class ShotSummary:
         from pipeline.flow.python_file import python_flows
         from pipeline.production.keys.mesh_keys import mesh_keys, normals_keys
 
-        pins, meshes = pins_of(shot.files), mesh_keys(shot.motion)
+        inputs, meshes = input_digests(shot.files), mesh_keys(shot.motion)
         return cls(
-            pins=pins,
-            listings=_listings(pins),
+            inputs=inputs,
+            listings=_listings(inputs),
             runs_python=any(True for _ in python_flows(shot.motion.flow)),
             frames=shot.frames.numbers,
             rate=str(shot.rate),
@@ -53,46 +57,54 @@ class ShotSummary:
         )
 
     @property
-    def holds(self) -> bool:
-        """Whether all that the shot read beside shot files is as it was."""
-        return are_unchanged(self.pins) and _listings(self.pins) == self.listings
-
-    def as_data(self) -> dict[str, Any]:
-        return dict(vars(self))
-
-    @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> ShotSummary:
-        return cls(
-            pins=_pairs(data["pins"]),
-            listings=_pairs(data["listings"]),
-            runs_python=data["runs_python"],
-            frames=tuple(data["frames"]),
-            rate=data["rate"],
-            shown_as=data["shown_as"],
-            meshes=_numbered(data["meshes"]),
-            normals=_numbered(data["normals"]),
-        )
+    def is_current(self) -> bool:
+        """True if all files that the shot reads, shot files aside, are as they were."""
+        return next(_changed(self.inputs), None) is None and _listings(self.inputs) == self.listings
 
 
-def can_be_remembered(shot: Shot) -> bool:
-    """Whether its pins tell all that was read: a colour config may find tables in any folder below it."""
+def can_be_cached(shot: Shot) -> bool:
+    """Tell whether the digests cover all that was read; a colour config may find tables in any folder."""
     return not shot.picture.view.digest
 
 
-def _pairs(data: Iterable[list[str]]) -> tuple[tuple[str, str], ...]:
-    return tuple((path, key) for path, key in data)
+def input_digests(files: Iterable[tuple[Path, str]]) -> InputDigests:
+    """Return paths and digests in the order of the paths."""
+    return tuple(sorted((str(path), digest) for path, digest in files))
 
 
-def _numbered(data: Mapping[str, Key]) -> dict[int, Key]:
-    return {int(number): key for number, key in data.items()}
+def require_unchanged(inputs: InputDigests) -> None:
+    """Raise UsageError for the first file that is not as it was."""
+    for path in _changed(inputs):
+        raise _changed_since(path)
 
 
-def _listings(pins: InputDigests) -> tuple[tuple[str, Key], ...]:
-    folders = sorted({str(Path(path).parent) for path, _ in pins})
+def require_same(inputs: InputDigests, others: InputDigests) -> None:
+    """Raise UsageError for the first file that only one of both has, or with other contents."""
+    differing = sorted(set(inputs) ^ set(others))
+    if differing:
+        raise _changed_since(differing[0][0])
+
+
+def _changed(inputs: InputDigests) -> Iterator[str]:
+    for path, digest in inputs:
+        try:
+            now = digest_of_file(Path(path))
+        except MissingInputError:
+            now = ""
+        if now != digest:
+            yield path
+
+
+def _changed_since(path: str) -> UsageError:
+    return UsageError(f"{path}: it was changed since the work was planned; run again")
+
+
+def _listings(inputs: InputDigests) -> tuple[tuple[str, str], ...]:
+    folders = sorted({str(Path(path).parent) for path, _ in inputs})
     return tuple((folder, _names_in(folder)) for folder in folders)
 
 
-def _names_in(folder: str) -> Key:
+def _names_in(folder: str) -> str:
     try:
         return key_of(sorted(path.name for path in Path(folder).iterdir() if path.name != STATE.name))
     except OSError:

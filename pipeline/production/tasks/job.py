@@ -24,7 +24,7 @@ from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write
 
 if TYPE_CHECKING:
-    from pipeline.production.request.picture_keys import PictureKeys
+    from pipeline.production.request.frame_keys import PictureKeys
     from pipeline.production.request.render_request import RenderRequest
 
 T = TypeVar("T")
@@ -59,7 +59,7 @@ class Context:
 
     def failed(self, stage: str) -> set[int]:
         """The frames of this job's pictures that failed at an earlier stage of this run."""
-        quality = self.plan.requests[self.job.requests[0]]["quality"]
+        quality = self.plan.requests[self.job.requests[0]]["quality_name"]
         about = {"event": "fail", "stage": stage, "shot": self.subject, "quality": quality}
         told = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl").new("fail")
         return {e["frame"] for e in told if e.get("frame") is not None and about.items() <= e.items()}
@@ -228,7 +228,7 @@ class Context:
         self._log("killed", message=f"{self.job.stage} of {self.subject} was ended by {signal}")
 
     def _log(self, event: str, number: int | None = None, **facts: Any) -> None:
-        quality = self.plan.requests[self.job.requests[0]]["quality"]
+        quality = self.plan.requests[self.job.requests[0]]["quality_name"]
         about = {"stage": self.job.stage, "shot": self.subject, "quality": quality, "frame": number}
         self.log.write(event, **about, **facts)
 

@@ -124,7 +124,7 @@ def _note_keys(context: Context) -> None:
     for number in context.request.requested:
         with suppress(FlowsculptError):  # whoever makes that picture tells
             keys[number]
-    keys.note()
+    keys.remember()
 
 
 def shading_of(context: Context, number: int) -> Shading:

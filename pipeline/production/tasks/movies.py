@@ -11,11 +11,13 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.planner import film_key
-from pipeline.production.request.edit import Edit, movie_bits
-from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.crop_and_scale import movie_bits
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.frame_keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
+from render.base.serialise import from_plain
 from render.frame.rendered_frame import RenderedFrame
 from render.graphics.titles import TitleCard, title_frames
 from render.movie.codecs import movie_encode
@@ -47,7 +49,7 @@ def assemble(context: Context) -> bool:
 def film(context: Context) -> bool:
     """Encode the film: title, shots in the order of the edit, credits."""
     requests = context.requests
-    edit = Edit.from_data(context.plan.film or {})
+    edit = from_plain(Edit, context.plan.film or {})
     key = film_key(edit, requests, [context.picture_keys(request) for request in requests])
     quality_name = requests[0].quality_name
     size = requests[0].quality.width, requests[0].quality.height
@@ -102,7 +104,7 @@ def cut_together(
     shown  the frames of the film's take in a place
     card   a card's frame as one of these
     """
-    for piece in edit.pieces:
+    for piece in edit.items:
         words = TitleCard(piece.title, piece.subtitle)
         frames = map(card, _card(words, size, piece.frames)) if piece.clip is None else shown(piece.clip)
         yield piece.frames, piece.dissolve, frames

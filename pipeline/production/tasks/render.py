@@ -16,8 +16,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.production.keys.digest import Key
 from pipeline.production.render_inputs.framing import Framing, turned
-from pipeline.production.request.header import raw_header
-from pipeline.production.request.picture_keys import FrameKeys
+from pipeline.production.request.frame_keys import FrameKeys, raw_header
 from pipeline.production.store import checkpoints, readers
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import Wear
@@ -94,7 +93,7 @@ class _Room:
             request.seed(number),
             self.engine,
             partial(self._passed, number),
-            aovs=request.layers.extra,
+            aovs=request.aovs.extra,
             shutter=shutter,
             following=following,
             checkpoint=keep,
@@ -102,7 +101,7 @@ class _Room:
         if keep.resumed:
             context.resumed(number, keep.resumed)
         header = raw_header(context.request, number, self.framings[number], self.keys[number])
-        write_exr(path, layers, header, dict(request.layers.precision))
+        write_exr(path, layers, header, dict(request.aovs.precision))
         seconds = time.perf_counter() - begun
         _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.resumed)
 
@@ -124,12 +123,12 @@ def _moments(
         None if normals is None else turned(normals, angle.spin, about_origin=True),
     )
     measured = _measured(context, number, shading)
-    if not request.moments_beside(number):
+    if not request.offsets(number):
         return MotionSample(_subject(arrays, shown, measured), framing.placement, framing.camera), None, None
     from pipeline.production.render_inputs.motion import framing_at
 
     movement = _movement(context, number, arrays, shading)
-    attributes = {**_attributes(movement, request.layers.extra), **measured}
+    attributes = {**_attributes(movement, request.aovs.extra), **measured}
 
     def at(offset: float) -> MotionSample:
         there = framing_at(framings, number, offset)
@@ -137,7 +136,7 @@ def _moments(
 
     own = MotionSample(_subject(arrays, shown, attributes), framing.placement, framing.camera)
     opened = request.open_at(number)
-    following = at(1.0) if "motion" in request.layers.extra else None
+    following = at(1.0) if "motion" in request.aovs.extra else None
     return own, None if opened is None else ShutterInterval(*opened, at), following
 
 

@@ -7,7 +7,7 @@ import json
 import os
 import re
 from collections.abc import Iterator, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,10 +19,12 @@ from pipeline.production.request.lookup import NAME
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.versions.environment import host, packages, stage_versions
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
+from render.base.errors import BadInputError
+from render.base.serialise import from_plain, to_plain
 from render.post.image import read_exr
 
 FILE = "provenance.json"
-FORMAT = 1
+FORMAT = 2
 VERSION = r"v[0-9]{3,6}"
 
 
@@ -52,7 +54,7 @@ class FrameRecord:
 class Provenance:
     """All that a version was made from, by what, where and when.
 
-    script   the shot file and what it rests on; its paths as `portable` gives them
+    source   the shot file and what it rests on; its paths as `portable` gives them
     cameras  the key of all cameras
     movie    its file, key and SHA-256
     stages   versions of the stages that made it
@@ -80,27 +82,20 @@ class Provenance:
     timings: Mapping[str, float]
 
     def as_data(self) -> dict[str, Any]:
-        plain = {name: value for name, value in vars(self).items() if name not in ("script", "frames")}
-        frames = {str(number): asdict(record) for number, record in self.frames.items()}
-        return {
-            "format": FORMAT,
-            **plain,
-            "size": list(self.size),
-            "script": self.source.as_data(),
-            "frames": frames,
-        }
+        return {"format": FORMAT, **to_plain(self)}
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> Provenance:
-        """Raises KeyError, TypeError or ValueError for what is none."""
-        data = {"stages": {}, **data}  # older versions name none
-        plain = {name: data[name] for name in cls.__dataclass_fields__}
-        frames = {int(number): FrameRecord(**record) for number, record in data["frames"].items()}
-        if data["format"] != FORMAT or not frames:
+        """Raises KeyError, TypeError, ValueError or BadInputError for what is no provenance."""
+        fields = {name: value for name, value in data.items() if name in cls.__dataclass_fields__}
+        if data["format"] == 1:  # before stages had versions
+            source = dict(data["script"])
+            fields |= {"source": {**source, "inputs": source.pop("pins")}, "stages": {}}
+        elif data["format"] != FORMAT:
             raise ValueError
-        source = ShotSource.from_data(data["script"])
-        _require_whole(data, source)
-        return cls(**{**plain, "size": tuple(data["size"]), "script": source, "frames": frames})
+        record = from_plain(cls, fields)
+        _require_whole(record)
+        return record
 
     @classmethod
     def read(cls, path: Path) -> Provenance:
@@ -114,7 +109,7 @@ class Provenance:
             return cls.from_data(json.loads(path.read_text(encoding="utf-8")))
         except OSError as error:
             raise MissingInputError(f"{path}: cannot be read ({error.strerror}); look at it") from None
-        except (KeyError, TypeError, ValueError, AttributeError):
+        except (KeyError, TypeError, ValueError, AttributeError, BadInputError):
             raise UsageError(
                 f"{path}: this is no provenance of a published version, or was cut short; "
                 "take the one that flowsculpt publish wrote"
@@ -146,14 +141,13 @@ class Provenance:
         ]
 
 
-def _require_whole(data: Mapping[str, Any], source: ShotSource) -> None:
-    """What else reading relies on, names that become those of folders among it. Raises as `from_data`."""
-    named = re.fullmatch(NAME, data["shot"]) and re.fullmatch(VERSION, data["version"])
-    known = is_quality(data["quality"]) and source.name == data["shot"] and isinstance(source.text, str)
-    tables = [data[name] for name in ("movie", "packages", "stages", "host", "timings")]
-    if not (named and known and all(isinstance(table, dict) for table in tables)):
+def _require_whole(record: Provenance) -> None:
+    """Check what else readers rely on; names become those of folders. Raises KeyError or ValueError."""
+    named = re.fullmatch(NAME, record.shot) and re.fullmatch(VERSION, record.version)
+    known = is_quality(record.quality) and record.source.name == record.shot
+    if not (named and known and record.frames and isinstance(record.source.text, str)):
         raise ValueError
-    if not {"file", "key", "sha256"} <= set(data["movie"]):
+    if not {"file", "key", "sha256"} <= set(record.movie):
         raise KeyError
 
 
@@ -169,9 +163,11 @@ def pixels_of(path: Path) -> str:
 
 
 def portable(source: ShotSource) -> ShotSource:
-    """With paths below the working folder relative to it, so that a project may be moved."""
-    pins = None if source.pins is None else tuple((_within(Path(p)), digest) for p, digest in source.pins)
-    return replace(source, path=Path(_within(source.path)), pins=pins)
+    """Return the source with paths relative to the working folder, so that a project may be moved."""
+    inputs = None
+    if source.inputs is not None:
+        inputs = tuple((_within(Path(path)), digest) for path, digest in source.inputs)
+    return replace(source, path=Path(_within(source.path)), inputs=inputs)
 
 
 def _within(path: Path) -> str:
@@ -186,7 +182,7 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
     Raises UsageError or MissingInputError where files that it reads are gone or not what they were.
     """
     gone, changed = [], []
-    for place, digest in record.source.pins or ():
+    for place, digest in record.source.inputs or ():
         if not is_there(Path(place)):
             gone.append(place)
         elif digest_of_file(Path(place)) != digest:
@@ -202,8 +198,8 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
             f"{', '.join(changed)}: changed since {of} was made from it, as its digest tells; put it back as "
             "it was then"
         )
-    source = replace(record.source, path=record.source.path.absolute(), allow_code=allow_code, pins=None)
-    return source.pinned()
+    source = replace(record.source, path=record.source.path.absolute(), allow_code=allow_code, inputs=None)
+    return source.with_inputs()
 
 
 def records(folder: Path) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:

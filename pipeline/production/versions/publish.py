@@ -22,7 +22,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.execution.run import exclusive
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.spent import seconds_by_stage, seconds_of
-from pipeline.production.request.picture_keys import PictureKeys
+from pipeline.production.request.frame_keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Store

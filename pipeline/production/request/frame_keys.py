@@ -1,0 +1,154 @@
+"""The keys of a request's pictures, found by need, and the header that records them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+from pipeline.errors import FrameError
+from pipeline.production.keys.digest import Key
+from pipeline.production.keys.stages import RENDER, SIMULATE, SMOOTH_NORMALS
+from pipeline.production.store.store import Store
+from render.base.errors import BadInputError
+from render.base.serialise import to_plain
+
+if TYPE_CHECKING:
+    from pipeline.production.render_inputs.framing import Framing
+    from pipeline.production.request.render_request import RenderRequest
+
+
+@dataclass(frozen=True)
+class FrameKeys:
+    """Keys of one frame.
+
+    raw     the rendered picture
+    frame   the denoised one
+    window  the frames that the temporal denoiser reads
+    """
+
+    raw: Key
+    frame: Key
+    window: tuple[int, ...]
+
+
+class CameraFile(Mapping[int, "Framing"]):
+    """Camera and stage of every picture of a request, by number; each is built when it is asked for."""
+
+    def __init__(self, store: Store, key: Key, data: Mapping[int, Any]) -> None:
+        self._store, self.key, self._data = store, key, data
+        self._built: dict[int, Framing] = {}
+
+    @classmethod
+    def of(cls, store: Store, key: Key, numbers: Iterable[int]) -> CameraFile | None:
+        """Return None where the store does not hold it; a damaged file is evicted."""
+        try:
+            data = json.loads(store.path("cameras", key).read_text())
+            return cls(store, key, {number: data[str(number)] for number in numbers})
+        except FileNotFoundError:
+            return None
+        except (ValueError, KeyError, TypeError):  # cut short
+            store.discard("cameras", key)
+            return None
+
+    def __getitem__(self, number: int) -> Framing:
+        """Raises FrameError where it cannot be read; the file is then evicted."""
+        if number not in self._built:
+            from pipeline.production.render_inputs.framing import Framing
+
+            try:
+                self._built[number] = Framing.from_data(self._data[number])
+            except (ValueError, TypeError, AttributeError, BadInputError) as error:
+                self._store.discard("cameras", self.key)
+                raise FrameError("its camera cannot be read; run again to frame the shot again") from error
+        return self._built[number]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._data)
+
+    def __len__(self) -> int:
+        return len(self._data)
+
+    def __contains__(self, number: object) -> bool:
+        return number in self._data
+
+
+class PictureKeys(Mapping[int, FrameKeys]):
+    """The keys of a request's frames by number, each found when it is asked for: most runs need few.
+
+    Raw keys are looked up in the planning cache first; `remember` puts there those that it lacks.
+    """
+
+    def __init__(self, request: RenderRequest, store: Store, cameras: CameraFile) -> None:
+        self._request, self._store, self._cameras = request, store, cameras
+        self._cache = request.source.cache
+        self._numbers = set(request.requested)
+        known = None if self._cache is None else self._cache.get(*self._found_from)
+        self._raws: dict[int, Key] = {int(number): key for number, key in (known or {}).items()}
+        self._cached = len(self._raws)
+        self._keys: dict[int, FrameKeys] = {}
+
+    def __getitem__(self, number: int) -> FrameKeys:
+        if number not in self._keys:
+            window = self._request.window(number, self._is_available)
+            neighbours = [self._raw(n) for n in window] if len(window) > 1 else []
+            raw = self._raw(number)
+            self._keys[number] = FrameKeys(raw, self._request.frame_key(raw, neighbours), window)
+        return self._keys[number]
+
+    def __iter__(self) -> Iterator[int]:
+        return iter(self._request.angles)
+
+    def __len__(self) -> int:
+        return len(self._request.angles)
+
+    def remember(self) -> None:
+        """Put the raw keys in the planning cache, where it lacks some."""
+        if self._cache is not None and len(self._raws) > self._cached:
+            self._cache.put(self._raws, *self._found_from)
+            self._cached = len(self._raws)
+
+    @property
+    def _found_from(self) -> tuple[str, ...]:
+        return "raw", self._request.identity, self._cameras.key
+
+    def _is_available(self, number: int) -> bool:
+        """Tell whether a frame is requested, or was rendered before."""
+        if number in self._numbers:
+            return True
+        return number in self._request.angles and self._store.holds("raw", self._raw(number))
+
+    def _raw(self, number: int) -> Key:
+        if number not in self._raws:
+            self._raws[number] = self._request.raw_key(number, self._cameras)
+        return self._raws[number]
+
+
+def raw_header(request: RenderRequest, number: int, framing: Framing, keys: FrameKeys) -> dict[str, Any]:
+    """Return what the EXR of a raw picture says of itself, plain data: enough to make it again.
+
+    It stands in the file as `flowsculpt:` entries.
+    """
+    angle = request.angles[number]
+    resampling = request.shot.motion.resampling_at(angle.mesh)
+    return {
+        "shot": request.shot.name,
+        "frame": number,
+        "quality": request.quality_name,
+        "variant": request.variant,
+        "key": keys.raw,
+        "mesh_key": request.mesh_key(angle.mesh),
+        "seed": request.seed(number),
+        "angle": to_plain(angle),
+        "normals_key": request.normals_key(angle.mesh),
+        "stages": {stage.name: stage.recipe for stage in (SIMULATE, SMOOTH_NORMALS, RENDER)},
+        "look": to_plain(request.shot.picture.look),
+        "lights": to_plain(replace(request.shot.picture.lights, exposure=0.0)),
+        "stage": to_plain(request.shot.picture.stage),
+        "settings": to_plain(request.quality),
+        "shutter": request.open_at(number),
+        **framing.as_data(),
+        "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
+        **(resampling.settings() if resampling else {"resample": "off"}),
+    }
