@@ -349,7 +349,7 @@ class Planner:
     ) -> None:
         if self._is_new(entries[0], (stage, key), present, 0):
             self._job(entries[0], stage, frames, [key], frames, present)
-            places = tuple(dict.fromkeys(entry.place for entry in entries))
+            places = tuple(entry.place for entry in entries)
             self._jobs[-1] = replace(self._jobs[-1], output=path, requests=places)
 
     # Simulations
