@@ -13,7 +13,7 @@ def cameras_key(meshes: Sequence[Key], views: Sequence[Any], *settings: Any) -> 
     """Return the key of all cameras of a shot.
 
     views     for each picture its number, its mesh frame, the turn of the object and the view
-    settings  aspect, how far the camera follows, pieces of a net, room of the stage
+    settings  aspect, how far the camera follows, pieces of a net, move of the camera for the stage
     """
     return key_of(FRAME_CAMERA.recipe, meshes, views, *settings)
 

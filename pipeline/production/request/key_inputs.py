@@ -24,7 +24,7 @@ def cameras_key(request: RenderRequest) -> Key:
         request.aspect,
         request.follow,
         request.net_pieces,
-        request.shot.picture.stage.room,
+        request.shot.picture.stage.camera_move,
     )
 
 

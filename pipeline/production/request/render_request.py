@@ -235,10 +235,10 @@ class RenderRequest:
     @cached_property
     def measures_speed(self) -> bool:
         """True if the colours of its pictures are the speed of the flow."""
-        from render.scene.measure import SPEED
+        from render.scene.measure import SPEED, Measure
 
-        measure = self.shot.picture.look.measure
-        return measure is not None and measure.of == SPEED
+        pattern = self.shot.picture.look.pattern
+        return isinstance(pattern, Measure) and pattern.of == SPEED
 
     # What planning asks for, from the cache where it is there
 
