@@ -1,1 +1,1 @@
-"""The paper's figures and trade-offs, a short script each: `python -m examples.figure_a`; `make figures`."""
+"""Figures of the paper and its trade-offs, one script each: `python -m examples.figure_a`; `make figures`."""

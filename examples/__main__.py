@@ -1,4 +1,4 @@
-"""`python -m examples`: draw every figure of the docs; with names, `figure_a drift`, those alone."""
+"""`python -m examples`: draw every figure of the docs; with names, `figure_a drift`, only those."""
 
 from __future__ import annotations
 

@@ -18,11 +18,11 @@ PATCH = TriangleMesh(
     [(0, 1, 2), (1, 3, 2), (2, 3, 4)],
 )
 INSET = 0.14
-"""How far a half-edge is drawn from its edge, scene units."""
+"""Distance of a drawn half-edge from its edge, scene units."""
 
 
 def sides(mesh: TriangleMesh, inset: float = INSET) -> Points:
-    """(3 F, 2, 2) where half-edges are drawn, from start to end: the sides of each face, moved inwards."""
+    """Return the start and end of each drawn half-edge (3 F, 2, 2): the sides of each face, moved inwards."""
     corners = mesh.vertices[mesh.faces][:, :, :2]
     along = np.roll(corners, -1, axis=1) - corners
     along /= np.linalg.norm(along, axis=2, keepdims=True)
@@ -66,12 +66,12 @@ def draw() -> None:
 
 
 def write(panel: Axes, place: Points, text: str, colour: str) -> None:
-    """A word centred on a place."""
+    """Write a word centred on a place."""
     panel.text(float(place[0]), float(place[1]), text, color=colour, ha="center", va="center")
 
 
 def inwards(middle: Points, h: int) -> Points:
-    """A place beside a half-edge, towards the middle of its face."""
+    """Return a place beside a half-edge, towards the middle of its face."""
     towards = PATCH.vertices[PATCH.faces[h // 3]].mean(axis=0)[:2] - middle
     place: Points = middle + 0.13 * towards / np.linalg.norm(towards)
     return place

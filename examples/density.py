@@ -1,11 +1,11 @@
-"""Density over 500 frames (P10): how long the edges are, with resampling and without."""
+"""Density over 500 frames (P10): edge lengths with and without resampling."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from examples.drawing import COOL, INK, WARM, page, save
-from examples.film import edge_lengths, resampled, unresampled
+from examples.film import displace_film, edge_lengths, resample_film
 from pipeline.arrays import Floats
 from pipeline.flow import Flow, Streamlines, Sum
 from pipeline.flow.catalogue.vortices import Vortex
@@ -18,19 +18,19 @@ RATIOS = np.geomspace(1 / 40, 40, 81)
 """Borders of the histogram: edge lengths over the maximum."""
 
 
-def stirring(strength: float = 1.1) -> Flow:
-    """Two vortices across each other: what is between them is drawn out to ever longer bands."""
+def vortex_flow(strength: float = 1.1) -> Flow:
+    """Return two crossing vortices, which stretch the surface between them to ever longer bands."""
     across = Vortex(axis=(1.0, 0.0, 0.0), centre=(0.0, 0.5, 0.2), radius=0.6, strength=-strength)
     return Streamlines(Sum((Vortex(centre=(0.4, 0.0, 0.0), radius=0.7, strength=strength), across)))
 
 
 def histograms(frames: int = FRAMES) -> tuple[Floats, Floats, list[int]]:
-    """(frames + 1, 80) shares of the edges by length, without and with; and how many vertices there are."""
-    flow, resampler = stirring(), Resampler(SUBJECT, Thresholds(LONGEST))
-    moved = unresampled(SUBJECT.vertices, flow, frames)
+    """Return shares of the edges by length (frames + 1, 80), without and with; and the vertex counts."""
+    flow, resampler = vortex_flow(), Resampler(SUBJECT, Thresholds(LONGEST))
+    moved = displace_film(SUBJECT.vertices, flow, frames)
     static = [_shares(edge_lengths(SUBJECT.with_vertices(points))) for points in moved]
     adaptive, counts = [], []
-    for report in resampled(resampler, flow, frames):
+    for report in resample_film(resampler, flow, frames):
         adaptive.append(_shares(edge_lengths(resampler.mesh)))
         counts.append(report.vertices)
     return np.array(static), np.array(adaptive), counts

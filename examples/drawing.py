@@ -1,4 +1,4 @@
-"""Pens and paper for the figures: one palette, one type, one place where pictures go.
+"""Panels, pens and colours of the figures: one palette, one typeface, one folder of pictures.
 
 matplotlib is imported where something is drawn, so that the numbers behind a figure need none.
 """
@@ -45,9 +45,9 @@ _STYLE: Any = {
 def page(
     titles: Sequence[str], height: float = 3.4, drawings: bool = False, bare: bool = False
 ) -> tuple[Figure, list[Axes]]:
-    """A page 9.6 inches wide with a panel for each title, side by side.
+    """Return a page 9.6 inches wide with a panel for each title, side by side.
 
-    drawings  have equal axes, unseen
+    drawings  equal, invisible axes
     bare      without margins
     """
     import matplotlib as mpl
@@ -69,8 +69,8 @@ def page(
     return figure, panels
 
 
-def ruled(panel: Axes, mesh: TriangleMesh | PolygonMesh, width: float = 0.7) -> None:
-    """The edges of a flat mesh, seen along z: one path, however many they are."""
+def draw_edge_lines(panel: Axes, mesh: TriangleMesh | PolygonMesh, width: float = 0.7) -> None:
+    """Draw the edges of a flat mesh, seen along z, as one path."""
     from matplotlib.patches import PathPatch
     from matplotlib.path import Path as Outline
 
@@ -84,7 +84,7 @@ def ruled(panel: Axes, mesh: TriangleMesh | PolygonMesh, width: float = 0.7) -> 
 
 
 def outline(panel: Axes, mesh: TriangleMesh | PolygonMesh, view: AnyArray | None = None, **pen: Any) -> None:
-    """The faces of a mesh, filled white and ruled with ink, seen along z or by a (3, 2) `view`.
+    """Draw the faces of a mesh, white with ink edges, seen along z or by a (3, 2) `view`.
 
     Faces are drawn in the order of their distance, far ones first.
     """
@@ -104,13 +104,13 @@ def _polygons(mesh: TriangleMesh | PolygonMesh) -> PolygonMesh:
 
 
 def dots(panel: Axes, points: AnyArray, colour: str = WARM, size: float = 26, **pen: Any) -> None:
-    """Marked vertices, (N, 2) or more columns."""
+    """Mark vertices, (N, 2) or more columns."""
     points = np.atleast_2d(points)
     panel.scatter(points[:, 0], points[:, 1], s=size, color=colour, zorder=5, linewidths=0, **pen)
 
 
 def arrows(panels: Sequence[Axes]) -> None:
-    """From each panel to the next: first this, then that."""
+    """Draw an arrow from each panel to the next."""
     from matplotlib.patches import ConnectionPatch
 
     for one, other in pairwise(panels):
@@ -130,7 +130,7 @@ def arrows(panels: Sequence[Axes]) -> None:
 
 
 def save(figure: Figure, name: str) -> Path:
-    """Write the figure to `docs/pictures`, the same bytes every time; pixels without their opacity."""
+    """Write the figure to `docs/pictures`, the same bytes every time; pixels are opaque."""
     from PIL import Image
 
     path = PICTURES / name

@@ -1,12 +1,12 @@
-"""The drift toward triangles (P21): how many sides faces have as a polyhedron is resampled."""
+"""The drift towards triangles (P21): sides of the faces of a polyhedron as it is resampled."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from examples.density import stirring
+from examples.density import vortex_flow
 from examples.drawing import COOL, FAINT, OCHRE, WARM, page, save
-from examples.film import resampled
+from examples.film import resample_film
 from pipeline.arrays import Floats
 from pipeline.mesh import PolygonMesh
 from pipeline.resample import PolyhedralResampler, Thresholds
@@ -19,10 +19,10 @@ CUBE = PolygonMesh(
 
 
 def shares(frames: int = FRAMES) -> Floats:
-    """(frames + 1, 4) shares of the faces that have 3, 4, 5 and more sides."""
+    """Return the shares (frames + 1, 4) of the faces with 3, 4, 5 and more sides."""
     resampler = PolyhedralResampler(CUBE, Thresholds(LONGEST))
     rows = []
-    for _ in resampled(resampler, stirring(4.0), frames):
+    for _ in resample_film(resampler, vortex_flow(4.0), frames):
         counted = np.bincount(np.minimum(resampler.mesh.sides, 6), minlength=7)[3:]
         rows.append(counted / counted.sum())
     return np.array(rows)

@@ -6,8 +6,8 @@ from collections import deque
 
 import numpy as np
 
-from examples.drawing import COOL, WARM, page, ruled, save
-from examples.film import resampled, unresampled
+from examples.drawing import COOL, WARM, draw_edge_lines, page, save
+from examples.film import displace_film, resample_film
 from pipeline.flow import Flow, Streamlines, Sum
 from pipeline.flow.catalogue.expansion import Expansion
 from pipeline.mesh import PolygonMesh, TriangleMesh
@@ -18,7 +18,7 @@ FRAMES, MESHES, LONGEST = 28, 24, 0.125
 
 
 def quads(meshes: int = MESHES) -> PolygonMesh:
-    """A square of side 2 in the plane z = 0, of as many quads along a side."""
+    """Return a square of side 2 in the plane z = 0, of that many quads along a side."""
     line = np.linspace(-1, 1, meshes + 1)
     points = np.array([(x, y, 0.0) for y in line for x in line])
     first = np.array([i + j * (meshes + 1) for j in range(meshes) for i in range(meshes)])
@@ -26,7 +26,7 @@ def quads(meshes: int = MESHES) -> PolygonMesh:
 
 
 def discs(rate: float = 2.2) -> Flow:
-    """One disc swells and the other shrinks, as quickly."""
+    """Return a flow in which one disc expands and the other contracts at the same rate."""
     return Streamlines(
         Sum(
             (
@@ -37,14 +37,14 @@ def discs(rate: float = 2.2) -> Flow:
     )
 
 
-def three_ways(frames: int = FRAMES) -> tuple[PolygonMesh, PolygonMesh, TriangleMesh]:
-    """The last frame: static, resampled with arbitrary faces, resampled as triangles."""
+def three_versions(frames: int = FRAMES) -> tuple[PolygonMesh, PolygonMesh, TriangleMesh]:
+    """Return the last frame: static, resampled with arbitrary faces, resampled as triangles."""
     sheet, flow, thresholds = quads(), discs(), Thresholds(LONGEST)
-    (moved,) = deque(unresampled(sheet.vertices, flow, frames), maxlen=1)
+    (moved,) = deque(displace_film(sheet.vertices, flow, frames), maxlen=1)
     arbitrary = PolyhedralResampler(sheet, thresholds)
     triangles = Resampler(sheet.triangulated(), thresholds)
-    deque(resampled(arbitrary, flow, frames), maxlen=0)
-    deque(resampled(triangles, flow, frames), maxlen=0)
+    deque(resample_film(arbitrary, flow, frames), maxlen=0)
+    deque(resample_film(triangles, flow, frames), maxlen=0)
     return sheet.with_vertices(moved), arbitrary.mesh, triangles.mesh
 
 
@@ -53,9 +53,9 @@ def draw() -> None:
 
     titles = ("B1  static mesh", "B2  arbitrary faces", "B3  triangles")
     figure, panels = page(titles, height=3.3, drawings=True)
-    meshes: list[PolygonMesh | TriangleMesh] = [*three_ways()]
+    meshes: list[PolygonMesh | TriangleMesh] = [*three_versions()]
     for panel, mesh in zip(panels, meshes, strict=True):
-        ruled(panel, mesh, 0.45)
+        draw_edge_lines(panel, mesh, 0.45)
         for centre, colour in ((SWELLING, WARM), (SHRINKING, COOL)):
             panel.add_patch(Circle(centre[:2], RADIUS, color=colour, alpha=0.16, linewidth=0, zorder=3))
     save(figure, "figure_b.svg")

@@ -16,7 +16,7 @@ SHADES = (FAINT, "white", OCHRE + "44")
 
 
 def loaf(corners: int = 200) -> PolygonMesh:
-    """One large face of many short edges, 5.6 long."""
+    """Return one large face of many short edges, 5.6 long."""
     turn = 2 * math.pi * (np.arange(corners) + 0.5) / corners
     x, y = (np.sign(part) * np.abs(part) ** 0.5 for part in (np.cos(turn), np.sin(turn)))
     crust = np.where(y > 0, 0.52 - 0.06 * np.cos(3 * x), 0.4)
@@ -24,21 +24,21 @@ def loaf(corners: int = 200) -> PolygonMesh:
 
 
 def horseshoe(corners: int = 26) -> PolygonMesh:
-    """A concave face: planes cross its outline four times."""
+    """Return a concave face: planes cross its outline four times."""
     turn = np.linspace(-0.25 * math.pi, 1.25 * math.pi, corners)
     arc = np.column_stack([np.cos(turn), np.sin(turn), np.zeros(corners)])
     return PolygonMesh(np.concatenate([1.9 * arc, arc[::-1]]), [range(2 * corners)])
 
 
-def sliced(face: PolygonMesh, cutting: Cutting = "slice") -> PolygonMesh:
-    """The face after one resampling that removes nothing."""
+def slice_face(face: PolygonMesh, cutting: Cutting = "slice") -> PolygonMesh:
+    """Return the face after one resampling that removes nothing."""
     resampler = PolyhedralResampler(face, Thresholds(LONGEST, 0.0), cutting)
     resampler.resample()
     return resampler.mesh
 
 
 def draw() -> None:
-    face, bread, halves = loaf(), sliced(loaf()), sliced(loaf(), "recurse")
+    face, bread, halves = loaf(), slice_face(loaf()), slice_face(loaf(), "recurse")
     figure, (left, right) = page(
         ("", "a concave face, whose outline a plane may cross four times"), 3.3, drawings=True
     )
@@ -55,7 +55,7 @@ def draw() -> None:
     left.plot([low_x, high_x, high_x, low_x, low_x], [low, low, high, high, low], color=COOL, linewidth=0.9)
     for level in np.linspace(low_x, high_x, len(bread) + 1)[1:-1]:
         left.plot([level, level], [low - 0.16, high + 0.16], color=WARM, linewidth=1.2, dashes=(4, 2))
-    shoe = sliced(horseshoe())
+    shoe = slice_face(horseshoe())
     outline(right, shoe, facecolors=[SHADES[f % 3] for f in range(len(shoe))])
     save(figure, "figure_c.svg")
 

@@ -16,7 +16,7 @@ STRETCHED = TriangleMesh([(-1, -0.8, 0), (1.05, -0.7, 0), (-0.35, 0.85, 0)], [(0
 
 
 def split(mesh: TriangleMesh, longest: float) -> tuple[TriangleMesh, Report]:
-    """Splits alone: no edge is too short, and no triangle is mended."""
+    """Split edges only: no edge is too short, and no triangle is improved."""
     return resample(mesh, Thresholds(longest, 0.0), min_roundness=0.0)
 
 
@@ -43,7 +43,7 @@ def draw() -> None:
 
 
 def longest_edge(mesh: TriangleMesh) -> float:
-    """Scene units."""
+    """Return the length of the longest edge, scene units."""
     corners = mesh.vertices[mesh.faces]
     return float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
 

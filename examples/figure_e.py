@@ -13,7 +13,7 @@ from pipeline.resample import Thresholds, resample
 
 THRESHOLDS = Thresholds(max_edge_length=2.0, min_edge_length=0.5)
 SHORT = (3, 4)
-"""The vertices of the edge that is too short, in both patches."""
+"""The vertices of the short edge, in both patches."""
 
 _POINTS = [
     (-1.1, -0.55),
@@ -32,12 +32,12 @@ VIEW = np.array([[1.0, 0.0], [0.28, 0.55], [0.0, 0.75]])
 
 
 def flat() -> TriangleMesh:
-    """Eight triangles around one short edge, in the plane z = 0."""
+    """Return eight triangles around one short edge, in the plane z = 0."""
     return TriangleMesh([(x, y, 0) for x, y in _POINTS], _FACES)
 
 
 def folded(angle: float = math.radians(90)) -> TriangleMesh:
-    """The same bent by an angle, radians, over a crease along y, on which one end of the short edge lies."""
+    """Return the patch bent by an angle, radians, over a crease along y through one end of the short edge."""
     points = np.array([(x, y, 0) for x, y in _POINTS], np.float64)
     points[[2, 3, 5], 0] = 0.0  # the crease
     aside = points[:, 0].copy()
@@ -45,13 +45,13 @@ def folded(angle: float = math.radians(90)) -> TriangleMesh:
     return TriangleMesh(points, _FACES)
 
 
-def collapsed(mesh: TriangleMesh) -> TriangleMesh:
-    """Without the short edge; the vertex that is left is the first of its two."""
+def collapse(mesh: TriangleMesh) -> TriangleMesh:
+    """Return the mesh without the short edge; the first of its two vertices is left."""
     return resample(mesh, THRESHOLDS, min_roundness=0.0)[0]
 
 
-def merged(before: TriangleMesh, after: TriangleMesh) -> AnyArray:
-    """(3,) where the one vertex is that has replaced two: the one nearest to their midpoint."""
+def merged_vertex(before: TriangleMesh, after: TriangleMesh) -> AnyArray:
+    """Return the vertex (3,) that has replaced two: the one nearest to their midpoint."""
     middle = before.vertices[list(SHORT)].mean(axis=0)
     nearest: AnyArray = after.vertices[np.linalg.norm(after.vertices - middle, axis=1).argmin()]
     return nearest
@@ -69,14 +69,14 @@ def draw() -> None:
         (flat(), panels[:2], np.eye(3)[:, :2]),
         (folded(), panels[2:], VIEW),
     ):
-        after = collapsed(mesh)
+        after = collapse(mesh)
         for panel, shown in ((left, mesh), (right, after)):
             outline(panel, shown, view, linewidths=0.9)
             if view is VIEW:
                 panel.plot(*(mesh.vertices[[2, 3, 5]] @ view).T, color=COOL, linewidth=2.2)
         left.plot(*(mesh.vertices[list(SHORT)] @ view).T, color=WARM, linewidth=2.6)
         dots(left, mesh.vertices[list(SHORT)] @ view)
-        dots(right, merged(mesh, after) @ view)
+        dots(right, merged_vertex(mesh, after) @ view)
         arrows([left, right])
     save(figure, "figure_e.svg")
 

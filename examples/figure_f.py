@@ -1,4 +1,4 @@
-"""Figure F: a flow sculpture. That of *Virtually Yours* is lost; this one is ours (P40)."""
+"""Figure F: a flow sculpture. The one of *Virtually Yours* is lost; this is a new one (P40)."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ FRAME, SIZE = 44, (1200, 675)
 
 
 def sculpture(frame: int = FRAME) -> TriangleMesh:
-    """The cube of the film's first shot, rolled up by two vortices."""
+    """Return the cube of the film's first shot, rolled up by two vortices."""
     return next(made.mesh for made in animate(read_shot(SHOT)) if made.number == frame)
 
 
 def draw() -> None:
-    from examples.shading import framed, photograph, show
+    from examples.shading import frame_mesh, render_mesh, show
 
     mesh = sculpture()
     figure, (panel,) = page(("",), height=5.4, drawings=True, bare=True)
-    framing = framed(mesh, azimuth=14, elevation=15, aspect=SIZE[0] / SIZE[1], margin=0.12)
-    picture = photograph(
+    framing = frame_mesh(mesh, azimuth=14, elevation=15, aspect=SIZE[0] / SIZE[1], margin=0.12)
+    picture = render_mesh(
         mesh, framing, SIZE, LOOKS["glaze"], LIGHTS["gallery"], Stage(), exposure=0.0, samples=64
     )
     show(panel, picture)

@@ -1,4 +1,4 @@
-"""What the figures film: a surface and a flow, with resampling and without."""
+"""Films of the figures: a surface in a flow, with and without resampling."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.resample import PolyhedralResampler, Report, Resampler
 
 RATE = 24
-"""Frames a second."""
+"""Frames per second."""
 
 
-def resampled(surface: Resampler | PolyhedralResampler, flow: Flow, frames: int) -> Iterator[Report]:
-    """Each frame's report; the first is the subject at rest, and then the flow moves it for a frame (P6)."""
+def resample_film(surface: Resampler | PolyhedralResampler, flow: Flow, frames: int) -> Iterator[Report]:
+    """Yield each frame's report: first of the subject at rest, then after each frame of the flow (P6)."""
     yield surface.resample()
     for frame in range(frames):
         surface.vertices[:] = flow.displace(surface.vertices, frame / RATE, 1 / RATE)
         yield surface.resample()
 
 
-def unresampled(points: Points, flow: Flow, frames: int) -> Iterator[Points]:
-    """(V, 3) each frame's vertices, where they only move."""
+def displace_film(points: Points, flow: Flow, frames: int) -> Iterator[Points]:
+    """Yield each frame's vertices (V, 3), moved only."""
     yield points
     for frame in range(frames):
         points = flow.displace(points, frame / RATE, 1 / RATE)
@@ -33,7 +33,7 @@ def unresampled(points: Points, flow: Flow, frames: int) -> Iterator[Points]:
 
 
 def edge_lengths(mesh: TriangleMesh | PolygonMesh) -> Floats:
-    """(E,) scene units, each edge once."""
+    """Return edge lengths (E,), scene units, each edge once."""
     polygons = PolygonMesh.from_triangles(mesh) if isinstance(mesh, TriangleMesh) else mesh
     ends = mesh.vertices[polygons.edges]
     lengths: Floats = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
@@ -41,13 +41,13 @@ def edge_lengths(mesh: TriangleMesh | PolygonMesh) -> Floats:
 
 
 def volume(mesh: TriangleMesh) -> float:
-    """Of a closed surface, cubic scene units."""
+    """Return the volume of a closed surface, cubic scene units."""
     a, b, c = mesh.vertices[mesh.faces].transpose(1, 0, 2)
     return float(np.einsum("fi,fi->", a, np.cross(b, c)) / 6)
 
 
 def sphericity(mesh: TriangleMesh) -> float:
-    """The area of the ball of equal volume over the surface's own: 1 for a ball, 0.806 for a cube.
+    """Return the area of the ball of equal volume over the surface's own: 1 for a ball, 0.806 for a cube.
 
     Source: Wadell, *Volume, Shape, and Roundness of Quartz Particles*, Journal of Geology 43 (1935).
     """

@@ -1,4 +1,4 @@
-"""A small picture of every flow of the catalogue: the ways of points, or a block before and after."""
+"""A small picture of every flow of the catalogue: streamlines, or a block before and after."""
 
 from __future__ import annotations
 
@@ -30,10 +30,10 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 SIZE, REACH, SEEDS, STEPS = 1.6, 1.45, 260, 30
-"""Inches a picture is wide, scene units from its middle to its edge, ways drawn, and pieces of each."""
+"""Width in inches, scene units from the middle to the edge, streamlines, and pieces of each."""
 
-WAY = 0.8
-"""Scene units that a way of ordinary speed is long."""
+LINE_LENGTH = 0.8
+"""Length of a streamline at common speed, scene units."""
 
 SHOWN: dict[type, VelocityField] = {
     Translation: Translation((1.0, 0.4, 0.0)),
@@ -43,7 +43,7 @@ SHOWN: dict[type, VelocityField] = {
     Squeeze: Squeeze(),
     DoubleGyre: DoubleGyre(scale=1.2),
 }
-"""How flows are shown that do nothing, or show little, by default."""
+"""Flows that do little by default, with the parameters of their pictures."""
 
 CURVE = ((-1.3, -0.6, 0.0), (-0.5, 0.7, 0.4), (0.5, -0.4, -0.4), (1.3, 0.6, 0.0))
 
@@ -53,41 +53,43 @@ WRITTEN: tuple[VelocityField, ...] = (
     Attraction(Target.curve(np.array(CURVE)), rate=4.0, radius=1.2),
     Wind(CURVE, radius=0.7),
 )
-"""What is more than numbers; samples come from a file."""
+"""Flows with parameters other than numbers; those of samples come from a file."""
 
 AMOUNTS = {"twist": 0.9, "taper": -0.5, "stretch": 1.6, "shear": 0.6, "bend": 0.9}
 
 
 def view(turn: float = 28.0, tilt: float = 22.0) -> AnyArray:
-    """(3, 2) from the scene to the picture: seen from the right and above, by angles in degrees."""
+    """Return the (3, 2) projection from the scene to the picture, from the right and above; degrees."""
     a, e = math.radians(turn), math.radians(tilt)
     right = (math.cos(a), 0.0, -math.sin(a))
     up = (-math.sin(a) * math.sin(e), math.cos(e), -math.cos(a) * math.sin(e))
     return np.array([right, up]).T
 
 
-def ways(field: VelocityField) -> AnyArray:
-    """(STEPS + 1, N, 3): where points from all over a ball go until the common ones have gone WAY; of an
-    attractor, ten times as far, once they have found it."""
+def streamlines_of(field: VelocityField) -> AnyArray:
+    """Return streamlines (STEPS + 1, N, 3) from all over a ball, LINE_LENGTH long at common speeds.
+
+    Those of an attractor begin on it and are longer.
+    """
     seeds = np.random.default_rng(1).normal(size=(SEEDS, 3))
     seeds *= (np.linspace(0.02, 1, SEEDS) ** (1 / 3) * 1.1 / np.linalg.norm(seeds, axis=1))[:, None]
     flow, duration, start = Streamlines(field), 0.0, seeds
     if isinstance(field, Attractor):
-        start, duration = _settled(flow, 0.3 * seeds[:24] + 0.1), 6 * WAY
+        start, duration = _displace(flow, 0.3 * seeds[:24] + 0.1), 6 * LINE_LENGTH
     speeds = np.linalg.norm(field.velocity(start, 0.3), axis=1)
-    dt = max(duration, WAY) / float(np.quantile(speeds, 0.6)) / (STEPS * (8 if duration else 1))
+    dt = max(duration, LINE_LENGTH) / float(np.quantile(speeds, 0.6)) / (STEPS * (8 if duration else 1))
     places = [start]
     for step in range(STEPS * (8 if duration else 1)):
         places.append(flow.displace(places[-1], 0.3 + step * dt, dt))
     return np.stack(places)
 
 
-def _settled(flow: Streamlines, points: Points) -> Points:
+def _displace(flow: Streamlines, points: Points) -> Points:
     return flow.displace(points, 0.0, 60.0 / flow.field.gradient_bound(0.0))
 
 
-def _strands(panel: Axes, places: AnyArray, seen: AnyArray) -> None:
-    """Streamlines that begin faint and thin, and end dark and thick; the far ones first."""
+def _draw_streamlines(panel: Axes, places: AnyArray, seen: AnyArray) -> None:
+    """Draw streamlines that begin faint and thin, and end dark and thick; far ones first."""
     from matplotlib.collections import LineCollection
     from matplotlib.colors import to_rgb
 
@@ -100,8 +102,8 @@ def _strands(panel: Axes, places: AnyArray, seen: AnyArray) -> None:
     panel.add_collection(LineCollection(list(pieces), colors=colours, linewidths=0.25 + 0.9 * age))
 
 
-def _fit(panel: Axes) -> None:
-    """Show all of what has no bounds of its own, as large as others are."""
+def _fit_axes(panel: Axes) -> None:
+    """Fit the axes of an unbounded flow to its streamlines."""
     (strands,) = panel.collections
     points = np.concatenate([path.vertices for path in strands.get_paths()])
     low, high = points.min(axis=0), points.max(axis=0)
@@ -109,19 +111,19 @@ def _fit(panel: Axes) -> None:
     panel.set(xlim=(middle[0] - half, middle[0] + half), ylim=(middle[1] - half, middle[1] + half))
 
 
-def _block(panel: Axes, flow: Any, seen: AnyArray) -> None:
-    """The lines on the faces of a block, as they were and as they are."""
+def _draw_block(panel: Axes, flow: Any, seen: AnyArray) -> None:
+    """Draw the lines on the faces of a block, before and after."""
     amount = AMOUNTS[flow.name]
     moving = replace(flow, amount=keyed((0.0, 1.0), (1.0 if flow.name == "stretch" else 0.0, amount)))
-    for points in _lines():
+    for points in _block_lines():
         panel.plot(*(points @ seen).T, color=FAINT, linewidth=0.7)
-    for points in _lines():
+    for points in _block_lines():
         moved = moving.displace(points, 0.0, 1.0)
         on_edge = np.isclose(np.abs(points), (0.4, 0.9, 0.4)).all(axis=0).sum() >= 2
         panel.plot(*(moved @ seen).T, color=INK if on_edge else WARM, linewidth=1.0 if on_edge else 0.5)
 
 
-def _lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
+def _block_lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
     t = np.linspace(-1, 1, 61)[:, None]
     marks = np.linspace(-across, across, 5)
     upright = [
@@ -139,8 +141,8 @@ def _lines(across: float = 0.4, high: float = 0.9) -> list[Points]:
     return upright + level
 
 
-def _sampled() -> Sampled:
-    """Velocities thrown by dice on a coarse grid."""
+def _random_samples() -> Sampled:
+    """Return random velocities on a coarse grid."""
     axis = np.linspace(-1.5, 1.5, 4)
     velocity = np.random.default_rng(7).normal(size=(4, 4, 4, 3))
     with TemporaryDirectory() as folder:
@@ -151,11 +153,11 @@ def _sampled() -> Sampled:
 
 
 def draw() -> None:
-    """Draw them all to `docs/pictures/flows`."""
+    """Draw all flows to `docs/pictures/flows`."""
     (PICTURES / "flows").mkdir(exist_ok=True)
     for kind in FLOWS:
         _draw(SHOWN[kind] if kind in SHOWN else Bend(length=1.8) if kind is Bend else kind())
-    for field in (*WRITTEN, _sampled()):
+    for field in (*WRITTEN, _random_samples()):
         _draw(field)
 
 
@@ -170,11 +172,11 @@ def _draw(flow: VelocityField | Deformation) -> None:
     panel.set_axis_off()
     seen = view(0.0, 0.0) if isinstance(flow, DoubleGyre) else view()
     if isinstance(flow, Deformation):
-        _block(panel, flow, seen)
+        _draw_block(panel, flow, seen)
     else:
-        _strands(panel, ways(flow), seen)
+        _draw_streamlines(panel, streamlines_of(flow), seen)
     if isinstance(flow, Attractor):
-        _fit(panel)
+        _fit_axes(panel)
     save(figure, f"flows/{shot_name(type(flow))}.png")
 
 

@@ -6,9 +6,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from examples.density import LONGEST, SUBJECT, stirring
+from examples.density import LONGEST, SUBJECT, vortex_flow
 from examples.drawing import COOL, INK, WARM, dots, page, save
-from examples.film import edge_lengths, resampled
+from examples.film import edge_lengths, resample_film
 from pipeline.resample import Resampler, Thresholds
 from pipeline.resample.thresholds import DEFAULT_RATIO
 
@@ -17,18 +17,20 @@ RATIOS = (0.2, 0.25, 0.3, 0.35, 0.4, 0.45, 0.49)
 
 
 class Film(NamedTuple):
-    """What one ratio costs and gives, over the second half of its frames: splits and collapses a frame for
-    1000 edges, and the spread of the lengths, their standard deviation over their mean."""
+    """Cost and result of one ratio, over the second half of its frames.
+
+    Splits and collapses a frame for 1000 edges; standard deviation of the edge lengths over their mean.
+    """
 
     operations: float
     spread: float
 
 
 def film(ratio: float, frames: int = FRAMES) -> Film:
-    """A ball with this minimum over maximum, drawn out by two vortices."""
+    """Resample a ball in two vortices with this ratio of minimum to maximum."""
     resampler = Resampler(SUBJECT, Thresholds(LONGEST, ratio * LONGEST))
     work, spread = [], []
-    for frame, report in enumerate(resampled(resampler, stirring(), frames)):
+    for frame, report in enumerate(resample_film(resampler, vortex_flow(), frames)):
         if frame > frames // 2:
             lengths = edge_lengths(resampler.mesh)
             work.append(1000 * (report.splits + report.collapses) / report.edges)

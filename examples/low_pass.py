@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 from examples.drawing import COOL, GREY, WARM, page, save
-from examples.film import resampled, sphericity
+from examples.film import resample_film, sphericity
 from pipeline.flow import Flow, Sequence, keyed
 from pipeline.flow.catalogue.deformations import Twist
 from pipeline.mesh import TriangleMesh, box
@@ -17,8 +17,8 @@ ROUND = 72
 """Frames: one axis after the other, a second each."""
 
 
-def wringing(rounds: int) -> Flow:
-    """A twist about each axis in turn, and back, so that the exact surface is a cube again each second."""
+def twists_and_back(rounds: int) -> Flow:
+    """Return a twist about each axis in turn, and back: the exact surface is a cube again each second."""
 
     def about(place: int) -> Twist:
         starts = [3 * n + place for n in range(rounds)]
@@ -28,28 +28,28 @@ def wringing(rounds: int) -> Flow:
     return Sequence(tuple(about(place) for place in range(3)))
 
 
-def wrung(hard_angle: float, rounds: int = ROUNDS) -> tuple[TriangleMesh, list[float]]:
-    """The cube after so many rounds, and its sphericity after each; `hard_angle` in radians."""
+def twist_cube(hard_angle: float, rounds: int = ROUNDS) -> tuple[TriangleMesh, list[float]]:
+    """Return the cube after that many rounds, and its sphericity after each; `hard_angle` in radians."""
     resampler = Resampler(box(edge_length=EDGE), Thresholds(LONGEST, hard_angle=hard_angle))
     values = [
         sphericity(resampler.mesh)
-        for frame, _ in enumerate(resampled(resampler, wringing(rounds), rounds * ROUND))
+        for frame, _ in enumerate(resample_film(resampler, twists_and_back(rounds), rounds * ROUND))
         if frame % ROUND == 0
     ]
     return resampler.mesh, values
 
 
 def draw() -> None:
-    from examples.shading import framed, photograph, show, wires
+    from examples.shading import draw_edges, frame_mesh, render_mesh, show
 
     titles = ("edges over 40° are hard", "no edge is hard", "sphericity")
     figure, panels = page(titles, height=3.3)
-    framing = framed(box(edge_length=1.0), azimuth=-28, elevation=20, aspect=1.0)
+    framing = frame_mesh(box(edge_length=1.0), azimuth=-28, elevation=20, aspect=1.0)
     for panel, angle, colour in zip(panels, (math.radians(40), math.pi), (COOL, WARM), strict=False):
-        mesh, values = wrung(angle)
-        picture = photograph(mesh, framing, (620, 620))
+        mesh, values = twist_cube(angle)
+        picture = render_mesh(mesh, framing, (620, 620))
         show(panel, picture)
-        wires(panel, picture, mesh)
+        draw_edges(panel, picture, mesh)
         panels[2].plot(values, color=colour)
     panels[2].set(xlabel="rounds of three twists", ylim=(0.78, 1.02))
     for name, level in (("ball", 1.0), ("cube", (math.pi / 6) ** (1 / 3))):

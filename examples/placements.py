@@ -1,4 +1,4 @@
-"""Where new vertices go (P34): chord, curved and exact placement against the exact surface."""
+"""Placement of new vertices (P34): chord, curved and exact against the exact surface."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from examples.drawing import COOL, OCHRE, WARM, page, save
-from examples.figure_a import stirring
+from examples.figure_a import vortex_flow
 from examples.film import RATE
 from pipeline.arrays import Floats, Points
 from pipeline.flow.flow_map import FlowMap, FrameStep
@@ -16,14 +16,14 @@ from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresh
 
 FRAMES, LONGEST, EVERY = 60, 0.15, 6
 STEP = 1e-6
-"""Scene units, of the differences that tell the gradient."""
+"""Finite difference for gradients, scene units."""
 
 NAMES = ("chord", "curved", "exact")
 
 
-def filmed(name: str, thresholds: Thresholds, frames: int) -> Iterator[tuple[int, TriangleMesh]]:
-    """A ball of radius 1 in two vortices and a third: each frame's number and its surface."""
-    history, flow = FlowMap(), stirring()
+def simulate(name: str, thresholds: Thresholds, frames: int) -> Iterator[tuple[int, TriangleMesh]]:
+    """Yield the frame number and the surface of a ball of radius 1 in three vortices."""
+    history, flow = FlowMap(), vortex_flow()
     placements: dict[str, Placement] = {
         "chord": Chord(),
         "curved": Curved(),
@@ -38,12 +38,12 @@ def filmed(name: str, thresholds: Thresholds, frames: int) -> Iterator[tuple[int
 
 
 def film(name: str, frames: int = FRAMES, every: int = EVERY) -> Floats:
-    """(N, 2) how far vertices and face centres are off the exact surface, in maximum edges.
+    """Return distances (N, 2) of vertices and face centres from the exact surface, in maximum edges.
 
     The 95th percentile every so many frames: a few vertices may have had to stay on the chord.
     """
     errors = []
-    for frame, mesh in filmed(name, Thresholds(LONGEST), frames):
+    for frame, mesh in simulate(name, Thresholds(LONGEST), frames):
         if frame % every == 0:
             both = (mesh.vertices, centres(mesh))
             errors.append([np.percentile(np.abs(distances(points, frame)), 95) for points in both])
@@ -51,19 +51,19 @@ def film(name: str, frames: int = FRAMES, every: int = EVERY) -> Floats:
 
 
 def centres(mesh: TriangleMesh) -> Points:
-    """(F, 3) the middle of each face."""
+    """Return the middle (F, 3) of each face."""
     middles: Points = mesh.vertices[mesh.faces].mean(axis=1)
     return middles
 
 
 def onto_ball(points: Points) -> Points:
-    """The nearest points of the unit sphere."""
+    """Return the nearest points of the unit sphere."""
     nearest: Points = points / np.linalg.norm(points, axis=1, keepdims=True)
     return nearest
 
 
 def distances(points: Points, frame: int) -> Floats:
-    """(N,) from the exact surface, to first order: the height above the ball at rest over its gradient."""
+    """Return distances (N,) from the exact surface, to first order: rest height over its gradient."""
     steps = STEP * np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     heights = height_at_rest((points + steps[:, None]).reshape(-1, 3), frame).reshape(4, -1)
     far: Floats = heights[0] * STEP / np.linalg.norm(heights[1:] - heights[0], axis=0)
@@ -71,10 +71,10 @@ def distances(points: Points, frame: int) -> Floats:
 
 
 def height_at_rest(points: Points, frame: int) -> Floats:
-    """(N,) how far from the sphere points would be if the flow ran backwards to the first frame."""
+    """Return the distance (N,) from the sphere of points moved back to the first frame."""
     back = FlowMap()
     for number in range(frame, 0, -1):
-        back.add(FrameStep(stirring(), number / RATE, -1 / RATE, number))
+        back.add(FrameStep(vortex_flow(), number / RATE, -1 / RATE, number))
     height: Floats = np.linalg.norm(back.carry(points), axis=1) - 1.0
     return height
 

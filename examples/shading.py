@@ -35,23 +35,23 @@ _BEHIND = 0.004  # of the distance: what lies this much deeper than the picture 
 
 
 @dataclass(frozen=True)
-class Photograph:
-    """pixels (H, W, 3) of 8 bits; depth (H, W), the distance from the camera; and how it was framed."""
+class Rendering:
+    """pixels (H, W, 3) of 8 bits; depth (H, W), the distance from the camera; and the framing."""
 
     pixels: AnyArray
     depth: AnyArray
     framing: Framing
 
 
-def framed(
+def frame_mesh(
     mesh: TriangleMesh, azimuth: float, elevation: float, aspect: float, margin: float = 0.1
 ) -> Framing:
-    """A camera for one mesh; angles in degrees, `aspect` is width over height."""
+    """Return the framing of one mesh; angles in degrees, `aspect` is width over height."""
     view = View(math.radians(azimuth), math.radians(elevation), math.radians(26), margin)
     return frame_all([view], lambda _: mesh.vertices, aspect)[0]
 
 
-def photograph(
+def render_mesh(
     mesh: TriangleMesh,
     framing: Framing,
     size: tuple[int, int],
@@ -60,7 +60,7 @@ def photograph(
     stage: Stage = BRIGHT,
     exposure: float = 0.4,
     samples: int = 16,
-) -> Photograph:
+) -> Rendering:
     """Render a mesh, its normals averaged up to 40 degrees; `size` is width and height in pixels."""
     shaded = split_at_creases(mesh, math.radians(40))
     surface = Surface(shaded.vertices.astype(np.float32), shaded.normals.astype(np.float32), shaded.faces)
@@ -68,21 +68,21 @@ def photograph(
     scene = Scene(surface, look, lights, stage, framing.placement, framing.camera)
     layers = render_frame(scene, quality, seed=1, engine=choose())
     light = denoise(layers) * np.float32(2.0 ** (lights.exposure + exposure))
-    return Photograph(quantise(to_display(light, display="srgb")), layers["depth"], framing)
+    return Rendering(quantise(to_display(light, display="srgb")), layers["depth"], framing)
 
 
-def show(panel: Axes, picture: Photograph) -> None:
-    """The picture alone, pixel for pixel."""
+def show(panel: Axes, picture: Rendering) -> None:
+    """Draw the picture alone, pixel for pixel."""
     height, width = picture.pixels.shape[:2]
     panel.imshow(picture.pixels, extent=(0, width, height, 0))
     panel.set(xlim=(0, width), ylim=(height, 0), aspect="equal", anchor="NW")
     panel.set_axis_off()
 
 
-def wires(
-    panel: Axes, picture: Photograph, mesh: TriangleMesh, width: float = 0.3, colour: str = INK
+def draw_edges(
+    panel: Axes, picture: Rendering, mesh: TriangleMesh, width: float = 0.3, colour: str = INK
 ) -> None:
-    """The edges that are seen, over the picture; what is hidden is found by the picture's depth."""
+    """Draw the visible edges over the picture; its depth tells which are hidden."""
     from matplotlib.collections import LineCollection
 
     high, wide = picture.depth.shape

@@ -1,4 +1,4 @@
-"""A tendril thinner than the minimum edge lives on as a tube of three sides (P32)."""
+"""A tendril thinner than the minimum edge survives as a tube of three sides (P32)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from examples.drawing import COOL, WARM, outline, page, save
-from examples.film import RATE, resampled, volume
+from examples.film import RATE, resample_film, volume
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.linear import Strain
 from pipeline.mesh import TriangleMesh, rod
@@ -16,14 +16,14 @@ from pipeline.resample import Resampler, Thresholds
 
 FRAMES, LONGEST, RADIUS, PULL = 72, 0.1, 0.15, 1.5
 FLOW = Streamlines(Strain(rate=PULL))
-"""Draws out along y and keeps volume."""
+"""Stretches along y and keeps volume."""
 
 HARD, NONE = math.radians(40), math.pi
 VIEW = np.array([[0.0, 0.5], [1.0, 0.0], [0.0, 0.87]])
-"""The rod lying down, seen from above."""
+"""The rod on its side, seen from above."""
 
 
-class Drawn(NamedTuple):
+class PulledRod(NamedTuple):
     """A rod at the end, and after each frame the shares of its volume and of the exact length it has kept."""
 
     mesh: TriangleMesh
@@ -31,20 +31,20 @@ class Drawn(NamedTuple):
     lengths: list[float]
 
 
-def drawn_out(hard_angle: float, frames: int = FRAMES) -> Drawn:
-    """A round rod pulled to many times its length; `hard_angle` in radians."""
+def pull_rod(hard_angle: float, frames: int = FRAMES) -> PulledRod:
+    """Pull a round rod to many times its length; `hard_angle` in radians."""
     resampler = Resampler(
         rod(length=1.2, radius=RADIUS, edge_length=0.07), Thresholds(LONGEST, hard_angle=hard_angle)
     )
     volumes, lengths = [], []
-    for frame, _ in enumerate(resampled(resampler, FLOW, frames)):
+    for frame, _ in enumerate(resample_film(resampler, FLOW, frames)):
         volumes.append(volume(resampler.mesh))
         lengths.append(float(np.ptp(resampler.vertices[:, 1])) / (1.2 * math.exp(PULL * frame / RATE)))
-    return Drawn(resampler.mesh, [v / volumes[0] for v in volumes], lengths)
+    return PulledRod(resampler.mesh, [v / volumes[0] for v in volumes], lengths)
 
 
 def middle(mesh: TriangleMesh, half: float = 0.55) -> TriangleMesh:
-    """The faces within a distance of the plane y = 0."""
+    """Return the faces within a distance of the plane y = 0."""
     near = (np.abs(mesh.vertices[mesh.faces][:, :, 1]) < half).all(axis=1)
     return TriangleMesh(mesh.vertices, mesh.faces[near])
 
@@ -55,7 +55,7 @@ def draw() -> None:
     left.set_axis_off()
     ways = (("edges over 40° are hard", HARD, COOL), ("no edge is hard", NONE, WARM))
     for place, (name, angle, colour) in enumerate(ways):
-        rod_now = drawn_out(angle)
+        rod_now = pull_rod(angle)
         part = middle(rod_now.mesh)
         outline(left, part.with_vertices(part.vertices - [0, 0, 0.36 * place]), VIEW, edgecolors=colour)
         left.text(-0.55, 0.1 - 0.313 * place, name)

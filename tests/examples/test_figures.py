@@ -18,12 +18,12 @@ Sheets = tuple[PolygonMesh, PolygonMesh, TriangleMesh]
 
 @pytest.fixture(scope="module")
 def sheets() -> Sheets:
-    return figure_b.three_ways()
+    return figure_b.three_versions()
 
 
 @pytest.fixture(scope="module")
 def cubes() -> Cubes:
-    return figure_a.both_ways()
+    return figure_a.with_and_without()
 
 
 def test_resampling_holds_every_edge_of_figure_a_and_without_it_they_grow(cubes: Cubes) -> None:
@@ -79,13 +79,13 @@ def test_the_bread_slicer_makes_as_few_parts_as_can_be_and_recursion_a_power_of_
     face = figure_c.loaf()
     length = float(face.extents[0])
     assert edge_lengths(face).max() < figure_c.LONGEST  # no edge is too long, but the face is (P19)
-    assert len(figure_c.sliced(face)) == math.ceil(length / figure_c.LONGEST) == 6
-    assert len(figure_c.sliced(face, "recurse")) == 8
+    assert len(figure_c.slice_face(face)) == math.ceil(length / figure_c.LONGEST) == 6
+    assert len(figure_c.slice_face(face, "recurse")) == 8
 
 
 def test_slices_of_a_concave_face_fill_it() -> None:
     face = figure_c.horseshoe()
-    parts = figure_c.sliced(face)
+    parts = figure_c.slice_face(face)
     require(parts)
     assert parts.extents.max() <= figure_c.LONGEST
     assert parts.areas.sum() == pytest.approx(face.areas.sum())
@@ -105,17 +105,17 @@ def test_splitting_goes_on_until_no_edge_is_long() -> None:
 
 def test_a_collapsed_edge_leaves_one_vertex_at_its_middle() -> None:
     before = figure_e.flat()
-    after = figure_e.collapsed(before)
+    after = figure_e.collapse(before)
     assert len(after.vertices) == len(before.vertices) - 1 and len(after.faces) == len(before.faces) - 2
     middle = before.vertices[list(figure_e.SHORT)].mean(axis=0)
-    assert figure_e.merged(before, after) == pytest.approx(middle)
+    assert figure_e.merged_vertex(before, after) == pytest.approx(middle)
 
 
 def test_an_end_on_a_crease_keeps_its_place() -> None:
     before = figure_e.folded()
-    after = figure_e.collapsed(before)
+    after = figure_e.collapse(before)
     assert len(after.vertices) == len(before.vertices) - 1
-    assert (figure_e.merged(before, after) == before.vertices[figure_e.SHORT[0]]).all()
+    assert (figure_e.merged_vertex(before, after) == before.vertices[figure_e.SHORT[0]]).all()
 
 
 def test_the_sculpture_of_figure_f_is_a_sound_closed_surface() -> None:

@@ -14,7 +14,7 @@ BRACKET = (density.RATIOS[1:] > 0.4) & (density.RATIOS[:-1] < 1.0)
 
 
 def test_a_resampled_surface_stays_mesh_like_and_another_does_not() -> None:
-    static, adaptive = mesh_likeness.both_ways(frames=180)
+    static, adaptive = mesh_likeness.with_and_without(frames=180)
     assert adaptive[-1, 0] < 1.05 * adaptive[0, 0] and static[-1, 0] > 1.15 * static[0, 0]
     assert adaptive[-1, 1] > static[-1, 1] + 1.5
 
@@ -34,8 +34,8 @@ def test_wide_thresholds_do_less_and_let_lengths_spread() -> None:
 
 
 def test_without_hard_edges_a_cube_becomes_rounder_and_with_them_it_stays_a_cube() -> None:
-    ball, soft = low_pass.wrung(math.pi, rounds=3)
-    _, hard = low_pass.wrung(math.radians(40), rounds=3)
+    ball, soft = low_pass.twist_cube(math.pi, rounds=3)
+    _, hard = low_pass.twist_cube(math.radians(40), rounds=3)
     assert (np.diff(soft) > 0.01).all()
     assert edge_lengths(ball).min() > 0.4 * low_pass.LONGEST, "no spike keeps the short edges of its base"
     assert abs(hard[-1] - hard[0]) < 0.01
@@ -66,13 +66,13 @@ def test_faces_in_four_leave_lengths_more_uneven_than_edges_in_two() -> None:
 
 
 def test_density_by_curvature_is_nearer_with_fewer_vertices() -> None:
-    many, uniform = splitting.followed(Thresholds(0.2), frames=20)
-    few, curved = splitting.followed(splitting.curved(0.01), frames=20)
+    many, uniform = splitting.size_and_error(Thresholds(0.2), frames=20)
+    few, curved = splitting.size_and_error(splitting.by_curvature(0.01), frames=20)
     assert few < 0.9 * many and curved < 0.9 * uniform
 
 
 def test_a_tendril_thinner_than_the_minimum_keeps_its_length_and_withers_only_without_hard_edges() -> None:
-    hard, soft = (tendril.drawn_out(angle) for angle in (tendril.HARD, tendril.NONE))
+    hard, soft = (tendril.pull_rod(angle) for angle in (tendril.HARD, tendril.NONE))
     thickness = 2 * tendril.RADIUS * math.exp(-tendril.PULL * tendril.FRAMES / (2 * RATE))
     assert thickness < 0.4 * tendril.LONGEST
     assert min(hard.lengths) > 0.99
