@@ -26,7 +26,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
 from render.scene.scene import MotionSample, Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
@@ -43,7 +43,7 @@ def main(frequency: int, quality: str) -> None:
 
     def rendered(shutter: ShutterInterval | None) -> tuple[float, RenderedFrame]:
         begun = time.perf_counter()
-        scene = Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+        scene = Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
         layers = render_frame(scene, QUALITIES[quality], 1, engine, shutter=shutter)
         return time.perf_counter() - begun, layers
 
@@ -65,7 +65,7 @@ def _sliding(surface: Surface, pixels: float, width: int) -> ShutterInterval:
 
     def at(offset: float) -> MotionSample:
         moved = (surface.vertices + way * offset * right).astype(np.float32)
-        return MotionSample(replace(surface, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(surface, vertices=moved), StagePlacement(), CAMERA)
 
     way = 1.0
     way = pixels / ShutterInterval(-0.25, 0.25, at).longest_motion((width, width * 9 // 16))

@@ -20,7 +20,7 @@ from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
 from render.scene.scene import Scene
 from render.scene.spheres import Spheres
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 
@@ -29,7 +29,7 @@ def main(count: int, quality: str) -> None:
     """Render one frame of a normally distributed cloud, its spheres the smaller the more there are."""
     centres = 0.4 * np.random.default_rng(1).normal(size=(count, 3)) + (0.0, 1.0, 0.0)
     cloud = Spheres(centres.astype(np.float32), np.full(count, 0.2 * count ** (-1 / 3), np.float32))
-    scene = Scene(cloud, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    scene = Scene(cloud, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
     layers = render_frame(scene, QUALITIES[quality], 1, choose(threads=2))
     seconds = " + ".join(f"{layers.seconds[part]:.1f}" for part in ("building", "rendering"))
     peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss >> 10

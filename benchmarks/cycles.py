@@ -43,7 +43,7 @@ from render.scene.lights import LIGHTS, Softbox
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 HOME = Path(sys.prefix) / "cycles"
@@ -196,7 +196,7 @@ class Tries:
 
 def ours(surface: Surface, size: tuple[int, int], samples: int, seed: int, engine: Engine) -> RenderedFrame:
     quality = Quality(*size, samples=samples, depth=DEPTH, auxiliary_samples=16)
-    scene = Scene(surface, LOOK, RIG, STAGE, Placement(), CAMERA)
+    scene = Scene(surface, LOOK, RIG, STAGE, StagePlacement(), CAMERA)
     return render_frame(scene, quality, seed, engine, aovs=("before", "after"))
 
 
@@ -295,7 +295,7 @@ def _unguarded(surface: Surface, size: tuple[int, int], samples: int, seed: int)
     from benchmarks.equal_quality import PASS, one_pass
     from render.mitsuba.scene import build_scene
 
-    scene = Scene(surface, LOOK, RIG, STAGE, Placement(), CAMERA)
+    scene = Scene(surface, LOOK, RIG, STAGE, StagePlacement(), CAMERA)
     beauty = build_scene(scene, Quality(*size, samples=PASS, depth=DEPTH)).beauty
     count = max(1, samples // PASS)
     return np.asarray(sum(one_pass(beauty, 1000 * seed + i) for i in range(count)) / count)

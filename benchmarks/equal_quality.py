@@ -31,7 +31,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 
 SHOWN = ("glaze", "clay")
 DEPTH, PASS, REPEATS = 6, 16, 5
@@ -63,7 +63,7 @@ def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) ->
     surface = subject(0.3)
     quality = Quality(*size, samples=16, depth=DEPTH, auxiliary_samples=16)
 
-    described = Scene(surface, LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    described = Scene(surface, LOOKS[look], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
 
     def scene() -> SceneRenderer:
         return build_scene(described, quality).beauty

@@ -35,7 +35,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 FRAMES, TURN = 8, math.radians(0.5)
@@ -74,14 +74,16 @@ def rendered(surface: Surface, samples: int, seed: int, engine: Engine, width: i
     quality = replace(QUALITY, width=width, height=width * 9 // 16, samples=samples)
     look, lights, stage = LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"]
     aovs = ("before", "after") if samples == QUALITY.samples else ()
-    scene = Scene(surface, look, lights, stage, Placement(), CAMERA)
+    scene = Scene(surface, look, lights, stage, StagePlacement(), CAMERA)
     return render_frame(scene, quality, seed, engine, aovs=aovs)
 
 
 def by_mitsuba(surface: Surface, samples: int, seed: int, width: int) -> AnyArray:
     """What Mitsuba's own paths come to, nothing held back."""
     quality = replace(QUALITY, width=width, height=width * 9 // 16)
-    described = Scene(surface, LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    described = Scene(
+        surface, LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA
+    )
     scene = build_scene(described, quality).beauty
     passes = range(samples // PASS)
     return np.asarray(sum(scene.render(PASS, 1000 * seed + i)[..., :3] for i in passes) / len(passes))
@@ -90,7 +92,9 @@ def by_mitsuba(surface: Surface, samples: int, seed: int, width: int) -> AnyArra
 def moment_of(layers: RenderedFrame) -> Moment:
     light = denoise(layers)
     known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
-    return Moment(light, noise_of(layers["beauty"], light), **known, camera=CAMERA, placement=Placement())
+    return Moment(
+        light, noise_of(layers["beauty"], light), **known, camera=CAMERA, placement=StagePlacement()
+    )
 
 
 def measure(name: str, angles: list[float], width: int, reference: int, engine: Engine) -> list[Row]:

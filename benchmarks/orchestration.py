@@ -35,7 +35,7 @@ from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import STATE
 from render.scene.camera import Camera
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 
 CORES = 2
 FEW, MANY = 10, 100
@@ -109,7 +109,7 @@ def write_shots(count: int, frames: int) -> list[str]:
 
 def fill(plan: Plan) -> None:
     """Put dummies into the store for every file of a plan's takes, and cameras that stand still."""
-    framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), Placement((0.0, -1.0, 0.0), 1.0, 0.0))
+    framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), StagePlacement((0.0, -1.0, 0.0), 1.0, 0.0))
     store = Project(Path.cwd(), CORES).store
     for data in plan.requests:
         request = RenderRequest.from_data(data, PlanningCache(Path.cwd()))

@@ -30,11 +30,11 @@ from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
 from pipeline.production.execution.project import Project
-from render.raster import Set, Shape, preview
+from render.raster import Shape, StageSetup, preview
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 
 SHOT = """\
 title: A ball between two vortices
@@ -81,7 +81,9 @@ def raster() -> tuple[float, float]:
     points = ball.vertices * (1.0 + 0.25 * np.sin(5 * x + 3 * y) * np.cos(4 * z))[:, None]
     normals = vertex_normals(TriangleMesh(points, ball.faces)).astype(np.float32)
     shape = Shape(points.astype(np.float32), normals, ball.faces, LOOKS["glaze"], closed=True)
-    around = Set(LIGHTS["studio"], STAGES["cyclorama"], Placement((0.0, float(points[:, 1].min()), 0.0), 1.2))
+    around = StageSetup(
+        LIGHTS["studio"], STAGES["cyclorama"], StagePlacement((0.0, float(points[:, 1].min()), 0.0), 1.2)
+    )
     camera = Camera((0.0, 1.0, 8.5), (0.0, -0.1, 0.0))
 
     def drawn(_: int) -> None:

@@ -28,7 +28,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 FREQUENCIES = {"50k": 71, "1M": 316}
@@ -50,7 +50,7 @@ def measure(size: str, repeats: int) -> Row:
     """Milliseconds of both."""
     surface = ball(FREQUENCIES[size])
 
-    scene = Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), CAMERA)
+    scene = Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
     quality = Quality(*SIZE, samples=16, depth=6)
 
     def ours() -> None:
@@ -71,9 +71,9 @@ def _shapes(surface: Surface) -> dict[str, Any]:
     import mitsuba as mi
 
     subject = mesh("subject", surface, {"type": "diffuse"}, np.array([0.0, 1.0]))
-    shining = lamps.emitters(LIGHTS["studio"], Placement().matrix())
+    shining = lamps.emitters(LIGHTS["studio"], StagePlacement().matrix())
     made = {name: mi.load_dict(each, parallel=False, optimize=False) for name, each in shining.items()}
-    return {"subject": subject, **scenery.shapes(STAGES["cyclorama"], Placement(), CAMERA, SIZE), **made}
+    return {"subject": subject, **scenery.shapes(STAGES["cyclorama"], StagePlacement(), CAMERA, SIZE), **made}
 
 
 def _loaded(shapes: dict[str, Any]) -> None:

@@ -39,7 +39,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import BATCH_SAMPLES, Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Way = Literal["chord", "curved", "exact"]
@@ -59,7 +59,7 @@ LAST, LOOKED_AT = 12, 6
 TURN = np.radians(60.0)
 """A second, of 24 frames."""
 
-LOOK, RIG, STAGE, PLACEMENT = LOOKS["chrome"], LIGHTS["gallery"], STAGES["cyclorama"], Placement()
+LOOK, RIG, STAGE, PLACEMENT = LOOKS["chrome"], LIGHTS["gallery"], STAGES["cyclorama"], StagePlacement()
 CAMERA = Camera((1.4, 1.9, 3.6), (0.0, 1.0, 0.0), field_of_view=np.radians(19.0))
 DEPTH, SEED, PASSES = 6, 5, 2
 

@@ -18,7 +18,7 @@ from render.mitsuba.mesh import mesh
 from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from render.scene.camera import Camera
 from render.scene.materials import Material
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours
 
@@ -37,7 +37,7 @@ _NAME = "gouraud"
 
 
 def shapes(
-    surface: Surface, material: Material, placement: Placement, camera: Camera, size: tuple[int, int]
+    surface: Surface, material: Material, placement: StagePlacement, camera: Camera, size: tuple[int, int]
 ) -> dict[str, Any]:
     """Return the subject and the background as shapes whose albedo is the picture."""
     shaded = replace(surface, attributes={_NAME: shaded_colours(surface, material, placement, camera)})
@@ -53,7 +53,7 @@ def shapes(
 
 
 def shaded_colours(
-    surface: Surface, material: Material, placement: Placement, camera: Camera
+    surface: Surface, material: Material, placement: StagePlacement, camera: Camera
 ) -> NDArray[np.float32]:
     """Return linear Rec.709 colours (V, 3), 0 … 1: Lambert's law and Blinn's highlight (SIGGRAPH 1977)."""
     light = placement.matrix()[:3, :3] @ np.array(LIGHT)
@@ -78,7 +78,7 @@ def _body(surface: Surface, material: Material) -> Floats:
     )
 
 
-def _backdrop(placement: Placement, camera: Camera, size: tuple[int, int]) -> Surface:
+def _backdrop(placement: StagePlacement, camera: Camera, size: tuple[int, int]) -> Surface:
     """Return a wall across the view, behind everything and larger than the picture."""
     right, up, forward = camera.axes()
     distance = 4.0 * (math.dist(camera.origin, camera.target) + placement.size)

@@ -12,7 +12,7 @@ from render.mitsuba.texture_coordinates import SURROUNDINGS
 from render.scene import reference_objects
 from render.scene.camera import Camera
 from render.scene.reference_objects import CHROME, GREY
-from render.scene.stage import Mesh, Placement, Stage
+from render.scene.stage import Mesh, Stage, StagePlacement
 from render.scene.surface import Surface
 
 PLINTH = (0.56, 0.555, 0.545)
@@ -21,7 +21,7 @@ PLINTH = (0.56, 0.555, 0.545)
 _UV = np.array([0.0, SURROUNDINGS])
 
 
-def shapes(stage: Stage, placement: Placement, camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
+def shapes(stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
     """Return the shapes around the subject by their names in the scene. size: of the picture, pixels"""
     if stage.kind == "none":
         return {}
@@ -40,7 +40,7 @@ def shapes(stage: Stage, placement: Placement, camera: Camera, size: tuple[int, 
 
 
 def auxiliary_shapes(
-    stage: Stage, placement: Placement, camera: Camera, size: tuple[int, int]
+    stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int]
 ) -> dict[str, Any]:
     """Return the shapes that differ in auxiliary AOVs: Mitsuba knows no albedo of a mirror."""
     if stage.kind != "turntable":
@@ -49,7 +49,7 @@ def auxiliary_shapes(
     return {"chrome": mesh("chrome", reference_objects.ball(chrome), diffuse((CHROME,) * 3), _UV)}
 
 
-def _placed(stage_mesh: Mesh, placement: Placement) -> Surface:
+def _placed(stage_mesh: Mesh, placement: StagePlacement) -> Surface:
     vertices, normals, faces = stage_mesh
     to_scene = placement.matrix()
     linear = to_scene[:3, :3]

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from render.post.kernels.temporal_denoise import fetch_all, take_in
 from render.scene.camera import Camera
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 
 Floats = NDArray[np.float32]
 
@@ -55,7 +55,7 @@ class Moment:
     before: Floats
     after: Floats
     camera: Camera
-    placement: Placement
+    placement: StagePlacement
 
 
 def noise_of(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:

@@ -1,11 +1,11 @@
-"""The quick preview: surfaces by a depth buffer, lit by the shot's own rig and shown by the same view.
+"""The quick preview: a rasteriser with a depth buffer, lit by the shot's light rig and shown by its colour
+view.
 
-Colours are found at vertices and mixed between them (Gouraud 1971). No light bounces: softboxes shine as
-points do, the first of them or else the sun casts a shadow, and the sky lights what looks up.
+Colours are computed at vertices and interpolated (Gouraud 1971). No light bounces: softboxes shine like
+points, the first of them (or else the sun) casts a shadow, and the sky lights what faces up.
 """
 
-from render.raster.lines import with_lines
-from render.raster.parts import Preview, Set, Shape
-from render.raster.picture import Edges, prepare, preview
+from render.raster.preview import Edges, Preview, prepare, preview, with_lines
+from render.raster.shapes import Shape, StageSetup
 
-__all__ = ["Edges", "Preview", "Set", "Shape", "prepare", "preview", "with_lines"]
+__all__ = ["Edges", "Preview", "Shape", "StageSetup", "prepare", "preview", "with_lines"]

@@ -1,7 +1,7 @@
 """Light rigs, in stage units: the subject has a half-size of 1 and stands on the floor y = 0.
 
-A rig is built around the subject and moved with the stage (`render.scene.stage.Placement`); softboxes have a
-radiance, not a power, so a stage of any size is equally bright.
+A rig is built around the subject and moved with the stage (`render.scene.stage.StagePlacement`); softboxes
+have a radiance, not a power, so a stage of any size is equally bright.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from render.scene.camera import Camera
 from render.scene.colour_maps import linear_of_srgb
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
 
 HALF_HEIGHT = 0.12
@@ -55,7 +55,7 @@ def chart_colours() -> NDArray[np.float64]:
 
 
 def positions(
-    camera: Camera, placement: Placement, aspect: float
+    camera: Camera, placement: StagePlacement, aspect: float
 ) -> tuple[ObjectPosition, ObjectPosition, ObjectPosition]:
     """Return the positions of the grey ball, the chrome ball and the chart."""
     wide = HALF_HEIGHT / aspect
@@ -103,7 +103,7 @@ def chart(position: ObjectPosition, camera: Camera) -> Surface:
     )
 
 
-def _position(camera: Camera, placement: Placement, aspect: float, across: float) -> ObjectPosition:
+def _position(camera: Camera, placement: StagePlacement, aspect: float, across: float) -> ObjectPosition:
     """Return the floor position at `across` and LEVEL in the picture, or one in the air if that is too near
     or too far.
     """

@@ -11,7 +11,7 @@ from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.materials import Material
 from render.scene.spheres import Spheres
-from render.scene.stage import Placement, Stage
+from render.scene.stage import Stage, StagePlacement
 from render.scene.surface import Surface
 
 
@@ -20,7 +20,7 @@ class MotionSample:
     """The moving parts of a scene at one time: subject, placement of the stage, camera."""
 
     subject: Surface | Spheres
-    placement: Placement
+    placement: StagePlacement
     camera: Camera
 
     def pixels(self, size: tuple[int, int], points: ArrayLike | None = None) -> NDArray[np.float64]:
@@ -53,7 +53,7 @@ class Scene:
     material: Material
     lights: LightRig
     stage: Stage
-    placement: Placement
+    placement: StagePlacement
     camera: Camera
 
     @property

@@ -31,7 +31,7 @@ Mesh = tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.int32]]
 
 
 @dataclass(frozen=True)
-class Placement:
+class StagePlacement:
     """The transform of stage and lights: scale by `size`, turn by `turn`, then move to `origin`.
 
     origin  scene point under the subject's middle
@@ -58,7 +58,7 @@ class Placement:
         transform[:3, 3] = self.origin
         return transform
 
-    def moved(self, points: NDArray[np.floating], to: Placement) -> NDArray[np.float64]:
+    def moved(self, points: NDArray[np.floating], to: StagePlacement) -> NDArray[np.float64]:
         """Return points (…, 3) of the stage after the stage has moved from this placement to `to`."""
         change = to.matrix() @ np.linalg.inv(self.matrix())
         return np.asarray(points @ change[:3, :3].T + change[:3, 3])
@@ -110,7 +110,7 @@ class Stage:
         """Factor on the camera's distance and stage units to lower it, or None: see `adjusted_camera`."""
         return _CAMERA_MOVES.get(self.kind)
 
-    def adjusted_camera(self, camera: Camera, placement: Placement) -> Camera:
+    def adjusted_camera(self, camera: Camera, placement: StagePlacement) -> Camera:
         """Return the camera moved back and down where this stage needs space below the subject."""
         if self.camera_move is None:
             return camera

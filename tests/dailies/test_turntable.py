@@ -25,7 +25,7 @@ from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_png
 from render.scene.camera import Camera
 from render.scene.reference_objects import ball, chart, positions
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from tests.conftest import commanded
 
@@ -87,7 +87,7 @@ def seen(folder: Path, kind: str, layer: str) -> list[np.ndarray]:
 
 
 def raw_keys(request: RenderRequest) -> dict[int, str]:
-    framing = Framing(Camera((0, 1, 9), (0, 1, 0)), Placement())
+    framing = Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement())
     return {
         number: request.raw_key(number, dict.fromkeys(request.angles, framing))
         for number in request.requested

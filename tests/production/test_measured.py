@@ -21,7 +21,7 @@ from pipeline.shot import read_shot
 from render.scene.camera import Camera
 from render.scene.colour_maps import colour_map
 from render.scene.materials import LOOKS
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 
 BALL = "title: T\nframes: 1-6\nsubject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"
 SPINNING = "flows:\n  - rotation: {axis: y, speed: 120}\n"
@@ -33,7 +33,7 @@ def take_of(text: str, turntable: Turntable | None = None) -> RenderRequest:
 
 
 def raw_keys(request: RenderRequest) -> list[str]:
-    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in request.angles}
+    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement()) for n in request.angles}
     return [request.raw_key(n, framings) for n in request.angles]
 
 

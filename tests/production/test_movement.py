@@ -19,7 +19,7 @@ from pipeline.production.request.shot_source import ShotSource
 from pipeline.resample import Thresholds
 from pipeline.shot import Shot, read_shot
 from render.scene.camera import Camera
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 
 HEAD = "title: T\nframes: 1-6\n"
 BALL = HEAD + "subject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"
@@ -115,7 +115,7 @@ def test_a_turntable_turns_by_as_much_as_its_pictures_are_apart() -> None:
 
 def test_cameras_go_from_picture_to_picture_and_on_at_the_ends() -> None:
     def framing(x: float) -> Framing:
-        return Framing(Camera((x, 1.0, 9.0), (0.0, 1.0, 0.0)), Placement((x, 0.0, 0.0), 1.0 + x))
+        return Framing(Camera((x, 1.0, 9.0), (0.0, 1.0, 0.0)), StagePlacement((x, 0.0, 0.0), 1.0 + x))
 
     framings = {n: framing(float(n)) for n in (3, 4, 5)}
     found = {o: framing_at(framings, n, o).camera.origin[0] for n, o in ((4, 0.25), (4, -0.5), (5, 0.3))}
@@ -130,7 +130,7 @@ def take_of(text: str) -> RenderRequest:
 
 def raw_keys(text: str) -> list[str]:
     request = take_of(text)
-    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), Placement()) for n in request.angles}
+    framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement()) for n in request.angles}
     return [request.raw_key(n, framings) for n in request.angles]
 
 

@@ -21,7 +21,7 @@ from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot import read_shot
 from render.scene.camera import Camera
 from render.scene.quality import Quality
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 
 TINY = """\
 title: A box, twisted
@@ -84,7 +84,7 @@ def test_dicing_changes_the_picture_and_neither_mesh_nor_normals_nor_cameras() -
     plain, diced = take_of(TINY), take_of(TINY + "smooth: {dicing: 2px}\n")
     assert plain.mesh_key(1) == diced.mesh_key(1) and plain.normals_key(1) == diced.normals_key(1)
     assert plain.cameras_key == diced.cameras_key
-    framings = {n: Framing(Camera((0, 1, 6), (0, 1, 0)), Placement()) for n in plain.angles}
+    framings = {n: Framing(Camera((0, 1, 6), (0, 1, 0)), StagePlacement()) for n in plain.angles}
     other = take_of(TINY + "smooth: {dicing: 3px}\n")
     assert len({request.raw_key(1, framings) for request in (plain, diced, other)}) == 3
     assert diced.needs_mesh(1) and not plain.needs_mesh(1)

@@ -17,7 +17,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 CAMERA = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
@@ -67,7 +67,7 @@ def rendered(sphere: Surface, engine: Engine) -> Callable[..., RenderedFrame]:
             "look": LOOKS["clay"],
             "lights": LIGHTS["studio"],
             "stage": STAGES["cyclorama"],
-            "placement": Placement(),
+            "placement": StagePlacement(),
             "camera": CAMERA,
             "quality": TINY,
             "seed": 7,

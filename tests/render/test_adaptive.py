@@ -19,7 +19,7 @@ from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -83,7 +83,7 @@ def test_every_sub_frame_is_given_the_same_and_threads_change_nothing(
 
     def at(offset: float) -> MotionSample:
         moved = (sphere.vertices + 0.3 * offset * right).astype(np.float32)
-        return MotionSample(replace(sphere, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(sphere, vertices=moved), StagePlacement(), CAMERA)
 
     arguments = {"shutter": ShutterInterval(-0.25, 0.25, at), "aovs": ("samples", "noise")}
     whole = rendered(quality=MOST, **arguments)

@@ -21,7 +21,7 @@ from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -63,7 +63,7 @@ def ended_after(passes: int) -> Callable[[int, int], None]:
 def sliding(surface: Surface) -> ShutterInterval:
     def at(offset: float) -> MotionSample:
         moved = (surface.vertices + offset * 0.3 * CAMERA.axes()[0]).astype(np.float32)
-        return MotionSample(replace(surface, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(surface, vertices=moved), StagePlacement(), CAMERA)
 
     return ShutterInterval(-0.25, 0.25, at)
 
@@ -166,14 +166,14 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
 camera = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 render_frame(
-    Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), camera),
+    Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), camera),
     Quality(32, 18, 16000, depth=3, auxiliary_samples=16), 7,
     choose([sys.argv[2]], threads=1),
     checkpoint=Checkpoint(Path(sys.argv[3]), Path(sys.argv[4]), urgent=lambda: True),

@@ -28,7 +28,7 @@ from render.scene.materials import LOOKS, Diffuse
 from render.scene.measure import SPEED
 from render.scene.quality import QUALITIES, Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -93,7 +93,7 @@ def test_an_enlarged_copy_on_an_enlarged_stage_is_the_same_picture(
         tuple(np.multiply(CAMERA_ORIGIN, size) + origin),
         tuple(np.multiply(CAMERA_TARGET, size) + origin),
     )
-    large = rendered(surface=moved, placement=Placement(tuple(origin), size), camera=camera)
+    large = rendered(surface=moved, placement=StagePlacement(tuple(origin), size), camera=camera)
     assert np.abs(large["matte"] - picture["matte"]).max() <= 0.25  # one sample of four may change sides
     difference = np.abs(large["beauty"] - picture["beauty"])
     assert np.median(difference) < 1e-3
@@ -107,7 +107,7 @@ def test_a_camera_that_goes_around_with_the_stage_sees_the_same_light(rendered: 
     camera = Camera((cos * x + sin * z, y, cos * z - sin * x), CAMERA_TARGET)
     quality = Quality(48, 27, samples=16, depth=3, auxiliary_samples=4)
     picture = rendered(quality=quality)
-    turned = rendered(camera=camera, placement=Placement(turn=turn), quality=quality)
+    turned = rendered(camera=camera, placement=StagePlacement(turn=turn), quality=quality)
     assert np.median(np.abs(turned["beauty"] - picture["beauty"])) < 2e-2
     assert turned["beauty"].mean() == pytest.approx(picture["beauty"].mean(), rel=5e-3)
     fixed = rendered(camera=camera, quality=quality)
@@ -252,7 +252,7 @@ def test_samples_that_make_no_whole_passes_are_refused(rendered: Rendered) -> No
 def test_render_frame_needs_nothing_but_arrays(sphere: Surface, engine: Engine) -> None:
     camera = Camera(CAMERA_ORIGIN, CAMERA_TARGET)
     layers = render_frame(
-        Scene(sphere, LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), camera),
+        Scene(sphere, LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), camera),
         Quality(16, 9, samples=1, depth=2, auxiliary_samples=1),
         1,
         engine,
@@ -268,11 +268,11 @@ def test_a_stage_that_moves_compiles_nothing(rendered: Rendered, engine: Engine)
 
     somewhere = np.random.default_rng().uniform(1.0, 2.0, (3, 5))  # never met, so in no cache on the disk
     for x, y, z, size, turn in somewhere[:2]:  # what differs in kind is compiled once
-        rendered(placement=Placement((x, y, z), size, turn))
+        rendered(placement=StagePlacement((x, y, z), size, turn))
     dr.set_flag(dr.JitFlag.KernelHistory, True)
     dr.kernel_history_clear()
     x, y, z, size, turn = somewhere[2]
-    rendered(placement=Placement((x, y, z), size, turn))
+    rendered(placement=StagePlacement((x, y, z), size, turn))
     history = dr.kernel_history()
     dr.set_flag(dr.JitFlag.KernelHistory, False)
     assert history
@@ -292,13 +292,13 @@ from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
 from render.scene.surface import Surface
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 
 arrays = np.load(sys.argv[1])
 surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
 camera = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
 layers = render_frame(
-    Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], Placement(), camera),
+    Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), camera),
     Quality(48, 27, samples=4, depth=3, auxiliary_samples=4), 7,
     choose([sys.argv[2]], threads=int(sys.argv[4])),
 )

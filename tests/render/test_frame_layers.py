@@ -20,7 +20,7 @@ from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample
 from render.scene.spheres import Spheres
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -41,7 +41,7 @@ def marked(sphere: Surface) -> Surface:
 
 def following(surface: Surface, by: tuple[float, float, float], camera: Camera = CAMERA) -> MotionSample:
     moved = replace(surface, vertices=(surface.vertices + np.array(by)).astype(np.float32))
-    return MotionSample(moved, Placement(), camera)
+    return MotionSample(moved, StagePlacement(), camera)
 
 
 def test_layers_show_what_vertices_bring_along_and_nothing_beside_the_subject(

@@ -24,7 +24,7 @@ from render.mitsuba.engine import Engine
 from render.scene.camera import Camera
 from render.scene.quality import BATCH_SAMPLES, Quality
 from render.scene.scene import MotionSample
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -39,7 +39,7 @@ def sliding(surface: Surface, way: float, opens: float = -0.25, closes: float = 
 
     def at(offset: float) -> MotionSample:
         moved = (surface.vertices + way * offset * right).astype(np.float32)
-        return MotionSample(replace(surface, vertices=moved), Placement(), CAMERA)
+        return MotionSample(replace(surface, vertices=moved), StagePlacement(), CAMERA)
 
     return ShutterInterval(opens, closes, at)
 
@@ -90,7 +90,7 @@ def test_a_camera_that_pans_smears_what_stands_still(rendered: Rendered, sphere:
 
     def at(offset: float) -> MotionSample:
         target = tuple(CAMERA.target + 2.0 * offset * right)
-        return MotionSample(sphere, Placement(), replace(CAMERA, target=target))
+        return MotionSample(sphere, StagePlacement(), replace(CAMERA, target=target))
 
     layers = rendered(quality=FINE, shutter=ShutterInterval(-0.25, 0.25, at))
     assert layers.facts["motion_samples"] > 2

@@ -18,14 +18,14 @@ from render.base.serialise import to_plain
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.emitters import daylight_exposure, daylight_irradiances
 from render.mitsuba.engine import Engine
-from render.raster import Set, Shape, preview
+from render.raster import Shape, StageSetup, preview
 from render.scene.camera import Camera
 from render.scene.daylight import Daylight, sun_position
 from render.scene.environment import Environment, read_map
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]
@@ -67,7 +67,7 @@ def test_a_rig_turned_twice_is_turned_by_both(one: float, other: float) -> None:
 
 def test_turning_a_rig_is_turning_its_stage(rendered: Rendered) -> None:
     turned = rendered(lights=LIGHTS["studio"].turned(0.7))
-    stage = rendered(placement=Placement(turn=0.7))
+    stage = rendered(placement=StagePlacement(turn=0.7))
     assert np.median(np.abs(turned["beauty"] - stage["beauty"])) < 2e-2
 
 
@@ -116,7 +116,7 @@ def test_shadows_fall_away_from_the_sun(rendered: Rendered) -> None:
     for turn in (0.0, 1.0):
         rig = LightRig(daylight=Daylight(math.radians(30.0), math.radians(90.0), visible=False))
         front = Camera((0.0, 3.0, 9.0), (0.0, 0.9, 0.0))
-        layers = rendered(lights=rig, camera=front, placement=Placement(turn=turn))
+        layers = rendered(lights=rig, camera=front, placement=StagePlacement(turn=turn))
         floor = layers["beauty"][20:23].mean(axis=(0, 2))
         assert floor[:16].mean() < 0.8 * floor[-16:].mean()
 
@@ -223,7 +223,7 @@ def test_quick_previews_know_light_from_all_around(rig: LightRig, sphere: Surfac
     look = Shape(sphere.vertices, sphere.normals, sphere.faces, LOOKS["clay"])
     seen = preview(
         look,
-        Set(rig, STAGES["cyclorama"], Placement()),
+        StageSetup(rig, STAGES["cyclorama"], StagePlacement()),
         Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0)),
         (48, 27),
         "srgb",

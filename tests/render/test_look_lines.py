@@ -22,7 +22,7 @@ from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
 from render.scene.quality import Quality
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from render.scene.wireframe import Wireframe, outlines, ribbons
 
@@ -118,7 +118,7 @@ def test_a_drawn_picture_has_the_colours_of_its_vertices_and_no_noise(
     drawn = rendered(look=HOMAGE, seed=1)
     inside = drawn["matte"] == 1.0
     camera = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
-    colours = gouraud.shaded_colours(sphere, HOMAGE, Placement(), camera)
+    colours = gouraud.shaded_colours(sphere, HOMAGE, StagePlacement(), camera)
     assert np.abs(drawn["beauty"] - drawn["albedo"])[inside].mean() < 0.01
     assert drawn["beauty"][inside].max() <= colours.max() + 1e-3
     assert drawn["beauty"][inside].min() >= colours.min() - 1e-3
@@ -140,9 +140,11 @@ def test_the_ground_fills_the_picture_and_goes_from_its_top_to_its_bottom(render
 
 
 def test_both_sides_of_an_open_sheet_are_drawn() -> None:
-    front = gouraud.shaded_colours(TRIANGLE, HOMAGE, Placement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0)))
+    front = gouraud.shaded_colours(
+        TRIANGLE, HOMAGE, StagePlacement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0))
+    )
     back = replace(TRIANGLE, normals=-TRIANGLE.normals)
-    turned = gouraud.shaded_colours(back, HOMAGE, Placement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0)))
+    turned = gouraud.shaded_colours(back, HOMAGE, StagePlacement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0)))
     assert np.array_equal(front, turned)
 
 
@@ -150,6 +152,8 @@ def test_a_drawn_look_takes_a_pigment() -> None:
     pigment = Pigment("gradient", ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), scale=2.0)
     there = replace(TRIANGLE, rest=np.float32([[0, -1, 0], [0, 1, 0], [0, -1, 0]]))
     camera = Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0))
-    red, blue, again = gouraud.shaded_colours(there, replace(HOMAGE, pigment=pigment), Placement(), camera)
+    red, blue, again = gouraud.shaded_colours(
+        there, replace(HOMAGE, pigment=pigment), StagePlacement(), camera
+    )
     assert red[0] > 2.0 * red[2] and blue[2] > 2.0 * blue[0]
     assert again[0] > 2.0 * again[2]

@@ -87,7 +87,7 @@ def test_light_through_a_slab_is_what_beer_lambert_and_fresnel_say(
 
 
 def test_absorption_is_of_the_subject_not_of_its_size(rendered: Rendered, sphere: Surface) -> None:
-    from render.scene.stage import Placement
+    from render.scene.stage import StagePlacement
 
     small = rendered(look=LOOKS["honey"], **FURNACE)
     vertices = (sphere.vertices * 5.0).astype(np.float32)
@@ -96,7 +96,7 @@ def test_absorption_is_of_the_subject_not_of_its_size(rendered: Rendered, sphere
         surface=replace(sphere, vertices=vertices),
         look=LOOKS["honey"],
         camera=camera,
-        placement=Placement(size=5.0),
+        placement=StagePlacement(size=5.0),
         **FURNACE,
     )
     assert large["beauty"].mean(axis=(0, 1)) == pytest.approx(small["beauty"].mean(axis=(0, 1)), abs=0.01)

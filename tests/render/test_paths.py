@@ -20,7 +20,7 @@ from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 SIZE = (48, 27)
@@ -40,7 +40,7 @@ def built(sphere: Surface, engine: Engine) -> Callable[..., SceneRenderer]:
         pytest.skip("the plain variant follows Mitsuba's own paths")
 
     def build(look: str = "clay", lights: LightRig = LIGHTS["studio"], depth: int = 4) -> SceneRenderer:
-        placement = Placement((3.0, -1.0, 2.0), 1.0, 0.4)
+        placement = StagePlacement((3.0, -1.0, 2.0), 1.0, 0.4)
         moved = replace(sphere, vertices=(sphere.vertices + np.float32([3.0, -1.0, 2.0])).astype(np.float32))
         lens = Camera((6.2, 1.9, 10.8), (3.0, -0.05, 2.0))
         stage = STAGES["cyclorama"]

@@ -8,17 +8,17 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from render.raster import Preview, Set, Shape, preview, with_lines
-from render.raster.kernels.large_triangles import Large
+from render.raster import Preview, Shape, StageSetup, preview, with_lines
+from render.raster.kernels.large_triangles import LargeTriangles
 from render.raster.kernels.projection import LARGE, SMALL
-from render.raster.kernels.triangles import paint
-from render.raster.parts import Lens
-from render.raster.sides import Sides
+from render.raster.kernels.triangles import draw_triangles
+from render.raster.shapes import ScreenProjection
+from render.raster.visible_faces import VisibleFaces
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
-from render.scene.stage import STAGES, Placement
+from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours as colours
 
@@ -27,7 +27,7 @@ SIZE = (64, 36)
 SEEN = 0.055
 """A difference of display values that stands out, if one pixel alone has it."""
 
-BARE = Set(LIGHTS["studio"], STAGES["none"], Placement((0.0, -1.0, 0.0)))
+BARE = StageSetup(LIGHTS["studio"], STAGES["none"], StagePlacement((0.0, -1.0, 0.0)))
 
 
 def square(z, half=0.5, look="clay", normal=(0.0, 0.0, 1.0)):
@@ -78,7 +78,7 @@ def test_what_goes_on_behind_the_camera_is_cut_there():
 def test_a_shadow_falls_away_from_the_key_light():
     """It stands in the upper left front: the ground behind on the right is darker than on the left."""
     ball = joined(*[square(z, 0.4) for z in (-0.4, 0.0, 0.4)])
-    around = Set(LIGHTS["studio"], STAGES["cyclorama"], Placement((0.0, -0.5, 0.0), 0.5))
+    around = StageSetup(LIGHTS["studio"], STAGES["cyclorama"], StagePlacement((0.0, -0.5, 0.0), 0.5))
     high = Camera((0.0, 5.0, 4.0), (0.0, -0.5, 0.0), field_of_view=math.radians(40))
     picture = preview(ball, around, high, SIZE, "srgb").picture
     assert picture.shape == (36, 64, 3) and (picture >= 0).all() and (picture <= 1).all()
@@ -117,7 +117,7 @@ def test_a_pigment_colours_the_surface_where_its_points_came_from():
 @pytest.mark.parametrize("look", LOOKS)
 @pytest.mark.parametrize("rig", LIGHTS)
 def test_every_look_can_be_shown_in_every_light(look, rig):
-    around = Set(LIGHTS[rig], STAGES["cyclorama"], Placement((0.0, -0.5, 0.0), 0.5))
+    around = StageSetup(LIGHTS[rig], STAGES["cyclorama"], StagePlacement((0.0, -0.5, 0.0), 0.5))
     picture = preview(square(0.0, look=look), around, CAMERA, SIZE, "rec709").picture
     assert np.isfinite(picture).all() and 0.02 < picture[14:22, 26:38].mean() < 0.98
 
@@ -190,14 +190,14 @@ def test_outlines_have_no_dots(pieces):
 def test_a_floor_lights_what_looks_down():
     lower = []
     for kind in ("none", "cyclorama"):
-        around = Set(LIGHTS["three_point"], STAGES[kind], Placement((0.0, -1.0, 0.0)))
+        around = StageSetup(LIGHTS["three_point"], STAGES[kind], StagePlacement((0.0, -1.0, 0.0)))
         lower.append(preview(ball(5), around, CAMERA, (192, 108), "srgb").picture[80:86, 86:106].mean())
     assert lower[1] > lower[0] + 0.05
 
 
 def test_surfaces_look_the_same_in_large_and_in_small_triangles():
-    """Large ones are lit in each pixel, small ones at their corners; shadows fall alike on both."""
-    around = Set(LIGHTS["studio"], STAGES["none"], Placement((0.0, -0.5, 0.0), 0.5))
+    """LargeTriangles ones are lit in each pixel, small ones at their corners; shadows fall alike on both."""
+    around = StageSetup(LIGHTS["studio"], STAGES["none"], StagePlacement((0.0, -0.5, 0.0), 0.5))
     large = joined(square(-0.4, 0.9), square(0.3, 0.3))
     small = large
     for _ in range(6):
@@ -230,17 +230,17 @@ def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points)
     corners = np.array([(x * max(abs(z), 1), y * max(abs(z), 1), z) for x, y, z in points], float)
     assume(abs(np.linalg.det(corners)) > 1e-6)
     rows, columns, closest = 30, 48, 0.01
-    lens = Lens(np.zeros(3), np.eye(3), closest)
+    lens = ScreenProjection(np.zeros(3), np.eye(3), closest)
     faces = np.array([[0, 1, 2]], np.int32)
-    shape = Shape(corners, np.tile([0.0, 0.0, -1.0], (3, 1)), faces, LOOKS["clay"]).as_kernels_take_it()
-    seen = Sides.of(shape, lens, (rows, columns))
+    shape = Shape(corners, np.tile([0.0, 0.0, -1.0], (3, 1)), faces, LOOKS["clay"]).for_kernels()
+    seen = VisibleFaces.of(shape, lens, (rows, columns))
     near, colour = np.zeros((rows, columns), np.float32), np.zeros((rows, columns), np.uint32)
     name, grey = np.full((rows, columns), -1, np.int32), np.float32([[g] * 9 for g in (0.25, 0.5, 0.75)])
     room = np.empty((4, rows * columns), np.int32), np.empty((12, rows * columns), np.float32)
     none = np.zeros((0, 0), np.float32)
-    large = Large(shape.vertices, *lens, grey, none, none, *room)
+    large = LargeTriangles(shape.vertices, *lens, grey, none, none, *room)
     for order in seen.orders:
-        paint(order, faces, 7, seen.screen, grey[:, :3].copy(), large, near, colour, name)
+        draw_triangles(order, faces, 7, seen.screen, grey[:, :3].copy(), large, near, colour, name)
     shares = covered(corners, rows, columns)
     total = shares.sum(axis=2)
     inside = (shares > 1e-4 * abs(shares).max()).all(axis=2) & (total < 1.0 / closest - 1e-6)
@@ -251,4 +251,4 @@ def test_a_triangle_anywhere_covers_the_pixels_that_see_it_and_no_others(points)
     assert (colour[name < 0] == 0).all()
     np.testing.assert_allclose(near[inside], total[inside], rtol=1e-3)
     if (name == 7).any():
-        assert sorted(len(seen.corners(kind)) for kind in (SMALL, LARGE)) == [0, 3]
+        assert sorted(len(seen.corners_of(kind)) for kind in (SMALL, LARGE)) == [0, 3]

@@ -19,7 +19,7 @@ from render.scene.camera import Camera
 from render.scene.lights import LIGHTS, LightRig, Softbox
 from render.scene.materials import LOOKS, Diffuse, Plastic
 from render.scene.quality import QUALITIES, Quality
-from render.scene.stage import STAGES, Placement, Stage
+from render.scene.stage import STAGES, Stage, StagePlacement
 
 SETTINGS = [
     *LOOKS.values(),
@@ -27,7 +27,7 @@ SETTINGS = [
     *STAGES.values(),
     *QUALITIES.values(),
     Camera((0.0, 1.0, 5.0), (0.0, 1.0, 0.0)),
-    Placement((1.0, 2.0, 3.0), 4.0),
+    StagePlacement((1.0, 2.0, 3.0), 4.0),
     TitleCard("Flow", "a film"),
 ]
 coordinates = st.floats(-100.0, 100.0)
@@ -71,8 +71,8 @@ def test_a_wrong_field_is_named(kind: type, values: dict[str, Any], message: str
         lambda: Camera((0.0, 0.0, math.nan), (0.0, 0.0, 0.0)),
         lambda: Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), field_of_view=4.0),
         lambda: Camera((0.0, 0.0, 1.0), (0.0, 0.0, 0.0), near=2.0, far=1.0),
-        lambda: Placement(size=0.0),
-        lambda: Placement(origin=(math.inf, 0.0, 0.0)),
+        lambda: StagePlacement(size=0.0),
+        lambda: StagePlacement(origin=(math.inf, 0.0, 0.0)),
         lambda: Stage("void"),
         lambda: Stage(sweep=0.0),
         lambda: Diffuse((0.5, 1.5, 0.5)),

@@ -19,7 +19,7 @@ from render.scene.camera import Camera
 from render.scene.lights import LightRig, Softbox
 from render.scene.quality import Quality
 from render.scene.reference_objects import CHROME, GREY, ball, chart, chart_colours, positions
-from render.scene.stage import STAGES, Placement, Stage
+from render.scene.stage import STAGES, Stage, StagePlacement
 
 Rendered = Callable[..., RenderedFrame]
 ASPECT = 16 / 9
@@ -124,7 +124,7 @@ def test_the_chart_has_the_published_colours() -> None:
 def test_albedos_of_the_pieces_are_what_they_reflect(rendered: Rendered) -> None:
     quality = Quality(480, 270, samples=1, depth=2, auxiliary_samples=4)
     layers = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)
-    grey, chrome, board = positions(FRONT, Placement(), ASPECT)
+    grey, chrome, board = positions(FRONT, StagePlacement(), ASPECT)
 
     def there(points: np.ndarray) -> np.ndarray:
         x, y, _ = FRONT.project(points, ASPECT).T
@@ -140,7 +140,7 @@ def test_albedos_of_the_pieces_are_what_they_reflect(rendered: Rendered) -> None
 def test_a_chrome_ball_mirrors_what_a_grey_one_scatters(rendered: Rendered) -> None:
     quality = Quality(480, 270, samples=4, depth=3, auxiliary_samples=1)
     beauty = rendered(stage=STAGES["turntable"], camera=FRONT, quality=quality)["beauty"].mean(axis=2)
-    grey, chrome, _ = positions(FRONT, Placement(), ASPECT)
+    grey, chrome, _ = positions(FRONT, StagePlacement(), ASPECT)
     bright = []
     for spot in (grey, chrome):
         x, y, _ = FRONT.project(spot.middle[None], ASPECT)[0]

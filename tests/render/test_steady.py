@@ -8,7 +8,7 @@ import pytest
 
 from render.post.temporal_denoise import Moment, noise_of, steady
 from render.scene.camera import Camera
-from render.scene.stage import Placement
+from render.scene.stage import StagePlacement
 
 WIDTH, HEIGHT = 96, 64
 CAMERA = Camera(origin=(0.0, 0.0, 10.0), target=(0.0, 0.0, 0.0), field_of_view=2 * math.atan(0.3))
@@ -54,7 +54,7 @@ def moment(frame, speed=0.0, brightness=1.0, error=ERROR, camera_speed=0.0):
     single |= {"normal": np.broadcast_to((0.0, 0.0, 1.0), wall.shape), "matte": matte}
     single |= {"before": -step, "after": step}
     arrays = {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in single.items()}
-    return Moment(**arrays, camera=camera, placement=Placement()), truth
+    return Moment(**arrays, camera=camera, placement=StagePlacement()), truth
 
 
 def film(frames, **scene):

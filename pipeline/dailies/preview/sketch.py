@@ -17,7 +17,7 @@ from pipeline.production.request.render_request import RenderRequest
 from render.graphics.burn_in import BurnIn
 from render.movie.timecode import timecode
 from render.post.colour import quantise
-from render.raster import Edges, Set, Shape, preview, with_lines
+from render.raster import Edges, Shape, StageSetup, preview, with_lines
 from render.scene.materials import Material
 from render.scene.measure import SPEED
 from render.scene.surface import Surface
@@ -59,7 +59,7 @@ class Sketch:
     ) -> NDArray[Any]:
         """uint8 (H, W, 3). Raises FrameError where the flow fails."""
         picture = self.request.shot.picture
-        around = Set(picture.lights, picture.stage, framing.placement, picture.view)
+        around = StageSetup(picture.lights, picture.stage, framing.placement, picture.view)
         shape = shape_of(arrays, picture.look)._replace(closed=self.closed)
         shown = preview(shape, around, framing.camera, size, display, Edges() if self.edges else None)
         light = shown.picture

@@ -27,7 +27,7 @@ from pipeline.production.render_inputs.framing_geometry import (
 )
 from render.base.serialise import from_plain, to_plain
 from render.scene.camera import Camera
-from render.scene.stage import Placement, Stage
+from render.scene.stage import Stage, StagePlacement
 
 if TYPE_CHECKING:
     from pipeline.shot.camera import View
@@ -50,14 +50,14 @@ class Framing:
     """One frame's camera, and where the stage stands for it."""
 
     camera: Camera
-    placement: Placement
+    placement: StagePlacement
 
     def as_data(self) -> dict[str, Any]:
         return {"camera": to_plain(self.camera), "placement": to_plain(self.placement)}
 
     @classmethod
     def from_data(cls, data: dict[str, Any]) -> Framing:
-        return cls(from_plain(Camera, data["camera"]), from_plain(Placement, data["placement"]))
+        return cls(from_plain(Camera, data["camera"]), from_plain(StagePlacement, data["placement"]))
 
 
 def frame_all(
@@ -145,7 +145,7 @@ class Framer:
     def _framing(self, i: int, ground: float, distance: float, size: float) -> Framing:
         view, (x, _, z) = self._views[i], self._middles[i]
         turn = view.azimuth if view.position is None else bearing(self._views[0], self._aims[0])[0]
-        placement = Placement(origin=plain([x, ground, z]), size=size, turn=turn)
+        placement = StagePlacement(origin=plain([x, ground, z]), size=size, turn=turn)
         return Framing(camera_of(view, self._aims[i], self._sides[i], distance, size), placement)
 
 

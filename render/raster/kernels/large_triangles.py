@@ -1,9 +1,9 @@
-"""Triangles of many pixels, or that go on behind the lens, compiled: shadows fall on them pixel by pixel.
+"""Kernels: draw triangles that cover count pixels or cross the camera plane, with shadows per pixel.
 
-In homogeneous coordinates (Olano and Greer 1997) nothing needs to be clipped: shares of the corners, each
-over the depth, are linear across the picture, and so is what corners show.
+In homogeneous coordinates (Olano and Greer 1997) nothing needs to be clipped: barycentric coordinates over
+the depth are linear across the picture, and so are values of vertices over the depth.
 
-No function is called for a pixel: each array that it were given would be counted by all threads in turn.
+No function is called per pixel: reference counts of its array arguments would be shared by all threads.
 """
 
 from __future__ import annotations
@@ -12,168 +12,182 @@ from typing import NamedTuple
 
 import numpy as np
 
-from render.raster.compiled import Array, exact, quick
+from render.raster.kernels.decorators import Array, exact, fast
 from render.raster.kernels.projection import corner
-from render.raster.kernels.shadow_map import reaches
+from render.raster.kernels.shadow_map import light_visibility
 
-FINER = 2
-"""Places of a picture to each side of a pixel, against jagged edges."""
+SUPERSAMPLING = 2
+"""Subsamples along each side of a pixel, against jagged edges."""
 
-TOP = 1023.0
-"""What white is in a channel of ten bits: colours of places are packed into 32."""
+WHITE = 1023.0
+"""White in a channel of ten bits: the colour of a subsample is packed into 32 bits."""
 
-_GRAZING = 1e-12
+_EDGE_ON = 1e-12
 
-_ROUNDED = 1e-9
-"""Of a pixel, by which rows are longer, so that rounding leaves no gap between neighbours."""
+_TOLERANCE = 1e-9
+"""Part of a pixel by which rows are longer, so that rounding leaves no gap between neighbours."""
 
 
 def _middles() -> Array:
-    """(16, 2): for each set of places that a triangle may have in a pixel, the row and column of their
-    middle, from that of the pixel."""
-    bits = np.arange(2 ** (FINER * FINER))[:, None] >> np.arange(FINER * FINER) & 1
-    inside = (np.arange(FINER) + 0.5) / FINER - 0.5
-    places = np.stack([inside.repeat(FINER), np.tile(inside, FINER)], axis=1)
+    """Return the mean row and column (16, 2) of each set of subsamples, from the middle of the pixel."""
+    bits = (
+        np.arange(2 ** (SUPERSAMPLING * SUPERSAMPLING))[:, None] >> np.arange(SUPERSAMPLING * SUPERSAMPLING)
+        & 1
+    )
+    inside = (np.arange(SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5
+    places = np.stack([inside.repeat(SUPERSAMPLING), np.tile(inside, SUPERSAMPLING)], axis=1)
     return np.asarray(bits @ places / np.maximum(bits.sum(axis=1, keepdims=True), 1), dtype=np.float32)
 
 
 _MIDDLES = _middles()
 
 
-class Large(NamedTuple):
-    """What large triangles need.
+class LargeTriangles(NamedTuple):
+    """The inputs and buffers of large triangles.
 
-    vertices               (V, 3)
-    origin, axes, closest  of the lens, and the depth from which on it sees
-    values                 (V, 9): what a vertex shows in the key light, and out of it; and where it is
-                           looked up in the shadow's picture
-    reach, blocks          that picture, as `reaches` takes it
-    hits                   (4, H W / FINER²) int32, room for the pixels that one triangle is seen in
-    found                  (12, H W / FINER²) float32, room for what they show
+    vertices            (V, 3)
+    origin, axes, near  of the camera, as of `project`
+    values              (V, 9): display values in the key light (3) and in its shadow (3), and coordinates in
+                        the shadow map (3)
+    nearness, blocks    the shadow map, as of `light_visibility`
+    hits                (4, H W / SUPERSAMPLING²) int32, buffer for the pixels of one triangle
+    at_hits             (12, H W / SUPERSAMPLING²) float32, buffer for their values
     """
 
     vertices: Array
     origin: Array
     axes: Array
-    closest: float
+    near: float
     values: Array
-    reach: Array
+    nearness: Array
     blocks: Array
     hits: Array
-    found: Array
+    at_hits: Array
 
 
 @exact
-def paint_large(
-    a: int, b: int, c: int, called: int, large: Large, near: Array, colour: Array, name: Array
+def draw_large_triangle(
+    a: int,
+    b: int,
+    c: int,
+    face_id: int,
+    large: LargeTriangles,
+    nearness: Array,
+    colour: Array,
+    face_ids: Array,
 ) -> None:
-    """Put a triangle into a picture, as `paint` does; a, b and c are its corners."""
-    rows, columns = near.shape[0] // FINER, near.shape[1] // FINER
+    """Draw a triangle as `draw_triangles` does. a, b, c: indices of its corners"""
+    rows, columns = nearness.shape[0] // SUPERSAMPLING, nearness.shape[1] // SUPERSAMPLING
     corners, planes = np.empty((3, 3)), np.empty((3, 12))
     for k, v in enumerate((a, b, c)):
         corners[k, 0], corners[k, 1], corners[k, 2] = corner(large.vertices, v, large.origin, large.axes)
-    if max(corners[0, 2], corners[1, 2], corners[2, 2]) <= large.closest:
+    if max(corners[0, 2], corners[1, 2], corners[2, 2]) <= large.near:
         return
     if not _planes(corners, large.values, a, b, c, rows, columns, planes):
         return
-    left, right, top, bottom = _bounds(corners, large.closest, rows, columns)
+    left, right, top, bottom = _bounds(corners, large.near, rows, columns)
     if left > right:
         return
-    many = _cover(planes, left, right, top, bottom, near, large.hits)
-    _interpolate(planes, large.hits, many, large.found)
-    reaches(large.found[6:9, :many], large.reach, large.blocks, large.found[9, :many])
-    _show(large.hits, large.found, many, called, colour, name)
+    count = _cover(planes, left, right, top, bottom, nearness, large.hits)
+    _interpolate(planes, large.hits, count, large.at_hits)
+    light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.at_hits[9, :count])
+    _write(large.hits, large.at_hits, count, face_id, colour, face_ids)
 
 
 @exact
-def _cover(planes: Array, left: float, right: float, top: int, bottom: int, near: Array, hits: Array) -> int:
-    """Where a triangle is the nearest; answers in how many pixels.
+def _cover(
+    planes: Array, left: float, right: float, top: int, bottom: int, nearness: Array, hits: Array
+) -> int:
+    """Write the depth of a triangle where it is the nearest, and return in how count pixels.
 
-    hits  (4, N) become their rows and columns, and which of their places, a bit for each
+    hits  (4, N), output: their rows and columns, and a bit for each of their subsamples
     """
-    many = 0
-    slope, fall = planes[2, :3].sum(), planes[1, :3].sum()
-    within = (1.0 - 1.0 / FINER) / 2.0
-    reaching, line = within * (np.abs(planes[1, :3]) + np.abs(planes[2, :3])), np.empty(3)
+    count = 0
+    column_slope, row_slope = planes[2, :3].sum(), planes[1, :3].sum()
+    within = (1.0 - 1.0 / SUPERSAMPLING) / 2.0
+    reach, line = within * (np.abs(planes[1, :3]) + np.abs(planes[2, :3])), np.empty(3)
     for i in range(top, bottom + 1):
         begin, end = left, right
         for k in range(3):
             line[k] = planes[0, k] + planes[1, k] * i
-            here = line[k] + reaching[k]
+            value = line[k] + reach[k]
             if planes[2, k] > 0.0:
-                begin = max(begin, -here / planes[2, k])
+                begin = max(begin, -value / planes[2, k])
             elif planes[2, k] < 0.0:
-                end = min(end, -here / planes[2, k])
-            elif here < 0.0:
+                end = min(end, -value / planes[2, k])
+            elif value < 0.0:
                 end = -1.0
-        begin, end = min(begin, right + 1.0), max(end, left - 1.0)  # slopes may be next to nothing
-        for j in range(int(np.ceil(begin - _ROUNDED)), int(np.floor(end + _ROUNDED)) + 1):
+        begin, end = min(begin, right + 1.0), max(end, left - 1.0)  # slopes may be almost 0
+        for j in range(int(np.ceil(begin - _TOLERANCE)), int(np.floor(end + _TOLERANCE)) + 1):
             u, v, w = line[0] + planes[2, 0] * j, line[1] + planes[2, 1] * j, line[2] + planes[2, 2] * j
-            inner = u >= reaching[0] and v >= reaching[1] and w >= reaching[2]
+            inner = u >= reach[0] and v >= reach[1] and w >= reach[2]
             bits = 0
-            for s in range(FINER * FINER):
-                y, x = (s // FINER + 0.5) / FINER - 0.5, (s % FINER + 0.5) / FINER - 0.5
-                here = u + v + w + fall * y + slope * x
-                row, column = FINER * i + s // FINER, FINER * j + s % FINER
-                if here > near[row, column] and (
+            for s in range(SUPERSAMPLING * SUPERSAMPLING):
+                y, x = (
+                    (s // SUPERSAMPLING + 0.5) / SUPERSAMPLING - 0.5,
+                    (s % SUPERSAMPLING + 0.5) / SUPERSAMPLING - 0.5,
+                )
+                value = u + v + w + row_slope * y + column_slope * x
+                row, column = SUPERSAMPLING * i + s // SUPERSAMPLING, SUPERSAMPLING * j + s % SUPERSAMPLING
+                if value > nearness[row, column] and (
                     inner
                     or (
-                        u + planes[1, 0] * y + planes[2, 0] * x >= -_ROUNDED * reaching[0]
-                        and v + planes[1, 1] * y + planes[2, 1] * x >= -_ROUNDED * reaching[1]
-                        and w + planes[1, 2] * y + planes[2, 2] * x >= -_ROUNDED * reaching[2]
+                        u + planes[1, 0] * y + planes[2, 0] * x >= -_TOLERANCE * reach[0]
+                        and v + planes[1, 1] * y + planes[2, 1] * x >= -_TOLERANCE * reach[1]
+                        and w + planes[1, 2] * y + planes[2, 2] * x >= -_TOLERANCE * reach[2]
                     )
                 ):
-                    near[row, column] = here
+                    nearness[row, column] = value
                     bits |= 1 << s
             if bits:
-                hits[0, many], hits[1, many], hits[2, many] = i, j, bits
-                many += 1
-    return many
+                hits[0, count], hits[1, count], hits[2, count] = i, j, bits
+                count += 1
+    return count
 
 
-@quick
-def _interpolate(planes: Array, hits: Array, many: int, found: Array) -> None:
-    """What corners show, in the middle of the places of pixels that a triangle has: into found (9, N).
+@fast
+def _interpolate(planes: Array, hits: Array, count: int, at_hits: Array) -> None:
+    """Interpolate the values of corners at the mean of a pixel's covered subsamples, into at_hits (9, N).
 
-    There it is never beside the triangle, where no corner says what is seen. Pixels are the inner loop, in
-    single precision, so that several are found at a time.
+    That point is always inside the triangle. Pixels are the inner loop, in single precision, so that it is
+    vectorised.
     """
     x = np.float32(planes[0, 0] + planes[0, 1] + planes[0, 2])
     y = np.float32(planes[1, 0] + planes[1, 1] + planes[1, 2])
     z = np.float32(planes[2, 0] + planes[2, 1] + planes[2, 2])
-    depth = found[9]
-    rows, columns = found[10], found[11]
-    for n in range(many):
+    depth = at_hits[9]
+    rows, columns = at_hits[10], at_hits[11]
+    for n in range(count):
         rows[n] = np.float32(hits[0, n]) + _MIDDLES[hits[2, n], 0]
         columns[n] = np.float32(hits[1, n]) + _MIDDLES[hits[2, n], 1]
-    for n in range(many):
+    for n in range(count):
         depth[n] = np.float32(1.0) / (x + y * rows[n] + z * columns[n])
     for k in range(9):
         x, y, z = np.float32(planes[0, 3 + k]), np.float32(planes[1, 3 + k]), np.float32(planes[2, 3 + k])
-        row = found[k]
-        for n in range(many):
+        row = at_hits[k]
+        for n in range(count):
             row[n] = (x + y * rows[n] + z * columns[n]) * depth[n]
 
 
-@quick
-def _show(hits: Array, found: Array, many: int, called: int, colour: Array, name: Array) -> None:
-    """Pixels as much in the key light as found[9] says, at the places that the triangle has there."""
-    named, packed = name.shape[0] > 0, hits[3]
-    none, white, half = np.float32(0.0), np.float32(TOP), np.float32(0.5)
-    packed[:many] = 0
+@fast
+def _write(hits: Array, at_hits: Array, count: int, face_id: int, colour: Array, face_ids: Array) -> None:
+    """Write colours of covered subsamples, mixed by the visibility of the key light in at_hits[9]."""
+    has_ids, packed = face_ids.shape[0] > 0, hits[3]
+    none, white, half = np.float32(0.0), np.float32(WHITE), np.float32(0.5)
+    packed[:count] = 0
     for k in range(3):
-        with_key, without = found[k], found[3 + k]
-        for n in range(many):
-            shown = white * (without[n] + found[9, n] * (with_key[n] - without[n])) + half
+        with_key, without = at_hits[k], at_hits[3 + k]
+        for n in range(count):
+            shown = white * (without[n] + at_hits[9, n] * (with_key[n] - without[n])) + half
             shown = shown if shown > none else none
             packed[n] = packed[n] << 10 | np.int32(shown if shown < white else white)
-    for n in range(many):
-        i, j = FINER * hits[0, n], FINER * hits[1, n]
-        for s in range(FINER * FINER):
+    for n in range(count):
+        i, j = SUPERSAMPLING * hits[0, n], SUPERSAMPLING * hits[1, n]
+        for s in range(SUPERSAMPLING * SUPERSAMPLING):
             if hits[2, n] >> s & 1:
-                colour[i + s // FINER, j + s % FINER] = packed[n]
-                if named:
-                    name[i + s // FINER, j + s % FINER] = called
+                colour[i + s // SUPERSAMPLING, j + s % SUPERSAMPLING] = packed[n]
+                if has_ids:
+                    face_ids[i + s // SUPERSAMPLING, j + s % SUPERSAMPLING] = face_id
 
 
 @exact
@@ -187,15 +201,16 @@ def _planes(
     columns: int,
     planes: Array,
 ) -> bool:
-    """What is linear across a picture of so many pixels: shares of the corners, and what they show, over the
-    depth. Into planes (3, 12): at the first pixel, from row to row, and from column to column.
+    """Compute barycentric coordinates and values over the depth as linear functions of row and column.
 
-    False for a triangle that is seen from its edge.
+    planes  (3, 12), output: at the first pixel, per row, and per column
+
+    Returns False for a triangle seen edge-on.
     """
     p, q, r = corners[0], corners[1], corners[2]
     n = np.stack((np.cross(q, r), np.cross(r, p), np.cross(p, q)))
     volume = p[0] * n[0, 0] + p[1] * n[0, 1] + p[2] * n[0, 2]
-    if not abs(volume) >= _GRAZING * (abs(p[2]) + abs(q[2]) + abs(r[2])) ** 3:
+    if not abs(volume) >= _EDGE_ON * (abs(p[2]) + abs(q[2]) + abs(r[2])) ** 3:
         return False
     for k in range(3):
         x, y, z = n[k, 0] / volume, n[k, 1] / volume, n[k, 2] / volume
@@ -210,18 +225,18 @@ def _planes(
 
 
 @exact
-def _bounds(corners: Array, closest: float, rows: int, columns: int) -> tuple[float, float, int, int]:
-    """The columns and rows that a triangle may be seen in, as far as it is before the lens."""
+def _bounds(corners: Array, near: float, rows: int, columns: int) -> tuple[float, float, int, int]:
+    """Return first and last column, first and last row of the part of a triangle in front of the camera."""
     left, right, low, high = np.inf, -np.inf, np.inf, -np.inf
-    for here, there in ((0, 1), (1, 0), (1, 2), (2, 1), (2, 0), (0, 2)):
-        x, y, z = corners[here, 0], corners[here, 1], corners[here, 2]
-        if z < closest:
-            if corners[there, 2] < closest:
+    for start, end in ((0, 1), (1, 0), (1, 2), (2, 1), (2, 0), (0, 2)):
+        x, y, z = corners[start, 0], corners[start, 1], corners[start, 2]
+        if z < near:
+            if corners[end, 2] < near:
                 continue
-            along = (closest - z) / (corners[there, 2] - z)
-            x += along * (corners[there, 0] - x)
-            y += along * (corners[there, 1] - y)
-            z = closest
+            along = (near - z) / (corners[end, 2] - z)
+            x += along * (corners[end, 0] - x)
+            y += along * (corners[end, 1] - y)
+            z = near
         x, y = x / z, y / z
         left, right, low, high = min(left, x), max(right, x), min(low, y), max(high, y)
     return (

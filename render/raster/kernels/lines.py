@@ -1,48 +1,50 @@
-"""Lines over a picture, compiled: edges of faces, and pieces of ways."""
+"""Kernels: draw lines over a picture: edges of faces, and segments of streamlines."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from render.raster.compiled import Array, quick
-from render.raster.kernels.large_triangles import FINER
+from render.raster.kernels.decorators import Array, fast
+from render.raster.kernels.large_triangles import SUPERSAMPLING
 
 
-@quick
-def draw_edges(screen: Array, faces: Array, name: Array, ink: Array, picture: Array) -> None:
-    """The edges of the faces (F, 3) that are seen, over a picture (H, W, 3) of display values.
+@fast
+def draw_edges(screen: Array, faces: Array, face_ids: Array, ink: Array, picture: Array) -> None:
+    """Draw the edges of visible faces (F, 3) over a picture (H, W, 3) of display values.
 
-    screen  (V, 3), as `project` finds them; faces that go on behind the lens have no edges
-    name    (FINER H, FINER W): which face is seen; others than these have no edges
-    ink     (5,): colour, how opaque, and how wide in pixels
+    screen    (V, 3), as `project` computes them; faces that cross the camera plane have no edges
+    face_ids  (SUPERSAMPLING H, SUPERSAMPLING W): the visible face; ids beyond F have no edges
+    ink       (5,): colour, opacity, and width in pixels
     """
-    share = ink[3] / (FINER * FINER)
-    for i in range(name.shape[0]):
-        for j in range(name.shape[1]):
-            f = name[i, j]
+    share = ink[3] / (SUPERSAMPLING * SUPERSAMPLING)
+    for i in range(face_ids.shape[0]):
+        for j in range(face_ids.shape[1]):
+            f = face_ids[i, j]
             if not 0 <= f < faces.shape[0]:
                 continue
-            away = np.inf
+            distance = np.inf
             for k in range(3):
                 a, b = faces[f, k], faces[f, (k + 1) % 3]
                 if min(screen[a, 2], screen[b, 2]) <= 0.0:
                     continue
                 dx, dy = screen[b, 0] - screen[a, 0], screen[b, 1] - screen[a, 1]
                 across = abs((j - screen[a, 0]) * dy - (i - screen[a, 1]) * dx)
-                away = min(away, across / max(np.sqrt(dx * dx + dy * dy), 1e-12))
-            cover = share * min(1.0, max(0.0, ink[4] / 2.0 + 0.5 - away / FINER))
+                distance = min(distance, across / max(np.sqrt(dx * dx + dy * dy), 1e-12))
+            cover = share * min(1.0, max(0.0, ink[4] / 2.0 + 0.5 - distance / SUPERSAMPLING))
             for k in range(3):
-                picture[i // FINER, j // FINER, k] += cover * (ink[k] - picture[i // FINER, j // FINER, k])
+                picture[i // SUPERSAMPLING, j // SUPERSAMPLING, k] += cover * (
+                    ink[k] - picture[i // SUPERSAMPLING, j // SUPERSAMPLING, k]
+                )
 
 
-@quick
+@fast
 def draw_lines(ends: Array, inks: Array, width: float, hidden: float, depth: Array, picture: Array) -> None:
-    """Short pieces of lines over a picture (H, W, 3), in order, with soft edges.
+    """Draw short segments over a picture (H, W, 3), in order, with soft edges.
 
-    ends    (N, 2, 3): where each piece begins and ends, pixels from the left and the top, and the depth
-    inks    (N, 4): its colour, and how opaque it is
-    width   of all, pixels
-    hidden  what is left of its opacity where the surface (`depth`, (H, W)) is before it
+    ends    (N, 2, 3): the ends of each segment, pixels from the left and the top, and depth
+    inks    (N, 4): colour and opacity
+    width   pixels
+    hidden  factor on the opacity behind the surface, of depth (H, W)
     """
     rows, columns = depth.shape
     reach = width / 2.0 + 1.0
@@ -58,9 +60,9 @@ def draw_lines(ends: Array, inks: Array, width: float, hidden: float, depth: Arr
                 px, py = j + 0.5 - x0, i + 0.5 - y0
                 along = (px * dx + py * dy) / squared
                 if along < 0.0 or along >= 1.0:
-                    continue  # the next piece has it
-                beside = abs(px * dy - py * dx) / np.sqrt(squared)
-                cover = min(1.0, width / 2.0 + 0.5 - beside)
+                    continue  # the next segment draws it
+                distance = abs(px * dy - py * dx) / np.sqrt(squared)
+                cover = min(1.0, width / 2.0 + 0.5 - distance)
                 if cover <= 0.0:
                     continue
                 opacity = inks[n, 3] * cover

@@ -1,33 +1,33 @@
-"""Where vertices fall in a picture, and which faces are seen there from which side, compiled."""
+"""Kernels: project vertices to the screen, and sort faces by the side they show."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from render.raster.compiled import Array, exact
+from render.raster.kernels.decorators import Array, exact
 
-WIDE = 8
-"""Places of a picture across from which on a triangle is filled row by row, and shadows fall on it pixel by
-pixel. What is smaller has them at its corners."""
+LARGE_SIZE = 8
+"""Subsamples across from which a triangle is large: shadows are computed per pixel, not at its corners."""
 
 EDGE = 1e-9
-"""Of a triangle, by which it is larger, so that rounding leaves no gap between neighbours."""
+"""Amount by which triangles are enlarged, so that rounding leaves no gap between neighbours."""
 
 SMALL, LARGE = 1, 2
-"""How a vertex is marked: as a corner of small triangles, and of large ones."""
+"""Bits of a vertex: a corner of small triangles, and of large ones."""
 
 CLOCKWISE = 2
-"""By how many bits marks of corners of triangles that run clockwise are shifted."""
+"""Shift of these bits for triangles that run clockwise on the screen."""
 
 
 @exact
 def project(
     vertices: Array, origin: Array, axes: Array, near: float, rows: int, columns: int, screen: Array
 ) -> None:
-    """Where vertices (V, 3) fall in a picture of so many rows and columns.
+    """Project vertices (V, 3) into a picture of so many rows and columns.
 
-    axes    (3, 3): right and up, over half of what the lens sees there at a depth of 1; and forward
-    screen  (V, 3): column and row, whole numbers in the middle of places; one over the depth, 0 before `near`
+    axes    (3, 3): right and up, over half of the view at depth 1, and forward
+    screen  (V, 3), output: column and row, is_whole numbers at the middle of subsamples, and one over the
+            depth, 0 nearer than `near`
     """
     for v in range(vertices.shape[0]):
         x, y, z = corner(vertices, v, origin, axes)
@@ -39,7 +39,7 @@ def project(
 
 @exact
 def corner(vertices: Array, v: int, origin: Array, axes: Array) -> tuple[float, float, float]:
-    """x and y of a vertex from -1 to 1 across the picture (y up), times its depth; and the depth."""
+    """Return x and y of a vertex, from -1 to 1 across the picture (y up) times its depth, and the depth."""
     x, y, z = vertices[v, 0] - origin[0], vertices[v, 1] - origin[1], vertices[v, 2] - origin[2]
     return (
         axes[0, 0] * x + axes[0, 1] * y + axes[0, 2] * z,
@@ -50,55 +50,57 @@ def corner(vertices: Array, v: int, origin: Array, axes: Array) -> tuple[float, 
 
 @exact
 def sort_faces(
-    screen: Array, faces: Array, rows: int, columns: int, order: Array, marks: Array
+    screen: Array, faces: Array, rows: int, columns: int, order: Array, corners: Array
 ) -> tuple[int, int, float, bool]:
-    """Faces (F, 3) that can be seen, by the side that they turn to the lens.
+    """Sort the faces (F, 3) that may be visible by the side they show.
 
-    order  (F,) becomes: from its begin those that run counter-clockwise, or go on behind the lens; from its
-           end backwards those that run clockwise
-    marks  (V,) uint8, 0 before: what vertices are corners of
+    order    (F,), output: from its beginning faces that run counter-clockwise or cross the camera plane, from
+             its end backwards those that run clockwise
+    corners  (V,) uint8, 0 at first; output: bits SMALL and LARGE of vertices
 
-    Answers how many there are of both; a volume, which is above 0 where the faces of a closed surface look
-    outwards; and whether none goes on behind the lens, without which the volume says nothing.
+    Returns both counts; a volume, above 0 if the faces of a closed surface face outwards; and True if no face
+    crosses the camera plane. If one does, the volume means nothing.
     """
-    front, back, volume, whole = 0, faces.shape[0], 0.0, True
+    front, back, volume, is_whole = 0, faces.shape[0], 0.0, True
     for f in range(faces.shape[0]):
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         if not (screen[a, 2] > 0.0 and screen[b, 2] > 0.0 and screen[c, 2] > 0.0):
-            whole = False
+            is_whole = False
             if screen[a, 2] > 0.0 or screen[b, 2] > 0.0 or screen[c, 2] > 0.0:
                 order[front] = f
                 front += 1
-                marks[a] |= LARGE
-                marks[b] |= LARGE
-                marks[c] |= LARGE
+                corners[a] |= LARGE
+                corners[b] |= LARGE
+                corners[c] |= LARGE
             continue
         ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
         cx, cy = screen[c, 0], screen[c, 1]
-        area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)  # above 0: counter-clockwise, for rows go down
+        area = (by - ay) * (cx - ax) - (bx - ax) * (
+            cy - ay
+        )  # above 0 if counter-clockwise, since rows go down
         volume += area * (screen[a, 2] + screen[b, 2] + screen[c, 2])
         left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
         if left > right or top > bottom or area == 0.0:
             continue
-        mark = LARGE if max(right - left, bottom - top) >= WIDE else SMALL
+        bits = LARGE if max(right - left, bottom - top) >= LARGE_SIZE else SMALL
         if area > 0.0:
             order[front] = f
             front += 1
         else:
-            mark <<= CLOCKWISE
+            bits <<= CLOCKWISE
             back -= 1
             order[back] = f
-        marks[a] |= mark
-        marks[b] |= mark
-        marks[c] |= mark
-    return front, faces.shape[0] - back, volume, whole
+        corners[a] |= bits
+        corners[b] |= bits
+        corners[c] |= bits
+    return front, faces.shape[0] - back, volume, is_whole
 
 
 @exact
 def box(
     ax: float, ay: float, bx: float, by: float, cx: float, cy: float, rows: int, columns: int
 ) -> tuple[int, int, int, int]:
-    """The first and the last column and row whose middles a triangle may cover."""
+    """Return the first and last column and the first and last row whose middles a triangle may cover."""
     left, right = _ends(ax, bx, cx, columns)
     top, bottom = _ends(ay, by, cy, rows)
     return left, right, top, bottom
@@ -106,7 +108,9 @@ def box(
 
 @exact
 def _ends(a: float, b: float, c: float, many: int) -> tuple[int, int]:
-    """Without `min` and `max`, which ask of each whether it is a number."""
+    """Return the range of three numbers, clipped to 0 … many - 1. `min` and `max` would also check for
+    NaN.
+    """
     low, high = (a, b) if a < b else (b, a)
     low, high = c if c < low else low, c if c > high else high
     begin, end = int(np.ceil(low)), int(np.floor(high))

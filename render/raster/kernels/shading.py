@@ -1,100 +1,106 @@
-"""How bright vertices are in a quick preview, compiled: one vertex after another."""
+"""Kernels: the light that vertices send to the camera."""
 
 from __future__ import annotations
 
 import math
 
-from render.raster.compiled import Array, quick
+from render.raster.kernels.decorators import Array, fast
 
 _FAINT = 1e-5
-"""A highlight that is darker than that, over its middle, is left out."""
+"""Part of a highlight's brightness below which it is left out."""
+
+_HORIZON_SLOPE = 2.0
+"""Sharpness of the transition from ground to sky in reflections."""
 
 
-_GRADUAL = 2.0
-"""How soon what a mirror shows goes over from the ground to the sky, where it looks along the horizon."""
-
-
-@quick
-def light(
+@fast
+def shade_vertices(
     points: Array,
     normals: Array,
     colours: Array,
     which: Array,
     side: int,
     eye: Array,
-    coat: Array,
+    reflection: Array,
     sky: Array,
-    lamps: Array,
+    lights: Array,
     out: Array,
 ) -> None:
-    """What light vertices send to the eye: with the first of the lamps, and without it, which casts a shadow.
+    """Compute the light of vertices with the first of the lights (3) and without it (3), into out (N, 6).
 
-    points   (V, 3), as normals (V, 3) and colours (V, 3) or (1, 3); `which` (N,), those looked at
-    coat     (3,): the share of the colour that is a body's, and that is a mirror's; and how clear the coat is
-    side     0 where both sides may be seen, so that normals turn to the eye; of a closed surface 1, or -1
-             where they point inwards: a vertex just behind its outline is no inside
-    sky      (4, 3): radiance of the horizon, of the zenith and of the ground; last how sharp highlights are
-    lamps    (L, 10): for a softbox its place, the way it faces, radiance times area, and half its width; for
-             a sun the way to it, nothing, irradiance, and 0
-    out      (N, 6)
+    points      (V, 3), as normals (V, 3), and colours (V, 3) or (1, 3)
+    which       (N,), the vertices to shade
+    side        0 if both sides may be visible: normals then turn to the eye. For a closed surface 1, or -1 if
+                its normals point inwards; a vertex just behind its outline stays outside
+    reflection  (3,): weights of the colour as a body and as a mirror, and of the reflection
+    sky         (4, 3): radiance of the horizon, of the zenith and of the ground; last the exponent of
+    highlights
+    lights      (L, 10): for a softbox its position, the direction it faces, radiance times area, and half its
+                width; for a sun the direction to it, 0, 0, 0, irradiance, and 0
     """
-    sharp = sky[3, 0]
-    least = _FAINT ** (1.0 / sharp)
+    exponent = sky[3, 0]
+    least = _FAINT ** (1.0 / exponent)
     for row in range(which.shape[0]):
         v = which[row]
         ex, ey, ez = eye[0] - points[v, 0], eye[1] - points[v, 1], eye[2] - points[v, 2]
-        shorter = _over(ex * ex + ey * ey + ez * ez)
-        ex, ey, ez = ex * shorter, ey * shorter, ez * shorter
+        scale = _inverse_length(ex * ex + ey * ey + ez * ez)
+        ex, ey, ez = ex * scale, ey * scale, ez * scale
         nx, ny, nz = float(normals[v, 0]), float(normals[v, 1]), float(normals[v, 2])
         facing = nx * ex + ny * ey + nz * ez
-        shorter = _over(nx * nx + ny * ny + nz * nz)
+        scale = _inverse_length(nx * nx + ny * ny + nz * nz)
         if side < 0 or (side == 0 and facing < 0.0):
-            shorter = -shorter
-        nx, ny, nz, facing = nx * shorter, ny * shorter, nz * shorter, max(facing * shorter, 0.0)
-        rising = 2.0 * facing * ny - ey
-        above = min(max(0.5 + _GRADUAL * rising, 0.0), 1.0)
-        own = v if len(colours) > 1 else 0
+            scale = -scale
+        nx, ny, nz, facing = nx * scale, ny * scale, nz * scale, max(facing * scale, 0.0)
+        reflected_y = 2.0 * facing * ny - ey
+        sky_weight = min(max(0.5 + _HORIZON_SLOPE * reflected_y, 0.0), 1.0)
+        index = v if len(colours) > 1 else 0
         for k in range(3):
-            body, mirror = coat[0] * colours[own, k], coat[1] * colours[own, k] + coat[2]
-            around = body * (sky[0, k] * (0.6 + 0.4 * ny) + sky[2, k] * (0.5 - 0.5 * ny))
-            mirrored = sky[1, k] * (0.5 + 0.5 * rising) + sky[0, k] * (0.7 - 0.5 * rising)
-            around += mirror * (above * mirrored + (1.0 - above) * sky[2, k])
-            out[row, k] = out[row, 3 + k] = around
-        for i in range(lamps.shape[0]):
-            x, y, z, strength, wide = lamps[i, 0], lamps[i, 1], lamps[i, 2], 1.0, 0.0
-            if lamps[i, 9] > 0.0:
+            body, mirror = (
+                reflection[0] * colours[index, k],
+                reflection[1] * colours[index, k] + reflection[2],
+            )
+            ambient = body * (sky[0, k] * (0.6 + 0.4 * ny) + sky[2, k] * (0.5 - 0.5 * ny))
+            mirrored = sky[1, k] * (0.5 + 0.5 * reflected_y) + sky[0, k] * (0.7 - 0.5 * reflected_y)
+            ambient += mirror * (sky_weight * mirrored + (1.0 - sky_weight) * sky[2, k])
+            out[row, k] = out[row, 3 + k] = ambient
+        for i in range(lights.shape[0]):
+            x, y, z, strength, half_width = lights[i, 0], lights[i, 1], lights[i, 2], 1.0, 0.0
+            if lights[i, 9] > 0.0:
                 x, y, z = x - points[v, 0], y - points[v, 1], z - points[v, 2]
                 squared = x * x + y * y + z * z
-                shorter = _over(squared)
-                x, y, z = x * shorter, y * shorter, z * shorter
-                turned = -(x * lamps[i, 3] + y * lamps[i, 4] + z * lamps[i, 5])
-                strength, wide = max(turned, 0.0) / squared, lamps[i, 9] * shorter
-            risen = nx * x + ny * y + nz * z
-            if risen < wide and wide > 0.0:  # part of it is below the surface, and part may rise above it
-                risen = max(risen + wide, 0.0) ** 2 / (4.0 * wide)
-            strength *= max(risen, 0.0)
+                scale = _inverse_length(squared)
+                x, y, z = x * scale, y * scale, z * scale
+                emitter_cosine = -(x * lights[i, 3] + y * lights[i, 4] + z * lights[i, 5])
+                strength, half_width = max(emitter_cosine, 0.0) / squared, lights[i, 9] * scale
+            cosine = nx * x + ny * y + nz * z
+            if cosine < half_width and half_width > 0.0:  # the softbox crosses the horizon of the surface
+                cosine = max(cosine + half_width, 0.0) ** 2 / (4.0 * half_width)
+            strength *= max(cosine, 0.0)
             if strength == 0.0:
                 continue
             x, y, z = x + ex, y + ey, z + ez
-            half = (nx * x + ny * y + nz * z) * _over(x * x + y * y + z * z)
-            glint = (sharp + 8.0) / (8.0 * math.pi) * half**sharp if half > least else 0.0
+            half = (nx * x + ny * y + nz * z) * _inverse_length(x * x + y * y + z * z)
+            highlight = (exponent + 8.0) / (8.0 * math.pi) * half**exponent if half > least else 0.0
             for k in range(3):
-                body, mirror = coat[0] * colours[own, k], coat[1] * colours[own, k] + coat[2]
-                sent = strength * lamps[i, 6 + k] * (body / math.pi + mirror * glint)
+                body, mirror = (
+                    reflection[0] * colours[index, k],
+                    reflection[1] * colours[index, k] + reflection[2],
+                )
+                sent = strength * lights[i, 6 + k] * (body / math.pi + mirror * highlight)
                 out[row, k] += sent
                 if i > 0:
                     out[row, 3 + k] += sent
 
 
-@quick
-def _over(squared: float) -> float:
-    """One over the length of a vector."""
+@fast
+def _inverse_length(squared: float) -> float:
+    """Return one over the length of a vector."""
     return 1.0 / math.sqrt(max(squared, 1e-300))
 
 
-@quick
-def keyed(sent: Array, share: Array, out: Array) -> None:
-    """What vertices send, out (N, 3), that see a share (N,) of the key light; sent (N, 6) as `light` says."""
-    for n in range(share.shape[0]):
+@fast
+def apply_shadow(light: Array, visibility: Array, out: Array) -> None:
+    """Mix light (N, 6) of `shade_vertices` by the visible fraction (N,) of the key light, into out (N, 3)."""
+    for n in range(visibility.shape[0]):
         for k in range(3):
-            out[n, k] = sent[n, 3 + k] + share[n] * (sent[n, k] - sent[n, 3 + k])
+            out[n, k] = light[n, 3 + k] + visibility[n] * (light[n, k] - light[n, 3 + k])

@@ -1,30 +1,30 @@
-"""The picture that the key light sees, and what of its light reaches a place, compiled."""
+"""Kernels: render the shadow map, and look up the visibility of the key light."""
 
 from __future__ import annotations
 
 import numpy as np
 
-from render.raster.compiled import Array, exact, quick
+from render.raster.kernels.decorators import Array, exact, fast
 from render.raster.kernels.projection import EDGE, box, corner
 
 BLOCK = 8
-"""Pixels of the shadow's picture that are looked at together."""
+"""Pixels along a block of the shadow map that is tested coordinates once."""
 
-_AROUND = 3
-_FAR, _BETWEEN = (-3, 0, 3), (-3, -2, 0, 1, 3)
-"""The pixels of the shadow's picture that are looked at around a place, and those where these differ."""
+_RADIUS = 3
+_COARSE, _FINE = (-3, 0, 3), (-3, -2, 0, 1, 3)
+"""Offsets of a filter's pixels: the coarse ones first, the fine ones where these differ."""
 
 
 @exact
-def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
-    """One over the depth of the nearest triangle, into near (2, S, S), which is 0.
+def render_depth(screen: Array, faces: Array, side: int, nearness: Array) -> None:
+    """Write one over the depth of the nearest triangle into nearness (2, S, S), which is 0 coordinates first.
 
-    side  0 where both sides may be seen; of a closed surface 1 or -1, as triangles that look at the light run
-          counter-clockwise or clockwise: these go into near[0] then, and others into near[1]
+    side  0 if both sides may be visible. For a closed surface 1 or -1, as triangles that face the light run
+          counter-clockwise or clockwise: these go into nearness[0], others into nearness[1]
 
-    What goes on behind the light casts no shadow.
+    Triangles that cross the plane of the light cast no shadow.
     """
-    rows, columns = near.shape[1], near.shape[2]
+    rows, columns = nearness.shape[1], nearness.shape[2]
     for f in range(faces.shape[0]):
         a, b, c = np.uint32(faces[f, 0]), np.uint32(faces[f, 1]), np.uint32(faces[f, 2])
         ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
@@ -32,7 +32,7 @@ def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
         area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
         if area == 0.0:
             continue
-        which = 1 if area * side < 0.0 else 0
+        layer = 1 if area * side < 0.0 else 0
         left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
         if left > right or top > bottom:
             continue
@@ -47,81 +47,89 @@ def cast(screen: Array, faces: Array, side: int, near: Array) -> None:
             for j in range(left, right + 1):
                 w = 1.0 - u - v
                 if u >= -EDGE and v >= -EDGE and w >= -EDGE:
-                    here = u * depth_a + v * depth_b + w * depth_c
-                    if here > near[which, i, j]:
-                        near[which, i, j] = here
+                    value = u * depth_a + v * depth_b + w * depth_c
+                    if value > nearness[layer, i, j]:
+                        nearness[layer, i, j] = value
                 u += ux
                 v += vx
 
 
 @exact
-def halve(near: Array) -> None:
-    """Move the shadow of a closed surface halfway to where light would leave it, in what `cast` found.
+def move_halfway(nearness: Array) -> None:
+    """Move the depth of a closed surface halfway to its far side, in the output of `render_depth`.
 
-    What is lit then lies clear of it, however steeply (Woo 1992).
+    Lit points are then clear of their maxima shadow coordinates every angle (Woo 1992).
     """
-    for i in range(near.shape[1]):
-        for j in range(near.shape[2]):
-            if near[1, i, j] > 0.0:
-                near[0, i, j] = 0.5 * (near[0, i, j] + near[1, i, j])
+    for i in range(nearness.shape[1]):
+        for j in range(nearness.shape[2]):
+            if nearness[1, i, j] > 0.0:
+                nearness[0, i, j] = 0.5 * (nearness[0, i, j] + nearness[1, i, j])
 
 
 @exact
-def largest(near: Array, blocks: Array) -> None:
-    """Of each BLOCK of near (S, S) and the eight around it, into blocks (S / BLOCK, S / BLOCK)."""
-    many = blocks.shape[0]
-    own = np.zeros((many, many), np.float32)
-    for i in range(near.shape[0]):
-        for column in range(many):
-            most = np.float32(0.0)
+def block_maxima(nearness: Array, blocks: Array) -> None:
+    """Write the maximum of each block of nearness (S, S) and its neighbours into blocks (S / BLOCK, S /
+    BLOCK).
+    """
+    count = blocks.shape[0]
+    maxima = np.zeros((count, count), np.float32)
+    for i in range(nearness.shape[0]):
+        for column in range(count):
+            largest = np.float32(0.0)
             for j in range(BLOCK):
-                most = max(most, near[i, BLOCK * column + j])
-            own[i // BLOCK, column] = max(own[i // BLOCK, column], most)
-    for i in range(many):
-        for j in range(many):
-            blocks[i, j] = own[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2].max()
+                largest = max(largest, nearness[i, BLOCK * column + j])
+            maxima[i // BLOCK, column] = max(maxima[i // BLOCK, column], largest)
+    for i in range(count):
+        for j in range(count):
+            blocks[i, j] = maxima[max(0, i - 1) : i + 2, max(0, j - 1) : j + 2].max()
 
 
 @exact
-def places(
+def light_coordinates(
     vertices: Array, normals: Array, which: Array, lift: float, origin: Array, axes: Array, out: Array
 ) -> None:
-    """Where some of the vertices (V, 3) are looked up, `lift` above their surface: into out (3, N)."""
-    raised = np.empty((1, 3))
+    """Write the coordinates of some vertices, point by `lift` along their normals, into out (3, N).
+
+    which  (N,), their indices; coordinates as of `projection.corner`
+    """
+    point = np.empty((1, 3))
     for n in range(which.shape[0]):
         v = which[n]
         for k in range(3):
-            raised[0, k] = vertices[v, k] + lift * normals[v, k]
-        out[0, n], out[1, n], out[2, n] = corner(raised, 0, origin, axes)
+            point[0, k] = vertices[v, k] + lift * normals[v, k]
+        out[0, n], out[1, n], out[2, n] = corner(point, 0, origin, axes)
 
 
-@quick
-def reaches(at: Array, near: Array, blocks: Array, share: Array) -> None:
-    """How much of the key light places (3, N) see, from 0 to 1, into share (N,); by those around them.
+@fast
+def light_visibility(coordinates: Array, nearness: Array, blocks: Array, fraction: Array) -> None:
+    """Write the visible fraction of the key light, 0 to 1, coordinates coordinates (3, N) into fraction (N,).
 
-    near    (S, S), one over the depth that the light reaches; empty where there is no key light
-    blocks  (S / BLOCK, S / BLOCK), as `largest` finds them
+    nearness  (S, S), one over the depth that the light reaches; empty if there is no key light
+    blocks    (S / BLOCK, S / BLOCK), as `block_maxima` computes them
     """
-    side = near.shape[0]
-    for n in range(at.shape[1]):
-        share[n] = 1.0
-        if side == 0 or at[2, n] <= 0.0:
+    side = nearness.shape[0]
+    for n in range(coordinates.shape[1]):
+        fraction[n] = 1.0
+        if side == 0 or coordinates[2, n] <= 0.0:
             continue
-        here = 1.0 / at[2, n]
-        row, column = int((1.0 - at[1, n] * here) / 2.0 * side), int((at[0, n] * here + 1.0) / 2.0 * side)
-        if not (_AROUND <= row < side - _AROUND and _AROUND <= column < side - _AROUND):
+        value = 1.0 / coordinates[2, n]
+        row, column = (
+            int((1.0 - coordinates[1, n] * value) / 2.0 * side),
+            int((coordinates[0, n] * value + 1.0) / 2.0 * side),
+        )
+        if not (_RADIUS <= row < side - _RADIUS and _RADIUS <= column < side - _RADIUS):
             continue
-        if blocks[row // BLOCK, column // BLOCK] <= here:
+        if blocks[row // BLOCK, column // BLOCK] <= value:
             continue
-        lit = 0
-        for di in _FAR:
-            for dj in _FAR:
-                lit += near[row + di, column + dj] <= here
-        if lit == 0 or lit == 9:  # so do those between, but for the thinnest of shadows
-            share[n] = lit / 9.0
+        passed = 0
+        for di in _COARSE:
+            for dj in _COARSE:
+                passed += nearness[row + di, column + dj] <= value
+        if passed == 0 or passed == 9:  # only the thinnest shadows differ between
+            fraction[n] = passed / 9.0
             continue
-        lit = 0
-        for di in _BETWEEN:
-            for dj in _BETWEEN:
-                lit += near[row + di, column + dj] <= here
-        share[n] = lit / 25.0
+        passed = 0
+        for di in _FINE:
+            for dj in _FINE:
+                passed += nearness[row + di, column + dj] <= value
+        fraction[n] = passed / 25.0
