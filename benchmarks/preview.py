@@ -25,7 +25,7 @@ import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
 from pipeline.dailies.live.feed import LiveFeed, Message
-from pipeline.dailies.live.session import Session
+from pipeline.dailies.live.session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.mesh import TriangleMesh, icosphere, vertex_normals
@@ -116,8 +116,8 @@ def edited(root: Path) -> tuple[float, int]:
             requests.append(Project(root, 2).request(shot, "preview", None, variant="none"))
             return Sketch(requests[-1])
 
-        session = Session(sketch, screen, stream, lambda ready: None, {shot})
-        threading.Thread(target=session.again_and_again, daemon=True).start()
+        session = LiveSession(sketch, screen, stream, lambda ready: None, {shot})
+        threading.Thread(target=session.follow, daemon=True).start()
         _hear(heard, "words", "Save the shot file to see what changes.")
         started = time.perf_counter()
         shot.write_text(SHOT.replace(*EDIT))

@@ -16,7 +16,7 @@ import typer
 from typer.core import TyperGroup
 
 from pipeline.cli.options import CommonOptions, parameters_of, with_options, with_parameters
-from pipeline.cli.output import complain
+from pipeline.cli.output import print_error
 from pipeline.errors import FlowsculptError
 from render.base.heap import keep_freed_memory
 
@@ -124,5 +124,5 @@ def main() -> None:
     try:
         command_line()()
     except FlowsculptError as error:
-        complain(str(error))
+        print_error(str(error))
         sys.exit(error.exit_code)

@@ -11,7 +11,7 @@ from typing import Any
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer, complain, duration, size, warn
+from pipeline.cli.output import duration, print_error, print_result, print_warning, size
 from pipeline.cli.progress import StageBars
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.execution.watchdog import PATIENCE
@@ -43,7 +43,7 @@ def execute_and_report(
         spending = Spending.of(common.root, outcome.runs[-1], common.cores)
         words += f"\nWhere the time went: {spending.in_brief()}. flowsculpt report says more."
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
-    answer(words, facts, common.json)
+    print_result(words, facts, common.json)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
 
@@ -53,9 +53,9 @@ def report_plan(common: Common, plan: Plan) -> None:
     _report_notes(plan, set())
     expected = estimate(plan, common.root, common.cores)
     if not expected.fits:
-        warn(_too_large(expected))
+        print_warning(_too_large(expected))
     words = _intended(plan) + (f"\n{estimate_words(expected)}" if plan.jobs else "")
-    answer(words, {**_plan_facts(plan), "estimate": expected.as_data()}, common.json)
+    print_result(words, {**_plan_facts(plan), "estimate": expected.as_data()}, common.json)
 
 
 def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
@@ -70,9 +70,9 @@ def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
 
     outcome = run(planned, common.root, common.cores, watch, common.profile, common.patience or PATIENCE)
     for message in outcome.warnings:
-        warn(message)
+        print_warning(message)
     for failure in outcome.failures:
-        complain(_failure(failure))
+        print_error(_failure(failure))
     return outcome
 
 
@@ -85,7 +85,7 @@ def _report_notes(plan: Plan, reported: set[str]) -> None:
     """Print notes of a plan that are not yet reported."""
     for note in plan.notes:
         if note not in reported:
-            warn(note)
+            print_warning(note)
             reported.add(note)
 
 

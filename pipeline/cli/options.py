@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 
 import typer
 
-from pipeline.cli.output import complain
+from pipeline.cli.output import print_error
 from render.mitsuba.engine import VARIANTS, available_cores
 from render.scene.quality import QUALITIES
 
@@ -50,6 +50,12 @@ Crop = Annotated[
     typer.Option(
         metavar="X0,Y0,X1,Y1",
         help="Render a part: its left, upper, right and lower edge, in fractions of the picture or pixels.",
+    ),
+]
+Plot = Annotated[
+    Path | None,
+    typer.Option(
+        "-o", "--output", metavar="FILE", help="Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."
     ),
 ]
 Settings = Annotated[
@@ -204,7 +210,7 @@ def with_options(function: Callable[..., None]) -> Callable[..., None]:
         try:
             function(given.resolved(ctx.obj or CommonOptions()), **values)
         except KeyboardInterrupt:
-            complain("interrupted; what is done stays done, run again to go on")
+            print_error("interrupted; what is done stays done, run again to go on")
             raise typer.Exit(INTERRUPTED) from None
 
     inner = [p for options in groups.values() for p in parameters_of(options)]

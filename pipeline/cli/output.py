@@ -1,32 +1,50 @@
-"""Words to the user: results on standard output, everything else on standard error."""
+"""Output for the user: results on standard output, everything else on standard error."""
 
 from __future__ import annotations
 
 import json
+from pathlib import Path
 from typing import Any
 
 import typer
 from rich.console import Console
+from rich.table import Table
+
+from render.base.atomic_write import disk_errors
 
 out = Console(highlight=False, emoji=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 
-def answer(words: str, facts: Any, as_json: bool) -> None:
-    """The result of a command, for a person or for a program."""
+def print_result(words: str, facts: Any, as_json: bool) -> None:
+    """Print the result of a command: words for people, or facts as JSON for programs."""
     typer.echo(json.dumps(facts, indent=2) if as_json else words)
 
 
-def complain(words: str) -> None:
+def print_error(words: str) -> None:
     err.print(words, style="red", markup=False)
 
 
-def warn(words: str) -> None:
+def print_warning(words: str) -> None:
     err.print(words, style="yellow", markup=False)
 
 
+def table(*headings: str) -> Table:
+    """Return an empty table with these columns."""
+    empty = Table(box=None, pad_edge=False)
+    for heading in headings:
+        empty.add_column(heading)
+    return empty
+
+
+def make_folder_of(path: Path) -> None:
+    """Create the folder of an output file before the work starts. Raises MachineError."""
+    with disk_errors(path.parent):
+        path.parent.mkdir(parents=True, exist_ok=True)
+
+
 def duration(seconds: float) -> str:
-    """`40 s`, `12 min`, `3 h 05 min`, `2 days 4 h`"""
+    """Return a duration in words: `40 s`, `12 min`, `3 h 05 min`, `2 days 4 h`."""
     if seconds < 90.0:
         return f"{seconds:.0f} s"
     minutes = round(seconds / 60.0)
@@ -40,8 +58,8 @@ def duration(seconds: float) -> str:
 
 
 def size(count: float) -> str:
-    """`980 kB`, `1.2 GB`"""
-    for unit, bytes_ in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6)):
-        if count >= bytes_:
-            return f"{count / bytes_:.3g} {unit}"
-    return f"{count / 1e3:.3g} kB"
+    """Return a number of bytes in words: `512 bytes`, `980 kB`, `1.2 GB`."""
+    for unit, factor in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= factor:
+            return f"{count / factor:.3g} {unit}"
+    return f"{count:.3g} bytes"

@@ -15,7 +15,7 @@ import pytest
 
 from pipeline.dailies.live.feed import LiveFeed
 from pipeline.dailies.live.server import serving
-from pipeline.dailies.live.session import Session
+from pipeline.dailies.live.session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import MachineError
@@ -35,9 +35,9 @@ class Follower:
         self.shot.write_text(TINY)
         self.screen, self.stream = LiveFeed(), SurfaceStream(Project(root, 2).store)
         self.movies = 0
-        session = Session(self._sketch, self.screen, self.stream, self._done, {self.shot})
+        session = LiveSession(self._sketch, self.screen, self.stream, self._done, {self.shot})
         self.heard = self.screen.listen()
-        threading.Thread(target=session.again_and_again, daemon=True).start()
+        threading.Thread(target=session.follow, daemon=True).start()
 
     def until(self, words: str) -> list[dict[str, Any]]:
         """All that is heard until something is said that begins with these words."""

@@ -1,4 +1,4 @@
-"""The command `clean`: free the disk of what nobody needs."""
+"""The command `clean`: delete stored files that nothing needs."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import Common, Settings
-from pipeline.cli.output import answer, warn
+from pipeline.cli.options import Common, Settings, project_of
+from pipeline.cli.output import print_result, print_warning, size
 from pipeline.errors import FlowsculptError
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.run import exclusive
-from pipeline.production.maintenance.clean import Sweep, sweep
+from pipeline.production.maintenance.clean import sweep
 from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.request.render_request import RenderRequest
@@ -22,47 +22,36 @@ from render.scene.quality import QUALITIES
 def clean(
     common: Common,
     keep: Annotated[
-        int, typer.Option(min=0, metavar="N", help="Keep what the last N runs of each shot were about.")
+        int, typer.Option(min=0, metavar="N", help="Keep the files of the last N runs of each shot.")
     ] = 2,
     settings: Settings = None,
 ) -> None:
-    """Free the disk of what nobody needs.
+    """Delete stored files that nothing needs, and free the disk.
 
-    What today's shots ask for stays, at every quality that was begun, and so do what renders/ shows and what
-    the last runs were about, which makes going back to them free. --dry-run tells how much would go.
+    Kept are files that today's shots need, at every quality begun so far, files that renders/ shows, and
+    those of the last runs, so that undoing an edit renders nothing. `flowsculpt clean --dry-run` says how
+    much would be freed; `flowsculpt clean --keep 0` frees the most.
     """
-    project = Project(common.root, common.cores, settings=tuple(settings or ()))
-    requests = list(_begun(project))
+    project = project_of(common, settings)
+    requests = list(begun_requests(project))
     if common.dry_run:
         done = sweep(project.store, requests, keep, only_tell=True)
     else:
         with exclusive(common.root):
             done = sweep(project.store, requests, keep, only_tell=False)
+    verb = "Would free" if common.dry_run else "Freed"
+    words = f"{verb} {size(done.freed)} in {len(done.gone)} files; {done.kept} files stay."
     facts = {"removed": len(done.gone), "freed_bytes": done.freed, "kept": done.kept}
-    answer(_swept(done, common.dry_run), facts, common.json)
+    print_result(words, facts, common.json)
 
 
-def _begun(project: Project) -> Iterator[RenderRequest]:
-    """Today's shots, at every quality that was begun; one that cannot be read is told."""
+def begun_requests(project: Project) -> Iterator[RenderRequest]:
+    """Yield today's shots at every quality begun so far; print_warning of shots that cannot be read."""
     for name in shot_names():
         try:
             requests = [project.request(find_shot(name), quality) for quality in QUALITIES]
         except FlowsculptError as error:
-            warn(str(error))
+            print_warning(str(error))
             continue
         begun = [request for request in requests if is_begun(request, project.store)]
         yield from begun or requests[:1]
-
-
-def _swept(done: Sweep, only_told: bool) -> str:
-    would = "would free" if only_told else "freed"
-    return f"{would.capitalize()} {_bytes(done.freed)} in {len(done.gone)} files; {done.kept} files stay."
-
-
-def _bytes(count: int) -> str:
-    size, unit = float(count), "bytes"
-    for larger in ("kB", "MB", "GB", "TB"):
-        if size < 1000.0:
-            break
-        size, unit = size / 1000.0, larger
-    return f"{size:.3g} {unit}"

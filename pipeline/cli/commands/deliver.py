@@ -12,7 +12,7 @@ import typer
 
 from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality
-from pipeline.cli.output import answer, duration, out, warn
+from pipeline.cli.output import duration, out, print_result, print_warning
 from pipeline.cli.progress import progress_bars
 from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
 from pipeline.dailies.delivery.reel import of_film, of_shot
@@ -93,7 +93,7 @@ def deliver(
         done = [file for delivery in deliveries for file in delivery.make(bar)]
     lost = lost_frames(deliveries)
     if lost:
-        warn(f"{'; '.join(lost)}: shown as cards that state the reason")
+        print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
     _report(common, done, lost, time.monotonic() - started)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
@@ -158,4 +158,4 @@ def _report(common: Common, done: Sequence[Delivered], lost: Sequence[str], seco
         "failed": list(lost),
         "seconds": round(seconds, 2),
     }
-    answer("\n".join([*lines, f"Done in {duration(seconds)}."]), facts, common.json)
+    print_result("\n".join([*lines, f"Done in {duration(seconds)}."]), facts, common.json)

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer
+from pipeline.cli.output import print_result
 from pipeline.kernels import compile_all
 from render import raster
 from render.base.kernel_cache import cache_folder
@@ -18,35 +18,39 @@ from render.mitsuba import engine
 from render.movie import planes
 from render.post import colour
 
+PACKAGES = ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")
+
 
 def doctor(
     common: Common,
     prepare: Annotated[
-        bool, typer.Option("--prepare", help="Compile the kernels and bake the view, as set-up does.")
+        bool,
+        typer.Option("--prepare", help="Compile the kernels and bake the view transform, as set-up does."),
     ] = False,
 ) -> None:
-    """Say what is in use here, and what would make it faster."""
+    """Show the renderer and packages in use, and what would make rendering faster.
+
+    `flowsculpt doctor --prepare` also compiles all kernels, so that no later command waits for them. The exit
+    code is 4 if no renderer works.
+    """
     if prepare and not common.dry_run:
         compile_all()
         colour.prepare()
         planes.prepare()
         raster.prepare()
     renderer = engine.facts()
-    there = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
-    usage = shutil.disk_usage(there)
+    existing = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
     facts: dict[str, Any] = {
         "flowsculpt": version("flowsculpt"),
         "python": platform.python_version(),
         "cores": common.cores,
         **renderer,
         "kernels": str(cache_folder()),
-        "packages": {
-            name: version(name) for name in ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")
-        },
+        "packages": {name: version(name) for name in PACKAGES},
         "root": str(common.root),
-        "free_gigabytes": round(usage.free / 1e9, 1),
+        "free_gigabytes": round(shutil.disk_usage(existing).free / 1e9, 1),
     }
-    answer(_diagnosis(facts), facts, common.json)
+    print_result(_diagnosis(facts), facts, common.json)
     if renderer["renderer"] == "none":
         raise typer.Exit(4)
 

@@ -9,7 +9,7 @@ import typer
 from ruamel.yaml import YAML
 
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality
-from pipeline.cli.output import answer
+from pipeline.cli.output import print_result
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.execution import openjd as job_description
@@ -89,7 +89,7 @@ def _timeline(
     if not common.dry_run:
         Timeline(cut, requests, common.root, media, place).write()
     done = f"{place}: {cut.length} frames, {'would be ' if common.dry_run else ''}written."
-    answer(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
+    print_result(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
 
 
 def _job(
@@ -114,4 +114,6 @@ def _job(
                 yaml.width = 100
                 yaml.dump(made, file)
     done = f"{output}, {beside}: {'would be ' if common.dry_run else ''}written."
-    answer(done, {"template": str(output), "plan": str(beside), "targets": list(plan.targets)}, common.json)
+    print_result(
+        done, {"template": str(output), "plan": str(beside), "targets": list(plan.targets)}, common.json
+    )

@@ -1,14 +1,13 @@
-"""The command that tells which flows there are."""
+"""The command `flows`: the flows and their parameters."""
 
 from __future__ import annotations
 
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer, out
+from pipeline.cli.output import out, print_result, table
 from pipeline.shot.documents.flow_catalogue import DOCUMENTS, default_text, facts, markdown
 
 
@@ -19,45 +18,34 @@ def flows(
         bool, typer.Option("--markdown", help="The table of all flows as docs/flows.md has it.")
     ] = False,
 ) -> None:
-    """List the flows of the catalogue; of one, its parameters with their units and defaults."""
-    if as_markdown:
-        answer(markdown(), [facts(flow) for flow in DOCUMENTS], common.json)
-    elif name is None:
-        _tell_all([facts(flow) for flow in DOCUMENTS], common.json)
+    """List the flows, or the parameters of one with units and defaults.
+
+    `flowsculpt flows vortex` lists the parameters of the flow `vortex`.
+    """
+    if name is not None:
+        _report_one(facts(name), common.json)
+    elif as_markdown or common.json:
+        print_result("" if common.json else markdown(), [facts(flow) for flow in DOCUMENTS], common.json)
     else:
-        _tell(facts(name), common.json)
+        listing = table("flow", "is a", "what it does")
+        for flow in map(facts, DOCUMENTS):
+            listing.add_row(flow["name"], flow["kind"], flow["sense"])
+        out.print(listing)
 
 
-def _tell_all(told: list[dict[str, Any]], as_json: bool) -> None:
+def _report_one(flow: dict[str, Any], as_json: bool) -> None:
     if as_json:
-        answer("", told, as_json=True)
+        print_result("", flow, as_json=True)
         return
-    table = _table("flow", "is a", "what it does")
-    for fact in told:
-        table.add_row(fact["name"], fact["kind"], fact["sense"])
-    out.print(table)
-
-
-def _tell(fact: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        answer("", fact, as_json=True)
-        return
-    table = _table("parameter", "default", "unit", "what it is")
-    for parameter in fact["parameters"]:
+    listing = table("parameter", "default", "unit", "what it is")
+    for parameter in flow["parameters"]:
         choices = f": {', '.join(parameter['choices'])}" if parameter["choices"] else ""
         keyed = ", may be keyed" if parameter["keyed"] else ""
-        table.add_row(
+        listing.add_row(
             parameter["name"],
             default_text(parameter),
             parameter["unit"],
             f"{parameter['sense']}{choices}{keyed}",
         )
-    out.print(f"{fact['name']}, a {fact['kind']}. {fact['sense']}", markup=False)
-    out.print(table)
-
-
-def _table(*headings: str) -> Table:
-    table = Table(box=None, pad_edge=False)
-    for heading in headings:
-        table.add_column(heading)
-    return table
+    out.print(f"{flow['name']}, a {flow['kind']}. {flow['sense']}", markup=False)
+    out.print(listing)

@@ -11,7 +11,7 @@ import typer
 
 from pipeline.cli.commands.schema import SCHEMAS, write_schemas
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer
+from pipeline.cli.output import print_result
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
@@ -21,33 +21,36 @@ from pipeline.shot.templates.template import SCHEMA, shot_of_flow, shot_of_shot
 from pipeline.shot.yaml.lookup import DEFAULTS
 from render.base.atomic_write import disk_errors
 
-FOLDERS = ("film", "published", "repeated", "turntable", "wedge")
-"""In renders/, where shots have theirs: no shot may be called so."""
+RESERVED = ("film", "published", "repeated", "turntable", "wedge", Path(DEFAULTS).stem)
+"""Names that no shot may have: folders in renders/ beside those of shots, and the file of defaults."""
 
 
 def new(
     common: Common,
-    name: Annotated[str, typer.Argument(help="The shot's name, as its file and its frames are called.")],
+    name: Annotated[str, typer.Argument(help="The name of the shot, its file and its frames.")],
     source: Annotated[
         str,
         typer.Option(
             "--from",
             metavar="FLOW|SHOT",
-            help="A flow, staged on a subject that suits it; or a shot, by name or path, to be copied.",
+            help="A flow, with a subject that suits it; or the name or path of a shot to copy.",
         ),
     ] = "twist",
 ) -> None:
-    """Begin a shot: write shots/NAME.yaml, ready to render and to be changed.
+    """Begin a shot: write a shot file that is ready to render.
 
-    Beside it go the schemas by which editors complete and check shot files, in shots/.schema, and a file
-    that the flow reads, where it needs one.
+    `flowsculpt new A020_ring --from vortex_ring` writes shots/A020_ring.yaml; `--from A010_cube` would copy
+    that shot. `flowsculpt flows` lists the flows.
+
+    The schemas by which editors complete and check shot files are written to shots/.schema, and a file that
+    the flow reads beside the shot.
     """
-    if not re.fullmatch(NAME, name) or name in (*FOLDERS, Path(DEFAULTS).stem):
+    if not re.fullmatch(NAME, name) or name in RESERVED:
         raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
     path = SHOTS / f"{name}.yaml"
     if path.exists():
         raise UsageError(f"{path} is there already; choose another name or edit that file")
-    text, beside = _beginning(source, name)
+    text, beside = _contents(source, name)
     files = [path, *beside]
     for file in beside:
         if file.exists():
@@ -62,11 +65,11 @@ def new(
     permitted = " --allow-code" if source == "python" else ""
     done = f"{written}: written. Look at it: flowsculpt render {name} -q preview{permitted}"
     facts = {"path": str(path), "files": [str(file) for file in files]}
-    answer(f"{written}: would be written." if common.dry_run else done, facts, common.json)
+    print_result(f"{written}: would be written." if common.dry_run else done, facts, common.json)
 
 
-def _beginning(source: str, name: str) -> tuple[str, dict[Path, Callable[[Path], None]]]:
-    """The text of a new shot, and the files beside it with what writes them."""
+def _contents(source: str, name: str) -> tuple[str, dict[Path, Callable[[Path], None]]]:
+    """Return the text of a new shot, and by path the functions that write files beside it."""
     if source in DOCUMENTS:
         beside = staging_of(source).beside
         return shot_of_flow(source, name), {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {}

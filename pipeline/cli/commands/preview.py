@@ -4,36 +4,35 @@ from __future__ import annotations
 
 import time
 import webbrowser
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Set
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import AllowCode, Common, Frames, Settings
-from pipeline.cli.output import answer, complain, err
-from pipeline.cli.projects import project_of
+from pipeline.cli.options import Common, Frames, Shot, ShotOptions
+from pipeline.cli.output import err, make_folder_of, print_error, print_result
+from pipeline.cli.progress import progress_bars
 from pipeline.dailies.live.feed import LiveFeed
 from pipeline.dailies.live.server import serving
-from pipeline.dailies.live.session import Session, files_of, stamp, wait_for_edit
-from pipeline.dailies.preview.animatic import Animatic, Ready, Tell
+from pipeline.dailies.live.session import LiveSession, files_of, stamp, wait_for_edit
+from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.store import Store
-from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
 
 
 def preview(
     common: Common,
-    shot: Annotated[
-        str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")
-    ],
+    shot: Shot,
+    options: ShotOptions,
     at: Annotated[
-        int | None, typer.Option("--at", metavar="FRAME", help="A still of this frame; by default a movie.")
+        int | None,
+        typer.Option("--at", metavar="FRAME", help="Draw a still of this frame. Default: a movie."),
     ] = None,
     frames: Frames = None,
     flow: Annotated[
@@ -52,160 +51,137 @@ def preview(
         bool, typer.Option("--live", help="Open a page that shows frames while they are simulated.")
     ] = False,
     watch: Annotated[
-        bool, typer.Option("--watch", help="Go on: look again whenever the shot file is saved.")
+        bool, typer.Option("--watch", help="Draw again whenever the shot file is saved, until Ctrl-C.")
     ] = False,
-    port: Annotated[int, typer.Option(min=0, max=65535, help="Of the live page; 0 is any that is free.")] = 0,
+    port: Annotated[
+        int, typer.Option(min=0, max=65535, help="The port of the live page; 0 is any free one.")
+    ] = 0,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the live page in a browser.")
     ] = True,
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write the PNG or MP4 there.")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write this PNG or MP4.")
     ] = None,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
 ) -> None:
-    """Show a shot quickly, without a path tracer: its own camera, lights and look, nothing reflected.
+    """Draw a shot in seconds, without a path tracer: with its camera, lights and look, but no reflections.
 
-    What is not simulated yet is simulated for the look alone; `flowsculpt simulate` keeps meshes. Pictures go
-    to renders/SHOT/sketch: `flowsculpt preview A010_cube --at 22 --edges` is a still with its faces.
+    `flowsculpt preview A010_cube` writes a movie to renders/A010_cube/sketch; `flowsculpt preview A010_cube
+    --at 22 --edges` a still with its faces. Frames that are not simulated yet are simulated for the picture
+    only; `flowsculpt simulate` stores meshes.
 
-    `flowsculpt preview A010_cube --live --watch` is for working: a page follows the simulation frame by
-    frame, and after each save from the first frame on that the edit changed. Ctrl-C ends it.
+    `flowsculpt preview A010_cube --live --watch` opens a page that follows the simulation frame by frame.
+    After each save it goes on from the first frame that the edit changed. Ctrl-C ends it.
     """
     if at is not None and frames is not None:
         raise UsageError("--at is for a still and --frames for a movie; give one of them")
-    ending = ".mp4" if at is None else ".png"
-    if output is not None and output.suffix.lower() != ending:
-        raise UsageError(
-            f"{output} is no {ending[1:].upper()}, which this preview is; end its name in {ending}"
-        )
+    suffix = ".mp4" if at is None else ".png"
+    if output is not None and output.suffix.lower() != suffix:
+        raise UsageError(f"{output} is no {suffix[1:].upper()}, as this preview is; end its name in {suffix}")
     if at is not None and (live or watch):
         raise UsageError("--live and --watch show movies; leave --at out")
-    path, over = find_shot(shot), None if burn_in is None else BurnIn.parse(burn_in)
+    path, fields = find_shot(shot), None if burn_in is None else BurnIn.parse(burn_in)
 
-    def sketch() -> tuple[Sketch, Store]:
-        """As the shot is now."""
-        project = project_of(common, settings, allow_code)
-        request = project.request(path, "preview", str(at) if at is not None else frames, variant="none")
-        return Sketch(request, flow, edges, over), project.store
+    def read() -> Sketch:
+        """Return the shot as its file is now."""
+        numbers = str(at) if at is not None else frames
+        request = options.project(common).request(path, "preview", numbers, variant="none")
+        return Sketch(request, flow, edges, fields)
 
-    if (live or watch) and not common.dry_run:
-        watched(common, path, sketch, output, watch, (port, browser) if live else None)
-    else:
-        sketched(common, *sketch(), at, output)
+    sketch, store = read(), Store(common.root)
+    target = output or common.root / _default_path(sketch, at)
+    if common.dry_run or not (live or watch):
+        _draw_once(common, sketch, store, at, target)
+        return
+    make_folder_of(target)
+    with SurfaceStream(store) as stream:
+        if live:
+            _serve(common, read, stream, target, path, watch, port, browser)
+        else:
+            _redraw(common, read, stream, target, {path, *files_of(sketch.request.source)})
 
 
-def sketched(common: Common, sketch: Sketch, store: Store, at: int | None, output: Path | None) -> None:
-    """A still of frame `at`, or the movie of what the take asks for."""
-    path = output or common.root / place(sketch, at)
-    asked = {at} if at is not None else set(sketch.request.requested)
-    many = len(asked)
-    frames = f"{many} frame{'s' if many > 1 else ''}"
+def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, path: Path) -> None:
+    """Draw a still of frame `at`, or the movie of all requested frames."""
+    numbers = {at} if at is not None else set(sketch.request.requested)
+    frames = f"{len(numbers)} frame{'s' if len(numbers) > 1 else ''}"
     if not common.dry_run:
         with SurfaceStream(store, once=True) as stream:
-            folder_for(path)
+            make_folder_of(path)
             animatic = Animatic(sketch, stream)
-            with bars(common, len(animatic.played(asked)), many) as tell:
+            with _bars(common, animatic, numbers) as report:
                 if at is None:
-                    animatic.movie(path, tell)
+                    animatic.movie(path, report)
                 else:
-                    animatic.still(at, path, tell)
-    answer(
-        f"{path}: {frames}{' would be drawn' if common.dry_run else ''}.",
-        {"path": str(path), "frames": many},
-        common.json,
-    )
+                    animatic.still(at, path, report)
+    words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
+    print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
 
 
-def folder_for(path: Path) -> None:
-    """Make the folder of a file. Raises MachineError where that cannot be: now, not after minutes."""
-    with disk_errors(path.parent):
-        path.parent.mkdir(parents=True, exist_ok=True)
+def _redraw(
+    common: Common, read: Callable[[], Sketch], stream: SurfaceStream, movie: Path, watched: set[Path]
+) -> None:
+    """Draw the movie now and after each edit of the watched files, until Ctrl-C."""
+    while True:
+        before = stamp(watched)
+        try:
+            sketch = read()
+            added = files_of(sketch.request.source) - watched
+            watched, before = watched | added, before | stamp(added)
+            animatic = Animatic(sketch, stream)
+            with _bars(common, animatic, set(sketch.request.requested)) as report:
+                _report_movie(common, movie, animatic.movie(movie, report))
+        except FlowsculptError as error:
+            print_error(str(error))
+        wait_for_edit(watched, before)
 
 
-def place(sketch: Sketch, number: int | None = None) -> Path:
-    """Where a still is put, or the movie of the frames asked for."""
-    request, name = sketch.request, sketch.request.name
-    mark = ".flow" * sketch.flow + ".edges" * sketch.edges
-    whole = "" if request.is_whole else f".{min(request.requested)}-{max(request.requested)}"
-    file = f"{name}{whole}{mark}.mp4" if number is None else f"{name}.{number:04d}{mark}.png"
-    return request.folders.cameras().parent / "sketch" / file
+def _serve(
+    common: Common,
+    read: Callable[[], Sketch],
+    stream: SurfaceStream,
+    movie: Path,
+    shot: Path,
+    watch: bool,
+    port: int,
+    browser: bool,
+) -> None:
+    """Show the shot on a live page, and after each edit if `watch`; until Ctrl-C."""
+    feed = LiveFeed()
+
+    def write_movie(surfaces: FramedSurfaces) -> None:
+        _report_movie(common, movie, surfaces.movie(movie, lambda stage, number: None))
+
+    session = LiveSession(read, feed, stream, write_movie, {shot})
+    with serving(feed, port) as address:
+        err.print(f"Live at {address} – Ctrl-C ends it.", markup=False)
+        if browser:
+            webbrowser.open(address)
+        if watch:
+            session.follow()
+        session.show_once()
+        while True:  # serve the page until Ctrl-C
+            time.sleep(3600.0)
+
+
+def _report_movie(common: Common, movie: Path, frames: int) -> None:
+    print_result(f"{movie}: {frames} frames.", {"path": str(movie), "frames": frames}, common.json)
 
 
 @contextmanager
-def bars(common: Common, simulated: int, drawn: int) -> Iterator[Tell]:
-    """What is told of frames, as a bar for each kind of work."""
-    if not common.progress:
-        yield lambda stage, number: None
-        return
-    from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
-
-    with Progress(
-        TextColumn("{task.description:>16}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TextColumn("left"),
-        TimeRemainingColumn(),
-        console=err,
-    ) as progress:
-        totals = {"simulating": simulated, "drawing": drawn}
-        tasks = {stage: progress.add_task(stage, total=total) for stage, total in totals.items()}
-        yield lambda stage, number: progress.advance(tasks[stage])
+def _bars(common: Common, animatic: Animatic, numbers: Set[int]) -> Iterator[FrameCallback]:
+    """Yield what reports a frame as simulated or drawn, with a bar for each."""
+    with progress_bars(common.progress) as bar:
+        advance = {
+            "simulating": bar("simulating", len(animatic.played(numbers))),
+            "drawing": bar("drawing", len(numbers)),
+        }
+        yield lambda stage, number: advance[stage]()
 
 
-Read = Callable[[], tuple[Sketch, Store]]
-
-Page = tuple[int, bool]
-"""The port of the live page, and whether a browser is to open it."""
-
-
-def watched(
-    common: Common, path: Path, read: Read, output: Path | None, again: bool, page: Page | None
-) -> None:
-    """Draw the movie of a shot, `again` and again, and on a page where there is one; until Ctrl-C."""
-    sketch, store = read()
-    movie = output or common.root / place(sketch)
-    folder_for(movie)
-    with SurfaceStream(store) as stream:
-        if page is None:
-            _movies(common, read, stream, movie, {path, *files_of(sketch.request.source)})
-        else:
-            _shown(common, read, stream, movie, path, again, page)
-
-
-def _movies(common: Common, read: Read, stream: SurfaceStream, movie: Path, edited: set[Path]) -> None:
-    while True:
-        before = stamp(edited)
-        try:
-            sketch, _ = read()
-            more = files_of(sketch.request.source) - edited
-            edited, before = edited | more, before | stamp(more)
-            animatic, asked = Animatic(sketch, stream), set(sketch.request.requested)
-            with bars(common, len(animatic.played(asked)), len(asked)) as tell:
-                many = animatic.movie(movie, tell)
-            answer(f"{movie}: {many} frames.", {"path": str(movie), "frames": many}, common.json)
-        except FlowsculptError as error:
-            complain(str(error))
-        wait_for_edit(edited, before)
-
-
-def _shown(
-    common: Common, read: Read, stream: SurfaceStream, movie: Path, path: Path, again: bool, page: Page
-) -> None:
-    port, opened = page
-    screen = LiveFeed()
-
-    def done(ready: Ready) -> None:
-        many = ready.movie(movie, lambda stage, number: None)
-        answer(f"{movie}: {many} frames.", {"path": str(movie), "frames": many}, common.json)
-
-    session = Session(lambda: read()[0], screen, stream, done, {path})
-    with serving(screen, port) as address:
-        err.print(f"Live at {address} – Ctrl-C ends it.", markup=False)
-        if opened:
-            webbrowser.open(address)
-        if again:
-            session.again_and_again()
-        session.once()
-        while True:  # somebody looks at the page
-            time.sleep(3600.0)
+def _default_path(sketch: Sketch, at: int | None) -> Path:
+    """Return the path of a still of frame `at`, or of the movie, relative to the root."""
+    request, name = sketch.request, sketch.request.name
+    mark = ".flow" * sketch.flow + ".edges" * sketch.edges
+    part = "" if request.is_whole else f".{min(request.requested)}-{max(request.requested)}"
+    file = f"{name}{part}{mark}.mp4" if at is None else f"{name}.{at:04d}{mark}.png"
+    return request.folders.home / "sketch" / file

@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.options import Common, PictureOptions, Quality, Shot
-from pipeline.cli.output import answer
+from pipeline.cli.output import print_result
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.versions.provenance import FILE
 from pipeline.production.versions.publish import Release
@@ -55,7 +55,7 @@ def publish(
         "frames": len(request.angles),
         "published_before": done.before,
     }
-    answer(_published(request.name, len(request.angles), done, common.dry_run), facts, common.json)
+    print_result(_published(request.name, len(request.angles), done, common.dry_run), facts, common.json)
 
 
 def _published(shot: str, frames: int, done: Any, dry: bool) -> str:

@@ -11,7 +11,7 @@ import typer
 
 from pipeline.cli.execution import execute, execute_and_report, report_plan
 from pipeline.cli.options import Common, Frames, PictureOptions
-from pipeline.cli.output import answer, warn
+from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.versions.provenance import Provenance
@@ -80,7 +80,7 @@ def _reproduce(common: Common, source: Path, frames: str | None, options: Pictur
     inside = replace(common, root=again.home)
     plan = again.plan()
     for note in again.notes:
-        warn(f"{record.shot} {record.version}: {note}")
+        print_warning(f"{record.shot} {record.version}: {note}")
     if common.dry_run:
         report_plan(inside, plan)
         return
@@ -96,7 +96,7 @@ def _reproduce(common: Common, source: Path, frames: str | None, options: Pictur
         "different": {each.what: each.words for each in unlike if each.same is False},
         "not_made": [each.what for each in unlike if each.same is None],
     }
-    answer(_compared(record, again.home, comparisons), facts, common.json)
+    print_result(_compared(record, again.home, comparisons), facts, common.json)
     if outcome.exit_code or unlike:
         raise typer.Exit(outcome.exit_code or 1)
 

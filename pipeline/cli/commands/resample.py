@@ -3,15 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer, out
+from pipeline.cli.output import out, print_result, table
 from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
 from pipeline.mesh.io.read import read_polygons
@@ -46,25 +46,25 @@ def resample(
     max_edge_length: Annotated[
         float,
         typer.Option(
-            metavar="LENGTH", help="Split what is longer, in the units of the file. No edge stays over it."
+            metavar="LENGTH", help="Split longer edges, in units of the file. No edge stays longer."
         ),
     ],
     min_edge_length: Annotated[
         float | None,
         typer.Option(
             metavar="LENGTH",
-            help="Collapse what is shorter, where the shape allows; below half the maximum, and 40% of it "
-            "by default. 0 collapses nothing.",
+            help="Collapse shorter edges where the shape allows. Must be below half the maximum; 0 collapses "
+            "none. Default: 40% of the maximum.",
         ),
     ] = None,
     hard_angle_degrees: Annotated[
-        float, typer.Option(metavar="ANGLE", help="An edge that turns by more is a crease, and is kept.")
+        float, typer.Option(metavar="ANGLE", help="Keep edges that turn by more, in degrees, as creases.")
     ] = 40.0,
     placement: Annotated[
         str | None,
         typer.Option(
-            help="Where new vertices go: chord, the middle of the edge, the default; curved, on a smooth "
-            "surface through the old ones, which ends at creases."
+            help="Where new vertices go. chord: the middle of the edge, the default. curved: a smooth "
+            "surface through the old vertices, which ends at creases."
         ),
     ] = None,
     method: Annotated[
@@ -73,18 +73,18 @@ def resample(
     splits: Annotated[
         str | None,
         typer.Option(
-            help="edges, the default: long edges are cut in two; faces: faces that have one, into four, "
-            "which keeps their shapes and makes more of them."
+            help="edges: cut long edges in two, the default. faces: cut faces with a long edge into four, "
+            "which keeps their shapes and gives more of them."
         ),
     ] = None,
 ) -> None:
-    """Resample one mesh: split long edges, collapse short ones, keep creases and the shape.
+    """Resample one mesh file: split long edges, collapse short ones, keep creases and the shape.
 
-    Example: flowsculpt resample bunny.obj even.ply --max-edge-length 0.02. Choose the length by the smallest
-    detail that is to stay; half the length makes four times the faces. An edge that cannot collapse without
-    harm to the surface stays short, and is counted by its reason.
+    `flowsculpt resample bunny.obj even.ply --max-edge-length 0.02` writes even.ply. Choose the length by the
+    smallest detail to keep; half the length gives four times the faces. An edge that cannot collapse without
+    harm to the surface stays short, and is counted by the reason.
     """
-    _require_known_and_together(method, placement, splits)
+    _check_options(method, placement, splits)
     if target.suffix.lstrip(".").lower() not in WRITERS:
         raise MeshError(
             f"{target}: {target.suffix or 'no suffix'} cannot be written; use one of {', '.join(WRITERS)}"
@@ -95,24 +95,29 @@ def resample(
     before = read_polygons(source)
     if common.dry_run:
         facts = {"in": str(source), "out": str(target), "vertices": len(before.vertices)}
-        answer(f"{target}: would be written, from {len(before.vertices)} vertices.", facts, common.json)
+        print_result(f"{target}: would be written, from {len(before.vertices)} vertices.", facts, common.json)
         return
     after: TriangleMesh | PolygonMesh
     if method == "polyhedra":
         after, report = _sliced(before, thresholds)
     else:
-        way: Splits = "faces" if splits == "faces" else "edges"
-        triangles, place = before.triangulated(), PLACEMENTS[placement or "chord"]
-        after, report = resample_triangles(triangles, thresholds, place, splits=way)
+        split: Splits = "faces" if splits == "faces" else "edges"
+        triangles, placed = before.triangulated(), PLACEMENTS[placement or "chord"]
+        after, report = resample_triangles(triangles, thresholds, placed, splits=split)
     write_mesh(after, target)
-    _tell(source, target, before, after, report, common.json)
+    _report(source, target, before, after, report, common.json)
 
 
-def _require_known_and_together(method: str, placement: str | None, splits: str | None) -> None:
-    """Raises UsageError for words that are not known, and for options that exclude each other."""
-    _known("method", method, METHODS)
-    _known("placement", placement or "chord", PLACEMENTS)
-    _known("splits", splits or "edges", SPLITS)
+def _check_options(method: str, placement: str | None, splits: str | None) -> None:
+    """Raise UsageError for unknown words and for options that exclude each other."""
+    words: tuple[tuple[str, str, Iterable[str]], ...] = (
+        ("method", method, METHODS),
+        ("placement", placement or "chord", PLACEMENTS),
+        ("splits", splits or "edges", SPLITS),
+    )
+    for option, given, known in words:
+        if given not in known:
+            raise UsageError(f"--{option} {given!r} is not known. {suggestion(given, known)}")
     for option, word in (("placement", placement), ("splits", splits)):
         if method == "polyhedra" and word:
             raise UsageError(
@@ -131,12 +136,7 @@ def _sliced(mesh: PolygonMesh, thresholds: Thresholds) -> tuple[PolygonMesh, Rep
     return slicer.mesh, report
 
 
-def _known(name: str, word: str, words: Any) -> None:
-    if word not in words:
-        raise UsageError(f"--{name} {word!r} is not known. {suggestion(word, words)}")
-
-
-def _tell(
+def _report(
     source: Path,
     target: Path,
     before: PolygonMesh,
@@ -144,17 +144,17 @@ def _tell(
     report: Report,
     as_json: bool,
 ) -> None:
-    """What was done, as a table or as JSON."""
     if as_json:
         facts = {**vars(report), "refused": dict(report.refused), "within_limits": report.within_limits}
         shapes = {"before": _shape(before), "after": _shape(after)}
-        answer("", {"in": str(source), "out": str(target), **facts, **shapes}, as_json=True)
+        print_result("", {"in": str(source), "out": str(target), **facts, **shapes}, as_json=True)
         return
-    table = Table(box=None, pad_edge=False, show_header=False)
+    listing = table("", "")
+    listing.show_header = False
     for row in _rows(before, report):
-        table.add_row(*row)
-    out.print(table)
-    answer(f"{target}: written.", None, as_json=False)
+        listing.add_row(*row)
+    out.print(listing)
+    print_result(f"{target}: written.", None, as_json=False)
 
 
 def _shape(mesh: TriangleMesh | PolygonMesh) -> dict[str, float]:

@@ -1,20 +1,18 @@
-"""The command review: a page to look at shots, in any browser."""
+"""The command `review`: a page to look at shots, in any browser."""
 
 from __future__ import annotations
 
 import re
-from contextlib import ExitStack
 from typing import Annotated
 
 import typer
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
-from pipeline.cli.options import AllowCode, Common, Settings, Shots
-from pipeline.cli.output import answer, err, warn
-from pipeline.cli.projects import project_of
+from pipeline.cli.options import Common, ShotOptions, Shots
+from pipeline.cli.output import print_result, print_warning
+from pipeline.cli.progress import progress_bars
 from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Search
-from pipeline.dailies.review.page import Page
+from pipeline.dailies.review.page import ReviewPage
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.planning.history import History
 from pipeline.production.request.crop_and_scale import is_quality
@@ -23,37 +21,35 @@ from render.scene.quality import QUALITIES
 
 FORMS = ("jpeg", "png")
 
-MODELS = 24
-
 
 def review(
     common: Common,
     shots: Shots,
+    options: ShotOptions,
     qualities: Annotated[
         list[str] | None,
         typer.Option(
             "-q",
             "--quality",
-            help=f"Show this quality alone, of {', '.join(QUALITIES)}; may be given again. By default all.",
+            help=f"Show only this quality, of {', '.join(QUALITIES)}. Repeatable. Default: all.",
         ),
     ] = None,
     name: Annotated[
-        str | None, typer.Option(metavar="NAME", help="The page's folder; by default as its shots.")
+        str | None,
+        typer.Option(metavar="NAME", help="The folder of the page. Default: the names of the shots."),
     ] = None,
     form: Annotated[
-        str, typer.Option("--as", help=f"Pictures as {' or '.join(FORMS)}; only png loses nothing.")
+        str, typer.Option("--as", help=f"Pictures as {' or '.join(FORMS)}; png is lossless.")
     ] = FORMS[0],
     models: Annotated[
         int, typer.Option(min=0, metavar="N", help="Mesh frames of each shot for the 3-D view.")
-    ] = MODELS,
-    settings: Settings = None,
-    allow_code: AllowCode = False,
+    ] = 24,
 ) -> None:
-    """Write a page to look at shots: frame by frame, versions beside each other, measures, meshes.
+    """Write a page to look at shots: frame by frame, versions side by side, measures and meshes.
 
-    `flowsculpt review A010_cube` shows what is rendered of the shot, its published versions and its wedges,
-    in renders/review/A010_cube. Open its index.html in any browser; it needs no server and no network, and
-    the folder may be copied. Press ? there for its keys. Called again, only what is new is made.
+    `flowsculpt review A010_cube` writes renders/review/A010_cube with the rendered frames of the shot, its
+    published versions and its wedges. Open index.html in any browser: it needs no server and no network, and
+    the folder may be copied. Press ? on the page for its keys. The second time only new pictures are added.
     """
     for quality in qualities or ():
         if not is_quality(quality):
@@ -62,45 +58,31 @@ def review(
         raise UsageError(
             f"--as {form}: pictures of a page are {' or '.join(FORMS)}. {suggestion(form, FORMS)}"
         )
-    project = project_of(common, settings, allow_code)
+    project = options.project(common)
     search = Search(project, tuple(qualities or ()), History.of(common.root))
-    found = [search.shot(shot) for shot in dict.fromkeys(shots)]
-    page = Page(
-        _named(name, [shown.request.name for shown in found]),
-        project.store,
-        found,
-        form,
-        models,
-        common.cores,
-    )
+    material = [search.shot(shot) for shot in dict.fromkeys(shots)]
+    title = _title(name, [shot.request.name for shot in material])
+    page = ReviewPage(title, project.store, material, form, models, common.cores)
     if common.dry_run:
         counts = {"sequences": len(page.sequences), "pictures": sum(len(s.found) for s in page.sequences)}
     else:
-        counts = _written(page, common.progress)
+        with progress_bars(common.progress) as bar:
+            counts = page.write(bar("making the page", page.steps))
     if three.bundle() is None:
-        warn(three.HINT)
+        print_warning(three.HINT)
     verb = " would show" if common.dry_run else ""
     words = f"{page.index}:{verb} {counts['sequences']} sequences, {counts['pictures']} pictures."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
-    answer(words, {"page": str(page.index), **counts, "not_as_asked_for": missing}, common.json)
+    print_result(words, {"page": str(page.index), **counts, "not_as_asked_for": missing}, common.json)
 
 
-def _written(page: Page, progress: bool) -> dict[str, int]:
-    columns = TextColumn("{task.description:>16}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn()
-    with ExitStack() as ends:
-        if not progress:
-            return page.write()
-        bars = ends.enter_context(Progress(*columns, console=err))
-        task = bars.add_task("making the page", total=page.steps)
-        return page.write(lambda: bars.advance(task))
-
-
-def _named(name: str | None, shots: list[str]) -> str:
+def _title(name: str | None, shots: list[str]) -> str:
+    """Return the name of the page's folder. Raises UsageError."""
     if name is None:
         whole = "+".join(shots)
         return whole if len(whole) <= 60 else f"{shots[0]}+{len(shots) - 1}"
     if not re.fullmatch(NAME, name):
         raise UsageError(
-            f"--name {name}: a page is named by letters, digits, _, - and ., as in monday; mend it"
+            f"--name {name}: the name of a page consists of letters, digits, _, - and ., as in monday"
         )
     return name

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer
+from pipeline.cli.output import print_result
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import SHOTS
 from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
@@ -18,51 +18,58 @@ from pipeline.shot.yaml.source import YamlSource
 from render.base.atomic_write import disk_errors
 
 SCHEMAS = Path(".schema")
-"""Beside shots: the folder of the schemas that editors check them by."""
+"""The folder beside shots with the schemas by which editors check them."""
+
+KINDS = ("shot", "film", "defaults")
 
 
 def schema(
     common: Common,
-    of: Annotated[str, typer.Argument(metavar="shot|film|defaults", help="Of which files.")] = "shot",
+    kind: Annotated[str, typer.Argument(metavar="|".join(KINDS), help="The kind of file.")] = KINDS[0],
     output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it there instead.")
+        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it to this file.")
     ] = None,
 ) -> None:
-    """Print the JSON Schema of shot files, by which editors complete and check them.
+    """Print the JSON Schema by which editors complete and check shot files.
 
-    It is for shots beside shots/defaults.yaml, if there is one: what that says need not be said again.
+    `flowsculpt schema film -o film.json` writes the schema of edits. In the schema of shots, names that
+    shots/defaults.yaml gives are not required.
     """
-    makers = {"shot": lambda: shot_schema(_said(SHOTS)), "film": film_schema, "defaults": defaults_schema}
-    if of not in makers:
-        raise UsageError(f"there is no schema of {of!r}. {suggestion(of, makers)}")
-    made = makers[of]()
+    if kind not in KINDS:
+        raise UsageError(f"there is no schema of {kind!r}. {suggestion(kind, KINDS)}")
+    content = _schema_of(kind, SHOTS)
     if output is None:
-        answer(_written(made), made, common.json)
+        print_result(_as_text(content), content, common.json)
         return
     if not common.dry_run:
         with disk_errors(output):
             output.parent.mkdir(parents=True, exist_ok=True)
-            output.write_text(_written(made), encoding="utf-8")
-    done = f"{output}: {'would be ' if common.dry_run else ''}written."
-    answer(done, {"path": str(output)}, common.json)
+            output.write_text(_as_text(content), encoding="utf-8")
+    words = f"{output}: {'would be ' if common.dry_run else ''}written."
+    print_result(words, {"path": str(output)}, common.json)
 
 
 def write_schemas(folder: Path) -> None:
-    """The schemas of the files in a folder of shots, where they are not there as they should be."""
-    made = {"shot": shot_schema(_said(folder)), "film": film_schema(), "defaults": defaults_schema()}
+    """Write the schemas of a folder of shots, unless they are up to date."""
     (folder / SCHEMAS).mkdir(parents=True, exist_ok=True)
-    for name, schema_of in made.items():
-        file, text = folder / SCHEMAS / f"{name}.json", _written(schema_of)
+    for kind in KINDS:
+        file, text = folder / SCHEMAS / f"{kind}.json", _as_text(_schema_of(kind, folder))
         if not file.is_file() or file.read_text(encoding="utf-8") != text:
             file.write_text(text, encoding="utf-8")
 
 
-def _written(schema_of: dict[str, Any]) -> str:
-    return json.dumps(schema_of, indent=1, ensure_ascii=False) + "\n"
+def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
+    if kind == "shot":
+        return shot_schema(_names_with_defaults(folder))
+    return film_schema() if kind == "film" else defaults_schema()
 
 
-def _said(folder: Path) -> list[str]:
-    """The names that the defaults of a folder say; none where these cannot be read."""
+def _as_text(content: dict[str, Any]) -> str:
+    return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
+
+
+def _names_with_defaults(folder: Path) -> list[str]:
+    """Return the names that the defaults of a folder give; none if they cannot be read."""
     try:
         data = YamlSource.read(folder / DEFAULTS).data
     except FlowsculptError:

@@ -9,7 +9,7 @@ import typer
 
 from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, PictureOptions, Quality, Shot
-from pipeline.cli.output import answer
+from pipeline.cli.output import print_result
 from pipeline.errors import UsageError
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
@@ -75,6 +75,8 @@ def sheet(
     made.write(path)
     many = len(made.request.requested)
     facts = {"path": str(path), "frames": list(made.request.requested), "rendered": outcome.made("render")}
-    answer(f"{path}: {many} frame{'s' * (many > 1)}, {outcome.made('render')} rendered.", facts, common.json)
+    print_result(
+        f"{path}: {many} frame{'s' * (many > 1)}, {outcome.made('render')} rendered.", facts, common.json
+    )
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)

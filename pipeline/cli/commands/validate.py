@@ -2,56 +2,58 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
 from pipeline.cli.options import Common, Settings
-from pipeline.cli.output import answer, complain
+from pipeline.cli.output import print_error, print_result
 from pipeline.errors import FlowsculptError
 from pipeline.flow.python_file import python_flows
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
-from pipeline.shot import Film, Shot, read_film, read_shot
+from pipeline.shot import read_film, read_shot
 
 
 def validate(
     common: Common,
     shots: Annotated[
-        list[str] | None, typer.Argument(metavar="SHOT…", help="Shots and edits; by default all.")
+        list[str] | None, typer.Argument(metavar="SHOT…", help="Shots and edits. Default: all.")
     ] = None,
     settings: Settings = None,
 ) -> None:
-    """Read shot files and say everything that is wrong with them, by file, line and column."""
-    failed: list[FlowsculptError] = []
-    facts: list[dict[str, Any]] = []
+    """Check shot files and report every error by file, line and column.
 
-    def check(name: str, read: Callable[[Path], Shot | Film], path: Callable[[], Path]) -> None:
+    `flowsculpt validate` checks all shots and edits in shots/; `flowsculpt validate A010_cube --set
+    resample.max_edge_length=0.1` checks one shot with another value.
+    """
+    edits, given = edit_names(), tuple(settings or ())
+    errors: list[FlowsculptError] = []
+    facts: list[dict[str, Any]] = []
+    for name in shots or [*shot_names(), *edits]:
         try:
-            found = read(path())
-            notes = (
-                [flow.advice for flow in python_flows(found.motion.flow)] if isinstance(found, Shot) else []
-            )
+            notes = _film_notes(find_edit(name), given) if name in edits else _notes(find_shot(name), given)
             facts.append({"file": name, "errors": [], "notes": notes})
         except FlowsculptError as error:
-            failed.append(error)
+            errors.append(error)
             facts.append({"file": name, "errors": str(error).splitlines()})
-
-    said = tuple(settings or ())
-    edits = edit_names()
-    for name in shots or [*shot_names(), *edits]:
-        if name in edits:
-            check(name, partial(read_film, settings=said), partial(find_edit, name))
-        else:
-            check(name, partial(read_shot, settings=said), partial(find_shot, name))
-    complaints = dict.fromkeys(line for failure in failed for line in str(failure).splitlines())
-    if complaints:
-        complain("\n".join(complaints))
+    lines = dict.fromkeys(line for error in errors for line in str(error).splitlines())
+    if lines:
+        print_error("\n".join(lines))
     good = [fact["file"] for fact in facts if not fact["errors"]]
     notes = [f"Note: {note}" for fact in facts for note in fact.get("notes", [])]
     summary = f"Good: {', '.join(good)}" if good else "No shot is good."
-    answer("\n".join([summary, *notes]), facts, common.json)
-    if failed:
-        raise typer.Exit(max(failure.exit_code for failure in failed))
+    print_result("\n".join([summary, *notes]), facts, common.json)
+    if errors:
+        raise typer.Exit(max(error.exit_code for error in errors))
+
+
+def _notes(path: Path, settings: tuple[str, ...]) -> list[str]:
+    """Read a shot and return advice about its Python flows. Raises ShotError."""
+    return [flow.advice for flow in python_flows(read_shot(path, settings=settings).motion.flow)]
+
+
+def _film_notes(path: Path, settings: tuple[str, ...]) -> list[str]:
+    """Read an edit, of which there is nothing to note. Raises ShotError."""
+    read_film(path, settings=settings)
+    return []

@@ -1,95 +1,86 @@
-"""The command `verify`: check every file that was made."""
+"""The command `verify`: check every stored file."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable
+from typing import TypeVar
 
 import typer
-from rich.progress import track
 
-from pipeline.cli.commands.clean import _begun
+from pipeline.cli.commands.clean import begun_requests
 from pipeline.cli.execution import execute
-from pipeline.cli.options import Common, Settings
-from pipeline.cli.output import answer, complain, err, warn
-from pipeline.production.execution.project import Project
+from pipeline.cli.options import Common, Settings, project_of
+from pipeline.cli.output import print_error, print_result, print_warning
+from pipeline.cli.progress import progress_bars
 from pipeline.production.execution.run import exclusive
 from pipeline.production.maintenance.verify import Checked, damages, verified
 from pipeline.production.store.store import Store
 from pipeline.production.versions.checking import PublishedFile, checked, published_files, remedies
 
+File = TypeVar("File", Checked, PublishedFile)
+
 
 def verify(common: Common, settings: Settings = None) -> None:
-    """Decode every file that was made, and make those again that are not what they should be.
+    """Check every stored file, and make damaged ones again.
 
-    Truncated, foreign and damaged meshes, pictures and movies are found and forgotten; what of them today's
-    shots show is then made anew. With --dry-run they are only told.
+    Every mesh, picture and movie of the store is decoded to its end. Truncated, foreign and damaged files are
+    evicted, and made again where today's shots need them. `flowsculpt verify --dry-run` only lists them.
 
-    What was published is held against the digests in its provenance.json. A version is never written to: a
-    file of it that is damaged, altered or gone is told with the command that makes it again (exit code 1).
+    Published files are compared with the digests in their provenance.json. They are never written to: a
+    damaged, altered or missing one is listed with the command that reproduces it (exit code 1).
     """
     store = Store(common.root)
-    faulty, altered = _faulty(common, store), _altered(common)
-    facts = {"faulty": [_facts(each) for each in faulty], "published": [_facts_of(each) for each in altered]}
-    if common.dry_run or not faulty:
-        words = _found(len(faulty), len(altered), "; nothing was changed")
-        answer(words, {**facts, "healed": False}, common.json)
-        raise typer.Exit(1 if faulty or altered else 0)
-    project = Project(common.root, common.cores, settings=tuple(settings or ()))
-    damaged = list(damages(_begun(project), store, {(each.kind, each.key) for each in faulty}))
+    damaged = _reported(common, "verifying", verified(store, common.cores), sum(1 for _ in store.entries()))
+    files = list(published_files(common.root))
+    altered = _reported(common, "verifying versions", checked(files, common.cores), len(files))
+    for remedy in remedies(altered, common.root):
+        print_warning(remedy)
+    facts = {
+        "faulty": [{"kind": file.kind, "file": str(file.path), "fault": file.fault} for file in damaged],
+        "published": [
+            {"version": str(file.version), "file": str(file.path), "frame": file.number, "fault": file.fault}
+            for file in altered
+        ],
+    }
+    if common.dry_run or not damaged:
+        words = _summary(len(damaged), len(altered), "; nothing was changed")
+        print_result(words, {**facts, "healed": False}, common.json)
+        raise typer.Exit(1 if damaged or altered else 0)
+    project = project_of(common, settings)
+    names = {(file.kind, file.key) for file in damaged}
+    repairs = list(damages(begun_requests(project), store, names))
     with exclusive(common.root):
-        for each in faulty:
-            store.discard(each.kind, each.key)
-    outcome = execute(common, lambda: project.mended(damaged))
-    words = _found(len(faulty), len(altered), "; what of it today's shots show is whole again")
-    answer(words, {**facts, "healed": not outcome.unfinished}, common.json)
+        for kind, key in names:
+            store.discard(kind, key)
+    outcome = execute(common, lambda: project.mended(repairs))
+    words = _summary(len(damaged), len(altered), "; those that today's shots need are made again")
+    print_result(words, {**facts, "healed": not outcome.unfinished}, common.json)
     if outcome.exit_code or altered:
         raise typer.Exit(outcome.exit_code or 1)
 
 
-def _faulty(common: Common, store: Store) -> list[Checked]:
-    """What is wrong in the store, told file by file."""
-    total = sum(1 for _ in store.entries())
-    looked_at: Iterable[Checked] = verified(store, common.cores)
-    if common.progress:
-        looked_at = track(looked_at, "verifying", total, console=err)
-    faulty = [each for each in looked_at if each.fault is not None]
-    for each in faulty:
-        complain(f"{each.path.relative_to(common.root)}: {each.fault}")
+def _reported(common: Common, name: str, files: Iterable[File], total: int) -> list[File]:
+    """Check files with a progress bar; report and return the faulty ones."""
+    faulty = []
+    with progress_bars(common.progress and total > 0) as bar:
+        advance = bar(name, total)
+        for file in files:
+            advance()
+            if file.fault is not None:
+                faulty.append(file)
+    for file in faulty:
+        print_error(f"{file.path.relative_to(common.root)}: {file.fault}")
     return faulty
 
 
-def _altered(common: Common) -> list[PublishedFile]:
-    """What is wrong with published versions, told file by file, and how it is had again."""
-    files = list(published_files(common.root))
-    looked_at: Iterable[PublishedFile] = checked(files, common.cores)
-    if common.progress and files:
-        looked_at = track(looked_at, "verifying versions", len(files), console=err)
-    altered = [each for each in looked_at if each.fault is not None]
-    for each in altered:
-        complain(f"{each.path.relative_to(common.root)}: {each.fault}")
-    for remedy in remedies(altered, common.root):
-        warn(remedy)
-    return altered
-
-
-def _found(faulty: int, altered: int, more: str) -> str:
-    """`more` is what becomes of those that were not published."""
-    if not (faulty or altered):
+def _summary(damaged: int, altered: int, what_became: str) -> str:
+    """`what_became`: of the damaged files, those that are not published."""
+    if not (damaged or altered):
         return "Every file is what it should be."
-    told = [f"{_many(faulty, 'is not what it should be', 'are not what they should be')}{more}."]
-    told += [
-        f"{_many(altered, 'of a published version is', 'of published versions are')} not what was published."
-    ]
-    return " ".join(words for words, count in zip(told, (faulty, altered), strict=True) if count)
+    sentences = [f"{_count(damaged)} damaged{what_became}."] if damaged else []
+    sentences += [f"{_count(altered, ' of published versions')} not what was published."] if altered else []
+    return " ".join(sentences)
 
 
-def _many(count: int, of_one: str, of_several: str) -> str:
-    return f"1 file {of_one}" if count == 1 else f"{count} files {of_several}"
-
-
-def _facts(each: Checked) -> dict[str, str | None]:
-    return {"kind": each.kind, "file": str(each.path), "fault": each.fault}
-
-
-def _facts_of(each: PublishedFile) -> dict[str, object]:
-    return {"version": str(each.version), "file": str(each.path), "frame": each.number, "fault": each.fault}
+def _count(number: int, of: str = "") -> str:
+    return f"1 file{of} is" if number == 1 else f"{number} files{of} are"

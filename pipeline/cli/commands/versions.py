@@ -7,10 +7,9 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.table import Table
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import answer, complain, out
+from pipeline.cli.output import out, print_error, print_result, table
 from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
 from pipeline.production.store.paths import PUBLISHED, published
@@ -20,40 +19,40 @@ from pipeline.production.versions.provenance import FILE, Provenance, records
 def versions(
     common: Common,
     shot: Annotated[
-        str | None, typer.Argument(metavar="SHOT", help="The shot's name; by default all that are published.")
+        str | None, typer.Argument(metavar="SHOT", help="A shot's name. Default: all published shots.")
     ] = None,
 ) -> None:
-    """List what is published: each version's quality, frames, date, user and note."""
+    """List published versions with quality, frames, date, user and note.
+
+    `flowsculpt versions A010_cube` lists the versions that `flowsculpt publish A010_cube` made.
+    """
     home = common.root / PUBLISHED
-    known = sorted(place.name for place in home.glob("*") if place.is_dir())
+    known = sorted(folder.name for folder in home.glob("*") if folder.is_dir())
     name = None if shot is None else Path(shot).stem if shot.endswith((".yaml", ".yml")) else shot
     if name is not None and name not in known:
         there = f"published are {', '.join(known)}" if known else "nothing is, yet"
         raise MissingInputError(
             f"{name} is not published in {home}; {there}. flowsculpt publish {name} does it"
         )
-    found, failed = [], []
+    provenances, errors = [], []
     for each in known if name is None else [name]:
-        for place, record in records(common.root / published(each)):
+        for folder, record in records(common.root / published(each)):
             if isinstance(record, Provenance):
-                found.append((place, record))
+                provenances.append((folder, record))
             else:
-                failed.append(record)
-    for error in failed:
-        complain(str(error))
-    _tell_versions(found, common.json)
-    if failed:
-        raise typer.Exit(max(error.exit_code for error in failed))
+                errors.append(record)
+                print_error(str(record))
+    _report(provenances, common.json)
+    if errors:
+        raise typer.Exit(max(error.exit_code for error in errors))
 
 
-def _tell_versions(found: Sequence[tuple[Path, Provenance]], as_json: bool) -> None:
+def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> None:
     if as_json:
-        answer("", [_facts(place, record) for place, record in found], as_json=True)
+        print_result("", [_facts(folder, record) for folder, record in provenances], as_json=True)
         return
-    table = Table(box=None, pad_edge=False)
-    for heading in ("shot", "version", "quality", "frames", "published (UTC)", "by", "note"):
-        table.add_column(heading)
-    for _, record in found:
+    listing = table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
+    for _, record in provenances:
         when = record.published.replace("T", " ").removesuffix("Z")
         frames = str(FrameRange.of(record.frames))
         row = (
@@ -65,15 +64,15 @@ def _tell_versions(found: Sequence[tuple[Path, Provenance]], as_json: bool) -> N
             record.user or "–",
             record.note or "–",
         )
-        table.add_row(*(word.replace("[", r"\[") for word in row))
-    out.print(table if found else "Nothing is published here; flowsculpt publish does it.")
+        listing.add_row(*(word.replace("[", r"\[") for word in row))
+    out.print(listing if provenances else "Nothing is published here; flowsculpt publish does it.")
 
 
-def _facts(place: Path, record: Provenance) -> dict[str, Any]:
+def _facts(folder: Path, record: Provenance) -> dict[str, Any]:
     names = ("shot", "version", "title", "quality", "variant", "published", "user", "note")
     return {
         **{name: getattr(record, name) for name in names},
         "frames": list(record.frames),
-        "path": str(place),
-        "provenance": str(place / FILE),
+        "path": str(folder),
+        "provenance": str(folder / FILE),
     }

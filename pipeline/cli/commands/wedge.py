@@ -8,7 +8,7 @@ import typer
 
 from pipeline.cli.execution import count_words, estimate_words, execute, made_by_stage
 from pipeline.cli.options import Common, PictureOptions, Quality, Shot
-from pipeline.cli.output import answer, warn
+from pipeline.cli.output import print_result, print_warning
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.lookup import find_shot
@@ -67,7 +67,7 @@ def wedge(
         "done": not outcome.unfinished,
     }
     rendered = f"{len(grid)} cells, {outcome.made('render')} frames rendered"
-    answer(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
+    print_result(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
     if outcome.exit_code:
         raise typer.Exit(outcome.exit_code)
 
@@ -78,7 +78,7 @@ def _report(common: Common, made: Wedge) -> None:
     expected = estimate(plan, common.root, common.cores)
     counts, spared = plan.frame_counts(), plan.spared
     for note in plan.notes:
-        warn(note)
+        print_warning(note)
     todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
     facts = {
         "cells": _cells(made),
@@ -98,7 +98,7 @@ def _report(common: Common, made: Wedge) -> None:
         lines.append(f"Shared by cells, and done once: {count_words(spared)}.")
     if plan.jobs:
         lines.append(estimate_words(expected))
-    answer("\n".join(lines), facts, common.json)
+    print_result("\n".join(lines), facts, common.json)
 
 
 def _cells(made: Wedge) -> list[dict[str, object]]:

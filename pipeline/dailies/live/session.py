@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.dailies.live.feed import LiveFeed
-from pipeline.dailies.preview.animatic import SIZES, Ready, aims, size_for
+from pipeline.dailies.preview.animatic import SIZES, FramedSurfaces, aims, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
@@ -32,7 +32,7 @@ class Drawn:
 
 
 @dataclass(eq=False)
-class Session:
+class LiveSession:
     """Shows what `read` makes of the shot, on a screen.
 
     done    is told when the whole shot is shown as renders will see it
@@ -42,17 +42,17 @@ class Session:
     read: Callable[[], Sketch]
     screen: LiveFeed
     stream: SurfaceStream
-    done: Callable[[Ready], None]
+    done: Callable[[FramedSurfaces], None]
     edited: set[Path]
     _before: Stamp = frozenset()
     _drawn: dict[int, Drawn] = field(default_factory=dict)
     _framings: Mapping[int, Framing] = field(default_factory=dict)
 
-    def once(self) -> None:
+    def show_once(self) -> None:
         """Show the shot as it is. Raises what reading and simulating it raise."""
         self._show(lambda: None)
 
-    def again_and_again(self) -> None:
+    def follow(self) -> None:
         """Show the shot as it is, and each time that it is saved; until the process is interrupted."""
         while True:
             self._before = stamp(self.edited)
@@ -86,9 +86,11 @@ class Session:
             if number == numbers[0]:
                 sketch = replace(sketch, closed=is_closed(self.stream.arrays(request, number)))
             framing = known.get(number) or aims(request, self.stream, [number])[number]
-            self._draw(number_of_take, Ready(sketch, self.stream, {number: framing}), [number], size, check)
+            self._draw(
+                number_of_take, FramedSurfaces(sketch, self.stream, {number: framing}), [number], size, check
+            )
         self._framings = request.framings(self.stream.store) or aims(request, self.stream, numbers)
-        ready = Ready(sketch, self.stream, self._framings)
+        ready = FramedSurfaces(sketch, self.stream, self._framings)
         self.screen.say("Framing …")
         self._draw(number_of_take, ready, numbers, size, check)
         self.screen.say("Writing the movie …")
@@ -98,7 +100,7 @@ class Session:
     def _draw(
         self,
         request: int,
-        ready: Ready,
+        ready: FramedSurfaces,
         numbers: Iterable[int],
         size: tuple[int, int],
         check: Callable[[], None],
@@ -124,7 +126,7 @@ def files_of(source: ShotSource) -> set[Path]:
     return {source.path, *(source.path.with_name(name) for name, _ in source.beside), *pinned}
 
 
-def _recipe(ready: Ready, number: int) -> tuple[Any, ...]:
+def _recipe(ready: FramedSurfaces, number: int) -> tuple[Any, ...]:
     """What a picture is drawn from."""
     request, sketch = ready.sketch.request, ready.sketch
     shown = request.shot.picture

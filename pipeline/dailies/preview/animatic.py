@@ -35,7 +35,7 @@ WAITING = 12
 Picture = NDArray[Any]
 Framed = tuple[int, Framing]
 
-Tell = Callable[[str, int], None]
+FrameCallback = Callable[[str, int], None]
 """Hears of each frame: `simulating` or `drawing`, and its number."""
 
 
@@ -46,14 +46,14 @@ class Animatic:
     sketch: Sketch
     stream: SurfaceStream
 
-    def still(self, number: int, path: Path, tell: Tell) -> None:
+    def still(self, number: int, path: Path, tell: FrameCallback) -> None:
         """A PNG. Raises FrameError where a frame fails, MachineError where the disk does."""
         framed = self._framed({number}, tell)
         picture = next(self._pictures(framed, size_for(self.sketch.request.aspect, SIZES["still"]), "srgb"))
         write_png(path, picture, {"shot": self.sketch.request.name, "frame": number})
         tell("drawing", number)
 
-    def movie(self, path: Path, tell: Tell) -> int:
+    def movie(self, path: Path, tell: FrameCallback) -> int:
         """An MP4 of the frames asked for; how many it has. Raises as `still`."""
         request = self.sketch.request
         framed = self._framed(set(request.requested), tell)
@@ -71,7 +71,7 @@ class Animatic:
         angles = sorted(request.angles)
         return angles[: angles.index(max(asked)) + AHEAD + 1] if request.follow == 1.0 else angles
 
-    def _framed(self, asked: Set[int], tell: Tell) -> Iterator[Framed]:
+    def _framed(self, asked: Set[int], tell: FrameCallback) -> Iterator[Framed]:
         request, stream, wanted = self.sketch.request, self.stream, self.played(asked)
 
         def played() -> Iterator[int]:
@@ -93,7 +93,7 @@ class Animatic:
 
 
 @dataclass(frozen=True, eq=False)
-class Ready:
+class FramedSurfaces:
     """Frames whose surfaces and cameras are known."""
 
     sketch: Sketch
@@ -104,7 +104,7 @@ class Ready:
         """As `drawn`."""
         return drawn(self.sketch, self.stream, ((n, self.framings[n]) for n in numbers), size, display)
 
-    def movie(self, path: Path, tell: Tell) -> int:
+    def movie(self, path: Path, tell: FrameCallback) -> int:
         """An MP4 of the frames asked for; how many it has."""
         request = self.sketch.request
         pictures = self.pictures(
@@ -138,7 +138,9 @@ def drawn(
             yield oldest()
 
 
-def write_playblast(path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: Tell) -> int:
+def write_playblast(
+    path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: FrameCallback
+) -> int:
     """An MP4 of the frames that a take asks for; how many it has."""
     numbers, rate = sorted(request.requested), request.shot.rate.fps
 

@@ -32,7 +32,7 @@ Tell = Callable[[], None]
 
 
 @dataclass(frozen=True)
-class Page:
+class ReviewPage:
     """A page of shots in a folder under the root.
 
     models  how many mesh frames of each shot it has at most

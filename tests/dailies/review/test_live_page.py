@@ -10,11 +10,11 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
-from playwright.sync_api import Page as Tab
+from playwright.sync_api import ReviewPage as Tab
 
 from pipeline.dailies.live.feed import LiveFeed
 from pipeline.dailies.live.server import serving
-from pipeline.dailies.live.session import Session
+from pipeline.dailies.live.session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project
@@ -50,8 +50,8 @@ def follower(browser: Browser, tmp_path: Path) -> Iterator[Follower]:
 
     screen, complaints = LiveFeed(), []
     with SurfaceStream(Project(tmp_path, 2).store) as stream, serving(screen) as address:
-        session = Session(sketch, screen, stream, lambda ready: None, {shot})
-        threading.Thread(target=session.again_and_again, daemon=True).start()
+        session = LiveSession(sketch, screen, stream, lambda ready: None, {shot})
+        threading.Thread(target=session.follow, daemon=True).start()
         context = browser.new_context(viewport={"width": 900, "height": 640}, reduced_motion="reduce")
         tab = context.new_page()
         tab.on("console", lambda message: complaints.append(message.text))
