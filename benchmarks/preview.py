@@ -107,8 +107,8 @@ def animatic(root: Path) -> tuple[float, float]:
 
 def edited(root: Path) -> tuple[float, int]:
     """Seconds from an edit to the first picture that it changed, and how many vertices that shows."""
-    shot, screen = root / "shots" / "ball.yaml", LiveFeed()
-    heard = screen.listen()
+    shot, feed = root / "shots" / "ball.yaml", LiveFeed()
+    heard = feed.subscribe()
     with SurfaceStream(Project(root, 2).store) as stream:
         requests: list[Any] = []
 
@@ -116,7 +116,7 @@ def edited(root: Path) -> tuple[float, int]:
             requests.append(Project(root, 2).request(shot, "preview", None, variant="none"))
             return Sketch(requests[-1])
 
-        session = LiveSession(sketch, screen, stream, lambda ready: None, {shot})
+        session = LiveSession(sketch, feed, stream, lambda ready: None, {shot})
         threading.Thread(target=session.follow, daemon=True).start()
         _hear(heard, "words", "Save the shot file to see what changes.")
         started = time.perf_counter()

@@ -150,7 +150,7 @@ class CommonOptions:
 
 @dataclass(frozen=True)
 class ShotOptions:
-    """How a command reads shots."""
+    """Options of commands that read shots."""
 
     settings: Settings = None
     allow_code: AllowCode = False
@@ -162,7 +162,7 @@ class ShotOptions:
 
 @dataclass(frozen=True)
 class PictureOptions:
-    """How a command reads and renders shots."""
+    """Options of commands that read and render shots."""
 
     crop: Crop = None
     scale: Scale = None

@@ -1,1 +1,1 @@
-"""What people look at: previews, turntables, slates, deliverables and the review page."""
+"""Previews, live pages, turntables, deliverables, review pages and contact sheets of shots."""

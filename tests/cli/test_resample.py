@@ -89,7 +89,7 @@ def test_every_reason_to_stay_short_has_its_words():
 def test_the_help_teaches_how_to_choose_the_length(project):
     done = project.run("resample", "--help")
     assert done.code == 0
-    for word in ("--max-edge-length", "--min-edge-length", "--placement", "Example", "smallest", "--json"):
+    for word in ("--max-edge-length", "--min-edge-length", "--placement", "bunny.obj", "smallest", "--json"):
         assert word in done.out
 
 

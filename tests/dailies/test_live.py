@@ -33,10 +33,10 @@ class Follower:
         self.root, self.shot = root, root / "shots" / f"{NAME}.yaml"
         self.shot.parent.mkdir()
         self.shot.write_text(TINY)
-        self.screen, self.stream = LiveFeed(), SurfaceStream(Project(root, 2).store)
+        self.feed, self.stream = LiveFeed(), SurfaceStream(Project(root, 2).store)
         self.movies = 0
-        session = LiveSession(self._sketch, self.screen, self.stream, self._done, {self.shot})
-        self.heard = self.screen.listen()
+        session = LiveSession(self._sketch, self.feed, self.stream, self._done, {self.shot})
+        self.heard = self.feed.subscribe()
         threading.Thread(target=session.follow, daemon=True).start()
 
     def until(self, words: str) -> list[dict[str, Any]]:
@@ -68,7 +68,7 @@ def test_every_frame_comes_while_the_next_is_simulated_and_again_from_the_right_
     follower: Follower,
 ) -> None:
     messages = follower.until("Save")
-    assert messages[0].pop("session") == follower.screen.session
+    assert messages[0].pop("session") == follower.feed.session
     assert messages[0] == {
         "event": "begin",
         "take": 1,
@@ -79,21 +79,21 @@ def test_every_frame_comes_while_the_next_is_simulated_and_again_from_the_right_
         "size": [480, 270],
     }
     assert frames(messages) == [1, 2, 3, 4, 5, 6] * 2 and follower.movies == 1
-    jpeg = follower.screen.picture(1, 3)
+    jpeg = follower.feed.picture(1, 3)
     assert jpeg is not None and jpeg[:3] == b"\xff\xd8\xff"
-    late = follower.screen.listen()
+    late = follower.feed.subscribe()
     assert [late.get()["event"] for _ in range(8)] == ["begin", *["frame"] * 6, "say"]
 
 
 def test_what_an_edit_left_alone_is_shown_as_it_was(follower: Follower) -> None:
     follower.until("Save")
-    before = {n: follower.screen.picture(1, n) for n in range(1, 7)}
+    before = {n: follower.feed.picture(1, n) for n in range(1, 7)}
     follower.shot.write_text(TINY.replace("A box, twisted", "A box"))
     assert frames(follower.until("Save")) == [1, 2, 3, 4, 5, 6], "each once, for its camera stays too"
-    assert all(follower.screen.picture(2, n) is before[n] for n in range(1, 7))
+    assert all(follower.feed.picture(2, n) is before[n] for n in range(1, 7))
     follower.shot.write_text(TINY.replace("camera:", "look: glaze\ncamera:"))
     follower.until("Save")
-    assert all(follower.screen.picture(3, n) != before[n] for n in range(1, 7))
+    assert all(follower.feed.picture(3, n) != before[n] for n in range(1, 7))
 
 
 def test_a_mistake_is_told_at_its_line_and_mended_by_the_next_save(follower: Follower) -> None:
@@ -110,14 +110,14 @@ def test_a_save_ends_what_is_being_shown(follower: Follower) -> None:
     follower.shot.write_text(TINY.replace("elevation: 14", "elevation: 40"))
     messages = follower.until("Save")
     assert messages[-1]["event"] == "say" and follower.movies == 1
-    assert follower.screen.picture(2, 6) is not None
+    assert follower.feed.picture(2, 6) is not None
 
 
 def test_browsers_on_this_machine_are_served_and_no_others() -> None:
-    screen = LiveFeed()
-    request = screen.begin("A", 1, 2, 24.0, (8, 4))
-    screen.show(request, 1, b"picture")
-    with serving(screen) as address:
+    feed = LiveFeed()
+    request = feed.begin("A", 1, 2, 24.0, (8, 4))
+    feed.show(request, 1, b"picture")
+    with serving(feed) as address:
         assert fetched(address + "frames/1/1.jpg?1") == b"picture"
         assert b"page.js" in fetched(address)
         for path, host, code in (
@@ -130,27 +130,27 @@ def test_browsers_on_this_machine_are_served_and_no_others() -> None:
                 urllib.request.urlopen(request)
             assert refused.value.code == code
             refused.value.close()
-        with pytest.raises(MachineError, match="leave --port out"), serving(screen, int(address[17:-1])):
+        with pytest.raises(MachineError, match="leave --port out"), serving(feed, int(address[17:-1])):
             pass
 
 
 def test_a_page_hears_of_all_that_it_missed_and_of_what_comes() -> None:
-    screen = LiveFeed()
-    request = screen.begin("A", 1, 2, 24.0, (8, 4))
-    screen.show(request, 1, b"picture")
-    with serving(screen) as address, urllib.request.urlopen(address + "events", timeout=PATIENCE) as stream:
+    feed = LiveFeed()
+    request = feed.begin("A", 1, 2, 24.0, (8, 4))
+    feed.show(request, 1, b"picture")
+    with serving(feed) as address, urllib.request.urlopen(address + "events", timeout=PATIENCE) as stream:
         assert next_message(stream)["shot"] == "A"
         assert next_message(stream) == {"event": "frame", "take": 1, "frame": 1, "drawn": 1}
-        screen.show(request, 2, b"another")
+        feed.show(request, 2, b"another")
         assert next_message(stream)["frame"] == 2
 
 
 def test_pictures_of_the_last_take_stay_until_the_next_but_one() -> None:
-    screen = LiveFeed()
+    feed = LiveFeed()
     for request in (1, 2, 3):
-        screen.begin("A", 1, 2, 24.0, (8, 4))
-        screen.show(request, 1, bytes([request]))
-    assert [screen.picture(request, 1) for request in (1, 2, 3)] == [None, b"\x02", b"\x03"]
+        feed.begin("A", 1, 2, 24.0, (8, 4))
+        feed.show(request, 1, bytes([request]))
+    assert [feed.picture(request, 1) for request in (1, 2, 3)] == [None, b"\x02", b"\x03"]
 
 
 def fetched(address: str) -> bytes:

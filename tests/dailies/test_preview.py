@@ -11,7 +11,7 @@ import pytest
 
 from pipeline.animation import animate
 from pipeline.dailies.preview import mesh_source
-from pipeline.dailies.preview.animatic import Animatic, aims, size_for
+from pipeline.dailies.preview.animatic import Animatic, framings_of, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.spill_cache import SpillCache
 from pipeline.dailies.preview.surface_stream import SurfaceStream
@@ -57,15 +57,15 @@ def test_after_an_edit_only_what_it_changed_is_simulated_again(root: Path) -> No
     with SurfaceStream(Project(root, 2).store) as stream:
         before = take_of(root)
         list(stream.play(before, range(1, 7)))
-        known = dict(stream.memory.frames)
+        known = dict(stream.meshes.frames)
         after = take_of(root, "flows.0.twist.amount={ease: linear, keys: {1: 0, 4: 36, 6: 90}}")
         list(stream.play(after, range(1, 7)))
         for number in range(1, 5):
             key = after.mesh_key(number)
-            assert key == before.mesh_key(number) and stream.memory.frames[key] is known[key]
-        assert before.mesh_key(6) not in stream.memory.frames, "what no frame needs is forgotten"
+            assert key == before.mesh_key(number) and stream.meshes.frames[key] is known[key]
+        assert before.mesh_key(6) not in stream.meshes.frames, "what no frame needs is forgotten"
         alone = {frame.number: frame for frame in animate(after.shot)}
-        found = stream.memory.frames[after.mesh_key(6)]
+        found = stream.meshes.frames[after.mesh_key(6)]
         np.testing.assert_array_equal(found.mesh.vertices, alone[6].mesh.vertices)
 
 
@@ -87,7 +87,7 @@ def test_cameras_are_those_of_the_render(root: Path) -> None:
     expected = frame_all(views, lambda i: points[numbers[i]], request.aspect, request.follow)
     with SurfaceStream(Project(root, 2).store) as stream:
         list(stream.play(request, numbers))
-        found = aims(request, stream, numbers)
+        found = framings_of(request, stream, numbers)
     for number, framing in zip(numbers, expected, strict=True):
         np.testing.assert_allclose(found[number].camera.origin, framing.camera.origin, atol=1e-5)
         np.testing.assert_allclose(found[number].placement.origin, framing.placement.origin, atol=1e-5)
@@ -164,7 +164,7 @@ def test_pictures_are_drawn_while_later_frames_are_simulated_and_are_forgotten(r
             Animatic(Sketch(request), stream).movie(root / "long.mp4", lambda *what: told.append(what)) == 80
         )
         assert told.index(("drawing", 1)) < told.index(("simulating", 80))
-        assert not stream.memory.frames
+        assert not stream.meshes.frames
         with pytest.raises(FileNotFoundError):
             stream.arrays(request, 1)
     assert [n for stage, n in told if stage == "drawing"] == list(range(1, 81))
@@ -176,7 +176,7 @@ def test_a_still_waits_for_no_more_frames_than_its_camera_depends_on(root: Path)
         Animatic(Sketch(request), stream).still(20, root / "early.png", lambda *what: told.append(what))
         assert told == [*(("simulating", n) for n in range(1, 20 + AHEAD + 1)), ("drawing", 20)]
         list(stream.play(request, range(1, 81)))
-        framing = aims(request, stream, list(range(1, 81)))[20]
+        framing = framings_of(request, stream, list(range(1, 81)))[20]
         expected = Sketch(request, closed=True).picture(
             20, stream.arrays(request, 20), framing, (960, 540), "srgb"
         )

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.dailies.preview.sketch import inks, shape_of
+from pipeline.dailies.preview.sketch import line_colours, shape_of
 from pipeline.dailies.preview.streamlines import PIECES, streamlines
 from pipeline.shot import Motion, read_shot
 from render.scene.materials import LOOKS
@@ -45,7 +45,7 @@ def test_where_nothing_moves_nothing_is_drawn() -> None:
     assert streamlines(motion("twist: {amount: 20}"), 12, BOX).points.shape == (0, PIECES + 1, 3)
     assert not len(streamlines(motion(keyed, "speed: 0\n"), 12, BOX).points)
     assert len(streamlines(motion(keyed), 12, BOX).points)
-    assert inks(streamlines(motion("twist: {amount: 20}"), 12, BOX))[0].shape == (0, PIECES + 1, 3)
+    assert line_colours(streamlines(motion("twist: {amount: 20}"), 12, BOX))[0].shape == (0, PIECES + 1, 3)
 
 
 def test_lines_begin_around_the_subject_wherever_it_is() -> None:
@@ -65,6 +65,6 @@ def test_a_cloud_is_drawn_as_balls() -> None:
 
 
 def test_colours_tell_the_speed_and_both_ends_fade() -> None:
-    colours, opacity = inks(streamlines(motion("vortex: {strength: 3, radius: 0.4}"), 12, BOX))
+    colours, opacity = line_colours(streamlines(motion("vortex: {strength: 3, radius: 0.4}"), 12, BOX))
     assert (opacity[:, [0, -1]] < 1e-9).all() and opacity.max() <= 1.0 and opacity[:, PIECES // 2].min() > 0.3
     assert np.ptp(colours[..., 0]) > 0.3

@@ -13,7 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.turntable.request import TurntableRequest, key_numbers, named
+from pipeline.dailies.turntable.request import TurntableRequest, key_numbers, turn_and_angle
 from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
@@ -204,7 +204,7 @@ def test_sheets_show_the_pictures_nearest_to_eighths_and_quarters(
     frames: int, turns: tuple[str, ...], angles: str
 ) -> None:
     table = Turntable(1, frames)
-    found = [named(table, number) for number in key_numbers(table, turns)]
+    found = [turn_and_angle(table, number) for number in key_numbers(table, turns)]
     assert [angle for _, angle in found] == [f"{angle}°" for angle in angles.split()]
     assert list(dict.fromkeys(turn for turn, _ in found)) == list(turns)
 

@@ -58,11 +58,11 @@ def sheet(
         return
     if at is not None:
         raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
-    from pipeline.dailies.sheets.sheet import Sheet, spread
+    from pipeline.dailies.sheets.sheet import ShotSheet, spread
 
     project, name = options.project(common), options.quality(quality)
     request = project.request(find_shot(shot), name, frames)
-    made = Sheet(request if frames is not None else spread(request), project.store, columns)
+    made = ShotSheet(request if frames is not None else spread(request), project.store, columns)
 
     def planned() -> Plan:
         return project.frames([made.request])

@@ -1,1 +1,1 @@
-"""A page on this machine that follows a shot while it is simulated, and again after each edit."""
+"""A local page that shows a shot while it is simulated, and again after each edit."""

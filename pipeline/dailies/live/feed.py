@@ -1,4 +1,4 @@
-"""What the page shows at present, and whoever wants to hear of changes."""
+"""The state of the live page: pictures, messages, and the browsers that follow them."""
 
 from __future__ import annotations
 
@@ -11,29 +11,29 @@ from typing import Any
 Message = dict[str, Any]
 
 LATEST = 2
-"""Takes whose pictures are kept: while the next one comes, the page still shows the last."""
+"""Takes whose pictures are kept: the page shows the last one while the next is drawn."""
 
 
 @dataclass(eq=False)
 class LiveFeed:
-    """Safe to use from several threads.
+    """Pictures and messages for browsers; safe to use from several threads.
 
-    session  tells it from another process's, to which an open page may have come back
+    session  identifies this process, for a page that stayed open after another one ended
 
-    A *take* is what one text of the shot makes; they are numbered. Of its pictures each may come twice, the
-    second time from the camera that has seen the whole shot.
+    A *take* is one state of the shot file; takes are numbered. Each of its pictures may come twice: the
+    second time from the camera that was framed by the whole shot.
     """
 
     session: int = field(default_factory=time.time_ns)
     _lock: threading.Lock = field(default_factory=threading.Lock)
-    _heard_by: list[queue.SimpleQueue[Message]] = field(default_factory=list)
+    _subscribers: list[queue.SimpleQueue[Message]] = field(default_factory=list)
     _pictures: dict[tuple[int, int], bytes] = field(default_factory=dict)
     _drawn: dict[tuple[int, int], int] = field(default_factory=dict)
     _begun: Message = field(default_factory=dict)
     _said: Message = field(default_factory=dict)
 
     def begin(self, shot: str, first: int, last: int, fps: float, size: tuple[int, int]) -> int:
-        """A new take; its number."""
+        """Begin a take and return its number."""
         with self._lock:
             take = self._begun.get("take", 0) + 1
             self._begun = {
@@ -48,44 +48,45 @@ class LiveFeed:
             }
             for place in [place for place in self._pictures if place[0] <= take - LATEST]:
                 del self._pictures[place], self._drawn[place]
-            self._tell(self._begun)
+            self._send(self._begun)
             return int(take)
 
     def show(self, take: int, frame: int, jpeg: bytes) -> None:
+        """Show a picture."""
         with self._lock:
             place = take, frame
             self._pictures[place] = jpeg
             self._drawn[place] = self._drawn.get(place, 0) + 1
-            self._tell(self._frame(place))
+            self._send(self._frame(place))
 
     def say(self, words: str, trouble: bool = False) -> None:
-        """What is going on, or wrong."""
+        """Show a message: what is going on, or, as `trouble`, what is wrong."""
         with self._lock:
             self._said = {"event": "say", "words": words, "trouble": trouble}
-            self._tell(self._said)
+            self._send(self._said)
 
     def picture(self, take: int, frame: int) -> bytes | None:
         with self._lock:
             return self._pictures.get((take, frame))
 
-    def listen(self) -> queue.SimpleQueue[Message]:
-        """Everything so far, and then what comes."""
-        heard: queue.SimpleQueue[Message] = queue.SimpleQueue()
+    def subscribe(self) -> queue.SimpleQueue[Message]:
+        """Return a queue with all that the page shows now, to which every later message is added."""
+        messages: queue.SimpleQueue[Message] = queue.SimpleQueue()
         with self._lock:
             shown = [self._frame(place) for place in self._pictures if place[0] == self._begun.get("take")]
             for message in (self._begun, *shown, self._said):
                 if message:
-                    heard.put(message)
-            self._heard_by.append(heard)
-        return heard
+                    messages.put(message)
+            self._subscribers.append(messages)
+        return messages
 
-    def leave(self, heard: queue.SimpleQueue[Message]) -> None:
+    def unsubscribe(self, messages: queue.SimpleQueue[Message]) -> None:
         with self._lock:
-            self._heard_by.remove(heard)
+            self._subscribers.remove(messages)
 
     def _frame(self, place: tuple[int, int]) -> Message:
         return {"event": "frame", "take": place[0], "frame": place[1], "drawn": self._drawn[place]}
 
-    def _tell(self, message: Message) -> None:
-        for heard in self._heard_by:
-            heard.put(message)
+    def _send(self, message: Message) -> None:
+        for messages in self._subscribers:
+            messages.put(message)

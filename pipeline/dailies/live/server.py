@@ -1,4 +1,4 @@
-"""Serving the page to browsers on this machine, and to no others."""
+"""Serve the live page to browsers on this machine, and to no others."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from typing import Any
 from pipeline.dailies.live.feed import LiveFeed
 from pipeline.errors import MachineError
 
-HERE = "127.0.0.1"
+ADDRESS = "127.0.0.1"
 
 PAGE = {
     "/": ("page.html", "text/html; charset=utf-8"),
@@ -27,25 +27,25 @@ PAGE = {
 
 _PICTURE = re.compile(r"/frames/(\d{1,9})/(\d{1,9})\.jpg(?:\?\d+)?")
 
-SIGN_OF_LIFE = 5.0
-"""Seconds between words to a page that hears nothing else, so that a closed one is noticed."""
+KEEP_ALIVE = 5.0
+"""Seconds between comments in a stream without messages, by which a closed page is noticed."""
 
 
 @contextmanager
-def serving(screen: LiveFeed, port: int = 0) -> Iterator[str]:
-    """Serve the page until the end of the context; its address. Port 0 is any that is free.
+def serving(feed: LiveFeed, port: int = 0) -> Iterator[str]:
+    """Serve the page until the end of the context, and yield its address. Port 0 is any free one.
 
-    Raises MachineError where the port is taken.
+    Raises MachineError if the port is taken.
     """
     try:
-        server = _Server((HERE, port), partial(_Handler, screen))
+        server = _Server((ADDRESS, port), partial(_Handler, feed))
     except OSError as error:
         raise MachineError(
-            f"port {port} of this machine cannot be had ({error.strerror}); leave --port out for a free one"
+            f"port {port} of this machine cannot be used ({error.strerror}); leave --port out for a free one"
         ) from error
     threading.Thread(target=server.serve_forever, daemon=True).start()
     try:
-        yield f"http://{HERE}:{server.server_port}/"
+        yield f"http://{ADDRESS}:{server.server_port}/"
     finally:
         server.shutdown()
         server.server_close()
@@ -55,7 +55,7 @@ class _Server(ThreadingHTTPServer):
     daemon_threads = True
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """A browser that leaves in the middle is no error of ours."""
+        """Ignore browsers that close a connection early."""
         if not isinstance(sys.exc_info()[1], OSError):
             super().handle_error(request, client_address)
 
@@ -63,12 +63,12 @@ class _Server(ThreadingHTTPServer):
 class _Handler(BaseHTTPRequestHandler):
     protocol_version = "HTTP/1.1"
 
-    def __init__(self, screen: LiveFeed, request: Any, client_address: Any, server: Any) -> None:
-        self._screen = screen
+    def __init__(self, feed: LiveFeed, request: Any, client_address: Any, server: Any) -> None:
+        self._feed = feed
         super().__init__(request, client_address, server)
 
     def do_GET(self) -> None:
-        if not self._is_asked_here():
+        if not self._is_local():
             self.send_error(403, "this page is for browsers on this machine")
         elif self.path in PAGE:
             name, kind = PAGE[self.path]
@@ -81,17 +81,17 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(404)
 
     def _picture(self) -> bytes | None:
-        """The one that is asked for, where it is there."""
-        found = _PICTURE.fullmatch(self.path)
-        return None if found is None else self._screen.picture(int(found[1]), int(found[2]))
+        """Return the requested picture, if there is one."""
+        match = _PICTURE.fullmatch(self.path)
+        return None if match is None else self._feed.picture(int(match[1]), int(match[2]))
 
     def log_message(self, *arguments: object) -> None:
-        """Requests are nobody's concern."""
+        """Log nothing."""
 
-    def _is_asked_here(self) -> bool:
-        """Another site's script may find the port, but by another name for it."""
+    def _is_local(self) -> bool:
+        """Tell whether a request names this machine; scripts of other sites name another host."""
         host = self.headers.get("Host", "").rsplit(":", 1)[0]
-        return host in (HERE, "localhost")
+        return host in (ADDRESS, "localhost")
 
     def _send(self, content: bytes, kind: str) -> None:
         self.send_response(200)
@@ -102,22 +102,22 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(content)
 
     def _stream(self) -> None:
-        """Server-sent events, until the page is closed."""
+        """Send events until the page is closed."""
         self.send_response(200)
         self.send_header("Content-Type", "text/event-stream")
         self.send_header("Cache-Control", "no-store")
         self.send_header("Connection", "close")
         self.end_headers()
         self.close_connection = True
-        heard = self._screen.listen()
+        messages = self._feed.subscribe()
         try:
             while True:
                 try:
-                    words = f"data: {json.dumps(heard.get(timeout=SIGN_OF_LIFE))}\n\n"
+                    words = f"data: {json.dumps(messages.get(timeout=KEEP_ALIVE))}\n\n"
                 except queue.Empty:
-                    words = ": here\n\n"
+                    words = ": keep-alive\n\n"
                 self.wfile.write(words.encode())
         except OSError:
             return
         finally:
-            self._screen.leave(heard)
+            self._feed.unsubscribe(messages)

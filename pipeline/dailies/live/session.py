@@ -1,4 +1,4 @@
-"""Following a shot: every frame shown as soon as it is simulated, and what an edit changed shown again."""
+"""Follow a shot: show each frame once it is simulated, and after an edit the frames that it changed."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.dailies.live.feed import LiveFeed
-from pipeline.dailies.preview.animatic import SIZES, FramedSurfaces, aims, size_for
+from pipeline.dailies.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
@@ -20,12 +20,12 @@ from render.post.image import jpeg_bytes
 
 
 class EditedError(Exception):
-    """The shot was saved while its last text was still being shown."""
+    """Raised when the shot is saved while its last state is still being drawn."""
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A picture, and what it was drawn from."""
+    """A picture, and the recipe that it was drawn from."""
 
     recipe: tuple[Any, ...]
     jpeg: bytes
@@ -33,139 +33,140 @@ class Drawn:
 
 @dataclass(eq=False)
 class LiveSession:
-    """Shows what `read` makes of the shot, on a screen.
+    """Shows a shot on the live page.
 
-    done    is told when the whole shot is shown as renders will see it
-    edited  paths whose changes are edits
+    read     reads the shot
+    done     called when the whole shot is shown with the cameras of the render
+    watched  paths whose changes are edits
     """
 
     read: Callable[[], Sketch]
-    screen: LiveFeed
+    feed: LiveFeed
     stream: SurfaceStream
     done: Callable[[FramedSurfaces], None]
-    edited: set[Path]
+    watched: set[Path]
     _before: Stamp = frozenset()
     _drawn: dict[int, Drawn] = field(default_factory=dict)
     _framings: Mapping[int, Framing] = field(default_factory=dict)
 
     def show_once(self) -> None:
-        """Show the shot as it is. Raises what reading and simulating it raise."""
+        """Show the shot as it is. Raises FlowsculptError."""
         self._show(lambda: None)
 
     def follow(self) -> None:
-        """Show the shot as it is, and each time that it is saved; until the process is interrupted."""
+        """Show the shot now and after each save, until the process is interrupted."""
         while True:
-            self._before = stamp(self.edited)
+            self._before = stamp(self.watched)
             try:
                 self._show(self._require_unedited)
-                self.screen.say("Save the shot file to see what changes.")
+                self.feed.say("Save the shot file to see what changes.")
             except EditedError:
                 continue
             except FlowsculptError as error:
-                self.screen.say(str(error), trouble=True)
-            wait_for_edit(self.edited, self._before)
+                self.feed.say(str(error), trouble=True)
+            wait_for_edit(self.watched, self._before)
 
     def _require_unedited(self) -> None:
-        if stamp(self.edited) != self._before:
+        if stamp(self.watched) != self._before:
             raise EditedError
 
     def _show(self, check: Callable[[], None]) -> None:
-        """`check` is called between frames."""
+        """Show the shot; call `check` between frames."""
         sketch = self.read()
-        request, known_before = sketch.request, set(self.edited)
-        self.edited |= files_of(request.source)
-        self._before |= stamp(self.edited - known_before)
+        request, known_before = sketch.request, set(self.watched)
+        self.watched |= files_of(request.source)
+        self._before |= stamp(self.watched - known_before)
         numbers, size = sorted(request.angles), size_for(request.aspect, SIZES["movie"])
-        number_of_take = self.screen.begin(
+        take_number = self.feed.begin(
             request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size
         )
-        self.screen.say("Simulating …")
+        self.feed.say("Simulating …")
         known = request.framings(self.stream.store) or self._framings
         for number in self.stream.play(request, numbers):
             check()
             if number == numbers[0]:
                 sketch = replace(sketch, closed=is_closed(self.stream.arrays(request, number)))
-            framing = known.get(number) or aims(request, self.stream, [number])[number]
+            framing = known.get(number) or framings_of(request, self.stream, [number])[number]
             self._draw(
-                number_of_take, FramedSurfaces(sketch, self.stream, {number: framing}), [number], size, check
+                take_number, FramedSurfaces(sketch, self.stream, {number: framing}), [number], size, check
             )
-        self._framings = request.framings(self.stream.store) or aims(request, self.stream, numbers)
-        ready = FramedSurfaces(sketch, self.stream, self._framings)
-        self.screen.say("Framing …")
-        self._draw(number_of_take, ready, numbers, size, check)
-        self.screen.say("Writing the movie …")
-        self.done(ready)
-        self.screen.say("Done.")
+        self._framings = request.framings(self.stream.store) or framings_of(request, self.stream, numbers)
+        surfaces = FramedSurfaces(sketch, self.stream, self._framings)
+        self.feed.say("Framing …")
+        self._draw(take_number, surfaces, numbers, size, check)
+        self.feed.say("Writing the movie …")
+        self.done(surfaces)
+        self.feed.say("Done.")
 
     def _draw(
         self,
-        request: int,
-        ready: FramedSurfaces,
+        take: int,
+        surfaces: FramedSurfaces,
         numbers: Iterable[int],
         size: tuple[int, int],
         check: Callable[[], None],
     ) -> None:
-        """Show frames; those that would show what was shown before are not drawn again."""
-        recipes = {number: _recipe(ready, number) for number in numbers}
+        """Show frames; pictures whose recipe is unchanged are reused."""
+        recipes = {number: _recipe(surfaces, number) for number in numbers}
         stale = []
         for number, recipe in recipes.items():
             drawn = self._drawn.get(number)
             if drawn is None or drawn.recipe != recipe:
                 stale.append(number)
-            elif self.screen.picture(request, number) is not drawn.jpeg:
-                self.screen.show(request, number, drawn.jpeg)
-        for number, picture in zip(stale, ready.pictures(stale, size, "srgb"), strict=True):
+            elif self.feed.picture(take, number) is not drawn.jpeg:
+                self.feed.show(take, number, drawn.jpeg)
+        for number, picture in zip(stale, surfaces.pictures(stale, size, "srgb"), strict=True):
             check()
             self._drawn[number] = Drawn(recipes[number], jpeg_bytes(picture))
-            self.screen.show(request, number, self._drawn[number].jpeg)
+            self.feed.show(take, number, self._drawn[number].jpeg)
 
 
 def files_of(source: ShotSource) -> set[Path]:
-    """All that a shot is read from; but not files that come to lie beside it later."""
+    """Return all files that a shot was read from."""
     pinned = [Path(path) for path, _ in source.inputs or ()]
     return {source.path, *(source.path.with_name(name) for name, _ in source.beside), *pinned}
 
 
-def _recipe(ready: FramedSurfaces, number: int) -> tuple[Any, ...]:
-    """What a picture is drawn from."""
-    request, sketch = ready.sketch.request, ready.sketch
+def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
+    """Return everything that decides a picture."""
+    request, sketch = surfaces.sketch.request, surfaces.sketch
     shown = request.shot.picture
     flows = repr(flow_cache_data(request.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
     return (
         request.normals_key(number),
         repr(request.speed_data(number)),
-        ready.framings[number],
+        surfaces.framings[number],
         (shown.look, shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),
     )
 
 
-LOOK_AGAIN = 0.1
-"""Seconds between looks."""
+POLL_SECONDS = 0.1
+"""Seconds between checks for an edit."""
 
 Stamp = frozenset[tuple[str, int, int]]
-"""Paths, and when they were last written, ns, and how large they are."""
+"""Paths with the time they were last written, ns, and their sizes."""
 
 
 def stamp(paths: Collection[Path]) -> Stamp:
-    """Of files as they are; one that is not there counts too, for editors take it away before they save."""
-    found = set()
+    """Return the stamp of files. Missing ones count: editors may remove a file before they save it."""
+    entries = set()
     for path in paths:
         try:
             facts = path.stat()
-            found.add((str(path), facts.st_mtime_ns, facts.st_size))
+            entries.add((str(path), facts.st_mtime_ns, facts.st_size))
         except OSError:
-            found.add((str(path), 0, 0))
-    return frozenset(found)
+            entries.add((str(path), 0, 0))
+    return frozenset(entries)
 
 
 def wait_for_edit(paths: Collection[Path], before: Stamp) -> None:
-    """Wait until files differ from `before`, and are done changing."""
+    """Wait until files differ from `before` and have stopped changing."""
     now = before
     while now == before:
-        time.sleep(LOOK_AGAIN)
+        time.sleep(POLL_SECONDS)
         now = stamp(paths)
     last = before
     while now != last:
-        time.sleep(LOOK_AGAIN / 2)
+        time.sleep(POLL_SECONDS / 2)
         last, now = now, stamp(paths)

@@ -1,4 +1,4 @@
-"""The animatic of a shot: all that is asked for, drawn quickly and put into a movie."""
+"""Previews of a shot as a still or a movie, and the cameras that they need."""
 
 from __future__ import annotations
 
@@ -24,46 +24,46 @@ from render.movie.timecode import timecode
 from render.post.image import write_png
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}
-"""Of a picture that is as wide as 16 : 9; others have as many pixels."""
+"""Pixels of a 16:9 picture; other aspects have as many."""
 
 THREADS = 2
-"""Pictures that are drawn at a time."""
+"""Pictures that are drawn at the same time."""
 
 WAITING = 12
-"""Pictures that are begun, or drawn and not yet written, before more frames are simulated."""
+"""Pictures that may be begun and not yet written before more frames are simulated."""
 
 Picture = NDArray[Any]
 Framed = tuple[int, Framing]
 
 FrameCallback = Callable[[str, int], None]
-"""Hears of each frame: `simulating` or `drawing`, and its number."""
+"""Called with `simulating` or `drawing`, and the number of each frame when that is done."""
 
 
 @dataclass(frozen=True, eq=False)
 class Animatic:
-    """A take, drawn while the stream plays it."""
+    """A shot that is drawn while its surfaces are computed."""
 
     sketch: Sketch
     stream: SurfaceStream
 
     def still(self, number: int, path: Path, tell: FrameCallback) -> None:
-        """A PNG. Raises FrameError where a frame fails, MachineError where the disk does."""
+        """Write a PNG. Raises FrameError if a frame fails, MachineError if the disk refuses."""
         framed = self._framed({number}, tell)
         picture = next(self._pictures(framed, size_for(self.sketch.request.aspect, SIZES["still"]), "srgb"))
         write_png(path, picture, {"shot": self.sketch.request.name, "frame": number})
         tell("drawing", number)
 
     def movie(self, path: Path, tell: FrameCallback) -> int:
-        """An MP4 of the frames asked for; how many it has. Raises as `still`."""
+        """Write an MP4 of the requested frames and return their number. Raises the errors of `still`."""
         request = self.sketch.request
         framed = self._framed(set(request.requested), tell)
         pictures = self._pictures(framed, size_for(request.aspect, SIZES["movie"]), "rec709")
         return write_playblast(path, request, pictures, tell)
 
     def played(self, asked: Set[int]) -> list[int]:
-        """The frames that have to be there, so that those asked for can be drawn.
+        """Return the frames that must be simulated to draw the requested ones.
 
-        Where cameras are not known they depend on frames around; on all, where they stand still.
+        Cameras that are not known depend on neighbouring frames, and a camera that stands still on all.
         """
         request = self.sketch.request
         if request.framings(self.stream.store) is not None:
@@ -81,7 +81,9 @@ class Animatic:
 
         known = request.framings(stream.store)
         framed = (
-            aimed(request, stream, played(), wanted) if known is None else ((n, known[n]) for n in played())
+            framings_while(request, stream, played(), wanted)
+            if known is None
+            else ((n, known[n]) for n in played())
         )
         return (each for each in framed if each[0] in asked)
 
@@ -101,11 +103,11 @@ class FramedSurfaces:
     framings: Mapping[int, Framing]
 
     def pictures(self, numbers: Iterable[int], size: tuple[int, int], display: str) -> Iterator[Picture]:
-        """As `drawn`."""
+        """Draw frames: see `drawn`."""
         return drawn(self.sketch, self.stream, ((n, self.framings[n]) for n in numbers), size, display)
 
     def movie(self, path: Path, tell: FrameCallback) -> int:
-        """An MP4 of the frames asked for; how many it has."""
+        """Write an MP4 of the requested frames and return their number."""
         request = self.sketch.request
         pictures = self.pictures(
             sorted(request.requested), size_for(request.aspect, SIZES["movie"]), "rec709"
@@ -116,7 +118,7 @@ class FramedSurfaces:
 def drawn(
     sketch: Sketch, stream: SurfaceStream, framed: Iterable[Framed], size: tuple[int, int], display: str
 ) -> Iterator[Picture]:
-    """uint8 (H, W, 3), in order; several are drawn at a time, while the next are framed."""
+    """Draw frames in order as uint8 (H, W, 3), several at a time, while the next are simulated."""
 
     def draw(number: int, framing: Framing) -> Picture:
         return sketch.picture(number, stream.arrays(sketch.request, number), framing, size, display)
@@ -141,7 +143,7 @@ def drawn(
 def write_playblast(
     path: Path, request: RenderRequest, pictures: Iterator[Picture], tell: FrameCallback
 ) -> int:
-    """An MP4 of the frames that a take asks for; how many it has."""
+    """Write an MP4 of the requested frames and return their number."""
     numbers, rate = sorted(request.requested), request.shot.rate.fps
 
     def told() -> Iterator[Picture]:
@@ -153,28 +155,30 @@ def write_playblast(
 
 
 def size_for(aspect: float, like: tuple[int, int]) -> tuple[int, int]:
-    """Width and height, even, of a picture of that aspect with about as many pixels as another."""
+    """Return an even width and height with this aspect and about as many pixels as `like`."""
     height = (like[0] * like[1] / aspect) ** 0.5
     return 2 * max(1, round(height * aspect / 2)), 2 * max(1, round(height / 2))
 
 
-TOGETHER = 8
-"""Frames after which it is asked again which cameras are settled."""
+INTERVAL = 8
+"""Frames after which settled cameras are computed."""
 
 
-def aims(request: RenderRequest, stream: SurfaceStream, numbers: Sequence[int]) -> Mapping[int, Framing]:
+def framings_of(
+    request: RenderRequest, stream: SurfaceStream, numbers: Sequence[int]
+) -> Mapping[int, Framing]:
     """Return camera and stage of frames that the stream has played.
 
     For all frames of a shot they are the render's own, but for the rounding of points to float32. For some
     frames they depend on these alone.
     """
-    return dict(aimed(request, stream, numbers, numbers))
+    return dict(framings_while(request, stream, numbers, numbers))
 
 
-def aimed(
+def framings_while(
     request: RenderRequest, stream: SurfaceStream, played: Iterable[int], numbers: Sequence[int]
 ) -> Iterator[tuple[int, Framing]]:
-    """The same while the stream plays them: each when its camera is settled."""
+    """Yield camera and stage of frames while the stream plays them, each when its camera is settled."""
 
     def points_of(index: int) -> AnyArray | Balls:
         arrays = stream.arrays(request, numbers[index])
@@ -183,7 +187,7 @@ def aimed(
 
     framer = Framer([request.view(n) for n in numbers], points_of, request.aspect, request.follow)
     stage, left = request.shot.picture.stage, iter(numbers)
-    for come, _ in enumerate(played, start=1):
-        if come % TOGETHER == 0 or come == len(numbers):
-            for framing in framer.framings(come):
+    for count, _ in enumerate(played, start=1):
+        if count % INTERVAL == 0 or count == len(numbers):
+            for framing in framer.framings(count):
                 yield next(left), with_room(framing, stage)

@@ -1,7 +1,7 @@
-"""Mesh frames of a shot in ascending order, each from where it is had soonest: memory, the store, simulation.
+"""Mesh frames for previews, in ascending order: from memory, from the store, or simulated.
 
-A quick look leaves no meshes behind: simulating them again for a render takes less than writing and keeping
-them. Frames that took longer than SLOW are kept in the store all the same, for a render finds them there.
+Simulated meshes are not stored: a render simulates them again in less time than writing them takes. Frames
+that took longer than SLOW are stored, and a render reuses them.
 """
 
 from __future__ import annotations
@@ -25,72 +25,73 @@ from pipeline.production.store.readers import write_npz
 from pipeline.production.store.store import Store
 
 SLOW = 0.25
-"""Seconds of a core from which on a frame is kept in the store."""
+"""Core-seconds from which on a simulated frame is stored."""
 
 SHARE = 0.2
-"""Of the memory that is free, how much remembered frames may take."""
+"""Fraction of the free memory for remembered frames."""
 
 
 @dataclass(eq=False)
 class MeshCache:
-    """Mesh frames to go on from, by key: as many as there is room for, in bytes."""
+    """Mesh frames by key, from which a simulation can resume; `room` is the memory left, in bytes."""
 
     room: float = field(default_factory=lambda: SHARE * psutil.virtual_memory().available)
     frames: dict[Key, MeshFrame] = field(default_factory=dict)
 
     def remember(self, key: Key, frame: MeshFrame) -> None:
+        """Keep a frame if there is room for it."""
         if _size(frame) <= self.room:
             self.room -= _size(frame)
             self.frames[key] = frame
 
     def keep_only(self, keys: set[Key]) -> None:
-        """Forget all others."""
+        """Forget all frames but those of these keys."""
         for key in self.frames.keys() - keys:
             self.room += _size(self.frames.pop(key))
 
 
 @dataclass(eq=False)
 class MeshSource:
-    """Those of one take. To be asked for in ascending order."""
+    """The mesh frames of one shot, read in ascending order."""
 
     request: RenderRequest
     store: Store
-    memory: MeshCache
-    _coming: Iterator[MeshFrame] | None = None
+    cache: MeshCache
+    _simulation: Iterator[MeshFrame] | None = None
 
     def at(self, number: int) -> MeshFrame:
-        """Raises FrameError where the flow or the resampling fails."""
-        found = self._known(number)
-        if found is not None:
-            self._coming = None
-            return found
-        if self._coming is None:
-            self._coming = animate(self.request.shot, resume=self._before(number))
+        """Return a mesh frame. Raises FrameError where the flow or the resampling fails."""
+        known = self._known(number)
+        if known is not None:
+            self._simulation = None
+            return known
+        if self._simulation is None:
+            self._simulation = animate(self.request.shot, resume=self._before(number))
         while True:
             started = time.thread_time()
-            frame = next(self._coming)
+            frame = next(self._simulation)
             self._keep(frame, time.thread_time() - started)
             if frame.number == number:
                 return frame
 
     def _known(self, number: int) -> MeshFrame | None:
         key = self.request.mesh_key(number)
-        if key in self.memory.frames:
-            return self.memory.frames[key]
+        if key in self.cache.frames:
+            return self.cache.frames[key]
         if self.store.holds("mesh", key):
-            with suppress(FrameError):  # it is forgotten then, and simulated again
+            with suppress(FrameError):  # a damaged file is evicted, and the frame simulated again
                 return stored(self.request, self.store, "mesh", number, readers.mesh_frame(key))
         return None
 
     def _before(self, number: int) -> MeshFrame | None:
-        """The latest frame before it that is known."""
+        """Return the latest known frame before `number`."""
         first = self.request.shot.motion.frames.first
         known = (self._known(earlier) for earlier in range(number - 1, first - 1, -1))
         return next((frame for frame in known if frame is not None), None)
 
     def _keep(self, frame: MeshFrame, seconds: float) -> None:
         key = self.request.mesh_key(frame.number)
-        self.memory.remember(key, frame)
+        self.cache.remember(key, frame)
         if seconds > SLOW:
             arrays = readers.with_key(key, frame.to_arrays())
             self.store.put("mesh", key, partial(write_npz, named=arrays))

@@ -1,4 +1,4 @@
-"""One frame of a shot as a quick picture, and what is drawn over it: edges, the flow, burn-ins."""
+"""One frame of a shot as a quick picture, with edges, streamlines and burn-ins over it."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours
 
 MOST_BALLS = 20_000
-"""Points of a cloud that are drawn; where there are more, some of them, and larger."""
+"""Most points of a cloud that are drawn; of more points a part is drawn, with larger balls."""
 
 LINE = 1 / 600
-"""How wide a streamline is, over the picture."""
+"""Width of a streamline, over that of the picture."""
 
 SLOW, MIDDLE, FAST = (0.10, 0.36, 0.56), (0.86, 0.63, 0.16), (0.80, 0.24, 0.14)
-"""Display values of the lines, from still to the fastest of them."""
+"""Display colours of streamlines, from still to the fastest."""
 
 
 @dataclass(frozen=True)
 class Sketch:
-    """How frames of a take are drawn.
+    """The style in which frames of a shot are drawn.
 
-    flow     with its streamlines
-    edges    with the edges of faces
-    burn_in  which frame it is stands over it
-    closed   whether the surface has no rim, so that its inner side is never seen
+    flow     draw streamlines
+    edges    draw the edges of faces
+    burn_in  fields that are written over the picture
+    closed   True if the surface has no boundary, so that its inner side is never seen
     """
 
     request: RenderRequest
@@ -57,16 +57,16 @@ class Sketch:
         size: tuple[int, int],
         display: str,
     ) -> NDArray[Any]:
-        """uint8 (H, W, 3). Raises FrameError where the flow fails."""
+        """Draw a frame as uint8 (H, W, 3). Raises FrameError where the flow fails."""
         picture = self.request.shot.picture
         around = StageSetup(picture.lights, picture.stage, framing.placement, picture.view)
         shape = shape_of(arrays, picture.look)._replace(closed=self.closed)
         shown = preview(shape, around, framing.camera, size, display, Edges() if self.edges else None)
         light = shown.picture
         if self.flow:
-            ways = streamlines(self.request.shot.motion, number, arrays["vertices"].astype(np.float64))
+            lines = streamlines(self.request.shot.motion, number, arrays["vertices"].astype(np.float64))
             width = max(1.0, LINE * size[0])
-            light = with_lines(shown, ways.points, *inks(ways), framing.camera, width)
+            light = with_lines(shown, lines.points, *line_colours(lines), framing.camera, width)
         flat: NDArray[Any] = quantise(light)
         return flat if self.burn_in is None else self.burn_in.over(flat, self._facts(number))
 
@@ -82,7 +82,7 @@ class Sketch:
 
 
 def shape_of(arrays: Mapping[str, AnyArray], look: Material) -> Shape:
-    """What pictures of a frame are made from, as a shape; of a cloud a small ball for each point."""
+    """Return the shape of a frame's arrays; of a cloud, a small ball for each point."""
     brought = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
     vertices, none = arrays["vertices"], np.empty((0, 3), np.int32)
     normals, faces = arrays.get("normals", vertices), arrays.get("faces", none)
@@ -100,7 +100,7 @@ def shape_of(arrays: Mapping[str, AnyArray], look: Material) -> Shape:
 
 
 def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
-    """Whether every edge of a surface lies between two faces, which stays so in every frame of a shot."""
+    """Tell whether every edge of a surface has two faces, which then holds for every frame of a shot."""
     if "faces" not in arrays:
         return True
     faces = arrays["source_vertex"][arrays["faces"]].astype(np.int64)
@@ -109,11 +109,11 @@ def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
     return np.array_equal(np.sort(begin * many + end), np.sort(end * many + begin))
 
 
-def inks(ways: StreamlineSet) -> tuple[Floats, Floats]:
-    """Colours (N, K, 3) by speed, and opacity (N, K) that fades at both ends."""
-    fast = float(np.quantile(ways.speeds, 0.95)) if ways.speeds.size else 1.0
-    share = np.clip(ways.speeds / max(fast, 1e-300), 0.0, 1.0)
+def line_colours(lines: StreamlineSet) -> tuple[Floats, Floats]:
+    """Return colours (N, K, 3) by speed, and opacities (N, K) that fade at both ends."""
+    fast = float(np.quantile(lines.speeds, 0.95)) if lines.speeds.size else 1.0
+    share = np.clip(lines.speeds / max(fast, 1e-300), 0.0, 1.0)
     stops = np.array([SLOW, MIDDLE, FAST])
     colours = np.stack([np.interp(share, (0.0, 0.5, 1.0), stops[:, k]) for k in range(3)], axis=-1)
-    along = np.linspace(0.0, np.pi, ways.speeds.shape[1])
+    along = np.linspace(0.0, np.pi, lines.speeds.shape[1])
     return colours, np.clip(np.sin(along), 0.0, 1.0)[None] ** 0.7 * (0.4 + 0.55 * share)

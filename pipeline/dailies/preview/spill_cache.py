@@ -1,4 +1,4 @@
-"""Where surfaces wait to be drawn: in memory as far as there is room, then in temporary files."""
+"""A cache of arrays in memory that spills to temporary files."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from pipeline.production.store.readers import read_npz, write_npz
 from render.base.atomic_write import atomic_write, disk_errors
 
 SHARE = 0.2
-"""Of the memory that is free, how much a shelf may take."""
+"""Fraction of the free memory that a cache may take."""
 
 Arrays = Mapping[str, AnyArray]
 
 
 class SpillCache:
-    """Arrays by key, until it is closed."""
+    """Arrays by key: in memory up to `room` bytes, then in temporary files until `close`."""
 
     def __init__(self, room: float | None = None) -> None:
         self._room = SHARE * psutil.virtual_memory().available if room is None else room
@@ -38,7 +38,7 @@ class SpillCache:
         return key in self._held or self._file(key).exists()
 
     def put(self, key: Key, arrays: Arrays) -> None:
-        """Raises MachineError where there is room for it neither in memory nor on the disk."""
+        """Keep arrays under a key. Raises MachineError if neither memory nor disk has room."""
         size = sum(values.nbytes for values in arrays.values())
         with self._counting:
             fits = size <= self._room
@@ -52,13 +52,13 @@ class SpillCache:
         return self._held[key] if key in self._held else read_npz(self._file(key))
 
     def drop(self, key: Key) -> None:
-        """Forget what is held under a key."""
+        """Forget the arrays of a key."""
         with self._counting:
             self._room += sum(values.nbytes for values in self._held.pop(key, {}).values())
         self._file(key).unlink(missing_ok=True)
 
     def keep_only(self, keys: set[Key]) -> None:
-        """Forget all others."""
+        """Forget all arrays but those of these keys."""
         for key in {*self._held, *(file.stem for file in Path(self._folder.name).iterdir())} - keys:
             self.drop(key)
 

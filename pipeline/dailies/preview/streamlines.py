@@ -1,4 +1,4 @@
-"""The ways of points through the flow of a moment: its streamlines, around what it moves."""
+"""StreamlineSet of a shot's flow at one frame, around its subject."""
 
 from __future__ import annotations
 
@@ -11,31 +11,31 @@ from pipeline.flow import checked_displacement
 from pipeline.shot import Motion
 
 STEP = 1 / 16
-"""Frames over which points are moved to find how fast they go: so do maps, which have no velocity."""
+"""Frames over which points are moved to measure velocity, which flows that are maps do not have."""
 
 SEEDS, PIECES = 420, 48
 AROUND = 1.35
-"""How far ways begin from the middle of the subject, over its half-size."""
+"""Half-size of the box where streamlines begin, over that of the subject."""
 
 LONG = 0.6
-"""How far ways of ordinary speed go, over the subject's half-size; none goes FASTEST times as far."""
+"""Length of streamlines of median speed, over the subject's half-size; none is FASTEST times as long."""
 FASTEST = 2.5
 
 STILL = 0.02
-"""Below that share of the usual speed of the fast points nothing is drawn."""
+"""Fraction of the 95th percentile of speed below which no streamline begins."""
 
 
 class StreamlineSet(NamedTuple):
-    """points (N, PIECES + 1, 3), and how fast they go there (N, PIECES + 1), units per second."""
+    """N polylines: points (N, PIECES + 1, 3) and speeds (N, PIECES + 1), units per second."""
 
     points: Floats
     speeds: Floats
 
 
 def streamlines(motion: Motion, frame: int, around: Points, seeds: int = SEEDS) -> StreamlineSet:
-    """Streamlines of all flows of a motion together, as they are at a frame, about points (V, 3).
+    """Trace streamlines of all flows of a shot together, held still at a frame, around points (V, 3).
 
-    The flow is held still while they are drawn. Raises FrameError where the flow fails there.
+    Raises FrameError where the flow fails.
     """
     low, high = around.min(axis=0), around.max(axis=0)
     middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.15 * float((high - low).max()))
@@ -47,7 +47,7 @@ def streamlines(motion: Motion, frame: int, around: Points, seeds: int = SEEDS) 
         return StreamlineSet(np.empty((0, PIECES + 1, 3)), np.empty((0, PIECES + 1)))
     usual = float(np.median(speeds[speeds > STILL * fast]))
     step = LONG * float(half.max()) / usual / PIECES
-    forth, back = (_followed(motion, frame, begin, side * step, FASTEST * usual) for side in (1, -1))
+    forth, back = (_traced(motion, frame, begin, side * step, FASTEST * usual) for side in (1, -1))
     points = np.concatenate([back[:0:-1], forth]).swapaxes(0, 1)
     points = points[np.isfinite(points).all(axis=(1, 2))]
     speeds = np.linalg.norm(np.diff(points, axis=1), axis=2) / step
@@ -55,31 +55,31 @@ def streamlines(motion: Motion, frame: int, around: Points, seeds: int = SEEDS) 
 
 
 def _velocity(motion: Motion, frame: int, points: Points) -> Vectors:
-    """(N, 3) units per second of the film's time."""
+    """Return velocities (N, 3), units per second of the film's time."""
     time, dt = motion.clock.between(frame, frame + STEP)
     moved = checked_displacement(motion.flow, points, time, dt, frame)
     found: Vectors = (moved - points) / motion.rate.seconds(STEP)
     return found
 
 
-def _followed(motion: Motion, frame: int, points: Points, step: float, limit: float) -> Floats:
-    """(PIECES / 2 + 1, N, 3): by the midpoint method; what is faster than the limit is held back to it."""
+def _traced(motion: Motion, frame: int, points: Points, step: float, limit: float) -> Floats:
+    """Trace points by the midpoint method at most at speed `limit`; returns (PIECES / 2 + 1, N, 3)."""
     places = [points]
     for _ in range(PIECES // 2):
-        here = places[-1]
-        there = here + step / 2 * _held(_velocity(motion, frame, here), limit)
-        places.append(here + step * _held(_velocity(motion, frame, there), limit))
+        start = places[-1]
+        middle = start + step / 2 * _clipped(_velocity(motion, frame, start), limit)
+        places.append(start + step * _clipped(_velocity(motion, frame, middle), limit))
     return np.stack(places)
 
 
-def _held(velocity: Vectors, limit: float) -> Vectors:
+def _clipped(velocity: Vectors, limit: float) -> Vectors:
     speed = np.linalg.norm(velocity, axis=1, keepdims=True)
-    held: Vectors = velocity * np.minimum(1.0, limit / np.maximum(speed, 1e-300))
-    return held
+    clipped: Vectors = velocity * np.minimum(1.0, limit / np.maximum(speed, 1e-300))
+    return clipped
 
 
 def _spread(count: int) -> Floats:
-    """(N, 3) evenly in a unit cube without rows: the additive recurrence of Roberts (2018)."""
+    """Return points (N, 3) spread evenly over the unit cube: the additive recurrence of Roberts (2018)."""
     root = 1.2207440846057596  # of x⁴ = x + 1
     steps = root ** -np.arange(1.0, 4.0)
     spread: Floats = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0

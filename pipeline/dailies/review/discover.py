@@ -1,4 +1,4 @@
-"""Finding the sequences of a shot: what was rendered, what was published, and the cells of its wedges."""
+"""Find the sequences of a shot: rendered frames, published versions, and cells of wedges."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-from pipeline.dailies.review.sequence import PLAIN, Pictures, Screen
+from pipeline.dailies.review.sequence import PLAIN, PictureDisplay, PictureSequence
 from pipeline.dailies.sheets.timing import rendering
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.execution.project import Project
@@ -23,38 +23,38 @@ from pipeline.production.versions.wedge import Wedge
 from render.base.errors import RenderError
 from render.post.image import read_header
 
-STALE = "it is not what the shot file asks for today; flowsculpt why tells more"
+STALE = "the shot has changed since it was rendered; flowsculpt why says how"
 
 
 @dataclass(frozen=True)
 class Cells:
-    """A wedge: what is varied, how many columns its sheet has, and the values of each cell that is there."""
+    """The rendered cells of a wedge: their values, their sequences, and the columns of its sheet."""
 
     name: str
     columns: int | None
     captions: tuple[tuple[tuple[str, str], ...], ...]
-    sequences: tuple[Pictures, ...]
+    sequences: tuple[PictureSequence, ...]
 
 
 @dataclass(frozen=True)
-class Shown:
-    """All of a shot that a page shows."""
+class ShotMaterial:
+    """All material of a shot that a page shows."""
 
     request: RenderRequest
-    sequences: tuple[Pictures, ...]
+    sequences: tuple[PictureSequence, ...]
     wedges: tuple[Cells, ...]
 
 
 @dataclass(frozen=True)
 class Search:
-    """Looks through a root; `qualities` are those wanted, or none for all."""
+    """Finds material in a project, at these qualities, or at all if there are none."""
 
     project: Project
     qualities: tuple[str, ...]
     history: History
 
-    def shot(self, name: str) -> Shown:
-        """Raises MissingInputError where nothing of the shot is rendered, and what reading it raises."""
+    def shot(self, name: str) -> ShotMaterial:
+        """Return the material of a shot. Raises MissingInputError if nothing is rendered, or ShotError."""
         path = find_shot(name)
         renders = list(self._renders(path))
         versions = list(self._versions(path.stem))
@@ -68,12 +68,12 @@ class Search:
                 f"{path.stem} has no rendered frames{at}, and a review page shows such; flowsculpt render "
                 f"{path.stem} -q {quality} makes them"
             )
-        return Shown(self.project.request(path, "draft", variant="none"), sequences, wedges)
+        return ShotMaterial(self.project.request(path, "draft", variant="none"), sequences, wedges)
 
     def _wanted(self, quality: str) -> bool:
         return not self.qualities or quality in self.qualities
 
-    def _renders(self, path: Path) -> Iterator[Pictures]:
+    def _renders(self, path: Path) -> Iterator[PictureSequence]:
         home = self.project.root / Folders.of_shot(path.stem).home
         names = sorted(place.parent.name for place in home.glob("*/frames") if is_quality(place.parent.name))
         for quality in names if home.is_dir() else ():
@@ -81,8 +81,8 @@ class Search:
                 request = self.project.request(path, quality)
                 yield self._of_take(request, "render", quality)
 
-    def _of_take(self, request: RenderRequest, kind: str, label: str) -> Pictures:
-        """What is there of a take, and what is wrong with the rest."""
+    def _of_take(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
+        """Return the frames of a request that are rendered, and the faults of the others."""
         failed = self.history.failed(request.subject, PICTURE_STAGES, request.quality_name)
         stale = set(picture_states(request, self.project.store, self.history).stale)
         told = {number: ("failed", message) for number, message in failed.items()}
@@ -90,7 +90,7 @@ class Search:
         places = {
             n: self.project.root / request.folders.frame(request.quality_name, n) for n in request.angles
         }
-        return Pictures(
+        return PictureSequence(
             shot=request.name,
             kind=kind,
             label=label,
@@ -98,16 +98,16 @@ class Search:
             subject=request.subject,
             numbers=tuple(sorted(request.requested)),
             files={number: path for number, path in places.items() if path.is_file()},
-            screen=_screen(request),
+            display=_display(request),
             told=told,
             seconds=rendering(request, self.project.root),
         )
 
-    def _versions(self, name: str) -> Iterator[Pictures]:
+    def _versions(self, name: str) -> Iterator[PictureSequence]:
         for place, record in records(self.project.root / published(name)):
             if isinstance(record, Provenance) and self._wanted(record.quality):
                 files = {number: place / frame.file for number, frame in record.frames.items()}
-                yield Pictures(
+                yield PictureSequence(
                     shot=name,
                     kind="version",
                     label=f"{record.version} {record.quality}",
@@ -115,22 +115,22 @@ class Search:
                     subject=name,
                     numbers=tuple(sorted(record.frames)),
                     files={number: path for number, path in files.items() if path.is_file()},
-                    screen=self._screen_of(record),
+                    display=self._display_of(record),
                     told={},
                     seconds={number: frame.seconds for number, frame in record.frames.items()},
                     note=record.note,
                 )
 
-    def _screen_of(self, record: Provenance) -> Screen:
+    def _display_of(self, record: Provenance) -> PictureDisplay:
         try:
-            return _screen(
+            return _display(
                 RenderRequest(restored(record, self.project.allow_code), record.quality, record.variant, ())
             )
         except FlowsculptError:
             return PLAIN
 
     def _wedges(self, path: Path) -> Iterator[Cells]:
-        """Those that left a sheet, which says what was varied."""
+        """Yield the wedges of a shot that have a contact sheet, whose header says what was varied."""
         home = self.project.root / wedge_folder(path.stem)
         seen: set[tuple[str, str]] = set()
         for sheet in sorted(home.glob("*.png")):
@@ -160,13 +160,13 @@ class Search:
         )
 
 
-def _screen(request: RenderRequest) -> Screen:
+def _display(request: RenderRequest) -> PictureDisplay:
     picture = request.shot.picture
-    return Screen(picture.lights.exposure, picture.view, request.shown_as)
+    return PictureDisplay(picture.lights.exposure, picture.view, request.shown_as)
 
 
 def _varied(path: Path) -> list[str]:
-    """What was varied on a contact sheet; nothing where it is none."""
+    """Return what was varied on a contact sheet; nothing if the picture is none."""
     try:
         return [str(said) for said in read_header(path).get("wedge", [])]
     except RenderError:

@@ -1,4 +1,4 @@
-"""Mesh frames for a page: positions in 16 bits, normals in 8, as scripts that a page may load."""
+"""Mesh frames for the page: positions in 16 bits, normals in 8, as scripts, which a page may load."""
 
 from __future__ import annotations
 
@@ -22,23 +22,19 @@ from render.base.atomic_write import atomic_write
 FORMAT = 1
 
 BUDGET = 64_000_000
-"""Bytes that the meshes of a shot may take on a page, about; of large ones there are fewer."""
+"""Bytes, about, of the meshes of a shot on a page; large meshes come in fewer frames."""
 
 
 @dataclass(frozen=True)
-class Models:
-    """The mesh frames that a page has of a shot.
-
-    take    whose meshes they are
-    folder  the page's, for scripts of meshes
-    """
+class PageMeshes:
+    """The mesh frames of a shot on a page; `folder` is the page's folder of their scripts."""
 
     request: RenderRequest
     store: Store
     folder: Path
 
     def chosen(self, most: int) -> list[int]:
-        """Frames evenly over those that are there; the first and the last are among them."""
+        """Return at most so many simulated frames, evenly spaced, with the first and the last."""
         there = [number for number in sorted(self.request.angles) if self._place(number)]
         if not there or most < 1:
             return []
@@ -48,7 +44,7 @@ class Models:
         return [there[place] for place in dict.fromkeys(places.tolist())]
 
     def write(self, number: int) -> str | None:
-        """Writes one frame unless it is there; its file's name, or None where it cannot be read."""
+        """Write one frame unless it is there, and return its file's name; None if it cannot be read."""
         place = self._place(number)
         if place is None:
             return None
@@ -72,7 +68,7 @@ def model_key(normals: Key) -> Key:
 
 
 def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
-    """A call of the page's `reviewModel` with the frame's arrays: base64 of little-endian numbers.
+    """Return a call of the page's `reviewModel` with the arrays of a frame in base64, little-endian.
 
     positions  uint16 (V, 3), over the box from `low` to `high`, scene units
     normals    int8 (V, 3), of a surface;  radii  float32 (V,), of a cloud

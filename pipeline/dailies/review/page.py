@@ -1,9 +1,9 @@
-"""Writing the page: a folder of plain files that a browser opens as they lie, with no network and no server.
+"""Write the page: a folder of plain files that a browser opens without network and server.
 
 renders/review/<name>/index.html     open this
 renders/review/<name>/page/…         its scripts and style
-renders/review/<name>/data.js        what there is to be seen, and the measures
-renders/review/<name>/pictures/…     frames and sheets of small ones, by keys
+renders/review/<name>/data.js        the sequences and the measures
+renders/review/<name>/pictures/…     frames and sheets of thumbnails, by keys
 renders/review/<name>/models/…       meshes, by keys
 """
 
@@ -17,10 +17,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.dailies.review import three
-from pipeline.dailies.review.discover import Shown
-from pipeline.dailies.review.geometry import Models
+from pipeline.dailies.review.discover import ShotMaterial
+from pipeline.dailies.review.geometry import PageMeshes
 from pipeline.dailies.review.proxies import Proxies, ProxyWriter
-from pipeline.dailies.review.sequence import Pictures
+from pipeline.dailies.review.sequence import PictureSequence
 from pipeline.dailies.sheets.measures import limits_of, measured
 from pipeline.dailies.sheets.timing import Clocks
 from pipeline.production.store.store import Store
@@ -35,13 +35,13 @@ Tell = Callable[[], None]
 class ReviewPage:
     """A page of shots in a folder under the root.
 
-    models  how many mesh frames of each shot it has at most
-    form    of its pictures: jpeg, or png for no loss at all
+    models  most mesh frames of each shot
+    form    file format of pictures: jpeg, or png, which is lossless
     """
 
     name: str
     store: Store
-    shots: Sequence[Shown]
+    shots: Sequence[ShotMaterial]
     form: str
     models: int
     threads: int
@@ -56,25 +56,25 @@ class ReviewPage:
         return self.folder / "index.html"
 
     @property
-    def sequences(self) -> list[Pictures]:
-        return [pictures for shown in self.shots for pictures in shown.sequences]
+    def sequences(self) -> list[PictureSequence]:
+        return [pictures for material in self.shots for pictures in material.sequences]
 
     @property
     def steps(self) -> int:
-        """How often `write` calls `tell`."""
+        """The number of times that `write` calls `tell`."""
         return sum(len(each.found) for each in self.sequences) + sum(
             len(s.request.angles) for s in self.shots
         )
 
     def write(self, tell: Tell = lambda: None) -> dict[str, int]:
-        """Write what is missing and remove what is no more shown; how much of what there is now.
+        """Write missing files, remove those that the page does not show, and return counts by kind.
 
-        Raises MachineError or MachineError where the disk refuses.
+        Raises MachineError if the disk refuses.
         """
         with disk_errors(self.folder):
             for name in ("pictures", "models", "page"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
-        shots = {shown.request.name: self._shot(shown, tell) for shown in self.shots}
+        shots = {material.request.name: self._shot(material, tell) for material in self.shots}
         sequences = [self._sequence(pictures, tell) for pictures in self.sequences]
         text = three.bundle()
         data = {
@@ -96,13 +96,13 @@ class ReviewPage:
         _keep(self.folder / "models", models)
         return {"sequences": len(sequences), "pictures": len(pictures), "models": len(models)}
 
-    def _shot(self, shown: Shown, tell: Tell) -> dict[str, Any]:
-        """What is the same for all pictures of a shot."""
-        request = shown.request
+    def _shot(self, material: ShotMaterial, tell: Tell) -> dict[str, Any]:
+        """Return data of a shot that all its sequences share."""
+        request = material.request
         numbers = sorted(request.angles)
         found = measured(request, self.store, numbers, self.threads, tell)
-        models = Models(request, self.store, self.folder / "models")
-        written = [(number, models.write(number)) for number in models.chosen(self.models)]
+        meshes = PageMeshes(request, self.store, self.folder / "models")
+        written = [(number, meshes.write(number)) for number in meshes.chosen(self.models)]
         return {
             "title": request.shot.title,
             "fps": float(request.shot.rate.fps),
@@ -112,9 +112,9 @@ class ReviewPage:
             "models": [[number, name] for number, name in written if name],
         }
 
-    def _sequence(self, pictures: Pictures, tell: Tell) -> dict[str, Any]:
-        darkroom = ProxyWriter(self.store, self.folder / "pictures", self.form, self.threads)
-        proxies = darkroom.proxies(pictures, tell)
+    def _sequence(self, pictures: PictureSequence, tell: Tell) -> dict[str, Any]:
+        writer = ProxyWriter(self.store, self.folder / "pictures", self.form, self.threads)
+        proxies = writer.proxies(pictures, tell)
         states = {**pictures.states(), **{n: ("failed", why) for n, why in proxies.faults.items()}}
         shown = [number for number in pictures.numbers if number in pictures.found]
         return {
@@ -127,13 +127,13 @@ class ReviewPage:
             "numbers": list(pictures.numbers),
             "files": [proxies.files.get(number) for number in pictures.numbers],
             "states": {number: list(told) for number, told in states.items()},
-            "sheet": darkroom.sheet(proxies),
+            "sheet": writer.sheet(proxies),
             "facts": {"numbers": shown, **tabled([pictures.found[n].header for n in shown])},
             "seconds": self._seconds(pictures, proxies),
         }
 
-    def _seconds(self, pictures: Pictures, proxies: Proxies) -> dict[str, dict[int, float]]:
-        """By stage and frame; rendering in the parts that its statistics tell."""
+    def _seconds(self, pictures: PictureSequence, proxies: Proxies) -> dict[str, dict[int, float]]:
+        """Return seconds by stage and frame."""
         if not self._clocks:
             self._clocks.append(Clocks(self.store.root))
         told = self._clocks[0].of(pictures.subject, pictures.shot, pictures.quality)
@@ -147,14 +147,14 @@ class ReviewPage:
         places = {id(pictures): index for index, pictures in enumerate(self.sequences)}
         return [
             {
-                "shot": shown.request.name,
+                "shot": material.request.name,
                 "name": cells.name,
                 "columns": cells.columns,
                 "captions": [[list(line) for line in caption] for caption in cells.captions],
                 "cells": [places[id(pictures)] for pictures in cells.sequences],
             }
-            for shown in self.shots
-            for cells in shown.wedges
+            for material in self.shots
+            for cells in material.wedges
             if cells.sequences
         ]
 
@@ -165,33 +165,33 @@ class ReviewPage:
 
 
 def _write(place: Path, content: bytes) -> None:
-    """Unless it is there."""
+    """Write a file unless it has this content."""
     if not place.exists() or place.read_bytes() != content:
         with atomic_write(place) as draft:
             draft.write_bytes(content)
 
 
 def _json(data: object) -> str:
-    """For a script: nothing in it ends a line or a script."""
+    """Return JSON for a script: it contains no end of a line or of a script."""
     return json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
 
 
 def _keep(folder: Path, names: Iterable[str]) -> None:
-    """Remove all other files of a folder that is the page's own."""
+    """Remove all other files from a folder of the page."""
     wanted = set(names)
     for path in folder.iterdir():
         if path.name not in wanted and path.is_file():
             path.unlink(missing_ok=True)
 
 
-_NOT_TOLD = frozenset({"frame"})
-"""The page knows it."""
+_OMITTED = frozenset({"frame"})
+"""Entries that differ between frames by definition."""
 
 
 def tabled(headers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
-    """`same`: entries that are equal in all headers; `differ`: of the others, one value for each header."""
+    """Return `same`: entries equal in all headers, and `differ`: of the others, a value for each header."""
     flat = [dict(_flat("", header)) for header in headers]
-    names = sorted({name for each in flat for name in each} - _NOT_TOLD)
+    names = sorted({name for each in flat for name in each} - _OMITTED)
     columns = {name: [each.get(name) for each in flat] for name in names}
     return {
         "same": {name: values[0] for name, values in columns.items() if _are_equal(values)},
@@ -204,7 +204,7 @@ def _are_equal(values: Sequence[Any]) -> bool:
 
 
 def _flat(place: str, value: Any) -> Iterator[tuple[str, Any]]:
-    """Entries by dotted names; triples of numbers and short lists stay together, and numbers are rounded."""
+    """Yield entries with dotted names; lists of numbers stay together, and numbers are rounded."""
     if isinstance(value, Mapping):
         for name, inner in value.items():
             yield from _flat(f"{place}.{name}" if place else str(name), inner)

@@ -1,4 +1,4 @@
-"""Pictures as a page shows them: each frame through its shot's view, and all of them small on one sheet."""
+"""Proxies of frames for the page: display pictures, and a sheet of thumbnails."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.dailies.review.sequence import Pictures
+from pipeline.dailies.review.sequence import PictureSequence
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.store.store import SUFFIXES, Store
 from render.base.errors import RenderError
@@ -20,20 +20,20 @@ from render.post.colour import quantise, to_display
 from render.post.image import read_exr, read_png, write_jpeg, write_png
 
 THUMB = 160
-"""How wide the small pictures are at most, about, in pixels."""
+"""Width of thumbnails, about, in pixels."""
 
 MOST_THUMBS = 400
-"""Small pictures on a sheet; of longer shots every second is shown, or every third."""
+"""Most thumbnails on a sheet; longer shots show every second frame, or every third."""
 
 SHEET_COLUMNS = 20
 
 
 @dataclass(frozen=True)
 class Proxies:
-    """What a page shows of one sequence.
+    """The pictures of one sequence on a page.
 
-    files   by frame, their names in the page's folder of pictures
-    faults  by frame, what is wrong with pictures that cannot be read
+    files   by frame, file names in the page's folder of pictures
+    faults  by frame, the fault of pictures that cannot be read
     size    width and height, pixels
     """
 
@@ -44,21 +44,21 @@ class Proxies:
 
 @dataclass(frozen=True)
 class ProxyWriter:
-    """Makes pictures of a form (jpeg or png), which lie in the store and are linked into a page's folder."""
+    """Writes proxies (`form`: jpeg or png) to the store, and links them into the page's folder."""
 
     store: Store
     folder: Path
     form: str
     threads: int
 
-    def proxies(self, pictures: Pictures, tell: Callable[[], None]) -> Proxies:
-        """Of all pictures that can be read; `tell` hears of each. Raises MachineError."""
+    def proxies(self, pictures: PictureSequence, tell: Callable[[], None]) -> Proxies:
+        """Write proxies of all readable pictures; call `tell` after each. Raises MachineError."""
         files: dict[int, str] = {}
         faults: dict[int, str] = {}
         with ThreadPoolExecutor(self.threads) as pool:
             for number, name in pool.map(lambda n: (n, self._proxy(pictures, n)), pictures.found):
                 if name is None:
-                    faults[number] = "it cannot be read to its end; flowsculpt verify mends it"
+                    faults[number] = "it cannot be read to its end; flowsculpt verify repairs it"
                 else:
                     files[number] = name
                 tell()
@@ -66,13 +66,13 @@ class ProxyWriter:
         size = self._size(files) or (settings.get("width", 16), settings.get("height", 9))
         return Proxies(files, faults, size)
 
-    def _proxy(self, pictures: Pictures, number: int) -> str | None:
+    def _proxy(self, pictures: PictureSequence, number: int) -> str | None:
         found, key = pictures.found[number], pictures.still_key(self.form, number)
-        screen = pictures.screen
+        display = pictures.display
 
         def write(path: Path) -> None:
             light = read_exr(found.path)[0]["beauty"]
-            shown = quantise(to_display(light, screen.exposure, "srgb", screen.view))
+            shown = quantise(to_display(light, display.exposure, "srgb", display.view))
             header = {"shot": pictures.shot, "frame": number, "key": key}
             (write_jpeg if self.form == "jpeg" else write_png)(path, shown, header)
 
@@ -91,7 +91,7 @@ class ProxyWriter:
         return None
 
     def sheet(self, proxies: Proxies) -> dict[str, Any] | None:
-        """A sheet of small pictures in rows: its file, how it is laid out, and which frames are on it."""
+        """Write a sheet of thumbnails in rows; return its file, layout and frames."""
         step = -(-len(proxies.files) // MOST_THUMBS)
         numbers = sorted(proxies.files)[:: step or 1]
         if not numbers:

@@ -1,4 +1,4 @@
-"""What can be looked at: a shot's pictures at one quality, in one version, or as one cell of a wedge."""
+"""Sequences on a page: a shot at one quality, a published version, or a cell of a wedge."""
 
 from __future__ import annotations
 
@@ -16,11 +16,10 @@ from render.post.view import ACES, ColourView
 
 
 @dataclass(frozen=True)
-class Screen:
-    """What is between the light of pictures and the display of a page.
+class PictureDisplay:
+    """The exposure (stops) and view transform of a page's pictures.
 
-    exposure   stops
-    shown_as   plain data of both, as keys of stills have it
+    shown_as   both as plain data, for the keys of stills
     """
 
     exposure: float
@@ -28,8 +27,8 @@ class Screen:
     shown_as: Mapping[str, Any]
 
 
-PLAIN = Screen(0.0, ACES, {"exposure": 0.0, "view": ACES.recipe})
-"""Where the shot that pictures were made from cannot be read any more."""
+PLAIN = PictureDisplay(0.0, ACES, {"exposure": 0.0, "view": ACES.recipe})
+"""The display of pictures whose shot cannot be read."""
 
 
 @dataclass(frozen=True)
@@ -42,17 +41,17 @@ class Found:
 
 
 @dataclass(frozen=True)
-class Pictures:
-    """Pictures of one shot, by frame.
+class PictureSequence:
+    """A sequence of pictures of one shot, by frame.
 
     kind      render, version or wedge
-    label     what tells it from others of the shot
-    subject   what the logs of runs call it
-    note      what is to be remembered of it
-    numbers   the frames that there should be
-    files     those that are there
-    told      of frames that are not as the shot file asks for: failed or stale, and why
-    seconds   rendering each frame took, by stage, where that is known
+    label     distinguishes it from other sequences of the shot
+    subject   its name in event logs
+    note      the note of a published version
+    numbers   all frames of the sequence
+    files     frames that are rendered
+    told      frames that failed or are stale, with the reason
+    seconds   seconds of rendering by frame and part, where they are known
     """
 
     shot: str
@@ -62,7 +61,7 @@ class Pictures:
     subject: str
     numbers: tuple[int, ...]
     files: Mapping[int, Path]
-    screen: Screen
+    display: PictureDisplay
     told: Mapping[int, tuple[str, str]]
     seconds: Mapping[int, Mapping[str, float]]
     note: str = ""
@@ -76,16 +75,16 @@ class Pictures:
                 header = read_header(path)
                 found[number] = Found(path, str(header["key"]), header)
             except (RenderError, KeyError):
-                faults[number] = "it cannot be read; flowsculpt verify mends it"
+                faults[number] = "it cannot be read; flowsculpt verify repairs it"
         return found, faults
 
     @property
     def found(self) -> Mapping[int, Found]:
-        """The pictures that can be read."""
+        """Pictures that can be read."""
         return self._read[0]
 
     def states(self) -> dict[int, tuple[str, str]]:
-        """By frame, of those that are not simply there: missing, failed or stale, and why."""
+        """Return by frame the state and the reason of frames that are missing, failed or stale."""
         found, faults = self._read
         states: dict[int, tuple[str, str]] = {}
         for number in self.numbers:
@@ -99,5 +98,5 @@ class Pictures:
         return states
 
     def still_key(self, form: str, number: int) -> Key:
-        """As `RenderRequest.still_key` has it, so that stills and pages share their files."""
-        return key_of(STAGES[form].recipe, self.found[number].key, self.screen.shown_as)
+        """The key of a still, the same as `RenderRequest.still_key`, so that both share their files."""
+        return key_of(STAGES[form].recipe, self.found[number].key, self.display.shown_as)

@@ -1,9 +1,9 @@
-"""three.js, which draws the meshes of a page: set-up fetches it, and it is part of no source of ours.
+"""three.js, which draws meshes on the page; set-up fetches it.
 
-    python -m pipeline.dailies.review.three    get it, unless it is here
+    python -m pipeline.dailies.review.three    fetch it, unless it is installed
 
-The package `nicegui` ships it as one file, with its controls; `requirements.txt` beside this says which
-release, by its hash. The file alone is kept, and nothing else of the package.
+The package `nicegui` ships it as one file, with its controls; `requirements.txt` beside this module pins the
+release by its hash. Only this file of the package is kept.
 """
 
 from __future__ import annotations
@@ -21,25 +21,25 @@ from render.base.atomic_write import atomic_write
 REQUIREMENTS = Path(__file__).with_name("requirements.txt")
 
 HELD = Path("nicegui", "elements", "scene", "dist", "index.js")
-"""Where the package has it."""
+"""The file's path in the package."""
 
 HINT = (
-    "three.js is not here, so the page has no 3-D view; "
-    f"{Path(sys.executable).name} -m pipeline.dailies.review.three gets it"
+    "three.js is not installed, so the page has no 3-D view; "
+    f"{Path(sys.executable).name} -m pipeline.dailies.review.three fetches it"
 )
 
 
 def place() -> Path:
-    """Where it lies: in the environment, under a name that goes by its release."""
+    """Return its path in the environment, named by its release."""
     release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(), re.MULTILINE)
     assert release, "the requirement names one release"
     return Path(sys.prefix) / "web" / f"three.nicegui-{release[1]}.js"
 
 
 def bundle() -> str | None:
-    """The text of the module; None where it is not here.
+    """Return the text of the module; None if it is not installed.
 
-    A page in a folder may load no modules from it: it has the text in a script, and makes the module of it.
+    Browsers load no modules from local folders: the page makes the module from this text.
     """
     try:
         text = place().read_text(encoding="utf-8")
@@ -49,7 +49,7 @@ def bundle() -> str | None:
 
 
 def fetch() -> None:
-    """Raises MachineError where it cannot be had."""
+    """Fetch it unless it is installed. Raises MachineError."""
     if place().exists():
         return
     with tempfile.TemporaryDirectory() as work:

@@ -1,4 +1,4 @@
-"""The measures of a shot as panels over its frames: what the review page shows, for a page of their own."""
+"""Panels with the measures of a shot over its frames, as the review page shows them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from render.graphics.panels import Bars, Heat, Panel, Track
 Measured = Mapping[int, Mapping[str, Any]]
 
 BEYOND = 1.6
-"""Seconds are drawn up to so many times what a tenth of the frames exceeds: first frames compile kernels."""
+"""The axis of seconds ends at this multiple of the 90th percentile, for first frames compile kernels."""
 
 
 def panels(
@@ -23,8 +23,12 @@ def panels(
     limits: tuple[float | None, float | None],
     seconds: Mapping[str, Mapping[int, float]],
 ) -> list[Panel]:
-    """`measured` as `measures.measured` gives it, by frame; `limits` are the minimum and the maximum edge
-    length where they are numbers; `seconds` by stage and frame."""
+    """Return the panels of a shot.
+
+    measured  by frame, from `measures.measured`
+    limits    minimum and maximum edge length, if they are numbers
+    seconds   by stage and frame
+    """
     frames = np.array(numbers, np.float64)
     rows = [measured.get(number, {}) for number in numbers]
     return [*_of_meshes(frames, rows, limits), *_of_seconds(frames, numbers, seconds)]
@@ -93,6 +97,6 @@ def _has(values: NDArray[np.float64]) -> bool:
 
 
 def _shares(rows: Sequence[Mapping[str, Any]], name: str) -> NDArray[np.float64]:
-    """(T, B); nothing where a frame has none."""
+    """Return histograms (T, B); zeros for frames without one."""
     bins = next(len(row[name]) for row in rows if row.get(name))
     return np.array([row.get(name) or [0.0] * bins for row in rows], np.float64)

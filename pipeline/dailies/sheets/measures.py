@@ -1,4 +1,4 @@
-"""What curves of a shot are drawn from: the measures of each mesh frame, kept in the store by its key."""
+"""Measures of mesh frames, for curves and review pages; stored by the key of the mesh."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
 
 BINS = 48
-"""Of a histogram."""
+"""Bins of a histogram."""
 
 LONGEST = 1.25
-"""Where histograms of edge lengths end, in maximum edge lengths; what is longer is in the last bin."""
+"""Upper end of histograms of edge lengths, in maximum edge lengths; longer edges are in the last bin."""
 
 
 @dataclass(frozen=True)
 class Measures:
-    """Of one mesh frame; what does not apply to it is None.
+    """Measures of one mesh frame; those that do not apply are None.
 
     vertices, faces   how many
     splits, collapses, flips, too_short, crossings   counts, as the frame's report has them
@@ -60,7 +60,7 @@ class Measures:
 
     @classmethod
     def of(cls, frame: MeshFrame, maximum: float | None) -> Measures:
-        """maximum  the maximum edge length of the frame, if it has one for all edges"""
+        """Measure a frame; `maximum` is its maximum edge length, if one number holds for all edges."""
         done, statistics = frame.report.resampling, frame.report.statistics
         told = {name: getattr(done, name, None) for name in ("splits", "collapses", "flips", "too_short")}
         mesh = frame.mesh
@@ -82,13 +82,13 @@ class Measures:
 
 
 def edge_lengths(mesh: TriangleMesh) -> Floats:
-    """(3 F,): every edge once for each of its faces, scene units."""
+    """Return edge lengths (3 F,), every edge once for each of its faces; scene units."""
     corners = mesh.vertices[mesh.faces]
     return np.asarray(np.linalg.norm(corners[:, (1, 2, 0)] - corners, axis=2)).ravel()
 
 
 def roundness_of(mesh: TriangleMesh) -> Floats:
-    """(F,): twice the inradius over the circumradius of each triangle; 0 of one without area."""
+    """Return twice the inradius over the circumradius of each triangle (F,); 0 if it has no area."""
     a, b, c = edge_lengths(mesh).reshape(-1, 3).T
     product = a * b * c
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -97,7 +97,7 @@ def roundness_of(mesh: TriangleMesh) -> Floats:
 
 
 def volume_of(mesh: TriangleMesh) -> float | None:
-    """Scene units cubed, by the divergence theorem; None of what is not closed."""
+    """Return the volume by the divergence theorem, scene units cubed; None if the mesh is not closed."""
     if not len(mesh.faces):
         return None
     starts, ends = mesh.faces.ravel(), mesh.faces[:, (1, 2, 0)].ravel()
@@ -123,7 +123,7 @@ def measured(
     threads: int,
     tell: Callable[[], None] = lambda: None,
 ) -> dict[int, dict[str, Any]]:
-    """The measures of those of a take's meshes that are there, as plain data; `tell` hears of each."""
+    """Return the measures of all simulated meshes, by frame, as plain data; call `tell` after each frame."""
 
     def one(number: int) -> tuple[int, dict[str, Any] | None]:
         data = _of_frame(request, store, number)
@@ -154,8 +154,10 @@ def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, An
 
 
 def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> tuple[Path, Key] | None:
-    """Where the `mesh` or the `normals` of a frame lie, and their key: those in renders/, which pictures were
-    made from, though today's shot file may ask for others; or those that the store has. None: neither."""
+    """Return path and key of the `mesh` or the `normals` of a frame; None if it is not simulated.
+
+    The file in renders/, from which pictures were rendered, goes first, even if the shot has changed since.
+    """
     shown = store.root / request.place(kind, number)
     try:
         with np.load(shown, allow_pickle=False) as arrays:
@@ -170,7 +172,7 @@ def measures_key(mesh: Key, maximum: float | None) -> Key:
 
 
 def limits_of(request: RenderRequest) -> tuple[float | None, float | None]:
-    """The minimum and the maximum edge length of the first frame, where they are numbers; scene units."""
+    """Return minimum and maximum edge length of the first frame, scene units; None if they are no numbers."""
     resampling = request.shot.motion.resampling_at(request.shot.frames.first)
     said = resampling.settings() if resampling else {}
     low, high = (said.get(name) for name in ("min_edge_length", "max_edge_length"))
@@ -178,7 +180,7 @@ def limits_of(request: RenderRequest) -> tuple[float | None, float | None]:
 
 
 def _maximum(request: RenderRequest, number: int) -> float | None:
-    """The frame's maximum edge length, where one number holds for the whole surface."""
+    """Return the frame's maximum edge length, if one number holds for the whole surface."""
     resampling = request.shot.motion.resampling_at(number)
     return None if resampling is None else _as_number(resampling.thresholds.max_edge_length)
 

@@ -1,4 +1,4 @@
-"""A contact sheet of a shot over time: frames in rows, numbered."""
+"""A contact sheet of a shot over time."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pipeline.production.versions.wedge import shown_picture
 from render.graphics.contact_sheet import ContactSheet, columns_for, reduction
 from render.post.image import write_png
 
-USUAL = 12
-"""Frames of a sheet where none are asked for, at most."""
+DEFAULT_FRAMES = 12
+"""Most frames of a sheet where none are requested."""
 
 
 def spread(request: RenderRequest) -> RenderRequest:
-    """The same with so many frames asked for that they make a sheet, at equal distances from the first on."""
+    """Return a request for at most DEFAULT_FRAMES frames at equal distances."""
     numbers = sorted(request.angles)
-    return replace(request, requested=tuple(numbers[:: -(-len(numbers) // USUAL)]))
+    return replace(request, requested=tuple(numbers[:: -(-len(numbers) // DEFAULT_FRAMES)]))
 
 
 @dataclass(frozen=True)
-class Sheet:
-    """Of the frames that a take asks for; `columns` by default as the sheet becomes most like a screen."""
+class ShotSheet:
+    """A sheet of the requested frames; by default `columns` give it about the aspect of a screen."""
 
     request: RenderRequest
     store: Store
@@ -32,14 +32,14 @@ class Sheet:
 
     @property
     def place(self) -> Path:
-        """Where it is put, relative to the root."""
+        """The path of the sheet, relative to the root."""
         frames = FrameRange.of(self.request.requested)
         return (
             self.request.folders.home / self.request.quality_name / f"{self.request.name}.sheet.{frames}.png"
         )
 
     def write(self, path: Path) -> None:
-        """Frames that are not there are told to be missing. Raises MachineError."""
+        """Write the sheet as PNG; missing frames are shown as missing. Raises MachineError."""
         request, numbers = self.request, self.request.requested
         size = request.quality.rendered_size
         columns = min(len(numbers), self.columns or columns_for(len(numbers), size))

@@ -1,4 +1,4 @@
-"""Seconds a frame took, stage by stage, as the event logs of a root tell them."""
+"""Seconds of frames by stage, from the event logs of a root."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ Timings = dict[str, dict[int, float]]
 
 
 def rendering(request: RenderRequest, root: Path) -> dict[int, dict[str, float]]:
-    """By frame, what rendering it took when it was last done, in parts; where that is known."""
+    """Return by frame the seconds of its last rendering, in parts, where they are known."""
     found = {}
     for number in request.angles:
         try:
@@ -29,7 +29,7 @@ def rendering(request: RenderRequest, root: Path) -> dict[int, dict[str, float]]
 
 
 class Clocks:
-    """Of everything that was made under a root: what each frame took when it was last made."""
+    """Seconds of every frame made under a root, the last time it was made."""
 
     def __init__(self, root: Path) -> None:
         self._seconds: dict[tuple[str, str, str], dict[int, float]] = defaultdict(dict)
@@ -41,7 +41,7 @@ class Clocks:
                     self._seconds[str(event["shot"]), stage, quality][event["frame"]] = event["seconds"]
 
     def of(self, subject: str, shot: str, quality: str) -> Timings:
-        """`subject` is what logs call the pictures; its meshes may have been made for the shot."""
+        """Return seconds by stage and frame. In logs pictures are of `subject`, meshes perhaps of `shot`."""
         found: Timings = {}
         for stage in _STAGES:
             at = "" if stage in OF_MOTION else quality

@@ -1,4 +1,4 @@
-"""What is asked for as a turntable, and the plan that makes it."""
+"""A requested turntable: its frames, its angles and its plan."""
 
 from __future__ import annotations
 
@@ -24,16 +24,16 @@ STAGE = "turntable"
 
 @dataclass(frozen=True)
 class TurntableRequest:
-    """One frame of a shot, or a mesh file, to be turned.
+    """A turntable of one frame of a shot, or of a mesh file.
 
-    subject  a shot's name or path, or a mesh file's
-    at       the shot's frame, by default its first
+    subject  name or path of a shot, or path of a mesh file
+    at       frame of the shot, by default its first
     frames   pictures of a full turn
     turn     one of TURNS, or BOTH
-    looks    names of looks, each in the place of the shot's own; of several each has its own turntable
-    bare     leaves the shot its own stage and camera: no balls, no chart
+    looks    names of looks that replace the shot's own; each has its own turntable
+    bare     True keeps the shot's own stage and camera, without grey ball, chrome ball and chart
 
-    Raises UsageError for what cannot be turned so.
+    Raises UsageError for values that make no turntable.
     """
 
     project: Project
@@ -64,7 +64,7 @@ class TurntableRequest:
 
     @property
     def requests(self) -> list[RenderRequest]:
-        """One for each look. Raises MissingInputError or UsageError where there is no such thing to turn."""
+        """Return the request of each look. Raises MissingInputError or UsageError."""
         mesh = Path(self.subject)
         of_file = mesh.suffix.lower().lstrip(".") in FORMATS
         path = self.project.around(mesh) if of_file else find_shot(self.subject)
@@ -82,7 +82,7 @@ class TurntableRequest:
         return replace(request, requested=numbers, turntable=table)
 
     def _settings(self, look: str | None) -> Iterator[str]:
-        """Those of the user come last, and count."""
+        """Yield settings of the shot; the user's come last and win."""
         if not self.bare:
             yield f"stage={STAGE}"
         if look is not None:
@@ -100,11 +100,11 @@ class TurntableRequest:
 
 
 EIGHTHS, QUARTERS = 8, 4
-"""Angles of a full turn. Objects are looked at from more sides than they are lit from."""
+"""Key angles of a full turn of the object, and of the lights."""
 
 
 def key_numbers(table: Turntable, turns: Sequence[str], parts_of_object: int = EIGHTHS) -> list[int]:
-    """The pictures nearest to equal parts of each turn; fewer where there are not as many."""
+    """Return the pictures nearest to equal parts of each turn; fewer if there are fewer pictures."""
     parts = {"object": parts_of_object, "lights": QUARTERS}
     return [number for turn in turns for number in _spread(table.numbers(turn), parts[turn])]
 
@@ -114,7 +114,7 @@ def _spread(numbers: range, parts: int) -> list[int]:
     return [numbers[step] for step in sorted(steps)]
 
 
-def named(table: Turntable, number: int) -> tuple[str, str]:
-    """What is turned in a picture, and how far: `object`, `45°`."""
+def turn_and_angle(table: Turntable, number: int) -> tuple[str, str]:
+    """Return what is turned in a picture, and by which angle: `object`, `45°`."""
     turn, numbers = next((t, table.numbers(t)) for t in ("object", "lights") if number in table.numbers(t))
     return turn, f"{round(360.0 * (number - numbers[0]) / table.frames, 1):g}°"

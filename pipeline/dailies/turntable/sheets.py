@@ -1,4 +1,4 @@
-"""What is drawn of finished turntables: sheets of key angles, and several looks side by side.
+"""Sheets and movies drawn from rendered turntables: key angles, and looks side by side.
 
 renders/turntable/<name>/<quality>/<name>.png                   key angles, beside the movie
 renders/turntable/<name>/<quality>/<name>.clay-glaze.{mp4,png}  looks side by side, and their key angles
@@ -14,7 +14,13 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.dailies.turntable.request import EIGHTHS, QUARTERS, TurntableRequest, key_numbers, named
+from pipeline.dailies.turntable.request import (
+    EIGHTHS,
+    QUARTERS,
+    TurntableRequest,
+    key_numbers,
+    turn_and_angle,
+)
 from pipeline.errors import FrameError
 from pipeline.production.keys.digest import key_of
 from pipeline.production.keys.stages import TURNTABLE_SHEET
@@ -32,27 +38,27 @@ from render.movie.sequences import prefetch
 from render.post.image import write_png
 
 ROW = 4
-"""Looks that stand beside each other at most, and from which on there are many."""
+"""Most looks in one row; with as many looks or more, each has its own row of key angles."""
 
 Bar = Callable[[str, int], Callable[[], None]]
-"""Of a name and how many pictures there are, what to call after each of them."""
+"""Adds a progress bar by name and total, and returns what advances it by one."""
 
 
-def _untold(name: str, total: int) -> Callable[[], None]:
+def _no_bar(name: str, total: int) -> Callable[[], None]:
     return lambda: None
 
 
 @dataclass(frozen=True, eq=False)
 class TurntableSheets:
-    """Of a turntable that was made; pictures that are not there are told to be missing."""
+    """Sheets of a rendered turntable; missing pictures are shown as missing."""
 
     turning: TurntableRequest
 
-    def draw(self, bar: Bar = _untold) -> list[Path]:
-        """Make what is not there yet; where it is, relative to the root. Nothing if nothing is rendered.
+    def draw(self, bar: Bar = _no_bar) -> list[Path]:
+        """Draw all sheets that are not stored yet, and return their paths relative to the root.
 
-        Raises FrameError for a picture that is damaged; MachineError or MachineError where the disk
-        refuses.
+        Return nothing if no picture is rendered. Raises FrameError for a damaged picture, MachineError if
+        the disk refuses.
         """
         if not any(
             self._shown(index, n) for index, request in enumerate(self._takes) for n in request.requested
@@ -79,21 +85,21 @@ class TurntableSheets:
 
     @property
     def _table(self) -> Turntable:
-        """What all have in common, the first has."""
+        """The turntable of the first look; all have the same frames."""
         table = self._takes[0].turntable
         assert table is not None, "all takes are turntables"
         return table
 
     @property
     def _together(self) -> Path:
-        """Where the movie of all looks is."""
+        """The path of the movie of all looks."""
         first, turns = self._takes[0], self.turning.turns
         folders = Folders(first.folders.home.parent, first.folders.name)
         part = "" if len(turns) > 1 else f".{turns[0]}"
         return folders.movie(first.quality_name, "-".join(self.turning.looks) + part)
 
     def _angles(self, which: Sequence[int], movie: Path) -> Path:
-        """The sheet of key angles of some of the takes; of several each turn has a row, of many each look."""
+        """Draw key angles of one look, or of several: then each turn has a row, or each of many looks."""
         numbers = key_numbers(self._table, self.turning.turns, EIGHTHS if len(which) == 1 else QUARTERS)
         cells = [(index, number) for index in which for number in numbers]
         columns = min(QUARTERS, self._table.frames) if len(which) < ROW else len(numbers)
@@ -112,7 +118,7 @@ class TurntableSheets:
         return movie.with_suffix(".png")
 
     def _movie(self, target: Path, bar: Bar) -> Path:
-        """All looks side by side, picture by picture."""
+        """Write the movie of all looks side by side."""
         first, every = self._takes[0], range(len(self._takes))
         size = first.quality.width, first.quality.height
         columns = len(every) if len(every) <= ROW else columns_for(len(every), size)
@@ -121,7 +127,7 @@ class TurntableSheets:
 
         def page(number: int) -> NDArray[Any]:
             pictures = self._pictures([(index, number) for index in every], factor, 16, "rec709")
-            return sheet.picture(pictures, " ".join(named(self._table, number)))
+            return sheet.picture(pictures, " ".join(turn_and_angle(self._table, number)))
 
         def write(path: Path) -> None:
             shown = bar("side by side", len(first.requested))
@@ -156,11 +162,11 @@ class TurntableSheets:
         return " · ".join(filter(None, (look, frame, self._takes[0].quality_name)))
 
     def _caption(self, index: int, number: int, with_look: bool) -> Caption:
-        turn, angle = named(self._table, number)
+        turn, angle = turn_and_angle(self._table, number)
         return ((self.turning.looks[index], f"{turn} {angle}"),) if with_look else ((turn, angle),)
 
     def _shown(self, index: int, number: int) -> str | None:
-        """The key of a finished picture that is there."""
+        """Return the key of a finished picture, if it is stored."""
         keys = self._keys[index]
         key = keys[number].frame if keys is not None else None
         return key if self._store.holds("frame", key) else None
@@ -178,7 +184,7 @@ class TurntableSheets:
         found = shown_picture(request, keys, self._store, number, factor, bits, display)
         if found is None:
             path = request.place("frame", number)
-            raise FrameError(f"{path} cannot be read to its end; flowsculpt verify mends it")
+            raise FrameError(f"{path} cannot be read to its end; flowsculpt verify repairs it")
         return found
 
     def _key(self, kind: str, cells: Sequence[tuple[int, int]], *said: Any) -> str:

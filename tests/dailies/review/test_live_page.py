@@ -48,9 +48,9 @@ def follower(browser: Browser, tmp_path: Path) -> Iterator[Follower]:
     def sketch() -> Sketch:
         return Sketch(Project(tmp_path, 2).request(shot, "preview", None, variant="none"))
 
-    screen, complaints = LiveFeed(), []
-    with SurfaceStream(Project(tmp_path, 2).store) as stream, serving(screen) as address:
-        session = LiveSession(sketch, screen, stream, lambda ready: None, {shot})
+    feed, complaints = LiveFeed(), []
+    with SurfaceStream(Project(tmp_path, 2).store) as stream, serving(feed) as address:
+        session = LiveSession(sketch, feed, stream, lambda ready: None, {shot})
         threading.Thread(target=session.follow, daemon=True).start()
         context = browser.new_context(viewport={"width": 900, "height": 640}, reduced_motion="reduce")
         tab = context.new_page()

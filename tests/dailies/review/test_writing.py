@@ -110,7 +110,7 @@ def test_a_picture_that_is_cut_short_becomes_a_slate_and_the_rest_a_page(copy: D
     code, _ = copy.command("review", NAME)
     assert code == 0
     state, why = data_of(copy)["sequences"][0]["states"]["5"]
-    assert state == "failed" and "flowsculpt verify mends it" in why
+    assert state == "failed" and "flowsculpt verify repairs it" in why
 
 
 def test_a_quality_alone_can_be_shown_and_a_page_be_named(copy: Desk) -> None:
