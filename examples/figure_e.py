@@ -65,10 +65,7 @@ def draw() -> None:
         "and keeps its place",
     )
     figure, panels = page(titles, height=2.4, drawings=True)
-    for mesh, (left, right), view in (
-        (flat(), panels[:2], np.eye(3)[:, :2]),
-        (folded(), panels[2:], VIEW),
-    ):
+    for mesh, (left, right), view in ((flat(), panels[:2], np.eye(3)[:, :2]), (folded(), panels[2:], VIEW)):
         after = collapse(mesh)
         for panel, shown in ((left, mesh), (right, after)):
             outline(panel, shown, view, linewidths=0.9)

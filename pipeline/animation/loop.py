@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
@@ -87,17 +88,21 @@ def at_rest(motion: Motion, flow: Flow) -> MovingSurface:
     mesh = with_identities(motion.mesh_at_rest())
     mesh = _creased(mesh, resampling, thresholds.hard_angles(mesh))
     if resampling.placement != "exact":
-        placement, splits = _STATELESS[resampling.placement], resampling.splits
-        return TriangleSurface(
-            motion,
-            resampling,
-            Resampler(with_material(mesh), thresholds, placement, resampling.min_roundness, splits),
-        )
-    if resampling.normals == "carried":
+        mesh = with_material(mesh)
+    elif resampling.normals == "carried":
         mesh = mesh.with_attributes(**{NORMAL: _normals_at_rest(motion, mesh)})
-    interval = RestInterval(motion, resampling, flow, first)
-    resampler = Resampler(mesh, thresholds, interval.placement, resampling.min_roundness, resampling.splits)
-    return ExactSurface(motion, resampling, resampler, interval)
+    return _triangle_surface(motion, resampling, flow, first, partial(Resampler, mesh, thresholds))
+
+
+def _triangle_surface(
+    motion: Motion, resampling: Resampling, flow: Flow, frame: int, resampler: Callable[..., Resampler]
+) -> TriangleSurface:
+    """Return the surface of a resampler, made with the placement that the shot names."""
+    options = resampling.min_roundness, resampling.splits
+    if resampling.placement != "exact":
+        return TriangleSurface(motion, resampling, resampler(_STATELESS[resampling.placement], *options))
+    interval = RestInterval(motion, resampling, flow, frame)
+    return ExactSurface(motion, resampling, resampler(interval.placement, *options), interval)
 
 
 def _creased(mesh: Mesh, resampling: Resampling, hard_angles: float | Floats) -> Mesh:
@@ -135,43 +140,28 @@ def resumed(motion: Motion, flow: Flow, frame: MeshFrame) -> MovingSurface:
         return MovingSurface(frame.mesh, frame.lattice)
     thresholds = thresholds_at(motion, resampling, frame.number)
     if resampling.method == "polyhedra":
-        polygons = _required_polygons(frame)
+        polygons = frame.polygons
+        if polygons is None:
+            raise UsageError(
+                f"frame {frame.number} has no polygons, which method polyhedra goes on from; "
+                "resume from a frame that was made with it"
+            )
         state = _state(polygons, offsets=polygons.offsets, corners=polygons.corners)
         polyhedral = PolyhedralResampler.from_state(
             state, thresholds, resampling.cutting, resampling.collapse
         )
         return PolygonSurface(motion, resampling, polyhedral)
     state = _state(frame.mesh, faces=frame.mesh.faces, identities=np.array(frame.identities))
-    if resampling.placement != "exact":
-        placement, splits = _STATELESS[resampling.placement], resampling.splits
-        resampler = Resampler.from_state(state, thresholds, placement, resampling.min_roundness, splits)
-        return TriangleSurface(motion, resampling, resampler)
-    _require_rest(frame)
-    interval = RestInterval(motion, resampling, flow, frame.number)
-    resampler = Resampler.from_state(
-        state, thresholds, interval.placement, resampling.min_roundness, resampling.splits
-    )
-    return ExactSurface(motion, resampling, resampler, interval)
+    if resampling.placement == "exact" and REST not in frame.mesh.attributes:
+        raise UsageError(
+            f"frame {frame.number} has no vertex attribute {REST!r}, which exact placement goes on from; "
+            "resume from a frame that was made with exact placement"
+        )
+    resume = partial(Resampler.from_state, state, thresholds)
+    return _triangle_surface(motion, resampling, flow, frame.number, resume)
 
 
 def _state(mesh: TriangleMesh | PolygonMesh, **others: AnyArray) -> dict[str, AnyArray]:
     """Return the state of a resampler with this mesh."""
     attributes = {f"attribute.{name}": values for name, values in mesh.attributes.items()}
     return {"vertices": mesh.vertices, **others, **attributes, "creases": mesh.creases}
-
-
-def _required_polygons(frame: MeshFrame) -> PolygonMesh:
-    if frame.polygons is None:
-        raise UsageError(
-            f"frame {frame.number} has no polygons, which method polyhedra goes on from; "
-            "resume from a frame that was made with it"
-        )
-    return frame.polygons
-
-
-def _require_rest(frame: MeshFrame) -> None:
-    if REST not in frame.mesh.attributes:
-        raise UsageError(
-            f"frame {frame.number} has no vertex attribute {REST!r}, which exact placement goes on from; "
-            "resume from a frame that was made with exact placement"
-        )

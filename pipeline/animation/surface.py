@@ -112,11 +112,7 @@ class ExactSurface(TriangleSurface):
         """Return the frame with its surface as the new surface at rest."""
         self._interval = self._interval.next()
         mesh = frame.mesh
-        renewed = {
-            REST: mesh.vertices,
-            REST_NORMAL: vertex_normals(mesh),
-            MATERIAL: material_of(mesh),
-        }
+        renewed = {REST: mesh.vertices, REST_NORMAL: vertex_normals(mesh), MATERIAL: material_of(mesh)}
         state = self._resampler.state() | {f"attribute.{name}": values for name, values in renewed.items()}
         self._resampler = Resampler.from_state(
             state, self._resampler.thresholds, self._interval.placement, self._resampler.shape.min_roundness

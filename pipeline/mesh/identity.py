@@ -125,11 +125,11 @@ def ancestry(now: AnyArray, then: AnyArray, births: AnyArray) -> Ancestry:
     by_name = np.argsort(then)
     settled = [(heirs[:0], by_name[:0], weights[:0])]
     while len(heirs):
-        place = _found(names, then[by_name])
+        place = _index_of(names, then[by_name])
         old = place >= 0
         settled.append((heirs[old], by_name[place[old]], weights[old]))
         heirs, names, weights = heirs[~old], names[~old], weights[~old]
-        birth = _found(names, births[:, 0])
+        birth = _index_of(names, births[:, 0])
         if (birth < 0).any():
             raise UsageError(
                 f"vertex {names[birth < 0][0]} is neither of the earlier surface nor among the births; give "
@@ -141,13 +141,13 @@ def ancestry(now: AnyArray, then: AnyArray, births: AnyArray) -> Ancestry:
     return Ancestry(*_merged(heirs, ancestors, weights))
 
 
-def _found(wanted: AnyArray, ascending: AnyArray) -> AnyArray:
+def _index_of(wanted: AnyArray, ascending: AnyArray) -> AnyArray:
     """Return the index (N,) of each wanted number in an ascending row; -1 if it is missing."""
     place = np.searchsorted(ascending, wanted)
-    there = place < len(ascending)
-    there[there] = ascending[place[there]] == wanted[there]
-    found: AnyArray = np.where(there, place, -1)
-    return found
+    exists = place < len(ascending)
+    exists[exists] = ascending[place[exists]] == wanted[exists]
+    index: AnyArray = np.where(exists, place, -1)
+    return index
 
 
 def _merged(heirs: AnyArray, names: AnyArray, weights: Floats) -> tuple[AnyArray, AnyArray, Floats]:

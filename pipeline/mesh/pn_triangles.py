@@ -90,9 +90,9 @@ def _grids(corners: Indices, twin: Indices, places: Indices, pieces: int, inside
     """Return the vertices of each face's patch, (F, (n + 1)(n + 2) / 2), in the order of `_cells`."""
     faces, n = len(corners) // 3, pieces
     steps = np.arange(n - 1)
-    there = places[:, None] + steps
-    back = places[twin][:, None] + steps[::-1]
-    along = np.where(places[:, None] >= 0, there, back).reshape(faces, 3, n - 1)
+    forward = places[:, None] + steps
+    backward = places[twin][:, None] + steps[::-1]
+    along = np.where(places[:, None] >= 0, forward, backward).reshape(faces, 3, n - 1)
     grid = np.empty((faces, n + 1, n + 1), np.int64)
     grid[:, 0, 0], grid[:, n, 0], grid[:, 0, n] = corners.reshape(-1, 3).T
     k = np.arange(1, n)

@@ -135,8 +135,8 @@ class PolygonMesh:
         if not len(self):
             return np.empty((0, 3))
         first = self.vertices[self.corners[self.offsets[:-1]]][self.owners]
-        here, there = self.vertices[self.corners] - first, self.vertices[self.heads] - first
-        return 0.5 * np.add.reduceat(np.cross(here, there), self.offsets[:-1], axis=0)
+        tails, heads = self.vertices[self.corners] - first, self.vertices[self.heads] - first
+        return 0.5 * np.add.reduceat(np.cross(tails, heads), self.offsets[:-1], axis=0)
 
     @property
     def areas(self) -> Floats:

@@ -57,10 +57,10 @@ def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, see
     share = max(float(inside(places(0, _PROBES)).mean()), 1.0 / _PROBES)
     reach = 0.4 * float((extent.prod() * share / count) ** (1.0 / 3.0))
     batch = int(count / share) + _PROBES
-    found: list[Points] = []
+    accepted: list[Points] = []
     taken = 0
-    while sum(map(len, found)) < count:
+    while sum(map(len, accepted)) < count:
         tried = places(taken, taken + batch) + random.uniform(-reach, reach, (batch, 3))
-        found.append(tried[inside(tried)])
+        accepted.append(tried[inside(tried)])
         taken += batch
-    return np.concatenate(found)[:count]
+    return np.concatenate(accepted)[:count]

@@ -175,8 +175,8 @@ def _pieces(points: Points, faces: Faces, middles: Indices) -> Faces:
         second = _distances(points, p, c) < _distances(points, a, q)
         case[where[second]] += 8
     pieces = np.take_along_axis(slots[:, None, :], _PIECES[case].reshape(len(faces), 1, -1), axis=2)
-    there = np.arange(4) < _COUNTS[case][:, None]
-    kept: Faces = pieces.reshape(len(faces), 4, 3)[there]
+    used = np.arange(4) < _COUNTS[case][:, None]
+    kept: Faces = pieces.reshape(len(faces), 4, 3)[used]
     return kept
 
 

@@ -9,16 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Points
 from pipeline.errors import MeshError
-from pipeline.mesh import (
-    PolygonMesh,
-    box,
-    icosphere,
-    require,
-    rod,
-    sheet,
-    torus,
-    validate,
-)
+from pipeline.mesh import PolygonMesh, box, icosphere, require, rod, sheet, torus, validate
 from pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_polygon
 
 POINTS = [(x, y, z) for x in (0, 1) for y in (0, 1) for z in (0, 1)]
@@ -31,14 +22,7 @@ def test_a_cube_has_six_faces_of_four_sides() -> None:
     assert (len(CUBE), CUBE.average_sides, len(CUBE.edges)) == (6, 4.0, 12)
     assert CUBE.areas.tolist() == [1.0] * 6
     assert CUBE.extents.tolist() == [1.0] * 6
-    assert CUBE.normals.tolist() == [
-        [-1, 0, 0],
-        [1, 0, 0],
-        [0, -1, 0],
-        [0, 1, 0],
-        [0, 0, -1],
-        [0, 0, 1],
-    ]
+    assert CUBE.normals.tolist() == [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]]
     assert CUBE.face(1).tolist() == [4, 6, 7, 5]
     assert CUBE.heads[4:8].tolist() == [6, 7, 5, 4]
 

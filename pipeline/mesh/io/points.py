@@ -37,13 +37,13 @@ def read_points(path: str | Path) -> PointSet:
     points that are not finite.
     """
     path = Path(path)
-    found = read_by_suffix(path, _READERS, "a file of points")
-    if not len(found.points):
+    points = read_by_suffix(path, _READERS, "a file of points")
+    if not len(points.points):
         raise MeshError(f"{path}: it holds no points; a cloud needs at least one")
-    if found.points.ndim != 2 or found.points.shape[1] != 3:
-        raise MeshError(f"{path}: its points have shape {found.points.shape}; they must be (N, 3)")
-    _require_finite(path, found.points)
-    return found
+    if points.points.ndim != 2 or points.points.shape[1] != 3:
+        raise MeshError(f"{path}: its points have shape {points.points.shape}; they must be (N, 3)")
+    _require_finite(path, points.points)
+    return points
 
 
 def read_net(path: str | Path, columns: int | None = None) -> Floats:
@@ -76,11 +76,11 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
 
 
 def _require_finite(path: Path, points: Floats) -> None:
-    wild = ~np.isfinite(points).all(axis=-1)
-    if wild.any():
-        first = tuple(np.argwhere(wild)[0].tolist())
+    wrong = ~np.isfinite(points).all(axis=-1)
+    if wrong.any():
+        first = tuple(np.argwhere(wrong)[0].tolist())
         where = f"point {first[0]}" if len(first) == 1 else f"the point in row {first[0]}, column {first[1]}"
-        more = int(wild.sum()) - 1
+        more = int(wrong.sum()) - 1
         raise MeshError(f"{path}: {where} is not finite (and {more} more); coordinates must be numbers")
 
 

@@ -42,13 +42,13 @@ def read_polygons(path: str | Path) -> PolygonMesh:
     finite, oriented manifold.
     """
     path = Path(path)
-    found = read_by_suffix(path, _READERS, "a mesh format")
-    if len(found.corners) == 0:
+    loaded = read_by_suffix(path, _READERS, "a mesh format")
+    if len(loaded.corners) == 0:
         raise MeshError(f"{path}: it holds no faces; a surface needs at least one triangle")
-    if not np.isfinite(found.points).all():
-        vertex = int(np.argmin(np.isfinite(found.points).all(axis=1)))
+    if not np.isfinite(loaded.points).all():
+        vertex = int(np.argmin(np.isfinite(loaded.points).all(axis=1)))
         raise MeshError(f"{path}: vertex {vertex} is not finite; coordinates must be numbers")
-    mesh, groups, tagged = _merged(found)
+    mesh, groups, tagged = _merged(loaded)
     require(mesh, name=str(path))
     return mesh.with_creases(np.concatenate([_between_groups(mesh, groups), _existing(mesh, tagged)]))
 
@@ -56,8 +56,8 @@ def read_polygons(path: str | Path) -> PolygonMesh:
 def _read_by_trimesh(path: Path) -> FileSurface:
     import trimesh
 
-    loaded = trimesh.load(path, force="mesh", process=False, maintain_order=True)
-    return file_surface(np.asarray(loaded.vertices, np.float64), np.asarray(loaded.faces))
+    scene = trimesh.load(path, force="mesh", process=False, maintain_order=True)
+    return file_surface(np.asarray(scene.vertices, np.float64), np.asarray(scene.faces))
 
 
 _READERS: dict[str, Callable[[Path], FileSurface]] = {
@@ -72,11 +72,11 @@ FORMATS = tuple(_READERS)
 """Suffixes of readable mesh files."""
 
 
-def _merged(found: FileSurface) -> tuple[PolygonMesh, AnyArray, AnyArray]:
+def _merged(loaded: FileSurface) -> tuple[PolygonMesh, AnyArray, AnyArray]:
     """Merge coincident vertices and drop unused ones; return the mesh, the groups and the tagged edges."""
-    points, offsets = found.points, found.offsets
+    points, offsets = loaded.points, loaded.offsets
     joined = _first_alike(points)
-    corners, face = joined[found.corners], np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+    corners, face = joined[loaded.corners], np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     following = np.arange(1, len(corners) + 1)
     some = offsets[1:] > offsets[:-1]
     following[offsets[1:][some] - 1] = offsets[:-1][some]
@@ -89,8 +89,8 @@ def _merged(found: FileSurface) -> tuple[PolygonMesh, AnyArray, AnyArray]:
     )
     number = np.full(len(points), -1)
     number[used] = np.arange(len(used))
-    inside = ((found.tagged >= 0) & (found.tagged < len(points))).all(axis=1)
-    return mesh, found.groups[whole], number[joined[found.tagged[inside]]]
+    inside = ((loaded.tagged >= 0) & (loaded.tagged < len(points))).all(axis=1)
+    return mesh, loaded.groups[whole], number[joined[loaded.tagged[inside]]]
 
 
 def _first_alike(points: AnyArray) -> AnyArray:

@@ -7,15 +7,7 @@ import numpy as np
 
 from pipeline.arrays import Floats, Points
 from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
-    LEAN,
-    MATRIX,
-    MESH_ARRAYS,
-    VECTOR,
-    MeshArrays,
-    following,
-    preceding,
-)
+from pipeline.mesh.kernels.halfedge import LEAN, MATRIX, MESH_ARRAYS, VECTOR, MeshArrays, following, preceding
 from pipeline.resample.kernels.limits import LIMITS, Limits, hard_cosine, length_limits, squared_length
 from pipeline.resample.kernels.rest_surface import would_flip
 from pipeline.resample.kernels.ring import (
@@ -260,8 +252,8 @@ def can_collapse(mesh: MeshArrays, h: int, near: Ring, far: Ring, limits: Limits
     """
     vert, twin, points = mesh.vert, mesh.twin, mesh.points
     a, b = vert[h], vert[following(h)]
-    there = twin[h] if twin[h] >= 0 else following(h)
-    if not (collect_ring(mesh, h, near) and collect_ring(mesh, there, far)):
+    leaving = twin[h] if twin[h] >= 0 else following(h)
+    if not (collect_ring(mesh, h, near) and collect_ring(mesh, leaving, far)):
         return NONE, CROWDED
     fault = _link_fault(mesh, h, near, far)
     if fault != NONE:

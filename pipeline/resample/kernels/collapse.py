@@ -53,9 +53,8 @@ def _valence_three_edge(mesh: MeshArrays, h: int) -> int:
         tip, spoke = vert[following(first)], first
         for _ in range(3):
             spoke = preceding(twin[spoke]) if spoke >= 0 and twin[spoke] >= 0 else NONE
-            if spoke >= 0 and squared_length(points, vert[spoke], tip) < squared_length(
-                points, vert[best], tip
-            ):
+            shortest = squared_length(points, vert[best], tip)
+            if spoke >= 0 and squared_length(points, vert[spoke], tip) < shortest:
                 best = spoke
         if spoke == first:
             return best
@@ -211,11 +210,8 @@ def requeue_refused(mesh: MeshArrays, changes: Changes) -> int:
     queued = 0
     for i in range(1, short_edges[0] + 1):
         h = short_edges[i]
-        if (
-            mesh.vert[h] < 0
-            or _has_fresh_face(mesh, h, changes)
-            or _has_fresh_face(mesh, following(h), changes)
-        ):
+        gone = mesh.vert[h] < 0
+        if gone or _has_fresh_face(mesh, h, changes) or _has_fresh_face(mesh, following(h), changes):
             edge_states[h] = QUEUED
         queued += edge_states[h] == QUEUED
     for i in range(1, fresh[0] + 1):

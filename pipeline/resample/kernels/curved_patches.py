@@ -8,15 +8,7 @@ import numba
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
-    LEAN,
-    MATRIX,
-    MESH_ARRAYS,
-    VECTOR,
-    MeshArrays,
-    following,
-    preceding,
-)
+from pipeline.mesh.kernels.halfedge import LEAN, MATRIX, MESH_ARRAYS, VECTOR, MeshArrays, following, preceding
 from pipeline.resample.kernels.limits import area_vector, squared_length
 from pipeline.resample.kernels.ring import RING, Ring, collect_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
@@ -91,21 +83,21 @@ def side_normal(mesh: MeshArrays, h: int, cosine: float, out: Floats, at: int) -
 def _next_along_crease(mesh: MeshArrays, h: int, before: int, cosine: float) -> int:
     """Return the vertex where the crease from `before` continues beyond the start of h; -1 at its end."""
     vert, twin = mesh.vert, mesh.twin
-    found, many, k = -1, 0, h
+    onward, count, k = -1, 0, h
     while True:
         if vert[following(k)] != before and _is_hard(mesh, k, cosine):
-            found, many = vert[following(k)], many + 1
+            onward, count = vert[following(k)], count + 1
         back = preceding(k)
         k = twin[back]
         if k < 0 and vert[back] != before:
-            found, many = vert[back], many + 1
+            onward, count = vert[back], count + 1
         if k < 0 or k == h:
             break
     while k < 0 and twin[h] >= 0:  # the fan is open: on to its other side
         h = following(twin[h])
         if vert[following(h)] != before and _is_hard(mesh, h, cosine):
-            found, many = vert[following(h)], many + 1
-    return found if many == 1 else -1
+            onward, count = vert[following(h)], count + 1
+    return onward if count == 1 else -1
 
 
 @kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.int64, numba.int64, numba.int64, VECTOR), **LEAN)

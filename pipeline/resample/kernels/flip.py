@@ -27,7 +27,7 @@ from pipeline.resample.kernels.limits import (
     length_limits,
     squared_length,
 )
-from pipeline.resample.kernels.rest_surface import rest_orientation
+from pipeline.resample.kernels.rest_surface import is_inverted
 from pipeline.resample.kernels.work_lists import CHANGES, FRESH, UNLISTED, Changes, enqueue, push, touch
 
 _GAIN = 0.1  # cot α + cot β must be below -_GAIN: a flip must be worth the change of the surface
@@ -101,19 +101,14 @@ def should_flip(mesh: MeshArrays, h: int, limits: Limits) -> bool:
     qx, qy, qz = area_vector(points, b, c, d)
     sx, sy, sz = mx + nx, my + ny, mz + nz
     p, q, s = px * px + py * py + pz * pz, qx * qx + qy * qy + qz * qz, sx * sx + sy * sy + sz * sz
-    if _turns_beyond(px * sx + py * sy + pz * sz, _FLAT, p, s) or _turns_beyond(
-        qx * sx + qy * sy + qz * sz, _FLAT, q, s
-    ):
+    ps, qs = px * sx + py * sy + pz * sz, qx * sx + qy * sy + qz * sz
+    if _turns_beyond(ps, _FLAT, p, s) or _turns_beyond(qs, _FLAT, q, s):
         return False
     if limits.rest_column >= 0:  # no face may turn over at rest
         attributes = mesh.attributes
-        inwards = (rest_orientation(attributes, limits, a, d, c) <= 0) + (
-            rest_orientation(attributes, limits, b, c, d) <= 0
-        )
-        already = (rest_orientation(attributes, limits, a, b, c) <= 0) + (
-            rest_orientation(attributes, limits, b, a, d) <= 0
-        )
-        if inwards > already:
+        now = is_inverted(attributes, limits, a, b, c) + is_inverted(attributes, limits, b, a, d)
+        then = is_inverted(attributes, limits, a, d, c) + is_inverted(attributes, limits, b, c, d)
+        if then > now:
             return False
     return not _are_adjacent(mesh, before(i), d)
 

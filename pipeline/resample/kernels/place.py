@@ -6,14 +6,7 @@ import numba
 
 from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
-    BYTES,
-    INTS,
-    MATRIX,
-    MESH_ARRAYS,
-    MeshArrays,
-    preceding,
-)
+from pipeline.mesh.kernels.halfedge import BYTES, INTS, MATRIX, MESH_ARRAYS, MeshArrays, preceding
 from pipeline.resample.kernels.curved_patches import incoming
 from pipeline.resample.kernels.limits import LIMITS, Limits
 from pipeline.resample.kernels.rest_surface import move_at_rest
@@ -84,6 +77,5 @@ def classify_around(
             if k < 0 or k == first:
                 break
         if k < 0:  # on a boundary: the edge that no spoke has reached
-            classify_edge(
-                mesh, incoming(mesh, births[i, BIRTH_HALFEDGE], births[i, 0]), limits, long_edges, changes
-            )
+            h = incoming(mesh, first, births[i, 0])
+            classify_edge(mesh, h, limits, long_edges, changes)

@@ -30,6 +30,12 @@ def rest_orientation(attributes: Points, limits: Limits, a: int, b: int, c: int)
     return float((uy * vz - uz * vy) * nx + (uz * vx - ux * vz) * ny + (ux * vy - uy * vx) * nz)
 
 
+@kernel(numba.boolean(MATRIX, LIMITS, numba.int64, numba.int64, numba.int64), **LEAN)
+def is_inverted(attributes: Points, limits: Limits, a: int, b: int, c: int) -> bool:
+    """Tell whether triangle abc does not face outwards at rest."""
+    return bool(rest_orientation(attributes, limits, a, b, c) <= 0)
+
+
 @kernel(numba.boolean(MATRIX, RING, numba.int64, numba.int64, LIMITS), **LEAN)
 def would_flip(attributes: Points, ring: Ring, centre: int, other: int, limits: Limits) -> bool:
     """Tell whether a face of the ring would turn over at rest if its centre merged into vertex `other`."""
@@ -37,10 +43,8 @@ def would_flip(attributes: Points, ring: Ring, centre: int, other: int, limits: 
         b, c = ring.vertex[i], ring.vertex[i + 1]
         if b == other or c == other:
             continue
-        if (
-            rest_orientation(attributes, limits, other, b, c) <= 0
-            and rest_orientation(attributes, limits, centre, b, c) > 0
-        ):
+        inverted = is_inverted(attributes, limits, other, b, c)
+        if inverted and rest_orientation(attributes, limits, centre, b, c) > 0:
             return True
     return False
 
@@ -51,7 +55,7 @@ def _count_inverted(attributes: Points, ring: Ring, centre: int, limits: Limits)
     count = 0
     for i in range(ring.size[0]):
         b, c = ring.vertex[i], ring.vertex[i + 1]
-        count += rest_orientation(attributes, limits, centre, b, c) <= 0
+        count += is_inverted(attributes, limits, centre, b, c)
     return count
 
 

@@ -176,9 +176,9 @@ def move_fault(ring: Ring, other: int, place: Floats, max_squared: float, cosine
         side = side if side > far else far
         turns = (old > 0.0) & (dot * abs(dot) < bar * old * new)
         thin = (new < _THIN * _THIN * side * side) & (new < old)
-        here, there = vertex[i] != other, vertex[j] != other
-        stretched |= (near > max_squared) & here & (lane < spokes)
-        folded |= (turns | thin) & here & there & (lane < faces)
+        keeps_i, keeps_j = vertex[i] != other, vertex[j] != other
+        stretched |= (near > max_squared) & keeps_i & (lane < spokes)
+        folded |= (turns | thin) & keeps_i & keeps_j & (lane < faces)
     return STRETCHED if stretched else (FOLDED if folded else 0)
 
 

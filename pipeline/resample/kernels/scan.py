@@ -67,7 +67,7 @@ def _flag_chunk(
     longest_share, varies = limits.longest_share, limits.field_column >= 0
     first, last = CHUNK * chunk, min(CHUNK * (chunk + 1), faces)
     start = first + chunk  # each chunk has a spare entry: the next one is written before it counts
-    found, total = 0, 0.0
+    count, total = 0, 0.0
     for block in range(first // BLOCK, -(-last // BLOCK)):
         low, high = np.inf, 0.0
         for f in range(BLOCK * block, min(BLOCK * (block + 1), last)):
@@ -79,11 +79,11 @@ def _flag_chunk(
             if varies:
                 out = _is_outside(mesh, 3 * f, ab, limits) | _is_outside(mesh, 3 * f + 1, bc, limits)
                 out |= _is_outside(mesh, 3 * f + 2, ca, limits)
-            flagged[np.uint64(start + found)] = f
-            found += out | (large > longest_share * total_squared)
+            flagged[np.uint64(start + count)] = f
+            count += out | (large > longest_share * total_squared)
             low, high = _widened(low, high, np.inf if out else small, 0.0 if out else large)
         block_ranges[block, 0], block_ranges[block, 1] = low, high
-    counts[chunk] = found
+    counts[chunk] = count
     return total
 
 

@@ -7,15 +7,7 @@ import numpy as np
 
 from pipeline.arrays import Indices
 from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import (
-    INTS,
-    LEAN,
-    MESH_ARRAYS,
-    MeshArrays,
-    following,
-    join,
-    preceding,
-)
+from pipeline.mesh.kernels.halfedge import INTS, LEAN, MESH_ARRAYS, MeshArrays, following, join, preceding
 from pipeline.resample.kernels.limits import LIMITS, Limits, length_limits, squared_length
 from pipeline.resample.kernels.work_lists import CHANGES, Changes, classify_edge, push, touch
 
@@ -63,9 +55,8 @@ def _interpolate(mesh: MeshArrays, middle: int, a: int, b: int) -> None:
     for k in range(3):
         points[middle, k] = 0.5 * (points[a, k] + points[b, k])
     for k in range(attributes.shape[1]):
-        attributes[middle, k] = (
-            0.5 * (attributes[a, k] + attributes[b, k]) if blends[k] > 0 else attributes[a, k]
-        )
+        mixes = blends[k] > 0
+        attributes[middle, k] = 0.5 * (attributes[a, k] + attributes[b, k]) if mixes else attributes[a, k]
 
 
 @kernel(INTS(MESH_ARRAYS, INTS, LIMITS, INTS))
@@ -121,11 +112,9 @@ def split_edges(
     fresh = sizes[0]
     for h in order:
         a, b = vert[h], vert[following(h)]
-        if (
-            a >= fresh
-            or b >= fresh
-            or squared_length(mesh.points, a, b) <= length_limits(mesh, limits, a, b)[0]
-        ):
+        if a >= fresh or b >= fresh:
+            continue
+        if squared_length(mesh.points, a, b) <= length_limits(mesh, limits, a, b)[0]:
             continue
         middle, first = sizes[0], sizes[1]
         back = twin[h]

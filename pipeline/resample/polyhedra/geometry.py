@@ -39,11 +39,7 @@ def difference(a: Point, b: Point) -> Point:
 
 def between(a: Point, b: Point, share: float) -> Point:
     """Return the point on the line from a to b; `share` 0 is a, 1 is b."""
-    return (
-        a[0] + (b[0] - a[0]) * share,
-        a[1] + (b[1] - a[1]) * share,
-        a[2] + (b[2] - a[2]) * share,
-    )
+    return (a[0] + (b[0] - a[0]) * share, a[1] + (b[1] - a[1]) * share, a[2] + (b[2] - a[2]) * share)
 
 
 def box(polygon: Sequence[Point]) -> tuple[int, float, float]:

@@ -65,17 +65,17 @@ class Polyhedron:
         The face keeps the sides from h to k; a new one gets those from k to h, and the returned half-edge.
         """
         nexts, previous, origin, face = self.next, self.previous, self.origin, self.face
-        there, back = self._new_edge(origin[h], origin[k], crease=False)
+        chord, back = self._new_edge(origin[h], origin[k], crease=False)
         old, new = face[h], len(self.side)
         before_h, before_k = previous[h], previous[k]
         nexts[before_k], previous[back], nexts[back], previous[h] = back, before_k, h, back
-        nexts[before_h], previous[there], nexts[there], previous[k] = there, before_h, k, there
+        nexts[before_h], previous[chord], nexts[chord], previous[k] = chord, before_h, k, chord
         face[back] = old
         self.side[old] = h
-        self.side.append(there)
-        for one in self.loop(there):
+        self.side.append(chord)
+        for one in self.loop(chord):
             face[one] = new
-        return there
+        return chord
 
     def collapse_edge(self, h: int, place: Point) -> int:
         """Merge the end of h into its origin, which moves to `place`; return the origin.
@@ -138,31 +138,6 @@ class Polyhedron:
         mesh, twin = self._gathered()
         self._load(mesh, twin)
         return mesh, kept
-
-    def fault(self) -> str | None:
-        """Return the first broken invariant, or None; the invariants hold after every operation."""
-        alive = [h for h in range(len(self.origin)) if self.origin[h] != OUTSIDE]
-        for h in alive:
-            after = self.next[h]
-            if self.origin[h ^ 1] == OUTSIDE or self.origin[after] == OUTSIDE:
-                return f"half-edge {h} leads to one that was removed"
-            if self.previous[after] != h or self.face[after] != self.face[h]:
-                return f"half-edges {h} and {after} do not follow each other"
-            if self.origin[after] != self.origin[h ^ 1]:
-                return f"half-edge {h} does not end where {after} begins"
-            if self.face[h] == OUTSIDE and self.face[h ^ 1] == OUTSIDE:
-                return f"edge {h >> 1} has no face"
-        for f, h in enumerate(self.side):
-            if h != OUTSIDE and (self.face[h] != f or len(self.loop(h)) < 3):
-                return f"face {f} has lost its sides"
-        reached = [h for v in range(len(self.leaving)) if self.leaving[v] != OUTSIDE for h in self._fan(v)]
-        if sorted(reached) != alive:
-            return "the fans around the vertices do not reach every half-edge once"
-        ends = {(self.origin[h], self.origin[h ^ 1]) for h in alive}
-        return None if len(ends) == len(alive) else "two edges join the same two vertices"
-
-    def _fan(self, vertex: int) -> list[int]:
-        return [h for h in self.star(vertex) if self.origin[h] == vertex]
 
     def _new_edge(self, a: int, b: int, crease: bool) -> tuple[int, int]:
         h = len(self.origin)
