@@ -1,1 +1,1 @@
-"""What all of `render` and `pipeline` build on: errors, files, caches, serialisation."""
+"""The base of `render` and `pipeline`: errors, files, caches, serialisation."""

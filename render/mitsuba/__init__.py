@@ -1,1 +1,1 @@
-"""Descriptions become Mitsuba scenes; choosing and starting its engine."""
+"""Mitsuba: its engine, and scenes built from plain descriptions."""

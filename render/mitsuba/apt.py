@@ -1,8 +1,7 @@
-"""Unpack a Debian or Ubuntu package and what it lacks into a folder, without root.
+"""Unpack a Debian or Ubuntu package and its missing dependencies into a folder, without root.
 
-apt is given private lists and a private cache, so nothing outside the folder is read-write and the
-system's package database is only looked at. It decides itself what is missing here, by simulating the
-installation.
+apt gets private lists and a private cache: it writes nothing outside the folder and only reads the system's
+package database. Missing dependencies are found by a simulated installation.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ _NEW_PACKAGE = re.compile(r"^Inst (\S+) \(", re.MULTILINE)
 
 
 def available() -> bool:
-    """Whether this machine has apt and dpkg at all."""
+    """Tell whether this machine has apt and dpkg."""
     return all(shutil.which(tool) for tool in ("apt-get", "dpkg"))
 
 
@@ -39,7 +38,7 @@ class PrivateApt:
         self._run("update")
 
     def missing_for(self, package: str) -> list[str]:
-        """The packages that installing `package` would add here; empty where apt does not offer it."""
+        """Return the packages that installing `package` would add; empty where apt does not offer it."""
         try:
             plan = self._run("install", "--simulate", "--no-install-recommends", package)
         except MachineError:
@@ -48,7 +47,7 @@ class PrivateApt:
         return _NEW_PACKAGE.findall(plan)
 
     def unpack(self, packages: list[str], target: Path) -> None:
-        """Download the packages and lay their files under `target`. Raises MachineError."""
+        """Download packages and unpack them below `target`. Raises MachineError."""
         self._run("download", *packages)
         for archive in sorted((self.folder / "debs").glob("*.deb")):
             self._call(["dpkg", "-x", str(archive), str(target)])
@@ -84,11 +83,11 @@ class PrivateApt:
         except OSError as error:
             raise MachineError(f"{command[0]} cannot run: {error.strerror}") from None
         if done.returncode != 0:
-            complaints = [line for line in done.stderr.splitlines() if line.startswith(("E:", "dpkg"))]
-            reason = complaints[0].removeprefix("E: ") if complaints else f"exit code {done.returncode}"
+            errors = [line for line in done.stderr.splitlines() if line.startswith(("E:", "dpkg"))]
+            reason = errors[0].removeprefix("E: ") if errors else f"exit code {done.returncode}"
             raise MachineError(f"{command[0]} failed: {reason}")
         return done.stdout
 
-    def _check_time(self, what: str) -> None:
+    def _check_time(self, command: str) -> None:
         if time.monotonic() >= self.deadline:
-            raise MachineError(f"no time left for {what}")
+            raise MachineError(f"no time left for {command}")

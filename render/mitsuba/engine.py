@@ -1,7 +1,7 @@
-"""Choose how Mitsuba runs here: compiled by LLVM, plain, or on a GPU when asked for.
+"""Choose Mitsuba's variant: compiled by LLVM, scalar, or on a GPU on request.
 
-A variant that cannot run may end the whole process at its first render, not at its choice. So each is
-probed by rendering one sample in a process of its own, and the answer is remembered for this machine.
+A variant that cannot run may end the whole process, and only at its first render. So each is probed by
+rendering one sample in a process of its own; the answer is stored in the disk cache.
 """
 
 from __future__ import annotations
@@ -27,20 +27,20 @@ VARIANTS = ("cuda_ad_rgb", *DEFAULT_ORDER)
 PROBE_SECONDS = 120.0
 
 CRASHES = {-number for number in signal.Signals if number.name in ("SIGABRT", "SIGBUS", "SIGILL", "SIGSEGV")}
-"""How a probe ends that did itself in; any other signal came from outside and says nothing of the variant."""
+"""Exit codes of a crash. Other signals come from outside and say nothing about the variant."""
 
 _PACKAGE_ROOT = Path(__file__).resolve().parents[2]
 
 
 @dataclass(frozen=True)
 class Engine:
-    """A variant of Mitsuba that was seen to work here.
+    """A variant of Mitsuba that works on this machine.
 
-    variant   Mitsuba's name for it
-    threads   how many it uses; 0 is one a core
-    why       why it was chosen, for `doctor`
-    faster    what would make rendering faster here, or nothing
-    llvm      the library it needs, or none
+    variant   Mitsuba's name
+    threads   their number; 0 is one per core
+    why       reason for the choice, for `doctor`
+    faster    advice how to render faster here, or ""
+    llvm      the library that the variant needs, or None
     """
 
     variant: str
@@ -50,10 +50,10 @@ class Engine:
     llvm: LibLlvm | None = None
 
     def start(self) -> None:
-        """Set Mitsuba's variant and thread count in this process and thread; once is enough.
+        """Set Mitsuba's variant and thread count in this process and thread. Once is enough.
 
-        Raises MachineError where another variant runs already: pictures of two variants
-        differ, and never stand in one shot.
+        Raises MachineError where another variant runs already: pictures of two variants differ, and one shot
+        never mixes them.
         """
         if self.llvm is not None and os.environ.get(llvm.ENVIRONMENT_NAME) != str(self.llvm.path):
             if "drjit" in sys.modules:
@@ -78,15 +78,15 @@ class Engine:
             dr.set_thread_count(threads)
 
     def facts(self) -> dict[str, Any]:
-        """What a picture's header records of it."""
+        """Return the facts that a picture's header records."""
         return {"variant": self.variant, "mitsuba": version("mitsuba")}
 
 
 def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
-    """The first variant of `prefer` (default: LLVM, then scalar) that renders a sample here.
+    """Return the first variant of `prefer` (default: LLVM, then scalar) that renders a sample here.
 
-    A GPU is used only where `prefer` names cuda_ad_rgb. Raises BadInputError for a name that is no
-    variant, MachineError where none works.
+    A GPU is used only if `prefer` names cuda_ad_rgb. Raises BadInputError for an unknown variant,
+    MachineError where none works.
     """
     order = tuple(prefer) if prefer else DEFAULT_ORDER
     for variant in order:
@@ -104,24 +104,24 @@ def choose(prefer: Sequence[str] | None = None, threads: int = 0) -> Engine:
 
 
 def working_llvm() -> LibLlvm | None:
-    """The libLLVM that `choose` would use, probed."""
+    """Return the libLLVM that `choose` would use, or None."""
     return next((library for library in llvm.candidates() if works("llvm_ad_rgb", library)), None)
 
 
 def works(variant: str, library: LibLlvm | None = None) -> bool:
-    """Whether one sample renders, in a process of its own; remembered by machine, version and library."""
-    memory = _memory(variant, library)
-    known = load_answer(memory)
+    """Tell whether one sample renders, in a process of its own. Cached by machine, version and library."""
+    cached = _cache_file(variant, library)
+    known = load_answer(cached)
     if known is not None and "works" in known:
         return bool(known["works"])
     answer = _probe(variant, library)
     if answer is not None and (answer or variant != "cuda_ad_rgb"):  # a driver may be installed later
-        store_answer(memory, {"works": answer, "variant": variant, "library": str(library and library.path)})
+        store_answer(cached, {"works": answer, "variant": variant, "library": str(library and library.path)})
     return bool(answer)
 
 
 def available_cores() -> int:
-    """Cores this process may use, which a container or a farm may limit."""
+    """Return the cores that this process may use, which a container or a farm may limit."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:  # macOS and Windows have no affinity
@@ -129,7 +129,7 @@ def available_cores() -> int:
 
 
 def facts() -> dict[str, str]:
-    """What `doctor` tells of rendering here: what is in use, why, and what would be faster."""
+    """Return what `doctor` reports on rendering: the variant, the reason for it, and advice."""
     try:
         engine = choose()
     except MachineError as error:
@@ -163,10 +163,7 @@ def _faster(variant: str) -> str:
 
 
 def _probe(variant: str, library: LibLlvm | None) -> bool | None:
-    """True or False as one sample rendered or not; None where that cannot be told.
-
-    It cannot where the machine was too busy, or the probe was killed: for memory, or by a shutdown.
-    """
+    """Return whether one sample rendered, or None if the probe timed out or was killed from outside."""
     command = [sys.executable, "-m", "render.mitsuba.engine", variant]
     if library is not None:
         command += [str(library.path), *map(str, library.dependencies)]
@@ -192,8 +189,8 @@ def _search_path() -> list[str]:
     return [str(_PACKAGE_ROOT), *([inherited] if inherited else [])]
 
 
-def _memory(variant: str, library: LibLlvm | None) -> Path:
-    """The file that holds the answer."""
+def _cache_file(variant: str, library: LibLlvm | None) -> Path:
+    """Return the cache file of the answer."""
     parts = [variant, version("mitsuba"), version("drjit"), sys.version, sys.prefix]
     parts += [platform.node(), platform.machine()]
     if library is not None:
@@ -228,7 +225,7 @@ def _render_one_sample(variant: str, library: LibLlvm | None) -> bool:
 
 
 def main(arguments: Sequence[str]) -> int:
-    """The probe's process: VARIANT [LIBRARY DEPENDENCY…]; 0 where a sample came out bright."""
+    """Run the probe: VARIANT [LIBRARY DEPENDENCY…]. Return 0 if a sample renders brighter than black."""
     variant, *files = arguments
     paths = [Path(file) for file in files]
     library = LibLlvm(paths[0], tuple(paths[1:])) if paths else None
@@ -236,5 +233,5 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    # Leaving by os._exit keeps a crash in some library's clean-up from being taken for a failed render.
+    # os._exit: a crash in a library's clean-up must not count as a failed render.
     os._exit(main(sys.argv[1:]))

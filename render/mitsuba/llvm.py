@@ -1,7 +1,7 @@
 """Find a libLLVM that Dr.Jit can use, and fetch one where there is none.
 
-Left alone, Dr.Jit takes whatever libLLVM it meets first; 15 and 16 end the process with SIGABRT on the
-first render and 14 is refused, so a library is always named to it, and only one of version 17 or later.
+By default Dr.Jit takes the first libLLVM it finds. Versions 15 and 16 end the process with SIGABRT at the
+first render, and 14 is refused. So a library of version 17 or later is always named to it.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ from render.mitsuba.apt import available as apt_available
 OLDEST_VERSION = 17
 ENVIRONMENT_NAME = "DRJIT_LIBLLVM_PATH"
 PACKAGES = ("libllvm19", "libllvm18", "libllvm20", "libllvm17")
-"""In order of trust: 19 is what this project is tested with."""
+"""In order of preference: this project is tested with 19."""
 
 TIME_LIMIT = 300.0
-"""Seconds that fetching may take before set-up goes on without it."""
+"""Seconds that fetching may take before set-up continues without it."""
 
 _VERSION = re.compile(r"libLLVM(?:-|\.so\.)(\d+)")
 _SYSTEM_FOLDERS = (
@@ -55,11 +55,11 @@ class LibLlvm:
 
     @property
     def version(self) -> int | None:
-        """The major version, where the file's name says it."""
+        """The major version, or None where the file's name does not have it."""
         return _version_of(self.path)
 
     def load(self) -> None:
-        """Name this library to Dr.Jit and load what it needs; must come before `import mitsuba`.
+        """Name this library to Dr.Jit and load its dependencies. Must come before `import mitsuba`.
 
         Dependencies may need each other, so those that fail are tried again while others succeed.
         """
@@ -73,14 +73,13 @@ class LibLlvm:
 
 
 def provisioned_folder() -> Path:
-    """Where set-up unpacks a libLLVM of our own."""
+    """Return the folder where set-up unpacks a libLLVM of our own."""
     return Path(sys.prefix) / "lib" / "libllvm"
 
 
 def candidates() -> list[LibLlvm]:
-    """Libraries worth probing, best first: the environment's, set-up's, the system's newest.
-
-    The environment's is taken as it is, whatever its version; the probe will tell.
+    """Return libraries to probe, best first: the environment's of any version, set-up's, the system's
+    newest.
     """
     found = [LibLlvm(Path(os.environ[ENVIRONMENT_NAME]))] if os.environ.get(ENVIRONMENT_NAME) else []
     found += _in_folder(provisioned_folder())
@@ -90,13 +89,13 @@ def candidates() -> list[LibLlvm]:
 
 
 def provision(folder: Path, time_limit: float = TIME_LIMIT) -> str:
-    """Unpack a libLLVM into `folder`, which appears complete or not at all; return the package's name.
+    """Unpack a libLLVM into `folder`, complete or not at all, and return the package's name.
 
     Raises MachineError where apt is missing, offers none, fails or takes too long.
     """
     if not apt_available():
         raise MachineError("this system has no apt-get and dpkg")
-    with _workplace(folder) as work:
+    with _temporary_folder(folder) as work:
         apt = PrivateApt(work, time.monotonic() + time_limit)
         apt.update()
         for package in PACKAGES:
@@ -114,8 +113,8 @@ def provision(folder: Path, time_limit: float = TIME_LIMIT) -> str:
 
 
 @contextmanager
-def _workplace(folder: Path) -> Iterator[Path]:
-    """A temporary sibling of `folder`; whatever an earlier, killed run left there goes first."""
+def _temporary_folder(folder: Path) -> Iterator[Path]:
+    """Yield a temporary folder beside `folder`, after removing those of killed runs."""
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         for leftover in folder.parent.glob(f"{folder.name}.tmp*"):

@@ -1,1 +1,1 @@
-"""Plain descriptions of a picture: geometry, camera, lights, stage, materials, quality; no renderer"""
+"""Plain descriptions: geometry, camera, lights, stage, materials, quality."""

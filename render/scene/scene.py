@@ -47,7 +47,7 @@ class MotionSample:
 
 @dataclass(frozen=True, eq=False)
 class Scene:
-    """What a frame shows: the subject and its material, lights, stage and camera."""
+    """The scene of one frame: the subject and its material, lights, stage and camera."""
 
     subject: Surface | Spheres
     material: Material

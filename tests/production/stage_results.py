@@ -24,7 +24,7 @@ from pipeline.dailies.sheets.measures import Measures
 from pipeline.dailies.turntable.request import TurntableRequest
 from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.production.execution.project import Project
-from pipeline.production.keys.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, Stage
+from pipeline.production.keys.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store import readers
@@ -37,7 +37,7 @@ Arrays = dict[str, np.ndarray]
 
 RECORD = Path(__file__).with_name("reference") / "stage_results.npz"
 
-EVERY_STAGE: tuple[Stage, ...] = (*STAGES.values(), DELIVER, TURNTABLE_SHEET, MEASURE)
+EVERY_STAGE: tuple[PipelineStage, ...] = (*STAGES.values(), DELIVER, TURNTABLE_SHEET, MEASURE)
 """Each after those that it rests on."""
 
 NAME = "R010_reference"

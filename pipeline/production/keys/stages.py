@@ -15,7 +15,7 @@ from typing import Any
 
 
 @dataclass(frozen=True)
-class Stage:
+class PipelineStage:
     """One stage of the way from a shot file to a film.
 
     name         the rule in the Snakefile, and the function in `pipeline.production.tasks`
@@ -46,7 +46,7 @@ class Stage:
         return {"stage": self.name, "version": self.version, **packages}
 
 
-SIMULATE = Stage(
+SIMULATE = PipelineStage(
     "simulate",
     version=1,
     packages=("numba", "numpy", "trimesh"),
@@ -57,7 +57,7 @@ SIMULATE = Stage(
     per_quality=False,
     on_farm=True,
 )
-SMOOTH_NORMALS = Stage(
+SMOOTH_NORMALS = PipelineStage(
     "smooth_normals",
     version=1,
     packages=(),
@@ -67,7 +67,7 @@ SMOOTH_NORMALS = Stage(
     per_frame=True,
     per_quality=False,
 )
-FRAME_CAMERA = Stage(
+FRAME_CAMERA = PipelineStage(
     "frame_camera",
     version=1,
     packages=(),
@@ -76,7 +76,7 @@ FRAME_CAMERA = Stage(
     module="meshes",
     per_quality=False,
 )
-RENDER = Stage(
+RENDER = PipelineStage(
     "render",
     version=1,
     packages=("mitsuba", "drjit", "OpenImageIO"),
@@ -86,7 +86,7 @@ RENDER = Stage(
     per_frame=True,
     on_farm=True,
 )
-FINISH = Stage(
+FINISH = PipelineStage(
     "finish",
     version=1,
     packages=("pyoidn", "OpenImageIO"),
@@ -96,7 +96,7 @@ FINISH = Stage(
     per_frame=True,
     on_farm=True,
 )
-ASSEMBLE = Stage(
+ASSEMBLE = PipelineStage(
     "assemble",
     version=1,
     packages=("av", "OpenImageIO"),
@@ -104,7 +104,7 @@ ASSEMBLE = Stage(
     makes="movie",
     module="movies",
 )
-FILM = Stage(
+FILM = PipelineStage(
     "film",
     version=1,
     packages=("av", "OpenImageIO"),
@@ -113,7 +113,7 @@ FILM = Stage(
     module="movies",
 )
 STILLS = tuple(
-    Stage(
+    PipelineStage(
         form,
         version=1,
         packages=("OpenImageIO",),
@@ -131,13 +131,15 @@ STAGES = {
 }
 """The stages that jobs do, by name, each after those that it rests on."""
 
-DELIVER = Stage(
+DELIVER = PipelineStage(
     "deliver", version=1, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
 )
-TURNTABLE_SHEET = Stage(
+TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=1, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
 )
-MEASURE = Stage("measure", version=1, packages=(), doing="measuring", makes="measures", per_quality=False)
+MEASURE = PipelineStage(
+    "measure", version=1, packages=(), doing="measuring", makes="measures", per_quality=False
+)
 
 READS = {
     "simulate": ("simulate",),

@@ -27,12 +27,12 @@ _REFUSALS = {
         for name, word in (("pigment", "pigment"), ("measure", "measure"), ("colour_texture", "picture"))
     },
 }
-"""What a look is told that was given a field of another model."""
+"""Messages about a field that a model does not have."""
 
 
 @dataclass(frozen=True)
 class Material:
-    """Base class: what a surface is made of. Opaque materials look the same from both sides.
+    """Base class of materials. Opaque ones look the same from both sides.
 
     colour     linear Rec.709 reflectance
     roughness  of highlights: 0.03 is the gloss of a mirror, 0.5 is matt
@@ -76,7 +76,7 @@ class Material:
 
     @property
     def pattern(self) -> Pigment | Measure | None:
-        """What varies the colour by a phase per vertex, or None."""
+        """The pattern that gives colours by a phase per vertex, or None."""
         return None
 
     @property

@@ -1,0 +1,19 @@
+"""The facade of the package: every public name is there, and none is imported before it is used."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import render
+
+
+def test_every_public_name_can_be_imported() -> None:
+    assert all(getattr(render, name) is not None for name in render.__all__)
+    assert not hasattr(render, "nothing_of_that_name")
+
+
+def test_importing_the_package_imports_no_renderer() -> None:
+    code = "import sys, render; print([m for m in ('mitsuba', 'numba', 'OpenImageIO') if m in sys.modules])"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "[]"
