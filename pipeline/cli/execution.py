@@ -68,7 +68,8 @@ def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
         _report_notes(plan, reported)
         return plan
 
-    outcome = run(planned, common.root, common.cores, watch, common.profile, common.patience or PATIENCE)
+    patience = common.patience or PATIENCE
+    outcome = run(planned, common.root, common.cores, watch, common.profile, patience, common.wait)
     for message in outcome.warnings:
         print_warning(message)
     for failure in outcome.failures:

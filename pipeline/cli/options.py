@@ -85,6 +85,7 @@ class Common:
     root: Path
     patience: float | None
     profile: Profile
+    wait: bool = False
 
 
 @dataclass(frozen=True)
@@ -129,6 +130,10 @@ class CommonOptions:
             help="Where jobs run: local, slurm, another folder in profiles/, or a path; see docs/farm.md.",
         ),
     ] = None
+    wait: Annotated[
+        bool,
+        _common("--wait", help="Wait for another run of the same shot and quality. Default: refuse to run."),
+    ] = False
 
     def resolved(self, before: CommonOptions) -> Common:
         """Return what holds for a command; `before` are the options given before its name, which yield."""
@@ -145,6 +150,7 @@ class CommonOptions:
             root=(given.root or Path()).resolve(),
             patience=None if given.timeout is None else 60.0 * given.timeout,
             profile=Profile.named(given.profile) if given.profile else Profile.local(),
+            wait=given.wait,
         )
 
 

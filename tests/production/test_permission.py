@@ -148,9 +148,9 @@ def test_plain_snakemake_runs_code_with_permission_alone(tmp_path: Path) -> None
         ),
     ):
         refused = plain_snakemake(tmp_path, *config)
-        assert refused.returncode == 1 and says in refused.stderr, refused.stderr
-        assert "Traceback" not in refused.stderr and "/pipeline/" not in refused.stderr, refused.stderr
+        assert refused.returncode == 1 and says in refused.stdout, refused.stdout
+        assert "Traceback" not in refused.stdout and "/pipeline/" not in refused.stdout, refused.stdout
     done = plain_snakemake(tmp_path, "allow_code=true")
-    assert done.returncode == 0, done.stderr
+    assert done.returncode == 0, done.stdout
     first, last = (read_npz(tmp_path / f"renders/P010/meshes/P010.000{n}.npz")["vertices"] for n in (1, 3))
     np.testing.assert_allclose(last - first, np.tile([0.0, 2 / 24, 0.0], (len(first), 1)), atol=1e-7)

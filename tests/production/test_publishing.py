@@ -14,9 +14,9 @@ import pytest
 
 from pipeline.errors import FrameError, MachineError, MissingInputError, UsageError
 from pipeline.production.execution.project import Project
-from pipeline.production.execution.run import exclusive
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.variants import avoid
+from pipeline.production.store.locks import exclusive
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions import freezing

@@ -227,13 +227,14 @@ def test_the_jobs_of_a_killed_command_do_not_outlive_it(project):
     project.wait_until(lambda: not processes_of(process.pid, "pipeline.production.tasks"), seconds=20)
 
 
-def test_two_runs_at_once_are_refused_in_one_line(project):
+def test_a_second_run_of_the_same_is_refused_in_one_line_that_names_the_first(project):
     process = project.start("render", NAME, "-q", "preview")
     try:
         project.wait_until(lambda: (project.path / ".flowsculpt/events").exists())
         other = project.run("render", NAME, "-q", "preview")
-        assert other.code == 4
-        assert "another flowsculpt run" in other.err
+        assert other.code == 4 and other.err.count("\n") == 1
+        assert f"{NAME} at preview: another flowsculpt run" in other.err
+        assert f"process {process.pid}, since 20" in other.err
     finally:
         os.killpg(process.pid, signal.SIGKILL)
         process.communicate()

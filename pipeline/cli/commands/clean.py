@@ -11,11 +11,11 @@ from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_result, print_warning, size
 from pipeline.errors import FlowsculptError
 from pipeline.production.execution.project import Project
-from pipeline.production.execution.run import exclusive
 from pipeline.production.maintenance.clean import sweep
 from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.locks import exclusive
 from render.scene.quality import QUALITIES
 
 

@@ -12,8 +12,8 @@ from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_error, print_result, print_warning
 from pipeline.cli.progress import progress_bars
-from pipeline.production.execution.run import exclusive
 from pipeline.production.maintenance.verify import Checked, damages, verified
+from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store
 from pipeline.production.versions.checking import PublishedFile, checked, published_files, remedies
 

@@ -1,13 +1,11 @@
-"""Running a plan: one lock, Snakemake underneath, and as many rounds as healing needs."""
+"""Run a plan: hold its locks, have Snakemake run its jobs, in as many rounds as healing needs."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from contextlib import AbstractContextManager, contextmanager
+from collections.abc import Callable
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, field
 from pathlib import Path
-
-import filelock
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.execution import snakemake
@@ -17,9 +15,9 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.store import checkpoints
 from pipeline.production.store.event_log import Event, EventLog, EventReader
-from pipeline.production.store.paths import EVENTS, STATE
+from pipeline.production.store.locks import making, writing
+from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
-from render.base.atomic_write import disk_errors
 
 Watcher = AbstractContextManager[object]
 
@@ -68,35 +66,6 @@ class Outcome:
         return sum(e["event"] == "frame" and e["stage"] == stage and not e["found"] for e in self.events)
 
 
-@contextmanager
-def exclusive(root: Path) -> Iterator[None]:
-    """Hold the lock of `root`: the kernel releases it when the process ends, however it ends.
-
-    Raises MachineError where another run holds it.
-    """
-    lock = acquire(root)
-    try:
-        yield
-    finally:
-        lock.release()
-
-
-def acquire(root: Path) -> filelock.BaseFileLock:
-    """The lock of `root`, held. Raises MachineError where another run holds it."""
-    path = root / STATE / "lock"
-    lock = filelock.FileLock(path, timeout=0)
-    with disk_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
-        try:
-            lock.acquire()
-        except filelock.Timeout:
-            raise MachineError(
-                f"{root}: another flowsculpt run is at work here; one run at a time may write to a root. "
-                "Wait for it, stop it, or choose another folder with --root."
-            ) from None
-    return lock
-
-
 def run(
     make_plan: Callable[[], Plan],
     root: Path,
@@ -104,19 +73,22 @@ def run(
     watch: Callable[[Plan, EventReader], Watcher],
     profile: Profile | None = None,
     patience: float = PATIENCE,
+    wait: bool = False,
 ) -> Outcome:
     """Plan, restore links, run what is left, until nothing is left or nothing more can be healed.
 
-    `watch(plan, reader)` is a context manager that shows progress while Snakemake works; `profile` says where
-    jobs run, by default here. A job of this machine that shows no sign of life for `patience` seconds is
-    ended, and tried once more.
-    Raises MachineError where the lock is held or the disk refuses.
+    watch     a context manager that shows progress while Snakemake works
+    profile   where jobs run, by default on this machine
+    patience  seconds after which a silent job of this machine is ended, and tried once more
+    wait      wait for another run of the same shot and quality
+
+    Raises MachineError where another run holds a lock or the disk refuses.
     """
-    store = Store(root)
-    with exclusive(root):
+    store, plan = Store(root), make_plan()
+    with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
         store.sweep()
         checkpoints.sweep(store)
-        outcome, remedies = Outcome(make_plan()), Remedies(cores)
+        outcome, remedies = Outcome(make_plan() if waited else plan), Remedies(cores)
         hopeful = True
         while True:
             outcome.restored += outcome.plan.restore_links(store)

@@ -13,20 +13,19 @@ import os
 import re
 import sys
 from collections.abc import Mapping
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from filelock import BaseFileLock
-
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.execution.run import acquire
 from pipeline.production.keys.stages import STAGES, forced_with
 from pipeline.production.planning.needs import HERE, UNMEASURED
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.planning.profile import Share
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
+from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
 
 if TYPE_CHECKING:
@@ -177,7 +176,8 @@ class PlannedWorkflow:
         for note in plan.notes:
             print(note, file=sys.stderr)
         if workflow.executor_plugin is not None and not workflow.dryrun:
-            _HELD.append(acquire(self._root))
+            _HELD.enter_context(writing(self._root))
+            _HELD.enter_context(making(self._root, plan.lock_names))
             plan.restore_links(project.store)
             plan.freeze(self._root)
             arguments = workflow.config_settings
@@ -188,7 +188,7 @@ class PlannedWorkflow:
         """Ask the planner for what the targets and `--config` name: by default the film of an edit."""
         config, quality = self._config, str(self._config.get("quality", DEFAULT_QUALITY))
         frames = str(config["frames"]) if "frames" in config else None
-        edit = find_edit(str(config.get("edit", FILM.stem)))
+        edit = str(config.get("edit", FILM.stem))
         shots = [name for name in str(config.get("shots", config.get("shot", ""))).split(",") if name]
         numbers: dict[tuple[str, str], list[str]] = {}
         for target in targets:
@@ -200,7 +200,7 @@ class PlannedWorkflow:
                 shot = _shot_of(match, target)
                 project.add_pictures(planner, shot, match["quality"], match["frames"])
             elif target == "shots":
-                for name in shots or [request.name for request in project.edit(quality, edit)[1]]:
+                for name in shots or [request.name for request in project.edit(quality, find_edit(edit))[1]]:
                     planner.surfaces(project.request(find_shot(name), quality))
         for (shot, wanted), frame_numbers in numbers.items():
             asked = ",".join(str(int(number)) for number in frame_numbers)
@@ -212,7 +212,7 @@ class PlannedWorkflow:
         if frames is not None and not shots:
             raise UsageError(f"--config frames={frames}: of which shot? Say shot=NAME too.")
         if not shots:
-            project.add_film(planner, quality, edit)
+            project.add_film(planner, quality, find_edit(edit))
 
 
 _FRAME = re.compile(
@@ -223,7 +223,7 @@ _MOVIE = re.compile(
     r"renders/(?P<home>.+)/(?P<quality>[^/]+)/(?P<name>[^/]+?)(\.(?P<frames>[-\d,x:y]+))?\.mp4"
 )
 
-_HELD: list[BaseFileLock] = []
+_HELD = ExitStack()
 """The locks this process holds until it ends."""
 
 

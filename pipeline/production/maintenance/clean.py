@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
+import shutil
 from collections import Counter
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
@@ -14,7 +15,7 @@ from pipeline.errors import FlowsculptError
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.history import RUNS
 from pipeline.production.request.render_request import FORMS, RenderRequest
-from pipeline.production.store.paths import EVENTS, LOGS, PLANS
+from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
 from pipeline.production.store.store import Store
 
 Named = tuple[str, Key]
@@ -50,6 +51,10 @@ def sweep(store: Store, requests: Iterable[RenderRequest], keep: int, only_tell:
             store.discard(kind, key)
     if not only_tell:
         _forget_runs(store.root, max(keep, RUNS))
+        for folder in (DONE, LOGS / "jobs"):  # Snakemake finds out anew what is done
+            for path in (store.root / folder).glob("*"):
+                if path.name != "renders":  # by which keys Snakemake knows movies
+                    shutil.rmtree(path, ignore_errors=True)
     return Sweep(tuple(gone), kept, freed)
 
 

@@ -22,6 +22,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.keys.digest import Key
 from pipeline.production.keys.stages import READS, STAGES
 from pipeline.production.planning.needs import Experience
+from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS
 from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write
@@ -162,6 +163,22 @@ class Plan:
         """The outputs of the stages that are asked for."""
         jobs = [job for goal in self.goals for job in self.jobs_of(*goal)]
         return list(dict.fromkeys(job.output for job in jobs))
+
+    @property
+    def lock_names(self) -> dict[str, str]:
+        """The locks of the shots and qualities that are written, each with words for what it is for."""
+        names = {}
+        for place, request in enumerate(self.requests):
+            shot, turn = Path(request["script"]["path"]).stem, request["turntable"]
+            stages = {job.stage for job in self.jobs if place in job.requests}
+            if not stages:
+                continue
+            per_quality = any(STAGES[stage].per_quality for stage in stages)
+            home = request["home"] or (f"turntable+{shot}.{turn['at']}.{turn['look']}" if turn else shot)
+            quality = request["quality"] if per_quality else "meshes"
+            words = f"{shot} at {quality}" if per_quality else f"the meshes of {shot}"
+            names[lock_name(home, quality)] = words
+        return names
 
     @property
     def file(self) -> Path:

@@ -56,8 +56,6 @@ def forget(root: Path, targets: Iterable[Path]) -> None:
     kept = list(_all(root))
     if kept:
         _remove(path for target in targets for path in kept if _is_of(path, target))
-        with contextlib.suppress(OSError):
-            (root / CHECKPOINTS).rmdir()
 
 
 def _name(target: Path) -> str:

@@ -160,7 +160,6 @@ class Store:
             for path in sorted(self.scratch.iterdir()):
                 if _left_behind(path):
                     path.unlink(missing_ok=True)
-            self.scratch.rmdir()
 
 
 def _left_behind(draft: Path) -> bool:

@@ -9,12 +9,15 @@ from __future__ import annotations
 import signal
 import sys
 from argparse import ArgumentParser
+from contextlib import ExitStack
 from dataclasses import replace
 from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Plan, write_manifest
+from pipeline.production.store.locks import of_key, writing
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import Supervisor, renderer
 
@@ -39,21 +42,28 @@ def main(
     signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm sends first
     context = Context.of(root, Plan.thaw(root / plan_path), job_name)
     job = context.job
-    context = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
-    whole = context
-    if settled is None:
-        if not insist and context.failed_for_good():
-            return 1
-        context.begin()
-        context.bring_inputs_to_now()
-        if context.job.stage == "render":
-            code = Supervisor(context, renderer(plan_path, context.job)).run()
-            if code == 0 and context.job.output and not (root / context.job.output).exists():
-                write_manifest(root / context.job.output, "raw", ())  # some frames failed, others go on
-            return code
-    else:
+    context = whole = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
+    if settled is not None:
         context.begin()
         context = replace(context, job=replace(context.job, frames=context.job.frames[settled:]))
+        return _work(context, whole)
+    if not insist and context.failed_for_good():
+        return 1
+    context.begin()
+    with writing(root, wait=True), ExitStack() as stack:
+        if not STAGES[job.stage].per_quality:
+            stack.enter_context(of_key(root, job.key, context.waits))
+        context.bring_inputs_to_now()
+        if job.stage != "render":
+            return _work(context, whole)
+        code = Supervisor(context, renderer(plan_path, context.job)).run()
+        if code == 0 and job.output and not (root / job.output).exists():
+            write_manifest(root / job.output, "raw", ())  # some frames failed, others go on
+        return code
+
+
+def _work(context: Context, whole: Context) -> int:
+    """Do a job, or the rest of one, in this process; write the done-file of the whole job."""
     code = int(import_module("pipeline.production.tasks.worker").work(context))
     if code == 0:
         whole.write_done_file()

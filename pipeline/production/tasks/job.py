@@ -29,6 +29,9 @@ if TYPE_CHECKING:
 
 T = TypeVar("T")
 
+SIGN_SECONDS = 5.0
+"""How often a job that waits for another run says so."""
+
 ENVIRONMENT = 4
 """The exit code of the machine's faults, which further frames would meet as well."""
 
@@ -193,6 +196,17 @@ class Context:
         """This process works on the job from now on: by it the job is ended should it hang."""
         here = {"process": os.getpid(), "host": platform.node()}
         self.log.write("begin", stage=self.job.stage, threads=self.job.threads, **here)
+
+    def waits(self) -> None:
+        """Give a sign of life while another run makes the same files."""
+        if time.monotonic() - self._waits[0] > SIGN_SECONDS:
+            self._waits[0] = time.monotonic()
+            self.log.write("waits", stage=self.job.stage)
+
+    @cached_property
+    def _waits(self) -> list[float]:
+        """When the last sign was given."""
+        return [0.0]
 
     def passed(self, number: int, done: int, most: int) -> None:
         """So many passes of a picture have been rendered, of at most so many."""

@@ -19,11 +19,11 @@ from typing import Any
 
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.execution.run import exclusive
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.spent import seconds_by_stage, seconds_of
 from pipeline.production.request.frame_keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Store
 from pipeline.production.versions.environment import host, packages, stage_versions
@@ -77,7 +77,12 @@ class Release:
         """
         if dry:
             return self._published(dry=True)
-        with exclusive(self.store.root):
+        request, root = self.request, self.store.root
+        names = {
+            f"published.{request.name}": f"a version of {request.name}",
+            lock_name(request.name, request.quality_name): f"{request.name} at {request.quality_name}",
+        }
+        with writing(root), making(root, names):
             sweep(self._home)
             return self._published(dry=False)
 

@@ -1,0 +1,177 @@
+"""Locks of a root, which the kernel releases when their process ends, however it ends.
+
+Every writer shares the root's lock, task processes too; what removes files from the store (`clean`, `verify`)
+holds it alone. A run holds the lock of each shot and quality that it writes. A job that makes files which
+qualities share holds a lock of their key: another waits, and then finds them. Reading takes no lock.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import fcntl
+import getpass
+import json
+import os
+import platform
+import re
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import ExitStack, contextmanager
+from pathlib import Path
+
+from pipeline.errors import MachineError
+from pipeline.production.store.paths import STATE
+from render.base.atomic_write import disk_errors
+
+LOCKS = STATE / "locks"
+ROOT = STATE / "lock"
+
+POLL_SECONDS = 0.2
+UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
+"""What network file systems without locks answer."""
+
+
+def lock_name(home: str, quality: str) -> str:
+    """Return the name of the lock of a shot, or of another folder of pictures, at a quality."""
+    return re.sub(r"[^\w.=,-]", "+", f"{home}.{quality}")
+
+
+class TakenError(Exception):
+    """Another process holds a lock.
+
+    holder  its user, host, process and time, in words
+    """
+
+    def __init__(self, holder: str) -> None:
+        super().__init__(holder)
+        self.holder = holder
+
+
+@contextmanager
+def writing(root: Path, wait: bool = False) -> Iterator[None]:
+    """Hold the lock of `root` with all other writers.
+
+    Raises MachineError where `clean` or `verify` holds it alone, unless this is to `wait` for them.
+    """
+    try:
+        with _held(root / ROOT, shared=True, wait=_nothing if wait else None):
+            yield
+    except TakenError as taken:
+        raise MachineError(
+            f"{root}: another flowsculpt run removes files from the store: {taken.holder}. Wait for it."
+        ) from None
+
+
+@contextmanager
+def exclusive(root: Path) -> Iterator[None]:
+    """Hold the lock of `root` alone. Raises MachineError where anybody writes to it."""
+    try:
+        with _held(root / ROOT):
+            yield
+    except TakenError:
+        holders = ", ".join(_holders(root)) or "its processes are ending"
+        raise MachineError(
+            f"{root}: another flowsculpt run is at work here: {holders}. Wait for it, or stop it."
+        ) from None
+
+
+@contextmanager
+def making(root: Path, names: Mapping[str, str], wait: bool = False) -> Iterator[bool]:
+    """Hold the locks of what a run writes, by their names; yield whether it had to wait for one.
+
+    names  in words what each lock is for, such as `A010_cube at draft`
+
+    Raises MachineError, with the holder, where another run holds one, unless this is to `wait` for it.
+    """
+    waited: list[None] = []
+    with ExitStack() as locks:
+        for name, words in sorted(names.items()):
+            try:
+                waits = (lambda: waited.append(None)) if wait else None
+                locks.enter_context(_held(root / LOCKS / f"{name}.lock", words, wait=waits))
+            except TakenError as taken:
+                raise MachineError(
+                    f"{words}: another flowsculpt run is making it: {taken.holder}. Wait for it, or stop it; "
+                    "--wait waits."
+                ) from None
+        yield bool(waited)
+
+
+@contextmanager
+def of_key(root: Path, key: str, waits: Callable[[], object]) -> Iterator[None]:
+    """Hold the lock of files that qualities share; call `waits` from time to time while another has it."""
+    with _held(root / LOCKS / f"{key}.key", wait=waits):
+        yield
+
+
+@contextmanager
+def _held(
+    path: Path, words: str = "", shared: bool = False, wait: Callable[[], object] | None = None
+) -> Iterator[None]:
+    """Hold a lock. Raises TakenError where another process does, unless `wait` is given and called."""
+    with disk_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+        while True:
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT, 0o666)
+            try:
+                fcntl.flock(descriptor, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
+            except OSError as error:
+                os.close(descriptor)
+                if error.errno in UNSUPPORTED:
+                    descriptor = -1
+                    break
+                if not isinstance(error, BlockingIOError):
+                    raise
+                if wait is None:
+                    raise TakenError(_holder_in(path)) from None
+                wait()
+                time.sleep(POLL_SECONDS)
+                continue
+            if _is_at(descriptor, path):
+                break
+            os.close(descriptor)  # removed by its holder meanwhile
+        if descriptor >= 0 and not shared:
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, json.dumps(_myself(words)).encode())
+    try:
+        yield
+    finally:
+        if descriptor >= 0:
+            if not shared and path.name != ROOT.name:
+                path.unlink(missing_ok=True)
+            os.close(descriptor)
+
+
+def _is_at(descriptor: int, path: Path) -> bool:
+    with contextlib.suppress(OSError):
+        return os.path.samestat(os.fstat(descriptor), path.stat())
+    return False
+
+
+def _myself(words: str) -> dict[str, str | int]:
+    try:
+        user = getpass.getuser()
+    except (KeyError, OSError):  # a process of a container may have no name
+        user = str(os.getuid())
+    since = time.strftime("%Y-%m-%d %H:%M:%S")
+    return {"user": user, "host": platform.node(), "process": os.getpid(), "since": since, "words": words}
+
+
+def _holder_in(path: Path) -> str:
+    try:
+        holder = json.loads(path.read_text())
+        return "{user} on {host}, process {process}, since {since}".format(**holder)
+    except (OSError, ValueError, KeyError, TypeError):
+        return "a process that has not said who it is"
+
+
+def _holders(root: Path) -> Iterator[str]:
+    """Yield what runs make now, and who they are."""
+    for path in sorted((root / LOCKS).glob("*.lock")):
+        with contextlib.suppress(OSError, ValueError, KeyError):
+            yield f"{json.loads(path.read_text())['words']} by {_holder_in(path)}"
+
+
+def _nothing() -> None:
+    """Wait."""

@@ -1,0 +1,167 @@
+"""Runs of different shots and qualities go side by side in one root; a second run of the same is refused."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+import subprocess
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.errors import MachineError
+from pipeline.production.execution.project import Project
+from pipeline.production.store.locks import exclusive, lock_name, making, of_key, writing
+
+NAMES = ("T010_tiny", "T020_other")
+QUALITY = "preview"
+KILLS = 20
+
+
+def names(shot: str, quality: str = "draft") -> dict[str, str]:
+    return {lock_name(shot, quality): f"{shot} at {quality}"}
+
+
+def test_a_second_run_of_the_same_is_told_who_makes_it(tmp_path: Path) -> None:
+    with writing(tmp_path), making(tmp_path, names("A")) as waited:
+        assert not waited
+        with (
+            writing(tmp_path),
+            pytest.raises(MachineError, match=rf"^A at draft: .*, process {os.getpid()}, since 20"),
+            making(tmp_path, names("A")),
+        ):
+            pass
+        with writing(tmp_path), making(tmp_path, names("A", "final")), making(tmp_path, names("B")):
+            pass
+    with making(tmp_path, names("A")):
+        pass
+    assert list((tmp_path / ".flowsculpt/locks").iterdir()) == []
+
+
+def test_the_first_of_two_locks_is_given_back_where_the_second_is_refused(tmp_path: Path) -> None:
+    with making(tmp_path, names("B")):
+        with pytest.raises(MachineError, match=r"^B at draft"), making(tmp_path, names("A") | names("B")):
+            pass
+        with making(tmp_path, names("A")):
+            pass
+
+
+def test_what_removes_files_works_alone_and_names_who_is_at_work(tmp_path: Path) -> None:
+    at_work, removes = "at work here: A at draft by ", "removes files from the store: "
+    with (
+        writing(tmp_path),
+        making(tmp_path, names("A")),
+        pytest.raises(MachineError, match=at_work),
+        exclusive(tmp_path),
+    ):
+        pass
+    with exclusive(tmp_path), pytest.raises(MachineError, match=removes), writing(tmp_path):
+        pass
+    with writing(tmp_path), writing(tmp_path):
+        pass
+
+
+def test_whoever_waits_goes_on_once_the_other_has_ended(tmp_path: Path) -> None:
+    held, events = threading.Event(), []
+
+    def hold() -> None:
+        with making(tmp_path, names("A")), of_key(tmp_path, "k", lambda: None):
+            held.set()
+            time.sleep(0.4)
+            events.append("released")
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    held.wait()
+    with making(tmp_path, names("A"), wait=True) as waited:
+        events.append("held")
+        assert waited
+    with of_key(tmp_path, "k", lambda: events.append("waits")):
+        thread.join()
+    assert events[:2] == ["released", "held"]
+
+
+def test_a_plan_locks_the_shots_that_it_writes(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(project.path)
+    made = Project(project.path, 2)
+    assert made.film(QUALITY).lock_names == {"T010_tiny.preview": "T010_tiny at preview"}
+    assert made.meshes([NAMES[0]]).lock_names == {"T010_tiny.meshes": "the meshes of T010_tiny"}
+
+
+def test_reading_takes_no_lock(project: Any) -> None:
+    for words in (("status",), ("--dry-run", "render", NAMES[0]), ("why", NAMES[0], "1")):
+        project.run(*words)
+    assert not (project.path / ".flowsculpt/lock").exists()
+
+
+def two_shots(project: Any) -> None:
+    text = project.shot.read_text()
+    project.shot.with_stem(NAMES[1]).write_text(text.replace("6: 60}", "6: 90}"))
+
+
+def pixels(folder: Path) -> dict[str, bytes]:
+    """The frames of both shots, bit for bit, by place."""
+    return {
+        path.relative_to(folder).as_posix(): path.read_bytes()
+        for name in NAMES
+        for path in sorted((folder / "renders" / name / QUALITY / "frames").glob("*.exr"))
+    }
+
+
+def render(project: Any, name: str) -> subprocess.Popen[str]:
+    return project.start("render", name, "-q", QUALITY)
+
+
+def test_two_shots_rendered_side_by_side_have_the_bits_of_one_after_the_other(
+    project: Any, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    two_shots(project)
+    other = project.copy(tmp_path_factory.mktemp("one after the other") / "project")
+    runs = [render(project, name) for name in NAMES]
+    refused = project.run("render", NAMES[0], "-q", QUALITY)
+    for run in runs:
+        out, err = run.communicate(timeout=300)
+        assert run.returncode == 0, out + err
+    assert refused.code in (0, 4) and (refused.code == 0 or f"{NAMES[0]} at {QUALITY}" in refused.err)
+    assert other.run("render", *NAMES, "-q", QUALITY).code == 0
+    assert len(pixels(project.path)) == 12 and pixels(project.path) == pixels(other.path)
+
+
+def test_a_second_run_waits_where_it_is_told_to(project: Any) -> None:
+    first = render(project, NAMES[0])
+    project.wait_until(lambda: list((project.path / ".flowsculpt/locks").glob("*.lock")))
+    second = project.run("--wait", "render", NAMES[0], "-q", QUALITY)
+    assert first.wait(60) == 0 and second.code == 0, second.err
+    assert second.out.startswith("Nothing to be done")
+    first.communicate()
+
+
+def killed(project: Any, kills: int, seconds: tuple[float, float]) -> None:
+    """Kill two runs that go on side by side, again and again, with all of their processes."""
+    chance = random.Random(kills)
+    for _ in range(kills):
+        runs = [render(project, name) for name in NAMES]
+        time.sleep(chance.uniform(*seconds))
+        for run in runs:
+            os.killpg(run.pid, signal.SIGKILL)
+            run.communicate()
+
+
+@pytest.mark.soak
+def test_two_runs_killed_twenty_times_side_by_side_make_the_same_bits(project: Any) -> None:
+    two_shots(project)
+    killed(project, KILLS, (0.5, 10.0))
+    runs = [render(project, name) for name in NAMES]
+    for run in runs:
+        out, err = run.communicate(timeout=300)
+        assert run.returncode == 0, out + err
+    found = pixels(project.path)
+    for kind in ("store", "done"):
+        subprocess.run(["rm", "-rf", project.path / ".flowsculpt" / kind], check=True)
+    subprocess.run(["rm", "-rf", project.path / "renders"], check=True)
+    assert project.run("render", *NAMES, "-q", QUALITY).code == 0
+    assert len(found) == 12 and found == pixels(project.path)
