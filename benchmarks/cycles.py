@@ -38,7 +38,7 @@ from render.frame.render_frame import render_frame
 from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import read_exr
-from render.post.temporal_denoise import Moment, steady
+from render.post.temporal_denoise import DenoisedFrame, temporal_denoise
 from render.scene.lights import LIGHTS, Softbox
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
@@ -213,13 +213,13 @@ def main(width: int = 256, reference: int = 1024) -> list[Target]:
     tries |= {"Cycles, raw": Tries(), "Cycles, denoised": Tries()}
     apart: list[float] = []
     ours(surfaces[1], size, 16, 1, engine)  # what is compiled is compiled now
-    moments: dict[int, Moment] = {}
+    moments: dict[int, DenoisedFrame] = {}
     made: dict[int, Spent] = {}
     for number in numbers:
         begun = now()
         moments[number] = moment_of(ours(surfaces[number], size, 16, number + 10, engine))
         made[number] = now() - begun
-    steady(moments, 1)  # what is compiled is compiled now
+    temporal_denoise(moments, 1)  # what is compiled is compiled now
     with tempfile.TemporaryDirectory() as folder, cycles(Path(folder), size) as blender:
         blender.show(surfaces[1])
         blender.rendered(1, True, 1)
@@ -237,7 +237,7 @@ def main(width: int = 256, reference: int = 1024) -> list[Target]:
                 tries["ours, denoised"].add(samples, denoised, truth.error(moment.light))
             begun = now()
             around = {n: moments[n] for n in range(number - AROUND, number + AROUND + 1)}
-            quiet = steady(around, number)
+            quiet = temporal_denoise(around, number)
             seconds = now() - begun + made[number]
             tries["ours, over time"].add(16, seconds, truth.error(quiet))
             theirs = Truth(*(blender.rendered(reference // 2, False, 900 + i)[1] for i in (0, 1)))

@@ -29,7 +29,7 @@ from render.mitsuba.engine import Engine, choose
 from render.mitsuba.scene import build_scene
 from render.post.colour import to_display
 from render.post.denoise import denoise
-from render.post.temporal_denoise import Moment, noise_of, steady
+from render.post.temporal_denoise import DenoisedFrame, residual_noise, temporal_denoise
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
@@ -89,11 +89,11 @@ def by_mitsuba(surface: Surface, samples: int, seed: int, width: int) -> AnyArra
     return np.asarray(sum(scene.render(PASS, 1000 * seed + i)[..., :3] for i in passes) / len(passes))
 
 
-def moment_of(layers: RenderedFrame) -> Moment:
+def moment_of(layers: RenderedFrame) -> DenoisedFrame:
     light = denoise(layers)
     known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
-    return Moment(
-        light, noise_of(layers["beauty"], light), **known, camera=CAMERA, placement=StagePlacement()
+    return DenoisedFrame(
+        light, residual_noise(layers["beauty"], light), **known, camera=CAMERA, placement=StagePlacement()
     )
 
 
@@ -110,7 +110,7 @@ def measure(name: str, angles: list[float], width: int, reference: int, engine: 
     made = {
         "16, raw": raw(16, 1, inner),
         "16, denoised": [moments[i].light for i in inner],
-        "16, denoised over time": [steady(around[i], i) for i in inner],
+        "16, denoised over time": [temporal_denoise(around[i], i) for i in inner],
         "256, raw": raw(256, 101, inner),
         "256, Mitsuba": [by_mitsuba(surfaces[i], 256, 101 + i, width) for i in inner],
     }

@@ -1,4 +1,4 @@
-"""Remove the noise of one frame with Intel's Open Image Denoise, guided by albedo and normals."""
+"""Denoise one frame with Intel's Open Image Denoise, guided by albedo and normals."""
 
 from __future__ import annotations
 
@@ -9,24 +9,25 @@ from render.base.errors import MachineError
 from render.frame.rendered_frame import RenderedFrame
 
 
-def denoise(layers: RenderedFrame, effort: str = "high") -> NDArray[np.float32]:
-    """The beauty without noise, float32 (H, W, 3). Needs the layers beauty, albedo and normal.
+def denoise(frame: RenderedFrame, effort: str = "high") -> NDArray[np.float32]:
+    """Return the denoised beauty, float32 (H, W, 3), of a frame with the AOVs beauty, albedo and normal.
 
-    `effort` is a Quality's `denoise`: "balanced" takes half the time of "high" and is hard to tell from it
-    at small sizes. A pinhole's first hit has no noise but at edges, so the guides count as clean:
-    that keeps creases crisp. Behind a lens that blurs they have noise too, and the denoiser is told so.
+    effort  a Quality's `denoise`: "balanced" takes half the time of "high" and looks alike at small sizes
+
+    Albedo and normal of a pinhole camera are noisy only at edges, so they count as clean, which keeps creases
+    crisp. Behind a lens with depth of field they are noisy too, and the denoiser is told so.
     Raises MachineError where the denoiser cannot run.
     """
-    import pyoidn  # which pictures that keep their noise, or are there already, need not wait for
+    import pyoidn  # slow to import, and many processes denoise nothing
 
-    beauty = np.maximum(layers["beauty"], np.float32(0.0))
+    beauty = np.maximum(frame["beauty"], np.float32(0.0))
     try:
         clean = pyoidn.denoise(
             beauty,
-            albedo=layers["albedo"],
-            normal=layers["normal"],
+            albedo=frame["albedo"],
+            normal=frame["normal"],
             hdr=True,
-            clean_aux=not layers.facts.get("lens_radius", 0.0),
+            clean_aux=not frame.facts.get("lens_radius", 0.0),
             quality=effort,
         )
     except RuntimeError as error:

@@ -1,4 +1,4 @@
-"""The grain that keeps slow gradients from banding when values are rounded to few bits."""
+"""The pattern that dithers rounding, so that slow gradients do not band."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from numpy.typing import NDArray
 
 @lru_cache(maxsize=4)
 def dither_pattern(height: int, width: int) -> NDArray[np.float32]:
-    """(H, W) thresholds strictly between 0 and 1, evenly spread among neighbours.
+    """Return thresholds (H, W), strictly between 0 and 1, evenly spread among neighbours.
 
     Interleaved gradient noise: J. Jimenez, Next Generation Post Processing in Call of Duty: Advanced
-    Warfare, SIGGRAPH 2014. The same for every frame, so it does not shimmer.
+    Warfare, SIGGRAPH 2014. It is the same in every frame, so it does not shimmer.
     """
     y, x = np.mgrid[0:height, 0:width].astype(np.float64)
     noise = 52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0) % 1.0
     pattern = np.asarray(np.clip(noise, 1e-3, 1.0 - 1e-3), dtype=np.float32)
-    pattern.setflags(write=False)  # everyone is given this one
+    pattern.setflags(write=False)  # shared by all callers
     return pattern

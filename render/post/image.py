@@ -1,7 +1,6 @@
-"""Pictures on disk: EXR with layers and a header, PNG, and lettering. One of two rooms that know OpenImageIO.
+"""Read and write picture files with OpenImageIO: EXR with AOVs and a header, PNG and JPEG.
 
-A file is written under a temporary name in its own folder, flushed to the disk and renamed, so that a
-name either holds a whole picture or nothing.
+Files are written atomically: a name holds a whole picture or nothing.
 """
 
 from __future__ import annotations
@@ -32,12 +31,12 @@ _PRECISION = {"half": oiio.HALF, "float": oiio.FLOAT}
 def write_exr(
     path: Path, layers: RenderedFrame, header: Header, precision: Mapping[str, str] | None = None
 ) -> None:
-    """Write all layers into one EXR; `header` becomes `flowsculpt:` entries beside the layers' own facts.
+    """Write a frame's AOVs to one EXR; `header` becomes `flowsculpt:` entries beside the frame's own facts.
 
-    precision  by layer half or float, where it is to be another than `AOVS` says
+    precision  half or float by AOV, where it differs from `AOVS`
 
-    Header values are whatever JSON can say: strings, numbers, lists (matrices), dicts. The beauty's
-    channels are R, G, B; others are named like albedo.R or position.X.
+    Header values are JSON: strings, numbers, lists (matrices), dicts. The beauty's channels are R, G, B;
+    others are named like albedo.R or position.X.
     Raises MachineError where the disk is full or the folder cannot be written.
     """
     names, formats, planes = [], [], []
@@ -52,14 +51,14 @@ def write_exr(
     spec.channelformats = tuple(oiio.TypeDesc(each) for each in formats)
     spec.attribute("compression", "zip")
     spec.attribute("oiio:ColorSpace", "lin_rec709_scene")
-    spec.attribute("DateTime", "")  # of the writing by default, but equal pictures are to be equal files
+    spec.attribute("DateTime", "")  # by default the time of writing; equal pictures shall be equal files
     for name, value in {**layers.facts, **header}.items():
         spec.attribute(PREFIX + name, _encoded(name, value))
     _write(path, "openexr", spec, np.concatenate(planes, axis=2).astype(np.float32))
 
 
 def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
-    """All layers and all `flowsculpt:` entries, which are also the layers' facts; every pixel is read.
+    """Read every pixel; return the frame and its `flowsculpt:` entries, which are also the frame's facts.
 
     Raises MissingImageError where there is no such file, CorruptImageError where it ends too early or
     is no EXR.
@@ -82,7 +81,7 @@ def read_exr(path: Path) -> tuple[RenderedFrame, dict[str, Any]]:
 
 
 def read_header(path: Path) -> dict[str, Any]:
-    """The `flowsculpt:` entries alone, without reading a pixel. Raises as `read_exr` does."""
+    """Read only the `flowsculpt:` entries. Raises as `read_exr` does."""
     with _opened(path) as file:
         return _header(file.spec())
 
@@ -101,10 +100,7 @@ def write_png(path: Path, picture: Displayed, header: Header | None = None) -> N
 
 
 def write_jpeg(path: Path, picture: NDArray[np.uint8], header: Header | None = None) -> None:
-    """Write display values (H, W, 3) of 8 bits, hardly compressed, colours at full resolution.
-
-    Raises MachineError.
-    """
+    """Write display values (H, W, 3) of 8 bits, at high quality and 4:4:4. Raises MachineError."""
     if picture.ndim != 3 or picture.dtype != np.uint8:
         raise BadInputError(
             f"a JPEG cannot hold {picture.dtype} of shape {picture.shape}; quantise it to 8 bits"
@@ -129,7 +125,7 @@ def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
 
 
 def read_png(path: Path) -> NDArray[Any]:
-    """Display values (H, W, C), uint8 or uint16 as the file has them. Raises as `read_exr` does."""
+    """Read display values (H, W, C), uint8 or uint16 as in the file. Raises as `read_exr` does."""
     with _opened(path) as file:
         spec = file.spec()
         pixels: Any = file.read_image(0, 0, 0, spec.nchannels, spec.format)
@@ -150,14 +146,14 @@ def _channel_names(layer: str, count: int) -> list[str]:
 
 
 def _encoded(name: str, value: Any) -> str:
-    """Strings as they are and the rest as JSON; a string that would read as JSON is quoted as JSON."""
+    """Return strings as they are, the rest as JSON; a string that would parse as JSON is quoted."""
     try:
         if isinstance(value, str):
             plain = value != "" and _decoded(value) == value  # OpenImageIO drops empty entries
             return value if plain else json.dumps(value)
         return json.dumps(value, allow_nan=False)
     except (TypeError, ValueError):
-        raise BadInputError(f"header entry {name!r} is {value!r}; it must be what JSON can say") from None
+        raise BadInputError(f"header entry {name!r} is {value!r}; it must be a JSON value") from None
 
 
 def _decoded(text: str) -> Any:
@@ -199,7 +195,7 @@ def _write(path: Path, kind: str, spec: Any, pixels: NDArray[Any]) -> None:
 
 
 def _check_whole(temporary: Path, path: Path) -> None:
-    """Read what was written: the PNG writer does not notice a disk that fills up."""
+    """Read the file back: the PNG writer does not notice a full disk."""
     file = oiio.ImageInput.open(str(temporary))
     whole = file is not None and file.read_image(0, 0, 0, file.spec().nchannels, oiio.UNKNOWN) is not None
     if file is not None:
@@ -209,6 +205,6 @@ def _check_whole(temporary: Path, path: Path) -> None:
 
 
 def _reason(source: Any) -> str:
-    """The last thing OpenImageIO had to say, in one line."""
+    """Return OpenImageIO's last message, in one line."""
     complaints = str(source.geterror()).strip().splitlines()
     return complaints[-1].strip() if complaints else "no reason given"

@@ -1,4 +1,4 @@
-"""How linear light becomes what a display shows: an OpenColorIO config, a view in it, and displays."""
+"""Views, which turn linear light into display colours: an OpenColorIO config, a view and displays."""
 
 from __future__ import annotations
 
@@ -19,19 +19,19 @@ LINEAR_REC709 = (
     "Utility - Linear - sRGB",
     "lin_srgb",
 )
-"""What configs call the space that pictures are in."""
+"""Names of linear Rec.709, the space of pictures, in common configs."""
 
 
 @dataclass(frozen=True)
 class ColourView:
-    """A view, and the displays it is seen on.
+    """A view and the displays of movies and stills.
 
-    config  one that OpenColorIO has built in, ocio://…, or the path of a file
+    config  a built-in config of OpenColorIO, ocio://…, or the path of a file
     view    its name in the config
-    movie   the display that movies are made for
-    still   the display that single pictures are made for
-    space   what the config calls linear Rec.709
-    digest  of the files that it was read from; nothing where it is built in
+    movie   the display of movies
+    still   the display of single pictures
+    space   the config's name of linear Rec.709
+    digest  of the config's files; empty for a built-in one
     """
 
     config: str = DEFAULT_CONFIG
@@ -42,7 +42,7 @@ class ColourView:
     digest: str = field(default="")
 
     def display(self, use: str) -> str:
-        """That of a use: rec709 for movies, srgb for pictures on a page. Raises BadInputError for others."""
+        """Return the display for rec709 (movies) or srgb (pages). Raises BadInputError for others."""
         uses = {"rec709": self.movie, "srgb": self.still}
         if use not in uses:
             raise BadInputError(f"display is {use!r}; it can be {', '.join(uses)}")
@@ -50,35 +50,38 @@ class ColourView:
 
     @property
     def recipe(self) -> dict[str, str]:
-        """What decides its colours, without where files lie."""
+        """Everything that decides the colours; without the path of the config."""
         config = "" if self.digest else self.config
         return {**vars(self), "config": config}
 
 
 ACES = ColourView()
-"""ACES 2.0, of the config that OpenColorIO has built in."""
+"""ACES 2.0, from OpenColorIO's built-in config."""
 
 
 def view_of(
     config: str, view: str | None, display: str | None, space: str | None, digest: str = ""
 ) -> ColourView:
-    """A view of a config, what is not named being the config's default; of the built-in one, ours.
+    """Return a view of a config. What is None is the config's default or, for the built-in config, ACES's.
 
     Raises BadInputError where the config cannot be read, or has no such view, display or space.
     """
-    found = _read(config, digest)
-    displays = list(found.getDisplayNames())
+    opened = _read(config, digest)
+    displays = list(opened.getDisplayNames())
     if display is not None:
-        movie = still = _known("display", display, displays, config)
+        _require_known("display", display, displays, config)
+        movie = still = display
     elif config == ACES.config:
         movie, still = ACES.movie, ACES.still
     else:
-        movie = still = found.getDefaultDisplayName()
+        movie = still = opened.getDefaultDisplayName()
     if view is None:
-        view = found.getDefaultViewName(movie)
-    for each in dict.fromkeys((movie, still)):
-        _known("view", view, list(found.getViewNames(each)), f"{config} on {each}")
-    spaces = {alias: name for name in found.getColorSpaceNames() for alias in (name, *found.getAliases(name))}
+        view = opened.getDefaultViewName(movie)
+    for shown_on in dict.fromkeys((movie, still)):
+        _require_known("view", view, list(opened.getViewNames(shown_on)), f"{config} on {shown_on}")
+    spaces = {
+        alias: name for name in opened.getColorSpaceNames() for alias in (name, *opened.getAliases(name))
+    }
     if space is None:
         space = next((name for name in LINEAR_REC709 if name in spaces), None)
         if space is None:
@@ -86,29 +89,28 @@ def view_of(
                 f"{config} does not say which of its spaces is linear Rec.709, which pictures are in. "
                 f"Name it as space; there are {', '.join(list(dict.fromkeys(spaces.values()))[:12])}."
             )
-    _known("space", space, list(spaces), config)
+    _require_known("space", space, list(spaces), config)
     return ColourView(config, view, movie, still, space, digest)
 
 
 @cache
 def _read(config: str, digest: str) -> Any:
-    """The config, read once for each content of its file."""
+    """Read a config, once for each content of its file."""
     import OpenImageIO as oiio
 
-    found = oiio.ColorConfig(config)
-    if not found.getNumDisplays():
-        reason = str(found.geterror()).strip().splitlines()
-        told = f" ({reason[-1].strip()})" if reason else ""
+    opened = oiio.ColorConfig(config)
+    if not opened.getNumDisplays():
+        reason = str(opened.geterror()).strip().splitlines()
+        detail = f" ({reason[-1].strip()})" if reason else ""
         raise BadInputError(
-            f"{config} is no OpenColorIO config with a display{told}. Name a file, or one that is built in, "
-            f"such as {DEFAULT_CONFIG}."
+            f"{config} is no OpenColorIO config with a display{detail}; name a file, or a built-in config "
+            f"such as {DEFAULT_CONFIG}"
         )
-    return found
+    return opened
 
 
-def _known(what: str, name: str, names: list[str], config: str) -> str:
+def _require_known(kind: str, name: str, names: list[str], config: str) -> None:
     if name not in names:
         close = get_close_matches(name, names, 1, cutoff=0.4)
         hint = f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(names)}."
-        raise BadInputError(f"{config} has no {what} {name!r}. {hint}")
-    return name
+        raise BadInputError(f"{config} has no {kind} {name!r}. {hint}")

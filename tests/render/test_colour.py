@@ -65,10 +65,10 @@ def test_a_damaged_cache_is_baked_again(tmp_path: Path, monkeypatch: pytest.Monk
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path)
     monkeypatch.setattr(colour, "_bake", lambda view, display: np.full((65, 65, 65, 3), 0.25, np.float32))
     (tmp_path / "views").mkdir()
-    fresh = colour._cube.__wrapped__(ACES, ACES.still)
+    fresh = colour._lut.__wrapped__(ACES, ACES.still)
     file = next((tmp_path / "views").glob("*.npy"))
     file.write_bytes(file.read_bytes()[:1000])
-    assert np.array_equal(colour._cube.__wrapped__(ACES, ACES.still), fresh)
+    assert np.array_equal(colour._lut.__wrapped__(ACES, ACES.still), fresh)
     assert file.stat().st_size > 1000
 
 

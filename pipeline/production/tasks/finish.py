@@ -17,7 +17,7 @@ from render.post.image import write_exr
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
-    from render.post.temporal_denoise import Moment
+    from render.post.temporal_denoise import DenoisedFrame
 
 
 def finish(context: Context) -> bool:
@@ -53,7 +53,7 @@ class _Desk:
     context: Context
     keys: PictureKeys
     framings: Mapping[int, Framing]
-    _moments: dict[int, Moment] = field(default_factory=dict)
+    _moments: dict[int, DenoisedFrame] = field(default_factory=dict)
 
     def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         """The beauty of a picture without noise, and the header of the raw one."""
@@ -63,13 +63,13 @@ class _Desk:
             effort = self.context.request.quality.denoise
             light = layers["beauty"] if effort == "off" else denoise(layers, effort)
         else:
-            from render.post.temporal_denoise import steady
+            from render.post.temporal_denoise import temporal_denoise
 
             kept = {n: moment for n, moment in self._moments.items() if n in window}
             self._moments = {n: kept[n] if n in kept else self._moment(n) for n in window}
             quality = self.context.request.quality
             corner = quality.crop[:2] if quality.crop else (0, 0)
-            light = steady(self._moments, number, (quality.width, quality.height), corner)
+            light = temporal_denoise(self._moments, number, (quality.width, quality.height), corner)
             header = {**header, "steadied_with": [n for n in window if n != number]}
         return RenderedFrame({"beauty": light}, layers.facts), header
 
@@ -79,12 +79,12 @@ class _Desk:
         key = self.keys[number].raw
         return self.context.read("raw", key, place, readers.picture(key, request.quality.rendered_size))
 
-    def _moment(self, number: int) -> Moment:
-        from render.post.temporal_denoise import Moment, noise_of
+    def _moment(self, number: int) -> DenoisedFrame:
+        from render.post.temporal_denoise import DenoisedFrame, residual_noise
 
         layers, _ = self._read(number)
         light = denoise(layers, self.context.request.quality.denoise)
         known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
         framing = self.framings[number]
-        noise = noise_of(layers["beauty"], light)
-        return Moment(light, noise, **known, camera=framing.camera, placement=framing.placement)
+        noise = residual_noise(layers["beauty"], light)
+        return DenoisedFrame(light, noise, **known, camera=framing.camera, placement=framing.placement)

@@ -1,5 +1,4 @@
-"""Following pixels to another frame and taking in what they find there, compiled: NumPy would walk both
-frames some fifty times."""
+"""Kernels of temporal denoising: reproject pixels to another frame and average their light."""
 
 from __future__ import annotations
 
@@ -14,70 +13,70 @@ Floats = NDArray[np.float32]
 
 
 @compiled()
-def take_in(
-    here: Floats,
-    there: Floats,
-    places: Floats,
-    arrivals: Floats,
-    reach: Floats,
+def accumulate(
+    frame: Floats,
+    neighbour: Floats,
+    pixels: Floats,
+    points: Floats,
+    tolerance: Floats,
     spread: Floats,
     total: Floats,
 ) -> None:
-    """Add to `total` what pixels of one frame find in another, as far as they find themselves.
+    """Add a neighbour's light to `total` where it shows the same points in the same light.
 
-    here      (H, W, 4): light and matte of the frame
-    there     (H, W, 7): light, matte and position of the other
-    places    (H, W, 2): where in the other picture a pixel's point is, column and row; centres are whole
-    arrivals  (H, W, 3): where in the scene it is then
-    reach     (H, W): how far from there what is seen may be
-    spread    (H, W): how much light may differ, as a share of it
-    total     (H, W, 4): light times weight, and the weight
+    frame      (H, W, 4): light and matte of the frame
+    neighbour  (H, W, 7): light, matte and position of the other frame
+    pixels     (H, W, 2): column and row of each pixel's point in the other frame; pixel centres are whole
+    points     (H, W, 3): the position of that point then
+    tolerance  (H, W): distance between that position and the one found
+    spread     (H, W): standard deviation of the light, as a share of it
+    total      (H, W, 4): light times weight, and the weight
     """
-    height, width = here.shape[:2]
-    found = np.zeros(7)
+    height, width = frame.shape[:2]
+    values = np.zeros(7)
     for y in range(height):
         for x in range(width):
-            column, row = places[y, x, 0], places[y, x, 1]
+            column, row = pixels[y, x, 0], pixels[y, x, 1]
             if not (0.0 <= column <= width - 1.0 and 0.0 <= row <= height - 1.0):
                 continue
-            _fetch(there, column, row, found)
-            if abs(found[3] - here[y, x, 3]) > 0.1:
+            _sample(neighbour, column, row, values)
+            if abs(values[3] - frame[y, x, 3]) > 0.1:
                 continue
-            away = 0.0
+            distance = 0.0
             for axis in range(3):
-                away += (found[4 + axis] - arrivals[y, x, axis]) ** 2
-            if not away <= reach[y, x] ** 2:
+                distance += (values[4 + axis] - points[y, x, axis]) ** 2
+            if not distance <= tolerance[y, x] ** 2:
                 continue
-            apart, light = 0.0, 0.02
+            difference, light = 0.0, 0.02
             for channel in range(3):
-                apart = max(apart, abs(found[channel] - here[y, x, channel]))
-                light = max(light, max(found[channel], here[y, x, channel]))
-            weight = math.exp(-0.5 * (apart / (light * spread[y, x])) ** 2)
+                difference = max(difference, abs(values[channel] - frame[y, x, channel]))
+                light = max(light, max(values[channel], frame[y, x, channel]))
+            weight = math.exp(-0.5 * (difference / (light * spread[y, x])) ** 2)
             for channel in range(3):
-                total[y, x, channel] += weight * found[channel]
+                total[y, x, channel] += weight * values[channel]
             total[y, x, 3] += weight
 
 
 @compiled()
-def fetch_all(picture: Floats, places: Floats, found: Floats) -> None:
-    """Read `picture` (H, W, C) between its pixels, at `places` (H, W, 2), into `found` (H, W, C)."""
+def sample_bilinear(picture: Floats, pixels: Floats, sampled: Floats) -> None:
+    """Sample `picture` (H, W, C) at columns and rows `pixels` (H, W, 2) into `sampled` (H, W, C)."""
     height, width = picture.shape[:2]
     values = np.zeros(picture.shape[2])
-    for y in range(places.shape[0]):
-        for x in range(places.shape[1]):
-            column = min(max(places[y, x, 0], 0.0), width - 1.0)
-            row = min(max(places[y, x, 1], 0.0), height - 1.0)
-            _fetch(picture, column, row, values)
-            found[y, x, :] = values
+    for y in range(pixels.shape[0]):
+        for x in range(pixels.shape[1]):
+            column = min(max(pixels[y, x, 0], 0.0), width - 1.0)
+            row = min(max(pixels[y, x, 1], 0.0), height - 1.0)
+            _sample(picture, column, row, values)
+            sampled[y, x, :] = values
 
 
 @compiled()
-def _fetch(picture: Floats, column: float, row: float, found: NDArray[np.float64]) -> None:
-    """The values at a place, weighted by distance between the four pixels around it."""
+def _sample(picture: Floats, column: float, row: float, values: NDArray[np.float64]) -> None:
+    """Interpolate between four pixels, bilinearly."""
     left, top = int(column), int(row)
     right, bottom = min(left + 1, picture.shape[1] - 1), min(top + 1, picture.shape[0] - 1)
     u, v = column - left, row - top
     for channel in range(picture.shape[2]):
         upper = picture[top, left, channel] * (1.0 - u) + picture[top, right, channel] * u
         lower = picture[bottom, left, channel] * (1.0 - u) + picture[bottom, right, channel] * u
-        found[channel] = upper * (1.0 - v) + lower * v
+        values[channel] = upper * (1.0 - v) + lower * v

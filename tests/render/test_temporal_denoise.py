@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.post.temporal_denoise import Moment, noise_of, steady
+from render.post.temporal_denoise import DenoisedFrame, residual_noise, temporal_denoise
 from render.scene.camera import Camera
 from render.scene.stage import StagePlacement
 
@@ -54,7 +54,7 @@ def moment(frame, speed=0.0, brightness=1.0, error=ERROR, camera_speed=0.0):
     single |= {"normal": np.broadcast_to((0.0, 0.0, 1.0), wall.shape), "matte": matte}
     single |= {"before": -step, "after": step}
     arrays = {name: np.ascontiguousarray(array, dtype=np.float32) for name, array in single.items()}
-    return Moment(**arrays, camera=camera, placement=StagePlacement()), truth
+    return DenoisedFrame(**arrays, camera=camera, placement=StagePlacement()), truth
 
 
 def film(frames, **scene):
@@ -67,45 +67,45 @@ def error_of(light, truth, where=slice(None)):
 
 def test_a_frame_alone_keeps_its_light():
     alone, _ = moment(3)
-    np.testing.assert_array_equal(steady({3: alone}, 3), alone.light)
+    np.testing.assert_array_equal(temporal_denoise({3: alone}, 3), alone.light)
 
 
 def test_five_frames_that_stand_still_have_the_noise_of_five_times_the_samples():
     truth = moment(0)[1]
-    assert error_of(steady(film(range(-2, 3)), 0), truth) < 1.1 * ERROR / math.sqrt(5)
+    assert error_of(temporal_denoise(film(range(-2, 3)), 0), truth) < 1.1 * ERROR / math.sqrt(5)
 
 
 @pytest.mark.parametrize("speed", [0.3, 1.0, 4.6])
 def test_what_moves_is_followed_and_stays_sharp(speed):
     own, truth = moment(0, speed)
     board = own.matte > 0.5
-    quiet = error_of(steady(film(range(-2, 3), speed=speed), 0), truth, board)
-    sharp = error_of(steady(film(range(-2, 3), speed=speed, error=0.0), 0), truth, board)
+    quiet = error_of(temporal_denoise(film(range(-2, 3), speed=speed), 0), truth, board)
+    sharp = error_of(temporal_denoise(film(range(-2, 3), speed=speed, error=0.0), 0), truth, board)
     assert quiet < 0.75 * ERROR
     assert sharp < 0.45 * ERROR, "pictures read between their pixels are softer; by this much and no more"
 
 
 def test_a_camera_that_moves_is_followed():
     truth = moment(0, camera_speed=1.7)[1]
-    assert error_of(steady(film(range(-2, 3), camera_speed=1.7), 0), truth) < 0.7 * ERROR
+    assert error_of(temporal_denoise(film(range(-2, 3), camera_speed=1.7), 0), truth) < 0.7 * ERROR
 
 
 def test_what_was_hidden_a_frame_ago_takes_nothing_from_what_hid_it():
     moments = film((0, 1), speed=9.0, error=0.0)
     truth = moment(1, speed=9.0, error=0.0)[1]
-    np.testing.assert_allclose(steady(moments, 1), truth, rtol=0.02)
+    np.testing.assert_allclose(temporal_denoise(moments, 1), truth, rtol=0.02)
 
 
 def test_a_light_that_goes_on_is_not_seen_a_frame_early():
     dark, lit = moment(0, error=0.0)[0], moment(1, brightness=2.0, error=0.0)[0]
-    np.testing.assert_allclose(steady({0: dark, 1: lit}, 0), dark.light, rtol=1e-4)
+    np.testing.assert_allclose(temporal_denoise({0: dark, 1: lit}, 0), dark.light, rtol=1e-4)
 
 
 def test_noise_is_told_where_the_denoiser_changed_the_picture():
     truth = np.full((32, 32, 3), 0.5, np.float32)
     beauty = truth.copy()
     beauty[:, 16:] *= 1.0 + 0.1 * np.random.default_rng(1).choice([-1.0, 1.0], size=(32, 16, 1))
-    found = noise_of(beauty, truth)
+    found = residual_noise(beauty, truth)
     assert found[:, :12].max() == 0.0
     np.testing.assert_allclose(found[:, 20:], 0.1, rtol=1e-3)
 
@@ -117,6 +117,7 @@ def test_a_part_of_a_picture_is_followed_as_the_whole_is():
         frame: replace(whole, **{name: getattr(whole, name)[rows, columns] for name in ARRAYS})
         for frame, whole in moments.items()
     }
-    part = steady(parts, 0, (WIDTH, HEIGHT), (30, 20))
+    part = temporal_denoise(parts, 0, (WIDTH, HEIGHT), (30, 20))
     inside = slice(4, -4)
-    np.testing.assert_allclose(part[:, inside], steady(moments, 0)[rows, columns][:, inside], rtol=1e-5)
+    whole = temporal_denoise(moments, 0)
+    np.testing.assert_allclose(part[:, inside], whole[rows, columns][:, inside], rtol=1e-5)
