@@ -167,12 +167,12 @@ def test_the_table_of_the_docs_is_that_of_the_code() -> None:
 
 def test_flows_of_a_shots_own_making_are_listed_too() -> None:
     through, speed, *_ = facts("wind")["parameters"]
-    assert (through["name"], through["unit"], through["needed"]) == ("through", "units", True)
+    assert (through["name"], through["unit"], through["required"]) == ("through", "units", True)
     assert (speed["name"], speed["keyed"], speed["default"]) == ("speed", True, 1.0)
     kinds = [facts(name)["kind"] for name in ("formula", "curl_noise", "python")]
     assert kinds == ["velocity", "velocity", "function"]
     array = next(p for p in facts("sampled")["parameters"] if p["name"] == "array")
-    assert not array["needed"] and array["default"] is None and default_text(array) == "none"
+    assert not array["required"] and array["default"] is None and default_text(array) == "none"
 
 
 def test_a_document_refuses_what_the_flow_does_not_take() -> None:

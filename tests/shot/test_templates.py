@@ -11,19 +11,25 @@ from pipeline.animation import animate
 from pipeline.errors import UsageError
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_catalogue import DOCUMENTS, facts
-from pipeline.shot.templates.flow_presets import FRAMES, STAGED, staging_of
-from pipeline.shot.templates.template import shot_of_flow, shot_of_shot
+from pipeline.shot.templates.template import (
+    FLOW_FILES,
+    FRAMES,
+    preset_of,
+    presets,
+    shot_of_flow,
+    shot_of_shot,
+)
 
 each = pytest.mark.parametrize("flow", DOCUMENTS)
 
 
 def begun(flow: str, folder: Path, coarser: float = 1.0) -> tuple[str, Path]:
     """The text of a shot of a flow, and where it stands with the file that it reads."""
-    beside = staging_of(flow).beside
-    if beside:
-        beside[1](folder / f"N1{beside[0]}")
+    if flow in FLOW_FILES:
+        ending, write = FLOW_FILES[flow]
+        write(folder / f"N1{ending}")
     text = shot_of_flow(flow, "N1")
-    edge = staging_of(flow).max_edge_length
+    edge = preset_of(flow).max_edge_length
     (folder / "N1.yaml").write_text(
         text.replace(f"edge_length: {edge:g}", f"edge_length: {coarser * edge:g}")
     )
@@ -50,11 +56,11 @@ def test_a_shot_of_each_flow_moves_what_it_shows(flow: str, tmp_path: Path) -> N
 @each
 def test_a_new_shot_says_what_may_be_changed(flow: str) -> None:
     text = shot_of_flow(flow, "N1")
-    assert facts(flow)["sense"] in text
+    assert facts(flow)["description"] in text
     assert max(map(len, text.splitlines())) <= 180
     for parameter in facts(flow)["parameters"]:
-        if not (parameter["default"] in (None, {}) and parameter["name"] not in staging_of(flow).values):
-            assert f"{parameter['name']}: " in text and parameter["sense"] in text
+        if not (parameter["default"] in (None, {}) and parameter["name"] not in preset_of(flow).values):
+            assert f"{parameter['name']}: " in text and parameter["description"] in text
 
 
 @pytest.mark.soak
@@ -66,19 +72,19 @@ def test_a_shot_of_each_flow_comes_to_its_end(flow: str, tmp_path: Path) -> None
 
 
 @each
-def test_flows_that_nobody_has_staged_are_staged_by_their_parameters(
+def test_flows_without_a_preset_are_set_up_by_their_parameters(
     flow: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    if any(p["needed"] and not p["keyed"] for p in facts(flow)["parameters"]) or flow == "attraction":
+    if any(p["required"] and not p["keyed"] for p in facts(flow)["parameters"]) or flow == "attraction":
         return  # a file, formulas or a curve are for the table to choose
-    monkeypatch.setattr("pipeline.shot.templates.flow_presets.STAGED", {})
+    monkeypatch.setattr("pipeline.shot.templates.template.presets", dict)
     read_shot(tmp_path / "a.yaml", shot_of_flow(flow, "a"))
 
 
 def test_the_table_holds_flows_and_their_parameters() -> None:
-    assert set(STAGED) <= set(DOCUMENTS)
-    for flow, staging in STAGED.items():
-        assert set(staging.values) <= {parameter["name"] for parameter in facts(flow)["parameters"]}
+    assert set(presets()) <= set(DOCUMENTS)
+    for flow, preset in presets().items():
+        assert set(preset.values) <= {parameter["name"] for parameter in facts(flow)["parameters"]}
     with pytest.raises(UsageError, match="Did you mean 'vortex'"):
         shot_of_flow("vortx", "a")
 

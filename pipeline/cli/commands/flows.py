@@ -29,7 +29,7 @@ def flows(
     else:
         listing = table("flow", "is a", "what it does")
         for flow in map(facts, DOCUMENTS):
-            listing.add_row(flow["name"], flow["kind"], flow["sense"])
+            listing.add_row(flow["name"], flow["kind"], flow["description"])
         out.print(listing)
 
 
@@ -45,7 +45,7 @@ def _report_one(flow: dict[str, Any], as_json: bool) -> None:
             parameter["name"],
             default_text(parameter),
             parameter["unit"],
-            f"{parameter['sense']}{choices}{keyed}",
+            f"{parameter['description']}{choices}{keyed}",
         )
-    out.print(f"{flow['name']}, a {flow['kind']}. {flow['sense']}", markup=False)
+    out.print(f"{flow['name']}, a {flow['kind']}. {flow['description']}", markup=False)
     out.print(listing)

@@ -16,8 +16,7 @@ from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_catalogue import DOCUMENTS
-from pipeline.shot.templates.flow_presets import STAGED, staging_of
-from pipeline.shot.templates.template import SCHEMA, shot_of_flow, shot_of_shot
+from pipeline.shot.templates.template import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
 from pipeline.shot.yaml.lookup import DEFAULTS
 from render.base.atomic_write import disk_errors
 
@@ -71,13 +70,12 @@ def new(
 def _contents(source: str, name: str) -> tuple[str, dict[Path, Callable[[Path], None]]]:
     """Return the text of a new shot, and by path the functions that write files beside it."""
     if source in DOCUMENTS:
-        beside = staging_of(source).beside
+        beside = FLOW_FILES.get(source)
         return shot_of_flow(source, name), {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {}
     known = shot_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
-        raise UsageError(
-            f"there is no flow and no shot {source!r} to begin from. {suggestion(source, [*known, *STAGED])}"
-        )
+        hint = suggestion(source, [*known, *presets()])
+        raise UsageError(f"there is no flow and no shot {source!r} to begin from. {hint}")
     text = shot_of_shot(find_shot(source).read_text(encoding="utf-8"), name)
     try:
         read_shot(SHOTS / f"{name}.yaml", text)

@@ -46,7 +46,7 @@ def facts(name: str) -> dict[str, Any]:
     return {
         "name": name,
         "kind": _kind(document.flow),
-        "sense": summary(document.flow),
+        "description": summary(document.flow),
         "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
     }
 
@@ -62,19 +62,19 @@ def _fact(parameter: Parameter) -> dict[str, Any]:
         "name": parameter.name,
         "form": parameter.form,
         "keyed": parameter.form in ("number", "vector"),
-        "above_nought": parameter.positive,
+        "positive": parameter.positive,
         "choices": list(parameter.choices),
         "unit": parameter.doc.unit,
-        "needed": parameter.needed,
+        "required": parameter.needed,
         "default": parameter.default_in_file,
-        "sense": parameter.doc.text,
+        "description": parameter.doc.text,
     }
 
 
 def default_text(fact: dict[str, Any]) -> str:
     """Return the default of a parameter as a shot file writes it, or that it is needed."""
     value = fact["default"]
-    if fact["needed"]:
+    if fact["required"]:
         return "needed"
     if value is None or value == {}:
         return "none"
@@ -92,7 +92,7 @@ def markdown() -> str:
         fact = facts(name)
         parameters = ", ".join(_short(parameter) for parameter in fact["parameters"])
         picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""
-        lines.append(f"| {picture} | `{name}` | {fact['sense']} | {parameters} |")
+        lines.append(f"| {picture} | `{name}` | {fact['description']} | {parameters} |")
     return "\n".join([*lines, END])
 
 

@@ -1,22 +1,37 @@
-"""The text of a new shot: one that works at once, and says what may be changed."""
+"""Templates of new shots: one for every flow that works at once and shows what may be changed.
+
+`flow_presets.yaml` holds the subjects and values; files that a flow reads are written beside the shot.
+"""
 
 from __future__ import annotations
 
+import json
 import re
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from importlib import resources
+from pathlib import Path
 from typing import Any
 
-from pipeline.shot.documents.flow_catalogue import facts
-from pipeline.shot.subject import SOLIDS
-from pipeline.shot.templates.flow_presets import FRAMES, Staging, staging_of
-from render.scene.lights import LIGHTS
+import numpy as np
 from render.scene.materials import LOOKS
+
+from pipeline.shot.documents.flow_catalogue import default_text, facts
+from pipeline.shot.subject import SOLIDS
+from render.scene.lights import LIGHTS
 from render.scene.stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"
-"""What tells editors where the schema of a file is, relative to it."""
+"""Tells editors the schema of a file, relative to it."""
+
+FRAMES = 72
+
+STRENGTHS = ("time_scale", "strength", "speed", "rate", "amount", "flux")
+"""Parameters that set the strength of a flow without a preset."""
 
 COLUMN = 58
-"""At which comments after values begin, where these leave room."""
+"""Column of comments after values, where these leave space."""
 
 SHOT = """\
 title: {title}
@@ -43,22 +58,137 @@ lights: {lights}
 stage: {stage}
 """
 
+_FUNCTION = '''\
+"""A flow of one's own: it moves each point independently of the others."""
+
+import numpy as np
+
+
+def swirl(points, time, dt):
+    """Return points (N, 3) moved from `time`, seconds from the start of the shot, by `dt` seconds."""
+    x, y, z = points.T
+    turn = dt * 1.2 * np.sin(np.pi * time / 3.0) * np.exp(-(x**2) - z**2 + 0.5 * y)
+    c, s = np.cos(turn), np.sin(turn)
+    return np.stack([c * x + s * z, y, c * z - s * x], axis=1)
+'''
+
+
+def _write_function(path: Path) -> None:
+    path.write_text(_FUNCTION, encoding="utf-8")
+
+
+def _write_samples(path: Path) -> None:
+    """Write velocities of two eddies on a grid, in place of those of a simulation."""
+    axis = np.linspace(-1.5, 1.5, 13)
+    x, y, z = np.meshgrid(axis, axis, axis, indexing="ij")
+    velocity = np.stack([-np.sin(2 * y), np.sin(2 * x), 0.3 * np.cos(2 * x) + 0.0 * z], axis=-1)
+    with path.open("wb") as file:
+        np.savez_compressed(file, x=axis, y=axis, z=axis, velocity=velocity)
+
+
+FLOW_FILES: Mapping[str, tuple[str, Callable[[Path], None]]] = {
+    "sampled": (".npz", _write_samples),
+    "python": (".py", _write_function),
+}
+"""The ending and the writer of the file that a flow reads."""
+
+
+@dataclass(frozen=True)
+class FlowPreset:
+    """A subject that suits a flow, and values of its parameters; all texts are as in a shot file.
+
+    values   by parameter; others take their defaults
+    within   a region that limits a flow which would move everything alike
+    azimuth  of the camera, degrees, at the first and the last frame
+    """
+
+    subject: str = "{solid: icosphere, radius: 1}"
+    values: Mapping[str, str] = field(default_factory=dict)
+    max_edge_length: float = 0.08
+    look: str = "clay"
+    within: str = ""
+    azimuth: tuple[float, float] = (-30.0, 0.0)
+
+
+@cache
+def presets() -> Mapping[str, FlowPreset]:
+    """Return the presets of `flow_presets.yaml` by flow."""
+    from ruamel.yaml import YAML  # takes time to import, and most commands write no shot
+
+    text = resources.files(__package__).joinpath("flow_presets.yaml").read_text(encoding="utf-8")
+    table = YAML(typ="safe", pure=True).load(text)
+    subjects = table.pop("subjects")
+    return {flow: _preset(dict(row), subjects) for flow, row in table.items()}
+
+
+def _preset(row: dict[str, Any], subjects: Mapping[str, Any]) -> FlowPreset:
+    """Return the preset of a row of the table, with `pulse` and `ramp` as keys."""
+    rest = row.pop("rest", 0)
+    values = {name: _text(value) for name, value in row.pop("values", {}).items()}
+    for name, value in row.pop("pulse", {}).items():
+        values[name] = _pulse(value, [0] * len(value) if isinstance(value, list) else 0)
+    values |= {name: _ramp(value, rest) for name, value in row.pop("ramp", {}).items()}
+    subject = row.pop("subject", "ball")
+    within = _text(row.pop("within", ""))
+    subject = subjects[subject] if isinstance(subject, str) else subject
+    return FlowPreset(_text(subject), values, within=within, **row)
+
+
+def preset_of(flow: str) -> FlowPreset:
+    """Return the preset of a flow, or one made from its parameters. Raises UsageError for an unknown flow."""
+    fact = facts(flow)
+    if flow in presets():
+        return presets()[flow]
+    values = {}
+    for parameter in fact["parameters"]:
+        name, default = parameter["name"], parameter["default"]
+        if not parameter["keyed"] or not (parameter["required"] or name in STRENGTHS):
+            continue
+        if parameter["form"] == "vector":
+            values[name] = _pulse([0.5, 0, 0], [0, 0, 0])
+        elif fact["kind"] == "map":
+            values[name] = _ramp(2, 1) if parameter["positive"] else _ramp(0.5, 0)
+        else:
+            rest = 0.01 if parameter["positive"] else 0
+            values[name] = _pulse(0.5 if default is None else default, rest)
+    return FlowPreset(values=values)
+
+
+def _pulse(value: Any, rest: Any) -> str:
+    """Return keys that go from rest to a value and back to rest."""
+    quarter = FRAMES // 4
+    return _text({"keys": {1: rest, quarter: value, FRAMES - quarter: value, FRAMES: rest}})
+
+
+def _ramp(value: Any, rest: Any) -> str:
+    """Return keys that go from rest to a value, and hold it for the last frames."""
+    return _text({"ease": "sine_in_out", "keys": {1: rest, FRAMES - 8: value}})
+
+
+def _text(value: Any) -> str:
+    """Return a value as a shot file writes it in one line."""
+    if isinstance(value, dict):
+        return f"{{{', '.join(f'{name}: {_text(item)}' for name, item in value.items())}}}"
+    if isinstance(value, list):
+        return f"[{', '.join(json.dumps(item) if isinstance(item, str) else _text(item) for item in value)}]"
+    return value if isinstance(value, str) else f"{value:g}"
+
 
 def shot_of_flow(flow: str, name: str) -> str:
-    """A shot called `name` with a flow of the catalogue. Raises UsageError for one that is not known."""
-    staging = staging_of(flow)
+    """Return the text of a shot called `name` with a flow. Raises UsageError for an unknown flow."""
+    preset = preset_of(flow)
     solids = " · ".join(f"{solid} {', '.join(kind.measures)}" for solid, kind in SOLIDS.items())
     text = SHOT.format(
         title=_title(name),
         last=FRAMES,
         solids=solids,
-        subject=staging.subject,
-        edge=staging.max_edge_length,
-        flows="\n".join(_entry(flow, staging)).replace("NAME", name),
-        look=staging.look,
+        subject=preset.subject,
+        edge=preset.max_edge_length,
+        flows="\n".join(_entry(flow, preset)).replace("NAME", name),
+        look=preset.look,
         looks=", ".join(LOOKS),
-        left=staging.azimuth[0],
-        right=staging.azimuth[1],
+        left=preset.azimuth[0],
+        right=preset.azimuth[1],
         lights=_choice(LIGHTS),
         stage=_choice(STAGES),
     )
@@ -66,14 +196,14 @@ def shot_of_flow(flow: str, name: str) -> str:
 
 
 def shot_of_shot(text: str, name: str) -> str:
-    """A copy of a shot's text under a title of its own: its comments too, and free of the other."""
+    """Return a copy of a shot's text under a title of its own, with its comments."""
     text = re.sub(r"^# yaml-language-server:.*\n", "", text)
-    titled, found = re.subn(r"^title:.*$", f"title: {_title(name)}", text, count=1, flags=re.MULTILINE)
-    return titled if found else f"title: {_title(name)}\n{text}"
+    titled, count = re.subn(r"^title:.*$", f"title: {_title(name)}", text, count=1, flags=re.MULTILINE)
+    return titled if count else f"title: {_title(name)}\n{text}"
 
 
 def _title(name: str) -> str:
-    """As text, whatever it looks like."""
+    """Return a name as a title, quoted if YAML would read something else than text."""
     title = re.sub(r"[_-]+", " ", name)
     return f'"{title}"' if re.fullmatch(r"[\d.eE+ ]*|true|false|null|off|on|yes|no", title) else title
 
@@ -87,35 +217,25 @@ def _aligned(line: re.Match[str]) -> str:
     return f"{line[1]:<{COLUMN}}  # {line[2]}"
 
 
-def _entry(flow: str, staging: Staging) -> list[str]:
-    """The entry under `flows`, a line for each parameter."""
+def _entry(flow: str, preset: FlowPreset) -> list[str]:
+    """Return the entry under `flows`, a line for each parameter."""
     fact = facts(flow)
-    lines = [f"  # {fact['sense']}"]
-    inner = "  "
-    if staging.within:
-        lines += ["  - within:", f"      region: {staging.within}", "      flows:"]
-        inner = "        "
-    lines.append(f"{inner}- {flow}:")
+    lines = [f"  # {fact['description']}"]
+    indent = "  "
+    if preset.within:
+        lines += ["  - within:", f"      region: {preset.within}", "      flows:"]
+        indent = "        "
+    lines.append(f"{indent}- {flow}:")
     for parameter in fact["parameters"]:
-        value = staging.values.get(parameter["name"]) or _default(parameter)
+        value = preset.values.get(parameter["name"])
+        if value is None and not parameter["required"] and parameter["default"] not in (None, {}):
+            value = default_text(parameter)
         if value is not None:
-            lines.append(f"{inner}    {parameter['name']}: {value}  # {_told(parameter)}")
+            lines.append(f"{indent}    {parameter['name']}: {value}  # {_comment(parameter)}")
     return lines
 
 
-def _default(parameter: dict[str, Any]) -> str | None:
-    """The default of a parameter as a shot file has it; None where that is to say nothing."""
-    value = parameter["default"]
-    if value is None or value == {}:
-        return None
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, list):
-        return f"[{', '.join(f'{part:g}' for part in value)}]"
-    return value if isinstance(value, str) else f"{value:.6g}"
-
-
-def _told(parameter: dict[str, Any]) -> str:
+def _comment(parameter: dict[str, Any]) -> str:
     unit = f" ({parameter['unit']})" if parameter["unit"] else ""
     choices = f": {', '.join(parameter['choices'])}" if parameter["choices"] else ""
-    return f"{parameter['sense']}{choices}{unit}"
+    return f"{parameter['description']}{choices}{unit}"
