@@ -15,11 +15,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from render.scene.materials import LOOKS
 
 from pipeline.shot.documents.flow_catalogue import default_text, facts
 from pipeline.shot.subject import SOLIDS
 from render.scene.lights import LIGHTS
+from render.scene.materials import LOOKS
 from render.scene.stage import STAGES
 
 SCHEMA = "# yaml-language-server: $schema={}\n"
