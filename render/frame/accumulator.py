@@ -47,7 +47,7 @@ class Accumulator:
 
     def __post_init__(self) -> None:
         if "noise" in self.aovs and self.quality.samples < 2:
-            raise BadInputError("layer 'noise' cannot be told from one sample; take samples: 2 or more")
+            raise BadInputError("AOV 'noise' needs 2 samples or more; the quality has 1")
 
     def add(self, name: str, picture: Picture) -> None:
         """Add a batch of an AOV, or of "auxiliary" (see `mitsuba.scene.FrameScenes`)."""

@@ -42,9 +42,7 @@ def vertex_attributes(
             continue
         given = sample.subject.rest if name == "rest" else sample.subject.attributes.get(name)
         if name == "motion" or given is None:
-            raise BadInputError(
-                f"layer {name!r} needs {NEEDED_BY_AOV[name]}, which the surface was not given"
-            )
+            raise BadInputError(f"AOV {name!r} needs {NEEDED_BY_AOV[name]}, which the surface was not given")
         values[name] = given
     return values
 

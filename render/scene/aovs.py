@@ -18,20 +18,20 @@ ALWAYS = {
     "beauty": Aov("RGB", "half", "light"),
     "albedo": Aov("RGB", "half", "reflectance"),
     "normal": Aov("XYZ", "half", "shading normal"),
-    "position": Aov("XYZ", "float", "place in the scene"),
+    "position": Aov("XYZ", "float", "position in the scene"),
     "depth": Aov("Z", "float", "distance from the lens"),
-    "matte": Aov("A", "half", "how much of the pixel the subject covers"),
+    "matte": Aov("A", "half", "coverage of the pixel by the subject"),
 }
 """AOVs of every frame."""
 
 EXTRA = {
     "velocity": Aov("XYZ", "half", "of the subject, scene units per second"),
     "motion": Aov("XY", "half", "pixels right and up from this frame to the next, as the camera sees it"),
-    "before": Aov("XYZ", "half", "of the subject, from here to where it was a frame earlier, scene units"),
-    "after": Aov("XYZ", "half", "of the subject, from here to where it is a frame later, scene units"),
-    "rest": Aov("XYZ", "float", "place before anything moved it"),
+    "before": Aov("XYZ", "half", "of the subject, to its position a frame earlier, scene units"),
+    "after": Aov("XYZ", "half", "of the subject, to its position a frame later, scene units"),
+    "rest": Aov("XYZ", "float", "position before any flow moved it"),
     "noise": Aov("Y", "half", "standard error of the beauty's luminance"),
-    "samples": Aov("N", "float", "paths of light"),
+    "samples": Aov("N", "float", "samples per pixel"),
 }
 """AOVs of a frame that asks for them."""
 
@@ -42,7 +42,7 @@ NEEDED_BY_AOV = {
     "motion": "the next frame",
     "before": "the frame before",
     "after": "the next frame",
-    "rest": "where points were at rest",
+    "rest": "rest positions",
 }
 """What the subject must be given for an AOV, in the words of messages."""
 

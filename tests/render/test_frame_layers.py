@@ -98,10 +98,10 @@ def test_spheres_of_a_cloud_move_as_their_points(rendered: Rendered) -> None:
 
 
 def test_layers_without_what_they_are_made_from_are_refused(rendered: Rendered, sphere: Surface) -> None:
-    for name, missing in (("velocity", "velocities"), ("motion", "next frame"), ("rest", "at rest")):
+    for name, missing in (("velocity", "velocities"), ("motion", "next frame"), ("rest", "rest positions")):
         with pytest.raises(BadInputError, match=f"{name}.*{missing}"):
             rendered(surface=sphere, aovs=(name,))
-    with pytest.raises(BadInputError, match="one sample"):
+    with pytest.raises(BadInputError, match="needs 2 samples"):
         rendered(quality=Quality(16, 9, samples=1, depth=2, auxiliary_samples=1), aovs=("noise",))
 
 
@@ -161,5 +161,5 @@ def test_no_stage_moves_nowhere(rendered: Rendered, marked: Surface) -> None:
 
 @pytest.mark.parametrize("name", ["velocity", "motion", "before", "after"])
 def test_a_layer_that_lacks_what_it_is_made_from_says_so(name: str, rendered: Rendered) -> None:
-    with pytest.raises(BadInputError, match=f"layer '{name}' needs .*, which the surface was not given"):
+    with pytest.raises(BadInputError, match=f"AOV '{name}' needs .*, which the surface was not given"):
         rendered(aovs=(name,))
