@@ -19,7 +19,7 @@ from pipeline.production.request.variants import avoid
 from pipeline.production.store.locks import exclusive
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
-from pipeline.production.versions import freezing
+from pipeline.production.versions import published_files
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publish import Release
 from pipeline.production.versions.reproduce import Repetition
@@ -182,13 +182,13 @@ def test_a_version_is_there_whole_or_not_at_all(desk: Desk, monkeypatch: pytest.
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(freezing, "_linked", full)
+        patch.setattr(published_files, "_link", full)
         with pytest.raises(MachineError, match="the disk is full"):
             desk.release().publish()
     assert list(desk.home.iterdir()) == []
     with exclusive(desk.root), pytest.raises(MachineError, match="another flowsculpt run"):
         desk.release().publish()
-    monkeypatch.setattr(freezing.os, "link", full)  # a file system without links
+    monkeypatch.setattr(published_files.os, "link", full)  # a file system without links
     assert desk.release().publish().folder.is_dir()
     assert desk.repetition().record.frames[1].sha256 == digest_of_file(
         desk.home / f"v001/frames/{NAME}.0001.exr"
@@ -305,6 +305,17 @@ def test_a_file_that_it_reads_must_be_what_it_was(desk: Desk) -> None:
     assert said.count("\n") <= 1
 
 
+def test_versions_of_before_stages_had_versions_are_read(tmp_path: Path, published: Desk) -> None:
+    data = json.loads((published.home / "v001" / FILE).read_text())
+    source = data.pop("source")
+    data |= {"format": 1, "script": {**source, "pins": source["inputs"]}, "code": {"finish": "0123"}}
+    del data["stages"], data["script"]["inputs"]
+    (tmp_path / FILE).write_text(json.dumps(data))
+    record = Provenance.read(tmp_path / FILE)
+    assert record == replace(Provenance.read(published.home / "v001" / FILE), stages={})
+    assert "stage finish has version 1 now and had unknown" in "\n".join(record.differences(record.variant))
+
+
 def test_a_provenance_gives_no_leave_to_run_code(desk: Desk) -> None:
     source = desk.home / "v001" / FILE
     data = json.loads(source.read_text())
@@ -328,8 +339,8 @@ def test_a_provenance_gives_no_leave_to_run_code(desk: Desk) -> None:
         {"frames": {"1": {}}},
         {"movie": {}},
         {"packages": []},
-        {"format": 2},
-        {"script": None},
+        {"format": 3},
+        {"source": None},
     ],
 )
 def test_what_is_no_provenance_is_told_in_one_line(

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from pipeline.production.execution.project import Project
-from pipeline.production.execution.snakefile import PlannedWorkflow
+from pipeline.production.execution.snakefile import PlannedWorkflow, _unprotect
 from pipeline.production.keys.stages import READS, STAGES
 from pipeline.production.planning.profile import Profile
 from render.movie.probe import probe_movie
@@ -224,3 +224,14 @@ def test_stills_go_through_the_same_rules(finished: Any) -> None:
     assert made == [f"{NAME}.0002.png", f"{NAME}.0003.png"]
     log = max((finished.path / ".flowsculpt/logs").glob("2*/snakemake.log"))
     assert "rule stills:" in log.read_text()
+
+
+def test_a_read_only_link_makes_way_for_a_copy_that_snakemake_may_replace(tmp_path: Path) -> None:
+    stored, shown = tmp_path / "stored.exr", tmp_path / "shown.exr"
+    stored.write_text("pixels")
+    stored.chmod(0o444)
+    shown.hardlink_to(stored)
+    _unprotect(shown)
+    _unprotect(tmp_path / "missing.exr")
+    assert shown.read_text() == "pixels" and shown.stat().st_mode & 0o200
+    assert not stored.stat().st_mode & 0o222

@@ -15,7 +15,7 @@ from pipeline.cli.progress import progress_bars
 from pipeline.production.maintenance.verify import Checked, damages, verified
 from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store
-from pipeline.production.versions.checking import PublishedFile, checked, published_files, remedies
+from pipeline.production.versions.published_files import PublishedFile, checked, published_files, remedies
 
 File = TypeVar("File", Checked, PublishedFile)
 

@@ -11,6 +11,8 @@ from __future__ import annotations
 import json
 import os
 import re
+import shutil
+import stat
 import sys
 from collections.abc import Mapping
 from contextlib import ExitStack
@@ -27,6 +29,7 @@ from pipeline.production.planning.profile import Share
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
+from render.base.atomic_write import atomic_write
 
 if TYPE_CHECKING:
     from pipeline.production.execution.project import Project
@@ -179,6 +182,8 @@ class PlannedWorkflow:
             _HELD.enter_context(writing(self._root))
             _HELD.enter_context(making(self._root, plan.lock_names))
             plan.restore_links(project.store)
+            for target in filter(_FRAME.fullmatch, settings.targets):
+                _unprotect(self._root / target)
             plan.freeze(self._root)
             arguments = workflow.config_settings
             arguments.config_args = [*(arguments.config_args or ()), f"plan={plan.file}"]
@@ -225,6 +230,13 @@ _MOVIE = re.compile(
 
 _HELD = ExitStack()
 """The locks this process holds until it ends."""
+
+
+def _unprotect(path: Path) -> None:
+    """Replace a read-only link by a copy: Snakemake refuses to make a write-protected file again."""
+    if path.is_file() and not path.stat().st_mode & stat.S_IWUSR:
+        with atomic_write(path) as draft:
+            shutil.copyfile(path, draft)
 
 
 def _shot_of(match: re.Match[str], target: str) -> str:

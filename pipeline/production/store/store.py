@@ -52,8 +52,8 @@ SUFFIXES = {
 }
 
 
-WRITABLE = ("frame", "movie")
-"""Kinds that Snakemake knows by the names of their links: it refuses to make a write-protected file again."""
+WRITABLE = ("movie",)
+"""Kinds whose links are outputs of rules: Snakemake refuses to make a write-protected file again."""
 
 ENDS = 65536
 """Bytes at each end of a file that are compared with those of another of its size: pictures have their keys

@@ -90,7 +90,8 @@ class Provenance:
         fields = {name: value for name, value in data.items() if name in cls.__dataclass_fields__}
         if data["format"] == 1:  # before stages had versions
             source = dict(data["script"])
-            fields |= {"source": {**source, "inputs": source.pop("pins")}, "stages": {}}
+            inputs = source.pop("pins")
+            fields |= {"source": {**source, "inputs": inputs}, "stages": {}}
         elif data["format"] != FORMAT:
             raise ValueError
         record = from_plain(cls, fields)

@@ -27,7 +27,6 @@ from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Store
 from pipeline.production.versions.environment import host, packages, stage_versions
-from pipeline.production.versions.freezing import freeze, sweep
 from pipeline.production.versions.provenance import (
     VERSION,
     FrameRecord,
@@ -36,6 +35,7 @@ from pipeline.production.versions.provenance import (
     portable,
     records,
 )
+from pipeline.production.versions.published_files import freeze, sweep
 from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.errors import CorruptImageError, MissingImageError
 from render.movie.probe import probe_movie
