@@ -1,4 +1,4 @@
-"""Panels of a page of curves: what each shows over the frames, and how it is drawn on matplotlib's axes."""
+"""Panels of a page of plots: curves, heat maps and stacked bars over frames, drawn on matplotlib's axes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ if TYPE_CHECKING:
 
 INK, GREY, FAINT = "#23282d", "#8a9299", "#e4e6e8"
 PENS = ("#c4553b", "#5b8a5a", "#2c6e91")
-"""Of x, y and z; what is a number alone has the last."""
+"""The colours of x, y and z; a single number has the last."""
 
 BAR_INKS = ("#5f7f9c", "#a8643f", "#c9a45c", "#7f9a6e")
-"""Of the parts of bars, in their order."""
+"""The colours of the parts of bars, in their order."""
 
 
-class Track(NamedTuple):
-    """name and unit; frames (T,), values (T, K), and keys (N, 1 + K): frames and values. NaN is a gap."""
+class Curves(NamedTuple):
+    """Numbers over frames (T,): values (T, K), and keys (N, 1 + K) of frames and values. NaN is a gap."""
 
     name: str
     unit: str
@@ -28,9 +28,12 @@ class Track(NamedTuple):
     keys: NDArray[np.float64]
 
 
-class Heat(NamedTuple):
-    """name and unit; frames (T,), shares (T, B) in equal bins from 0 to `top`, and what is drawn over them:
-    levels, each with a word, and a line (T,), if any."""
+class HeatMap(NamedTuple):
+    """Histograms over frames (T,): shares (T, B) in equal bins from 0 to `top`.
+
+    levels  horizontal lines over it, each a value and a word
+    line    a curve (T,) over it
+    """
 
     name: str
     unit: str
@@ -41,8 +44,8 @@ class Heat(NamedTuple):
     line: NDArray[np.float64] | None = None
 
 
-class Bars(NamedTuple):
-    """name and unit; frames (T,), and parts by name (T,), one upon another; negative ones hang down."""
+class StackedBars(NamedTuple):
+    """Parts by name (T,), stacked over frames (T,); negative parts hang down."""
 
     name: str
     unit: str
@@ -50,32 +53,32 @@ class Bars(NamedTuple):
     parts: dict[str, NDArray[np.float64]]
 
 
-Panel = Track | Heat | Bars
+Panel = Curves | HeatMap | StackedBars
 
 
-def draw(panel: Axes, track: Panel) -> None:
-    """With its name and unit above."""
-    unit = f"   {track.unit}" if track.unit else ""
-    panel.text(0.0, 1.04, track.name, transform=panel.transAxes, size=8.5, va="bottom")
-    panel.annotate(unit, (1.0, 1.04), xycoords="axes fraction", size=8, color=GREY, va="bottom", ha="right")
-    match track:
-        case Track():
-            _draw_curves(panel, track)
-        case Heat():
-            _draw_heat(panel, track)
-        case Bars():
-            _draw_bars(panel, track)
-    panel.locator_params(axis="y", nbins=4)
+def draw_panel(axes: Axes, panel: Panel) -> None:
+    """Draw a panel, with its name and unit above."""
+    unit = f"   {panel.unit}" if panel.unit else ""
+    axes.text(0.0, 1.04, panel.name, transform=axes.transAxes, size=8.5, va="bottom")
+    axes.annotate(unit, (1.0, 1.04), xycoords="axes fraction", size=8, color=GREY, va="bottom", ha="right")
+    match panel:
+        case Curves():
+            _draw_curves(axes, panel)
+        case HeatMap():
+            _draw_heat_map(axes, panel)
+        case StackedBars():
+            _draw_bars(axes, panel)
+    axes.locator_params(axis="y", nbins=4)
 
 
-def _draw_curves(panel: Axes, track: Track) -> None:
-    several = track.values.shape[1] > 1
+def _draw_curves(axes: Axes, curves: Curves) -> None:
+    several = curves.values.shape[1] > 1
     for k, pen in enumerate(PENS if several else PENS[-1:]):
-        panel.plot(track.frames, track.values[:, k], color=pen, linewidth=1.7, clip_on=False)
-        if len(track.keys):
-            panel.plot(
-                track.keys[:, 0],
-                track.keys[:, 1 + k],
+        axes.plot(curves.frames, curves.values[:, k], color=pen, linewidth=1.7, clip_on=False)
+        if len(curves.keys):
+            axes.plot(
+                curves.keys[:, 0],
+                curves.keys[:, 1 + k],
                 "o",
                 color="white",
                 markeredgecolor=pen,
@@ -85,9 +88,9 @@ def _draw_curves(panel: Axes, track: Track) -> None:
                 zorder=5,
             )
         if several:
-            panel.annotate(
+            axes.annotate(
                 "xyz"[k],
-                (1.0, float(track.values[-1, k])),
+                (1.0, float(curves.values[-1, k])),
                 xycoords=("axes fraction", "data"),
                 xytext=(7 + 8 * k, 0),
                 textcoords="offset points",
@@ -95,25 +98,25 @@ def _draw_curves(panel: Axes, track: Track) -> None:
                 va="center",
                 size=8.5,
             )
-    low, high = float(np.nanmin(track.values)), float(np.nanmax(track.values))
+    low, high = float(np.nanmin(curves.values)), float(np.nanmax(curves.values))
     room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
-    panel.set_ylim(low - room, high + room)
+    axes.set_ylim(low - room, high + room)
 
 
-def _draw_heat(panel: Axes, track: Heat) -> None:
-    first, last = float(track.frames[0]), float(track.frames[-1])
-    panel.imshow(
-        np.sqrt(track.shares.T),
+def _draw_heat_map(axes: Axes, heat: HeatMap) -> None:
+    first, last = float(heat.frames[0]), float(heat.frames[-1])
+    axes.imshow(
+        np.sqrt(heat.shares.T),
         origin="lower",
         aspect="auto",
-        extent=(first - 0.5, last + 0.5, 0.0, track.top),
+        extent=(first - 0.5, last + 0.5, 0.0, heat.top),
         cmap="Greys",
         interpolation="nearest",
     )
-    panel.grid(visible=False)
-    for value, word in track.levels:
-        panel.axhline(value, color=PENS[0], linewidth=0.8, linestyle=(0, (4, 3)))
-        panel.annotate(
+    axes.grid(visible=False)
+    for value, word in heat.levels:
+        axes.axhline(value, color=PENS[0], linewidth=0.8, linestyle=(0, (4, 3)))
+        axes.annotate(
             word,
             (1.0, value),
             xycoords=("axes fraction", "data"),
@@ -123,19 +126,19 @@ def _draw_heat(panel: Axes, track: Heat) -> None:
             color=PENS[0],
             va="center",
         )
-    if track.line is not None:
-        panel.plot(track.frames, track.line, color=PENS[0], linewidth=1.4)
+    if heat.line is not None:
+        axes.plot(heat.frames, heat.line, color=PENS[0], linewidth=1.4)
 
 
-def _draw_bars(panel: Axes, track: Bars) -> None:
-    above, below = np.zeros(len(track.frames)), np.zeros(len(track.frames))
-    for index, (name, values) in enumerate(track.parts.items()):
+def _draw_bars(axes: Axes, bars: StackedBars) -> None:
+    above, below = np.zeros(len(bars.frames)), np.zeros(len(bars.frames))
+    for index, (name, values) in enumerate(bars.parts.items()):
         heights = np.nan_to_num(values)
         base = np.where(heights >= 0.0, above, below)
         ink = BAR_INKS[index % len(BAR_INKS)]
-        panel.bar(track.frames, heights, bottom=base, width=0.86, color=ink, linewidth=0)
+        axes.bar(bars.frames, heights, bottom=base, width=0.86, color=ink, linewidth=0)
         above, below = above + np.maximum(heights, 0.0), below + np.minimum(heights, 0.0)
-        panel.annotate(
+        axes.annotate(
             name,
             (0.0, 1.04),
             xycoords="axes fraction",
@@ -146,5 +149,5 @@ def _draw_bars(panel: Axes, track: Bars) -> None:
             va="bottom",
         )
     if below.any():
-        panel.axhline(0.0, color=GREY, linewidth=0.7)
-        panel.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")
+        axes.axhline(0.0, color=GREY, linewidth=0.7)
+        axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")

@@ -4,50 +4,50 @@ import numpy as np
 import pytest
 
 from render.base.errors import BadInputError
-from render.graphics.panels import Bars, Heat, Track
-from render.graphics.plot import plot_tracks
+from render.graphics.panels import Curves, HeatMap, StackedBars
+from render.graphics.plot import plot_panels
 
 FRAMES = np.linspace(1, 49, 97)
-NUMBER = Track(
+NUMBER = Curves(
     "flows.0.vortex.strength",
     "units²/s",
     FRAMES,
     np.sin(FRAMES / 9)[:, None],
     np.array([(1, 0.11), (20, 0.8)]),
 )
-PLACE = Track("flows.1.wind.centre", "units", FRAMES, np.stack([FRAMES] * 3, axis=1), np.empty((0, 2)))
-STILL = Track("camera.azimuth", "degrees", FRAMES, np.zeros((97, 1)), np.empty((0, 2)))
+PLACE = Curves("flows.1.wind.centre", "units", FRAMES, np.stack([FRAMES] * 3, axis=1), np.empty((0, 2)))
+STILL = Curves("camera.azimuth", "degrees", FRAMES, np.zeros((97, 1)), np.empty((0, 2)))
 
 
 def test_a_page_names_every_curve_with_its_unit(tmp_path):
-    plot_tracks("A010", [NUMBER, PLACE, STILL], 24.0, tmp_path / "a.svg")
+    plot_panels("A010", [NUMBER, PLACE, STILL], 24.0, tmp_path / "a.svg")
     text = (tmp_path / "a.svg").read_text()
     assert all(f"<!-- {word} -->" in text for word in (NUMBER.name, PLACE.name, "A010", "frame"))
-    plot_tracks("A010", [NUMBER, PLACE, STILL], 24.0, tmp_path / "b.svg")
+    plot_panels("A010", [NUMBER, PLACE, STILL], 24.0, tmp_path / "b.svg")
     assert (tmp_path / "b.svg").read_text() == text
 
 
 @pytest.mark.parametrize(("ending", "begins"), [("png", b"\x89PNG"), ("pdf", b"%PDF")])
 def test_the_ending_says_what_file_it_is(tmp_path, ending, begins):
-    plot_tracks("A010", [NUMBER], 24.0, tmp_path / f"a.{ending}")
+    plot_panels("A010", [NUMBER], 24.0, tmp_path / f"a.{ending}")
     assert (tmp_path / f"a.{ending}").read_bytes().startswith(begins)
 
 
 def test_what_cannot_be_is_told(tmp_path):
     with pytest.raises(BadInputError, match=r"\.svg, \.png, \.pdf"):
-        plot_tracks("A", [NUMBER], 24.0, tmp_path / "a.txt")
+        plot_panels("A", [NUMBER], 24.0, tmp_path / "a.txt")
     with pytest.raises(BadInputError, match="no curves"):
-        plot_tracks("A", [], 24.0, tmp_path / "a.svg")
+        plot_panels("A", [], 24.0, tmp_path / "a.svg")
 
 
 def test_shares_and_parts_stand_over_the_same_frames_as_curves(tmp_path):
     frames = np.arange(1.0, 13.0)
     shares = np.tile(np.linspace(0.0, 1.0, 8), (12, 1))
-    heat = Heat("edge lengths", "scene units", frames, shares, 0.1, ((0.08, "max"),), line=frames / 200)
-    bars = Bars("changes", "a frame", frames, {"splits": frames, "collapses": -frames})
-    gaps = Track("area", "", frames, np.where(frames < 4, np.nan, frames)[:, None], np.zeros((0, 2)))
+    heat = HeatMap("edge lengths", "scene units", frames, shares, 0.1, ((0.08, "max"),), line=frames / 200)
+    bars = StackedBars("changes", "a frame", frames, {"splits": frames, "collapses": -frames})
+    gaps = Curves("area", "", frames, np.where(frames < 4, np.nan, frames)[:, None], np.zeros((0, 2)))
     pages = [tmp_path / name for name in ("one.svg", "other.svg")]
     for page in pages:
-        plot_tracks("measures", [heat, bars, gaps], 24.0, page)
+        plot_panels("measures", [heat, bars, gaps], 24.0, page)
     text = pages[0].read_text()
     assert text == pages[1].read_text() and all(word in text for word in ("splits", "collapses", "max"))

@@ -9,8 +9,8 @@ from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.paths import Folders
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
-from render.graphics.panels import Track
-from render.graphics.plot import plot_tracks
+from render.graphics.panels import Curves
+from render.graphics.plot import plot_panels
 
 
 def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings = None) -> None:
@@ -28,7 +28,7 @@ def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings =
     page = output or common.root / Folders.of_shot(path.stem).home / f"{path.stem}.curves.svg"
     if not common.dry_run:
         make_folder_of(page)
-        tracks = [Track(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
-        plot_tracks(path.stem, tracks, float(clock.rate.fps), page)
+        tracks = [Curves(c.name, c.unit, c.frames, c.values, c.keys) for c in keyed]
+        plot_panels(path.stem, tracks, float(clock.rate.fps), page)
     words = f"{page}: {len(keyed)} curves{', would be written' if common.dry_run else ''}."
     print_result(words, {"path": str(page), "curves": [curve.name for curve in keyed]}, common.json)

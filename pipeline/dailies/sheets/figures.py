@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.production.keys.stages import STAGES
-from render.graphics.panels import Bars, Heat, Panel, Track
+from render.graphics.panels import Curves, HeatMap, Panel, StackedBars
 
 Measured = Mapping[int, Mapping[str, Any]]
 
@@ -44,17 +44,19 @@ def _of_meshes(
 
     none = np.zeros((0, 2))
     if _has(vertices := values("vertices")):
-        yield Track("vertices", "", frames, vertices, none)
+        yield Curves("vertices", "", frames, vertices, none)
     if _has(changes := values("splits", "collapses")):
-        yield Bars(
+        yield StackedBars(
             "splits and collapses", "a frame", frames, {"splits": changes[:, 0], "collapses": -changes[:, 1]}
         )
     if (top := next((row["edge_top"] for row in rows if row.get("edge_top")), None)) is not None:
         levels = [(value, word) for value, word in zip(limits, ("min", "max"), strict=True) if value]
-        yield Heat("edge lengths", "scene units", frames, _shares(rows, "edges"), float(top), tuple(levels))
+        yield HeatMap(
+            "edge lengths", "scene units", frames, _shares(rows, "edges"), float(top), tuple(levels)
+        )
     if any(row.get("quality") for row in rows):
         worst = values("worst")[:, 0]
-        yield Heat(
+        yield HeatMap(
             "roundness of triangles; the line: a hundredth is below",
             "1: equilateral",
             frames,
@@ -63,9 +65,9 @@ def _of_meshes(
             line=worst,
         )
     if _has(area := values("area")):
-        yield Track("area", "scene units²", frames, area, none)
+        yield Curves("area", "scene units²", frames, area, none)
     if _has(volume := values("volume")):
-        yield Track("volume", "scene units³", frames, volume, none)
+        yield Curves("volume", "scene units³", frames, volume, none)
 
 
 def _of_seconds(
@@ -80,7 +82,7 @@ def _of_seconds(
     most = BEYOND * float(np.quantile(whole, 0.9))
     share = np.minimum(1.0, most / np.maximum(whole, 1e-9)) if most else 1.0
     cut = " (the longest cut short)" if most and (whole > most).any() else ""
-    yield Bars(
+    yield StackedBars(
         "seconds a frame",
         f"s{cut}",
         frames,
