@@ -17,7 +17,7 @@ from benchmarks.report import Row, Target, keep, show
 from benchmarks.works import Film, cube, lorenz
 from pipeline.mesh import require
 from pipeline.resample import Curvature, Thresholds
-from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS
+from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 
 EVERY = 8
 """Frames between those whose pop is measured."""

@@ -13,7 +13,7 @@ from pipeline.arrays import Points
 from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.mesh.normals import NORMAL, carried_normals
 from pipeline.resample import Chord, Curved, Exact, Placement, Report, Resampler, Thresholds
-from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS
+from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 
 PLACEMENTS = ("chord", "curved", "exact")
 

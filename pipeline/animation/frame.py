@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
 
@@ -16,6 +16,7 @@ from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.mesh.control_net import Lattice
 from pipeline.resample import PolyhedralReport, Report
 from pipeline.statistics import MeshStatistics
+from render.base.serialise import to_plain
 
 _ATTRIBUTE = "attribute:"
 
@@ -41,11 +42,7 @@ class FrameReport:
 
     def as_data(self) -> dict[str, Any]:
         """Return the report as JSON data."""
-        resampling = None
-        if self.resampling is not None:
-            resampling = {**vars(self.resampling), "refused": dict(self.resampling.refused)}
-        statistics = None if self.statistics is None else asdict(self.statistics)
-        return {"resampling": resampling, "statistics": statistics}
+        return {"resampling": to_plain(self.resampling), "statistics": to_plain(self.statistics)}
 
     @classmethod
     def from_data(cls, data: Mapping[str, Any]) -> FrameReport:

@@ -10,12 +10,13 @@ import numpy as np
 
 from pipeline.animation.frame import MeshFrame
 from pipeline.animation.queries import with_material
-from pipeline.animation.rest_interval import RestInterval, step_into
 from pipeline.animation.surface import (
     ExactSurface,
     MovingSurface,
     PolygonSurface,
+    RestInterval,
     TriangleSurface,
+    step_into,
     thresholds_at,
 )
 from pipeline.arrays import AnyArray, Floats, Vectors

@@ -1,4 +1,11 @@
-"""Control nets: the layout of their points, and nets with the surface of a sheet, a tube or a torus."""
+"""Control nets: the layout of their points, nets of simple shapes, and their smooth B-spline surface.
+
+The surface is a uniform bicubic B-spline, after Riesenfeld (*Applications of B-spline Approximation to
+Geometric Problems of Computer-Aided Design*, 1973) and Farin, *Curves and Surfaces for CAGD*. It does not
+pass through its points but stays within their convex hull, and moving them by an affine map moves it by the
+same map. An open side begins near its second row of points and ends near the last but one: exactly there, if
+those points are the midpoints of their neighbours.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +14,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Faces, Floats, Points
+from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import MeshError, UsageError
+from pipeline.mesh.normals import ShadedMesh, vertex_normals
+from pipeline.mesh.triangle_mesh import TriangleMesh
 
 LEAST = 4
 """Points along each side: the support of one cubic piece."""
@@ -123,3 +132,98 @@ def _ring(radius: float, count: int) -> tuple[Floats, Floats]:
     angle = step * np.arange(count)
     outer = radius * 3.0 / (2.0 + math.cos(step))
     return outer * np.cos(angle), outer * np.sin(angle)
+
+
+PIECES = 8
+"""Default number of pieces for each span between two control points."""
+
+MOST_VERTICES = 16_000_000
+
+_FLAT = 1e-12  # of the product of both tangents' lengths; shorter cross products give no normal
+
+
+def bspline_surface(points: Points, lattice: Lattice, pieces: int = PIECES) -> ShadedMesh:
+    """Return the surface of a net, every span cut into `pieces` × `pieces` quads of two triangles.
+
+    points  (lattice.rows · lattice.columns, 3)
+
+    Vertices lie on the surface; normals are the cross products of its two derivatives. Where these vanish or
+    are parallel, as at a pole, the normal is the mean of the surrounding triangles. `source_vertex` is the
+    control point with the largest weight.
+
+    Raises UsageError where the surface would have more than MOST_VERTICES vertices.
+    """
+    across, along = _samples(lattice, pieces)
+    if len(across) * len(along) > MOST_VERTICES:
+        raise UsageError(
+            f"a net of {lattice.rows} × {lattice.columns} points cut into {pieces} × {pieces} has "
+            f"{len(across) * len(along)} vertices; {MOST_VERTICES} are the most. Lower smooth.tessellate."
+        )
+    net = points.reshape(lattice.rows, lattice.columns, 3)
+    vertices = _blend(net, across.weights, across, along.weights, along)
+    by_row = _blend(net, across.slopes, across, along.weights, along)
+    by_column = _blend(net, across.weights, across, along.slopes, along)
+    faces = grid_faces(len(across), len(along), lattice.closed)
+    normals = _normals(TriangleMesh(vertices, faces), by_row, by_column)
+    source = across.nearest[:, None] * lattice.columns + along.nearest
+    return ShadedMesh(vertices, normals, faces, source.reshape(-1).astype(np.int32))
+
+
+def bspline_values(values: AnyArray, lattice: Lattice, pieces: int = PIECES) -> Floats:
+    """Return values (N, k) at the vertices of `bspline_surface`, blended from control points (V, k).
+
+    Rest positions of control points give the rest positions of the vertices.
+    """
+    across, along = _samples(lattice, pieces)
+    grid = np.asarray(values, np.float64).reshape(lattice.rows, lattice.columns, -1)
+    return _blend(grid, across.weights, across, along.weights, along)
+
+
+class _Samples:
+    """Sample places along one direction of a net, and the weights of its points there.
+
+    points   (M, 4) the points with a weight
+    weights  (M, 4) their weights; they add up to 1
+    slopes   (M, 4) the derivatives of the weights; they add up to 0
+    nearest  (M,) the point with the largest weight
+    """
+
+    def __init__(self, count: int, closed: bool, pieces: int) -> None:
+        spans = count if closed else count - 3
+        steps = np.arange(spans * pieces + (0 if closed else 1))
+        span = np.minimum(steps // pieces, spans - 1)
+        t = ((steps - span * pieces) / pieces)[:, None]
+        self.points = (span[:, None] + np.arange(4)) % count
+        s = 1.0 - t
+        middle = (3.0 * t**3 - 6.0 * t**2 + 4.0) / 6.0, (3.0 * s**3 - 6.0 * s**2 + 4.0) / 6.0
+        self.weights = np.hstack([s**3 / 6.0, *middle, t**3 / 6.0])
+        inner = (3.0 * t**2 - 4.0 * t) / 2.0, (4.0 * s - 3.0 * s**2) / 2.0
+        self.slopes = np.hstack([-(s**2) / 2.0, *inner, t**2 / 2.0])
+        self.nearest = self.points[np.arange(len(steps)), self.weights.argmax(axis=1)]
+
+    def __len__(self) -> int:
+        return len(self.points)
+
+
+def _samples(lattice: Lattice, pieces: int) -> tuple[_Samples, _Samples]:
+    """Return the samples along the columns of a net (from row to row), and along its rows."""
+    around, across = lattice.closed
+    return _Samples(lattice.rows, around, pieces), _Samples(lattice.columns, across, pieces)
+
+
+def _blend(grid: Floats, row_weights: Floats, rows: _Samples, weights: Floats, columns: _Samples) -> Floats:
+    """Blend a grid (R, C, k) over its rows, then over its columns: (M · N, k)."""
+    over_rows = np.einsum("mi,mick->mck", row_weights, grid[rows.points])
+    over_both = np.einsum("nj,mnjk->mnk", weights, over_rows[:, columns.points])
+    return np.ascontiguousarray(over_both.reshape(-1, grid.shape[2]))
+
+
+def _normals(mesh: TriangleMesh, by_row: Vectors, by_column: Vectors) -> Vectors:
+    """Return unit normals (N, 3)."""
+    normals = np.cross(by_row, by_column)
+    lengths = np.linalg.norm(normals, axis=1)
+    known = lengths > _FLAT * np.linalg.norm(by_row, axis=1) * np.linalg.norm(by_column, axis=1)
+    normals[known] /= lengths[known, None]
+    if not known.all():
+        normals[~known] = vertex_normals(mesh)[~known]
+    return normals

@@ -18,6 +18,7 @@ from pipeline.mesh.kernels.halfedge import (
     renumber,
     renumber_parallel,
 )
+from pipeline.mesh.normals import tagged_halfedges
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import require
 
@@ -197,16 +198,14 @@ class _Columns:
 
 def _tags_of(mesh: TriangleMesh) -> AnyArray:
     """Return flags (3F,) uint8 of the creases' half-edges. Raises MeshError for a crease that is no edge."""
-    tags = np.zeros(mesh.faces.size, np.uint8)
-    if len(mesh.creases):
-        ends = np.sort(np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2), axis=1)
-        keys, wanted = (pairs.astype(np.int64) @ (1 << 32, 1) for pairs in (ends, mesh.creases))
-        strangers = ~np.isin(wanted, keys)
-        if strangers.any():
-            a, b = mesh.creases[strangers][0]
-            raise MeshError(f"crease {a}-{b} is no edge of the mesh; creases name two vertices of one edge")
-        tags[np.isin(keys, wanted)] = 1
-    return tags
+    tagged = tagged_halfedges(mesh)
+    ends = np.sort(mesh.halfedge_ends[tagged], axis=1)
+    edges, creases = (pairs.astype(np.int64) @ (1 << 32, 1) for pairs in (ends, mesh.creases))
+    missing = ~np.isin(creases, edges)
+    if missing.any():
+        a, b = mesh.creases[missing][0]
+        raise MeshError(f"crease {a}-{b} is no edge of the mesh; creases name two vertices of one edge")
+    return tagged.view(np.uint8)
 
 
 def _width(shape: tuple[int, ...]) -> int:

@@ -96,9 +96,9 @@ def split_at_creases(mesh: TriangleMesh, hard_angle: float | Floats = HARD_ANGLE
     Raises MeshError where the mesh is not an oriented manifold, or the attribute is not (V, 3).
     """
     face, twin, known = face_normals(mesh), twins_of(mesh), _known(mesh)
-    trusted, hard = _trusted(mesh, known, face), _tagged(mesh)
+    trusted, hard = _trusted(mesh, known, face), tagged_halfedges(mesh)
     if not isinstance(hard_angle, float):
-        hard |= np.nan_to_num(_turns(face, twin)) > hard_angle[_ends(mesh)].mean(axis=1)
+        hard |= np.nan_to_num(_turns(face, twin)) > hard_angle[mesh.halfedge_ends].mean(axis=1)
         hard_angle = math.pi
     find_hard(face, twin, math.cos(hard_angle), hard.view(np.uint8))
     corner, source = np.empty(mesh.faces.size, np.int32), np.empty(len(mesh.vertices) + len(twin), np.int32)
@@ -143,23 +143,18 @@ def twins_of(mesh: TriangleMesh) -> Indices:
     return twin
 
 
-def _tagged(mesh: TriangleMesh) -> AnyArray:
+def tagged_halfedges(mesh: TriangleMesh) -> AnyArray:
     """Return flags (3F,) of the half-edges of tagged creases."""
     if not len(mesh.creases):
         return np.zeros(mesh.faces.size, bool)
     at_crease = np.zeros(len(mesh.vertices), bool)
     at_crease[mesh.creases.ravel()] = True
-    ends = _ends(mesh)
+    ends = mesh.halfedge_ends
     near = np.flatnonzero(at_crease[ends].all(axis=1))
     both = np.sort(ends[near], axis=1).astype(np.int64) @ (1 << 32, 1)
     tagged = np.zeros(mesh.faces.size, bool)
     tagged[near] = np.isin(both, mesh.creases.astype(np.int64) @ (1 << 32, 1))
     return tagged
-
-
-def _ends(mesh: TriangleMesh) -> Indices:
-    """Return the two vertices of each half-edge, (3F, 2)."""
-    return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
 
 
 def _known(mesh: TriangleMesh) -> Vectors | None:

@@ -75,6 +75,11 @@ class TriangleMesh:
         return TriangleMesh(self.vertices, self.faces, self.attributes, creases)
 
     @property
+    def halfedge_ends(self) -> Indices:
+        """(3F, 2) the two vertices of each half-edge ``3f + i``."""
+        return np.stack([self.faces, np.roll(self.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+
+    @property
     def bounds(self) -> Floats:
         """(2, 3): the lowest and the highest coordinates of the vertices."""
         return np.stack([self.vertices.min(axis=0), self.vertices.max(axis=0)])

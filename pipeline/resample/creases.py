@@ -75,7 +75,7 @@ def _sides(mesh: Mesh) -> Indices:
     """Return the two vertices (C, 2) of each side of each face."""
     if isinstance(mesh, PolygonMesh):
         return np.column_stack([mesh.corners, mesh.heads])
-    return np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
+    return mesh.halfedge_ends
 
 
 def _turns(mesh: Mesh) -> Floats:

@@ -13,8 +13,7 @@ from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
 from pipeline.resample.kernels.collapse import collapse_and_flip, collapse_queued
 from pipeline.resample.kernels.flip import MAX_STACK
 from pipeline.resample.kernels.limits import Limits
-from pipeline.resample.kernels.place import MAX_SPOKES_OF_NEW, classify_around
-from pipeline.resample.kernels.relax import list_poor_vertices
+from pipeline.resample.kernels.move_vertices import MAX_SPOKES_OF_NEW, classify_around, list_poor_vertices
 from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.scan import (
     BLOCK,
@@ -29,8 +28,7 @@ from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_
 from pipeline.resample.kernels.work_lists import QUEUED, REFUSED, Changes
 from pipeline.resample.placement.base import Placement
 from pipeline.resample.report import Report
-from pipeline.resample.thresholds import Thresholds
-from pipeline.resample.triangle_shape import TriangleShape
+from pipeline.resample.thresholds import Thresholds, TriangleShape
 
 _MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it

@@ -21,8 +21,7 @@ from pipeline.resample.placement.base import Chord, Placement
 from pipeline.resample.quadrisection import quadrisect
 from pipeline.resample.report import Report
 from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
-from pipeline.resample.thresholds import Thresholds
-from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS, TriangleShape
+from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, TriangleShape
 
 Splits = Literal["edges", "faces"]
 

@@ -17,7 +17,7 @@ from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.creases import Region
-from pipeline.resample.triangle_shape import DEFAULT_ROUNDNESS
+from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
 from pipeline.shot.data import as_data
 from pipeline.shot.subject import Solid, Subject

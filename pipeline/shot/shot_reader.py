@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
-from pipeline.mesh.bspline import PIECES
+from pipeline.mesh.control_net import PIECES
 from pipeline.shot.camera import Shutter
 from pipeline.shot.checks import motion as motion_checks
 from pipeline.shot.checks import picture as picture_checks

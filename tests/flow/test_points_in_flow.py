@@ -16,8 +16,7 @@ from pipeline.flow import Flow, Sequence, Streamlines, keyed
 from pipeline.flow.catalogue.attractors import Lorenz
 from pipeline.flow.catalogue.deformations import Twist
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh.bspline import bspline_surface
-from pipeline.mesh.control_net import Lattice
+from pipeline.mesh.control_net import Lattice, bspline_surface
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
 from pipeline.shot.point_subjects import RADIUS, CloudInSolid, NetOfSolid

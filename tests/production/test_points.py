@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.mesh.bspline import PIECES
+from pipeline.mesh.control_net import PIECES
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from render.post.image import read_exr, read_header

@@ -11,13 +11,12 @@ from pipeline.arrays import Floats, Indices
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.normals import vertex_normals
 from pipeline.resample.kernels.limits import Limits, length_limits
-from pipeline.resample.kernels.relax import list_poor_vertices, relax_goals, relax_vertices, roundness
+from pipeline.resample.kernels.move_vertices import list_poor_vertices, relax_goals, relax_vertices, roundness
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.work_lists import UNCHANGED, Changes, touch
 from pipeline.resample.placement.base import Chord
 from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
-from pipeline.resample.thresholds import Thresholds
-from pipeline.resample.triangle_shape import TriangleShape
+from pipeline.resample.thresholds import Thresholds, TriangleShape
 
 HARD = math.cos(math.radians(40))
 BALL, CUBE, RING, CLOTH = icosphere(5), box(edge_length=0.5), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25)

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.errors import MissingInputError, ShotError
 from pipeline.mesh import TriangleMesh, write_mesh
-from pipeline.mesh.bspline import PIECES, bspline_surface
+from pipeline.mesh.control_net import PIECES, bspline_surface
 from pipeline.shot import read_shot
 from pipeline.shot.point_subjects import RADIUS, CloudInSolid, CloudOfFile, NetOfFile, NetOfRows, NetOfSolid
 from pipeline.shot.subject import Solid

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.animation import MeshFrame, material_of
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.mesh import TriangleMesh
-from pipeline.mesh.bspline import bspline_surface, bspline_values
+from pipeline.mesh.control_net import bspline_surface, bspline_values
 from pipeline.mesh.normals import ShadedMesh, split_at_creases, vertex_normals
 from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
 from pipeline.production.render_inputs.dicing import MOST_SPANS, pieces_for

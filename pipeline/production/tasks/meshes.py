@@ -12,7 +12,7 @@ import numpy as np
 
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.mesh.bspline import bspline_surface
+from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.render_inputs.framing import frame_all, turned, with_room
 from pipeline.production.render_inputs.framing_geometry import Balls
 from pipeline.production.render_inputs.shading import Shading, radii

@@ -13,19 +13,20 @@ from pipeline.mesh.normals import carried_normals, unit, vertex_normals
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
 from pipeline.resample.kernels.limits import Limits
-from pipeline.resample.kernels.relax import relax_goals, relax_vertices
+from pipeline.resample.kernels.move_vertices import relax_goals, relax_vertices
 from pipeline.resample.kernels.rest_surface import list_marked
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 from pipeline.resample.kernels.work_lists import Changes
 from pipeline.resample.placement.base import move_without_folds
-from pipeline.resample.placement.closest_point import PointMap, closest_points
 from pipeline.resample.placement.rest_surface import (
     ASTRAY,
     NORMAL,
     REST,
     REST_NORMAL,
+    PointMap,
     RestRings,
+    closest_points,
     column_of,
     on_patches_at_rest,
     rest_of,

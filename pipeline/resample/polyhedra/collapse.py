@@ -1,15 +1,15 @@
-"""Unsubdivision: removing edges, or faces, that have become too small (P9, P22; Figure E)."""
+"""Unsubdivision: which edges may collapse; removing edges or faces that are too small (P9, P22, P27-P32)."""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
 from collections.abc import Iterable
+from typing import NamedTuple
 
-from pipeline.resample.polyhedra.can_collapse import can_collapse
 from pipeline.resample.polyhedra.editor import PolyhedronEditor
-from pipeline.resample.polyhedra.geometry import norm
-from pipeline.resample.polyhedra.polyhedron import OUTSIDE
+from pipeline.resample.polyhedra.geometry import box, difference, dot, newell, norm
+from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Point
 
 _EQUILATERAL = math.sqrt(3) / 4  # area of a triangle over its side squared
 
@@ -106,3 +106,200 @@ class Collapser:
         corners = [surface.origin[h] for h in surface.loop(surface.side[f])]
         least = min(limits.min_edge_length(v, v) for v in corners)
         return 0.5 * norm(self._editor.normal(f)) < _EQUILATERAL * least * least
+
+
+START, MIDDLE, END = 0.0, 0.5, 1.0
+"""Position of the merged vertex, as a share of the edge."""
+
+_MAX_TURN_COSINE = 0.2  # a face turns by at most 78 degrees in one collapse
+_THIN = 0.02  # twice the area over the longest side of the box squared; below it a face counts as a sliver
+_STRAIGHT = 0.9962  # cosine of 5 degrees: a crease that turns less is a straight line
+_CORNER = 3  # a vertex with that many hard edges is a corner
+
+
+class Decision(NamedTuple):
+    """`share` is the position that the edge may collapse to; None if it may not, and `reason` says why."""
+
+    share: float | None
+    reason: str = ""
+
+
+class _End(NamedTuple):
+    """One end of an edge: its vertex, the half-edges that leave it, and the hard ones of these."""
+
+    vertex: int
+    star: list[int]
+    hard: list[int]
+
+
+def can_collapse(editor: PolyhedronEditor, h: int) -> Decision:
+    """Decide whether the edge of h may collapse, and to which share of its length, by the rules of version 2.
+
+    Reasons as in `pipeline.resample.report`: link, boundary, feature, too_long, fold.
+    """
+    near, far = _end(editor, h), _end(editor, h ^ 1)
+    fault = _link_fault(editor, h, near, far)
+    if fault:
+        return Decision(None, fault)
+    reason = "feature"
+    for share in _candidates(editor, h, near, far):
+        fault = _position_fault(editor, h, near, far, share)
+        if not fault:
+            return Decision(share)
+        if reason == "feature":
+            reason = fault
+    return Decision(None, reason)
+
+
+def _end(editor: PolyhedronEditor, h: int) -> _End:
+    surface = editor.surface
+    star = surface.star(surface.origin[h])
+    return _End(surface.origin[h], star, [one for one in star if editor.is_hard(one)])
+
+
+def _link_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End) -> str:
+    """Return "link" or "boundary" if the surface would no longer be a manifold, else "".
+
+    A neighbour of both ends must be the third corner of a triangle on the edge, and no other face may have
+    both ends. Else two edges would join the same vertices, or a face would touch itself.
+    """
+    surface = editor.surface
+    face, origin = surface.face, surface.origin
+    beside = [face[h], face[h ^ 1]]
+    if OUTSIDE not in beside and _on_boundary(editor, near) and _on_boundary(editor, far):
+        return "boundary"
+    triangles = [
+        k
+        for k in (h, h ^ 1)
+        if face[k] != OUTSIDE and surface.previous[surface.previous[k]] == surface.next[k]
+    ]
+    mine, theirs = ({origin[k ^ 1] for k in end.star} for end in (near, far))
+    tips = {origin[surface.previous[k]] for k in triangles}
+    if mine & theirs != tips or len(tips) != len(triangles):
+        return "link"
+    faces_near, faces_far = ({face[k] for k in end.star} - {OUTSIDE} for end in (near, far))
+    if faces_near & faces_far != set(beside) - {OUTSIDE}:
+        return "link"
+    for k in triangles:
+        one, two = face[surface.next[k] ^ 1], face[surface.previous[k] ^ 1]
+        if one == OUTSIDE and two == OUTSIDE:
+            return "boundary"
+        if _would_double(editor, one, two, near.vertex, far.vertex):
+            return "link"
+    return ""
+
+
+def _on_boundary(editor: PolyhedronEditor, end: _End) -> bool:
+    return any(editor.surface.face[k] == OUTSIDE for k in end.star)
+
+
+def _would_double(editor: PolyhedronEditor, f: int, g: int, keep: int, gone: int) -> bool:
+    """Tell whether two faces would have the same vertices after `gone` merges into `keep`."""
+    if OUTSIDE in (f, g):
+        return False
+    surface = editor.surface
+    one, two = (
+        {keep if v == gone else v for v in (surface.origin[k] for k in surface.loop(surface.side[face]))}
+        for face in (f, g)
+    )
+    return one == two
+
+
+def _candidates(editor: PolyhedronEditor, h: int, near: _End, far: _End) -> tuple[float, ...]:
+    """Return the positions allowed for the merged vertex, best first; none where a feature forbids it.
+
+    The end with more hard edges keeps its position (P30). Ties: soft ends take the midpoint (P27) or else
+    either end; two vertices of one crease take the midpoint where it is straight, else the end with the
+    sharper turn. Corners never merge, and two creases never merge across the surface between them, which
+    keeps a tendril alive (P32).
+    """
+    mine, theirs = _rank(editor, near), _rank(editor, far)
+    along = h in near.hard
+    if mine >= 2 and theirs >= 2 and (not along or (mine >= _CORNER and theirs >= _CORNER)):
+        return ()
+    if mine != theirs:
+        return (START,) if mine > theirs else (END,)
+    if mine < 2:
+        return (MIDDLE, START, END)
+    one, two = _turn_cosine(editor, near, far.vertex), _turn_cosine(editor, far, near.vertex)
+    if one > _STRAIGHT and two > _STRAIGHT:
+        return (MIDDLE, START, END)
+    if one <= two:
+        return (START, END) if one > _STRAIGHT else (START,)
+    return (END, START) if two > _STRAIGHT else (END,)
+
+
+def _rank(editor: PolyhedronEditor, end: _End) -> int:
+    """Return the number of hard edges at a vertex; 3 where a crease turns by more than the hard angle."""
+    if len(end.hard) != 2:
+        return len(end.hard)
+    other = editor.surface.origin[end.hard[0] ^ 1]
+    cosine = editor.limits.hard_cosine(end.vertex, other)
+    return _CORNER if _turn_cosine(editor, end, other) < cosine else 2
+
+
+def _turn_cosine(editor: PolyhedronEditor, end: _End, other: int) -> float:
+    """Return the cosine of the turn that a crease makes at a vertex, from `other` to its second hard edge."""
+    points, origin = editor.surface.points, editor.surface.origin
+    centre = points[end.vertex]
+    for k in end.hard:
+        v = origin[k ^ 1]
+        if v != other:
+            back, on = difference(centre, points[v]), difference(points[other], centre)
+            lengths = norm(back) * norm(on)
+            return dot(back, on) / lengths if lengths else 1.0
+    return -1.0
+
+
+def _position_fault(editor: PolyhedronEditor, h: int, near: _End, far: _End, share: float) -> str:
+    """Return "too_long" or "fold" if the merged vertex may not lie there, else ""."""
+    surface = editor.surface
+    place = editor.place(h, share)
+    merged = {near.vertex: place, far.vertex: place}
+    for end in (near, far):
+        if (share == START and end is near) or (share == END and end is far):
+            continue
+        for k in end.star:
+            v = surface.origin[k ^ 1]
+            if v not in merged:
+                # the merged vertex has limits between those of the ends; test the stricter ones
+                limit = min(editor.limits.max_edge_length(u, v) for u in merged)
+                if norm(difference(surface.points[v], place)) > limit:
+                    return "too_long"
+    stays = near if share == START else far if share == END else None
+    unchanged = (
+        set()
+        if stays is None
+        else {surface.face[k] for k in stays.star} - {surface.face[h], surface.face[h ^ 1]}
+    )
+    faces = {surface.face[k]: None for end in (near, far) for k in end.star if surface.face[k] != OUTSIDE}
+    for f in faces:
+        if f not in unchanged:
+            fault = _face_fault(editor, f, merged, place)
+            if fault:
+                return fault
+    return ""
+
+
+def _face_fault(editor: PolyhedronEditor, f: int, merged: dict[int, Point], place: Point) -> str:
+    surface = editor.surface
+    vertices = [surface.origin[k] for k in surface.loop(surface.side[f])]
+    rest = [v for v in vertices if v not in merged]
+    if len(rest) == len(vertices) - 2:  # the face has both ends, and loses one
+        at = next(i for i, v in enumerate(vertices) if v in merged and vertices[i - 1] not in merged)
+        turned = vertices[at + 1 :] + vertices[:at]
+        polygon = [place, *(surface.points[v] for v in turned if v not in merged)]
+    else:
+        polygon = [merged.get(v, surface.points[v]) for v in vertices]
+    if len(polygon) < 3:
+        return ""
+    old, new = editor.normal(f), newell(polygon)
+    was, now = norm(old), norm(new)
+    if was > 0 and dot(old, new) <= _MAX_TURN_COSINE * was * now:
+        return "fold"
+    _, low, high = box(polygon)
+    if high - low > editor.limits.max_face_size(vertices):
+        return "too_long"
+    if now < _THIN * (high - low) ** 2 and now < was:
+        return "fold"
+    return ""

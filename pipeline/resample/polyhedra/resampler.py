@@ -11,8 +11,7 @@ from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.errors import UsageError
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.resample.polyhedra.collapse import Collapser
-from pipeline.resample.polyhedra.editor import PolyhedronEditor, inherited
-from pipeline.resample.polyhedra.length_limits import LengthLimits
+from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor, inherited
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
 from pipeline.resample.report import PolyhedralReport

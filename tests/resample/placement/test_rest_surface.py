@@ -22,8 +22,7 @@ from pipeline.resample.kernels.rest_surface import (
     would_flip,
 )
 from pipeline.resample.kernels.ring import collect_ring, new_ring
-from pipeline.resample.placement.closest_point import closest_points
-from pipeline.resample.placement.rest_surface import ASTRAY, REST
+from pipeline.resample.placement.rest_surface import ASTRAY, REST, closest_points
 
 BALL, RING, CLOTH, CUBE = icosphere(4), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25), box(edge_length=0.5)
 

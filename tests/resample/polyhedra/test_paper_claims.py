@@ -10,8 +10,7 @@ from pipeline.errors import UsageError
 from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import PolyhedralResampler, Thresholds, edges_by_angle, edges_in_region
 from pipeline.resample.creases import WithinBall, WithinBox
-from pipeline.resample.polyhedra.editor import PolyhedronEditor
-from pipeline.resample.polyhedra.length_limits import LengthLimits
+from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor
 from pipeline.resample.polyhedra.polyhedron import Polyhedron
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
 

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 from pipeline.errors import MeshError
 from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import Thresholds
-from pipeline.resample.polyhedra.can_collapse import can_collapse
-from pipeline.resample.polyhedra.collapse import Collapser
-from pipeline.resample.polyhedra.editor import PolyhedronEditor
+from pipeline.resample.polyhedra.collapse import Collapser, can_collapse
+from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor
 from pipeline.resample.polyhedra.geometry import between
-from pipeline.resample.polyhedra.length_limits import LengthLimits
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
 
 Step = Callable[[Polyhedron, np.random.Generator], None]

@@ -11,8 +11,15 @@ from hypothesis import strategies as st
 
 from pipeline.errors import MeshError, UsageError
 from pipeline.mesh import TriangleMesh, validate, vertex_normals
-from pipeline.mesh.bspline import bspline_surface, bspline_values
-from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
+from pipeline.mesh.control_net import (
+    Lattice,
+    Net,
+    bspline_surface,
+    bspline_values,
+    sheet_net,
+    torus_net,
+    tube_net,
+)
 
 lattices = st.builds(Lattice, st.integers(4, 7), st.integers(4, 7), st.tuples(st.booleans(), st.booleans()))
 
