@@ -169,13 +169,13 @@ class Plan:
         """The locks of the shots and qualities that are written, each with words for what it is for."""
         names = {}
         for place, request in enumerate(self.requests):
-            shot, turn = Path(request["script"]["path"]).stem, request["turntable"]
+            shot, turn = Path(request["source"]["path"]).stem, request["turntable"]
             stages = {job.stage for job in self.jobs if place in job.requests}
             if not stages:
                 continue
             per_quality = any(STAGES[stage].per_quality for stage in stages)
             home = request["home"] or (f"turntable+{shot}.{turn['at']}.{turn['look']}" if turn else shot)
-            quality = request["quality"] if per_quality else "meshes"
+            quality = request["quality_name"] if per_quality else "meshes"
             words = f"{shot} at {quality}" if per_quality else f"the meshes of {shot}"
             names[lock_name(home, quality)] = words
         return names
