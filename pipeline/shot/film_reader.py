@@ -10,7 +10,7 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.checks.timing import read_rate
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.film import FilmDocument, SoundDocument
+from pipeline.shot.documents.shot import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.shot_reader import read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file, is_edit, is_there, shown

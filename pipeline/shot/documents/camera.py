@@ -26,7 +26,7 @@ from pipeline.shot.documents.curves import (
     place,
     within,
 )
-from pipeline.shot.documents.fields import DEGREE, Document, Positive, Triple, ZeroToOne, one_of
+from pipeline.shot.documents.fields import DEGREE, Document, Positive, Triple, ZeroToOne, one_of, optional
 from pipeline.shot.yaml.parse_context import finding
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
@@ -90,46 +90,35 @@ class CameraDocument(Document):
         description="0 looks from the front, positive from the right; the set turns along (degrees)",
     )
     elevation: NumberField | None = Field(default=14.0, description="above the horizon (degrees)")
-    orbit: NumberField | None = Field(
-        default=None, description="speed of the camera around the set, which stands still (degrees/s)"
-    )
+    orbit: NumberField | None = optional("speed of the camera around the set, which stands still (degrees/s)")
     field_of_view: FieldOfViewField | None = Field(default=26.0, description="horizontal (degrees)")
-    focal_length: PositiveField | None = Field(
-        default=None, description="of the lens, in place of the field of view (mm)"
-    )
+    focal_length: PositiveField | None = optional("of the lens, in place of the field of view (mm)")
     sensor_width: Positive = Field(
-        default=FULL_FRAME, description="of the sensor behind the lens; full frame by default (mm)"
+        default=FULL_FRAME, description="of the sensor; full frame by default (mm)"
     )
     margin: MarginField = Field(
-        default=0.08, description="fraction of the picture left empty on each side; or action, or title"
+        default=0.08, description="fraction of the picture left empty on each side; action; title"
     )
-    follow: ZeroToOne = Field(
-        default=1.0, description="1 goes along with the sculpture, 0 stands still where the whole shot fits"
+    follow: ZeroToOne = Field(default=1.0, description="1 follows the sculpture, 0 stands still")
+    dolly: PositiveField | None = optional("factor on the distance that framing finds: below 1 is closer")
+    distance: PositiveField | None = optional(
+        "from the target, in place of the one that framing finds (units)"
     )
-    dolly: PositiveField | None = Field(
-        default=None, description="factor on the distance that framing finds: below 1 is closer"
+    target: PlaceField | None = optional(
+        "what the camera looks at, in place of the sculpture's middle (units)"
     )
-    distance: PositiveField | None = Field(
-        default=None, description="from the target, in place of the one that framing finds (units)"
-    )
-    target: PlaceField | None = Field(
-        default=None, description="what the camera looks at, in place of the sculpture's middle (units)"
-    )
-    position: PlaceField | None = Field(
-        default=None, description="of the camera, in place of all that framing finds (units)"
-    )
+    position: PlaceField | None = optional("of the camera, in place of all that framing finds (units)")
     roll: NumberField = Field(
         default=0.0, description="about the lens, clockwise as the camera looks (degrees)"
     )
-    aperture: PositiveField | None = Field(
-        default=None,
-        description="f-number: the smaller, the more is out of focus; without it everything is sharp",
+    aperture: PositiveField | None = optional(
+        "f-number: the smaller, the more is out of focus; without it everything is sharp"
     )
-    focus: FocusField | None = Field(
-        default=None, description="what is sharp: subject, a distance from the lens, or a place (units)"
+    focus: FocusField | None = optional(
+        "what is sharp: subject, a distance from the lens, or a place (units)"
     )
-    unit: Positive | None = Field(
-        default=None, description="length of a scene unit; by default a sculpture is about 200 mm large (mm)"
+    unit: Positive | None = optional(
+        "length of a scene unit; by default a sculpture is about 200 mm large (mm)"
     )
 
     @field_validator("position")

@@ -33,6 +33,7 @@ from pipeline.shot.documents.fields import (
     ZeroToOne,
     formula_over,
     one_of,
+    optional,
     vector,
 )
 
@@ -60,14 +61,9 @@ class KeyDocument(Document, Generic[T]):
     """One key with an easing of its own, for the segment from it to the next, and Bézier handles."""
 
     value: T = Field(description="the value at this key")
-    ease: Ease | None = Field(default=None, description="interpolation from here to the next key")
-    left: BezierHandle = Field(
-        default=None,
-        description="handle of a bezier segment: [time, value] away from the key, the time negative",
-    )
-    right: BezierHandle = Field(
-        default=None, description="handle of a bezier segment: [time, value] away from the key"
-    )
+    ease: Ease | None = optional("interpolation from here to the next key")
+    left: BezierHandle = optional("handle of a bezier segment: [time, value] from the key, time negative")
+    right: BezierHandle = optional("handle of a bezier segment: [time, value] from the key")
 
 
 KeyValue = Annotated[

@@ -43,6 +43,11 @@ class Document(BaseModel):
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 
 
+def optional(description: str, **rules: Any) -> Any:
+    """Return a `Field` that may be left out. If it has a unit, its description ends with (unit)."""
+    return Field(None, description=description, **rules)
+
+
 class SchemaKeywords:
     """JSON Schema keywords for the rule of a validator, which pydantic does not see."""
 

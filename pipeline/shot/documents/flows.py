@@ -37,6 +37,7 @@ from pipeline.shot.documents.fields import (
     SchemaKeywords,
     Triple,
     axis,
+    optional,
     vector,
 )
 from pipeline.shot.documents.flow_catalogue import BARE, entries
@@ -168,8 +169,8 @@ class BlendDocument(Document, Generic[E]):
 
 
 class ReversedDocument(Composition[E], Generic[E]):
-    duration: Duration | None = Field(
-        None, description="how much is undone: frames, or seconds as 1s; by default the whole shot"
+    duration: Duration | None = optional(
+        "how much is undone: frames, or seconds as 1s; by default the whole shot"
     )
 
     def of_flow(self, flow: Flow, clock: Clock) -> Flow:
@@ -223,18 +224,12 @@ LISTED = BeforeValidator(lambda value: [] if value is None else value)
 class VelocityDocument(Velocities):
     """One entry under `sum`: a velocity field."""
 
-    within: Annotated[WithinDocument[VelocityDocument] | None, BARE] = Field(
-        None, description="flows limited to a region"
+    within: Annotated[WithinDocument[VelocityDocument] | None, BARE] = optional("flows in a region")
+    placed: Annotated[PlacedDocument[VelocityDocument] | None, BARE] = optional(
+        "flows scaled, then turned, then moved"
     )
-    placed: Annotated[PlacedDocument[VelocityDocument] | None, BARE] = Field(
-        None, description="flows that are scaled, then turned, then moved"
-    )
-    mirrored: Annotated[MirroredDocument[VelocityDocument] | None, BARE] = Field(
-        None, description="flows across a plane"
-    )
-    blend: Annotated[BlendDocument[VelocityDocument] | None, BARE] = Field(
-        None, description="from one flow, or from rest, to another"
-    )
+    mirrored: Annotated[MirroredDocument[VelocityDocument] | None, BARE] = optional("flows across a plane")
+    blend: Annotated[BlendDocument[VelocityDocument] | None, BARE] = optional("from one, or rest, to another")
 
     @model_validator(mode="before")
     @classmethod
@@ -259,29 +254,21 @@ class VelocityDocument(Velocities):
 class FlowDocument(Flows):
     """One entry under `flows`: a velocity field, a sum of them, a map, or a composition of such entries."""
 
-    sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED] = Field(
-        None, description="velocity fields that act together"
+    sum: Annotated[list[VelocityDocument] | None, Field(min_length=1), LISTED] = optional(
+        "velocity fields that act together"
     )
-    sequence: Annotated[SequenceDocument[FlowDocument] | None, BARE] = Field(
-        None, description="flows one after another, as one entry"
+    sequence: Annotated[SequenceDocument[FlowDocument] | None, BARE] = optional(
+        "flows in order, as one entry"
     )
-    within: Annotated[WithinDocument[FlowDocument] | None, BARE] = Field(
-        None, description="flows limited to a region"
+    within: Annotated[WithinDocument[FlowDocument] | None, BARE] = optional("flows in a region")
+    placed: Annotated[PlacedDocument[FlowDocument] | None, BARE] = optional(
+        "flows scaled, then turned, then moved"
     )
-    placed: Annotated[PlacedDocument[FlowDocument] | None, BARE] = Field(
-        None, description="flows that are scaled, then turned, then moved"
-    )
-    mirrored: Annotated[MirroredDocument[FlowDocument] | None, BARE] = Field(
-        None, description="flows across a plane"
-    )
-    blend: Annotated[BlendDocument[FlowDocument] | None, BARE] = Field(
-        None, description="from one flow, or from rest, to another"
-    )
-    reversed: Annotated[ReversedDocument[FlowDocument] | None, BARE] = Field(
-        None, description="flows backwards"
-    )
-    repeated: Annotated[RepeatedDocument[FlowDocument] | None, BARE] = Field(
-        None, description="flows from 0 to the end of the period, again and again"
+    mirrored: Annotated[MirroredDocument[FlowDocument] | None, BARE] = optional("flows across a plane")
+    blend: Annotated[BlendDocument[FlowDocument] | None, BARE] = optional("from one, or rest, to another")
+    reversed: Annotated[ReversedDocument[FlowDocument] | None, BARE] = optional("flows backwards")
+    repeated: Annotated[RepeatedDocument[FlowDocument] | None, BARE] = optional(
+        "flows from 0 to the end of the period, again and again"
     )
 
     def build(self, clock: Clock, follow: Follow) -> Flow:

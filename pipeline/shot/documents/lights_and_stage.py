@@ -17,6 +17,7 @@ from pipeline.shot.documents.fields import (
     Triple,
     ZeroToOne,
     one_of,
+    optional,
     vector,
 )
 from pipeline.shot.yaml.parse_context import ParseContext, finding
@@ -59,9 +60,7 @@ class SoftboxDocument(Document):
     position: Triple = Field(description="right, up, towards the camera; the subject has a half-size of 1")
     width: Positive = Field(1.6, description="in half-sizes of the subject")
     height: Positive = Field(1.6, description="in half-sizes of the subject")
-    radiance: Radiance = Field(
-        description="linear Rec.709 or a number; 20 for a large softbox, 150 for a small one"
-    )
+    radiance: Radiance = Field(description="linear Rec.709 or a number: 20 if large, 150 if small")
     target: Triple = Field(SUBJECT_MIDDLE, description="point it faces; [0, 1, 0] is the subject's middle")
 
     @model_validator(mode="after")
@@ -82,8 +81,8 @@ class SoftboxDocument(Document):
 
 class SkyDocument(Document):
     zenith: Radiance = Field(description="radiance from above, linear Rec.709 or a number")
-    horizon: Radiance | None = Field(None, description="radiance from the horizon; by default as from above")
-    nadir: Radiance | None = Field(None, description="radiance from below; by default as from the horizon")
+    horizon: Radiance | None = optional("radiance from the horizon; by default as from above")
+    nadir: Radiance | None = optional("radiance from below; by default as from the horizon")
     visible: bool = Field(False, description="true if the camera sees it where the stage leaves it")
 
     def build(self) -> Sky:
@@ -95,28 +94,25 @@ class SkyDocument(Document):
 class SunDocument(Document):
     """Sun and sky of a clear day."""
 
-    time: Annotated[float, Field(ge=0, le=24)] | None = Field(
-        None, description="solar time: the sun is highest at 12 (hours)"
+    time: Annotated[float, Field(ge=0, le=24)] | None = optional(
+        "solar time: the sun is highest at 12 (hours)"
     )
-    latitude: Annotated[float, Field(ge=-90, le=90)] | None = Field(
-        None, description="north positive; by default 48 (degrees)"
+    latitude: Annotated[float, Field(ge=-90, le=90)] | None = optional(
+        "north positive; by default 48 (degrees)"
     )
-    day: Annotated[int, Field(ge=1, le=366)] | None = Field(
-        None, description="of the year; by default 172, midsummer in the north"
+    day: Annotated[int, Field(ge=1, le=366)] | None = optional(
+        "of the year; by default 172, midsummer in the north"
     )
-    north: Degrees | None = Field(
-        None, description="azimuth of north; by default 180, behind the subject (degrees)"
+    north: Degrees | None = optional("azimuth of north; by default 180, behind the subject (degrees)")
+    elevation: Annotated[float, Field(gt=0, le=90)] | None = optional(
+        "above the horizon, in place of a time; by default 32 (degrees)"
     )
-    elevation: Annotated[float, Field(gt=0, le=90)] | None = Field(
-        None, description="above the horizon, in place of a time; by default 32 (degrees)"
-    )
-    azimuth: Degrees | None = Field(
-        None,
-        description="0 shines from the front, positive from the right; by default -78 (degrees)",
+    azimuth: Degrees | None = optional(
+        "0 shines from the front, positive from the right; by default -78 (degrees)"
     )
     turbidity: Annotated[float, Field(ge=1, le=10)] = Field(3.0, description="haze, from 1 to 10")
-    width: Annotated[float, Field(ge=0.1, le=20)] | None = Field(
-        None, description="of its disc, by default 0.54; larger ones have softer shadows (degrees)"
+    width: Annotated[float, Field(ge=0.1, le=20)] | None = optional(
+        "of its disc, by default 0.54; larger ones have softer shadows (degrees)"
     )
     visible: bool = Field(True, description="true if the camera sees the sky where the stage leaves it")
 
@@ -173,20 +169,16 @@ class SunDocument(Document):
 class LightsDocument(Document):
     """A light rig of the registry, softboxes, and one light from all directions."""
 
-    rig: Annotated[str, one_of(LIGHTS, "light rig")] | None = Field(
-        None, description="lights by name; studio if no lights are written out"
+    rig: Annotated[str, one_of(LIGHTS, "light rig")] | None = optional(
+        "lights by name; studio if no lights are written out"
     )
-    softboxes: Annotated[list[SoftboxDocument], Field(min_length=1, max_length=64)] | None = Field(
-        None, description="area lights, alone or beside those of a rig"
+    softboxes: Annotated[list[SoftboxDocument], Field(min_length=1, max_length=64)] | None = optional(
+        "area lights, alone or beside those of a rig"
     )
-    sky: SkyDocument | None = Field(
-        None, description="a gradient of light from all directions, in place of the rig's"
-    )
-    sun: SunDocument | None = Field(
-        None, description="the sun and sky of a clear day, at rest while the camera moves"
-    )
-    hdri: EnvironmentMap | None = Field(
-        None, description="an environment map beside the shot file, EXR or HDR, twice as wide as high"
+    sky: SkyDocument | None = optional("a gradient of light from all directions, in place of the rig's")
+    sun: SunDocument | None = optional("the sun and sky of a clear day, at rest while the camera moves")
+    hdri: EnvironmentMap | None = optional(
+        "an environment map beside the shot file, EXR or HDR, twice as wide as high"
     )
     visible: bool = Field(True, description="true if the camera sees the hdri where the stage leaves it")
     turn: Degrees = Field(
@@ -244,19 +236,17 @@ class StageDocument(Document):
     """A stage of the registry with some of its settings replaced."""
 
     kind: Annotated[str, one_of(STAGES, "stage")] = Field("cyclorama", description="its name")
-    colour: Colour | None = Field(
-        None, description="of floor and wall, linear Rec.709: red, green, blue from 0 to 1"
+    colour: Colour | None = optional("of floor and wall, linear Rec.709: red, green, blue from 0 to 1")
+    roughness: ZeroToOne | None = optional(
+        "of a coat on the floor: 0.05 mirrors, 0.4 shimmers; by default matt"
     )
-    roughness: ZeroToOne | None = Field(
-        None, description="of a coat on the floor: 0.05 mirrors, 0.4 shimmers; by default matt"
+    width: Annotated[float, Field(ge=0.2, le=10)] | None = optional(
+        "of the plinth, in half-sizes of the subject; by default 1.7"
     )
-    width: Annotated[float, Field(ge=0.2, le=10)] | None = Field(
-        None, description="of the plinth, in half-sizes of the subject; by default 1.7"
+    height: Annotated[float, Field(ge=0.2, le=10)] | None = optional(
+        "of the plinth, in half-sizes of the subject; by default 1.6"
     )
-    height: Annotated[float, Field(ge=0.2, le=10)] | None = Field(
-        None, description="of the plinth, in half-sizes of the subject; by default 1.6"
-    )
-    round: bool | None = Field(None, description="a round plinth instead of a square one")
+    round: bool | None = optional("a round plinth instead of a square one")
 
     @model_validator(mode="after")
     def _kind_has_all(self) -> StageDocument:

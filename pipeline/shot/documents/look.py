@@ -16,6 +16,7 @@ from pipeline.shot.documents.fields import (
     axis,
     exactly_one,
     one_of,
+    optional,
     vector,
 )
 from pipeline.shot.documents.look_parts import (
@@ -57,47 +58,34 @@ class LookDocument(Document):
 
     model_config = exactly_one("material", "bsdf")
 
-    material: Annotated[str, one_of(LOOKS, "look")] | None = Field(None, description="the look to begin with")
-    bsdf: BsdfMapping | None = Field(
-        None, description="in its place a material of Mitsuba, by the names of its manual"
+    material: Annotated[str, one_of(LOOKS, "look")] | None = optional("the look to begin with")
+    bsdf: BsdfMapping | None = optional("in its place a material of Mitsuba, by the names of its manual")
+    colour: ColourOrPicture | None = optional(
+        "linear Rec.709: red, green, blue from 0 to 1; or a picture beside the shot file"
     )
-    colour: ColourOrPicture | None = Field(
-        None,
-        description="linear Rec.709: red, green, blue from 0 to 1; or a picture beside the shot file",
+    roughness: NumberOrPicture | None = optional(
+        "0.03 is a mirror's gloss, 0.5 is matt; or a picture beside the shot file"
     )
-    roughness: NumberOrPicture | None = Field(
-        None, description="0.03 is a mirror's gloss, 0.5 is matt; or a picture beside the shot file"
+    sheen: ZeroToOne | None = optional("of satin: how much lighter grazing angles are")
+    metallic: ZeroToOne | None = optional("of satin: how much the highlight takes the colour")
+    coat: ZeroToOne | None = optional("of satin: strength of a clear coat")
+    grain: Axis | None = optional("of brushed metal: axis that scratches lie across: x, y, z or a vector")
+    refraction: Annotated[float, Field(gt=1, le=4)] | None = optional(
+        "of glass: its index of refraction, 1.5 for window glass and honey"
     )
-    sheen: ZeroToOne | None = Field(None, description="of satin: how much lighter grazing angles are")
-    metallic: ZeroToOne | None = Field(None, description="of satin: how much the highlight takes the colour")
-    coat: ZeroToOne | None = Field(None, description="of satin: strength of a clear coat")
-    grain: Axis | None = Field(
-        None, description="of brushed metal: axis that scratches lie across: x, y, z or a vector"
+    absorption: AbsorptionDocument | None = optional(
+        "of glass: colour of light by the distance that it goes inside"
     )
-    refraction: Annotated[float, Field(gt=1, le=4)] | None = Field(
-        None, description="of glass: its index of refraction, 1.5 for window glass and honey"
+    density: Annotated[float, Field(gt=0, le=1000)] | None = optional(
+        "of smoke: how often light is scattered through half of the subject"
     )
-    absorption: AbsorptionDocument | None = Field(
-        None, description="of glass: colour of light by the distance that it goes inside"
+    pigment: PigmentDocument | None = optional(
+        "a pattern that replaces the colour and moves with the material"
     )
-    density: Annotated[float, Field(gt=0, le=1000)] | None = Field(
-        None, description="of smoke: how often light is scattered through half of the subject"
-    )
-    pigment: PigmentDocument | None = Field(
-        None, description="a pattern that replaces the colour and moves with the material"
-    )
-    measure: MeasureDocument | None = Field(
-        None, description="a number that replaces the colour, shown by a colour map"
-    )
-    relief: ReliefDocument | None = Field(
-        None, description="a picture beside the shot file whose light parts stand out"
-    )
-    projection: ProjectionDocument | None = Field(
-        None, description="of pictures from files onto the subject at rest"
-    )
-    wireframe: WireframeDocument | None = Field(
-        None, description="the edges of the mesh, drawn over the look"
-    )
+    measure: MeasureDocument | None = optional("a number that replaces the colour, shown by a colour map")
+    relief: ReliefDocument | None = optional("a picture beside the shot file whose light parts stand out")
+    projection: ProjectionDocument | None = optional("of pictures from files onto the subject at rest")
+    wireframe: WireframeDocument | None = optional("the edges of the mesh, drawn over the look")
 
     _bsdf: Bsdf | None = PrivateAttr(None)
 

@@ -24,6 +24,7 @@ from pipeline.shot.documents.fields import (
     axis,
     exactly_one,
     one_of,
+    optional,
     vector,
 )
 from pipeline.shot.yaml.parse_context import ParseContext, finding
@@ -46,16 +47,14 @@ _PROJECTIONS_WITH = {
 
 class PatternDocument(Document):
     colours: Annotated[list[Colour], Field(min_length=2, max_length=16)] = Field(
-        description="two to sixteen, linear Rec.709"
+        description="two or more, linear Rec.709"
     )
     scale: Positive = Field(1.0, description="size of the pattern (units)")
     axis: Axis = Field("y", description="the pattern's direction or axis: x, y, z or a vector")
     centre: Triple = Field(ORIGIN, description="origin of the pattern (units)")
     softness: ZeroToOne = Field(0.04, description="of the borders between colours")
-    turbulence: Annotated[float, Field(ge=0, le=10)] = Field(
-        0.0, description="strength of the noise that displaces it"
-    )
-    octaves: Annotated[int, Field(ge=1, le=8)] = Field(4, description="of that noise: how fine it is")
+    turbulence: Annotated[float, Field(ge=0, le=10)] = Field(0.0, description="strength of its noise")
+    octaves: Annotated[int, Field(ge=1, le=8)] = Field(4, description="of its noise: how fine it is")
     seed: Annotated[int, Field(ge=0, lt=2**32)] = Field(0, description="another one, another pattern")
 
     def build(self, pattern: str) -> Pigment:
@@ -67,9 +66,7 @@ class PatternDocument(Document):
 class MarbleDocument(PatternDocument):
     share: ZeroToOne = Field(0.15, description="fraction of the ground that the veins take")
     softness: ZeroToOne = Field(0.6, description="of the borders between colours")
-    turbulence: Annotated[float, Field(ge=0, le=10)] = Field(
-        0.9, description="strength of the noise that displaces it"
-    )
+    turbulence: Annotated[float, Field(ge=0, le=10)] = Field(0.9, description="strength of its noise")
 
 
 class SpecklesDocument(PatternDocument):
@@ -81,11 +78,11 @@ class PigmentDocument(Document):
 
     model_config = exactly_one(*PATTERNS)
 
-    layers: PatternDocument | None = Field(None, description="bands along an axis")
-    gradient: PatternDocument | None = Field(None, description="from colour to colour along an axis")
-    rings: PatternDocument | None = Field(None, description="bands about an axis")
-    marble: MarbleDocument | None = Field(None, description="veins in a ground")
-    speckles: SpecklesDocument | None = Field(None, description="dots in a ground")
+    layers: PatternDocument | None = optional("bands along an axis")
+    gradient: PatternDocument | None = optional("from colour to colour along an axis")
+    rings: PatternDocument | None = optional("bands about an axis")
+    marble: MarbleDocument | None = optional("veins in a ground")
+    speckles: SpecklesDocument | None = optional("dots in a ground")
 
     @model_validator(mode="after")
     def _names_one(self) -> PigmentDocument:
@@ -107,11 +104,11 @@ class PigmentDocument(Document):
 class ScaleDocument(Document):
     """The colour map of a measure, and the values of its ends."""
 
-    colours: Annotated[str, one_of(COLOUR_MAPS, "colour map")] | None = Field(
-        default=None, description="the colour map: viridis, inferno or another"
+    colours: Annotated[str, one_of(COLOUR_MAPS, "colour map")] | None = optional(
+        "the colour map: viridis, inferno or another"
     )
-    range: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = Field(
-        default=None, description="values of its two ends, the same in every frame"
+    range: Annotated[list[Real], Field(min_length=2, max_length=2)] | None = optional(
+        "values of its two ends, the same in every frame"
     )
 
     def build(self, of: str) -> Measure:
@@ -124,13 +121,11 @@ class MeasureDocument(Document):
 
     model_config = exactly_one(*KINDS)
 
-    speed: ScaleDocument | None = Field(None, description="of the flow at each point (units/s)")
-    stretch: ScaleDocument | None = Field(
-        None, description="largest factor by which a direction has lengthened since the rest"
+    speed: ScaleDocument | None = optional("of the flow at each point (units/s)")
+    stretch: ScaleDocument | None = optional(
+        "largest factor by which a direction has lengthened since the rest"
     )
-    area: ScaleDocument | None = Field(
-        None, description="factor by which the surface has grown since the rest"
-    )
+    area: ScaleDocument | None = optional("factor by which the surface has grown since the rest")
 
     @model_validator(mode="after")
     def _names_one(self) -> MeasureDocument:
@@ -175,8 +170,8 @@ class PictureDocument(Document):
     """A picture of colours, and its colour space."""
 
     file: str = Field(description="an EXR, PNG, JPEG or TIFF beside the shot file")
-    space: str | None = Field(
-        None, description="srgb, linear, data, or a colour space of OpenColorIO; by default the file's own"
+    space: str | None = optional(
+        "srgb, linear, data, or a colour space of OpenColorIO; by default the file's own"
     )
 
     _texture: Texture = PrivateAttr()
@@ -224,17 +219,14 @@ class ProjectionDocument(Document):
     kind: Annotated[str, one_of(PROJECTIONS, "projection")] = Field(
         "box", description="planar, box, cylindrical or spherical"
     )
-    axis: Axis | None = Field(
-        None,
-        description="a planar projection's direction, or the axis that others go around: x, y, z or a vector",
+    axis: Axis | None = optional(
+        "a planar projection's direction, or the axis that others go around: x, y, z or a vector"
     )
     centre: Triple = Field(
-        default_factory=lambda: [*ORIGIN], description="the middle of the picture, or the axis (units)"
+        default_factory=lambda: [*ORIGIN], description="the picture's middle, or the axis (units)"
     )
     scale: Positive = Field(2.0, description="width of a picture, or height of a cylindrical one (units)")
-    repeats: Annotated[int, Field(ge=1, le=1000)] = Field(
-        1, description="number of pictures on the way around"
-    )
+    repeats: Annotated[int, Field(ge=1, le=1000)] = Field(1, description="pictures on the way around")
     turn: Degrees = Field(0.0, description="in its plane, anticlockwise, or about the axis (degrees)")
     offset: Annotated[list[Real], Field(min_length=2, max_length=2)] = Field(
         default_factory=lambda: [0.0, 0.0],
@@ -269,7 +261,7 @@ class AbsorptionDocument(Document):
         description="of white light that has gone so far: red, green, blue up to 1"
     )
     depth: Annotated[float, Field(gt=0, le=1000)] = Field(
-        1.0, description="that distance, in halves of the subject's size"
+        1.0, description="that distance, in half-sizes of the subject"
     )
 
     def build(self) -> Absorption:
@@ -277,9 +269,7 @@ class AbsorptionDocument(Document):
 
 
 class WireframeDocument(Document):
-    colour: Colour | None = Field(
-        None, description="of the lines; linear Rec.709: red, green, blue from 0 to 1"
-    )
+    colour: Colour | None = optional("of the lines; linear Rec.709: red, green, blue from 0 to 1")
     width: Annotated[float, Field(gt=0, le=100)] = Field(1.0, description="of the lines (pixels)")
 
     def build(self) -> Wireframe:

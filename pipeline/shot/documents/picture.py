@@ -24,7 +24,7 @@ from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number, sampled_frames
-from pipeline.shot.documents.fields import DEGREE, Document, SchemaKeywords, one_of
+from pipeline.shot.documents.fields import DEGREE, Document, SchemaKeywords, one_of, optional
 from pipeline.shot.yaml.parse_context import ParseContext, finding
 from render.base.errors import BadInputError
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
@@ -59,12 +59,10 @@ Pixels = Annotated[
 class SmoothDocument(Document):
     """Segments of each edge, by their number or by their length in the picture."""
 
-    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = Field(
-        default=None, description="segments that each edge is cut into; 1 is off"
+    tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = optional(
+        "segments that each edge is cut into; 1 is off"
     )
-    dicing: Pixels | None = Field(
-        default=None, description="longest segment of an edge in the picture, such as 2px (pixels)"
-    )
+    dicing: Pixels | None = optional("longest segment of an edge in the picture, such as 2px (pixels)")
 
     @model_validator(mode="after")
     def _has_one(self) -> SmoothDocument:
@@ -101,8 +99,8 @@ class ShutterDocument(Document):
     angle: Annotated[NumberField, _degrees(0.0, 360.0, "180, which film cameras have")] = Field(
         default=180.0, description="opening of the shutter; 360 is a whole frame, 0 no blur (degrees)"
     )
-    phase: Annotated[NumberField, _degrees(-360.0, 0.0, "-90")] | None = Field(
-        default=None, description="when it opens, before the frame; by default half the angle (degrees)"
+    phase: Annotated[NumberField, _degrees(-360.0, 0.0, "-90")] | None = optional(
+        "when it opens, before the frame; by default half the angle (degrees)"
     )
 
     def build(self, clock: Clock) -> Shutter:
@@ -127,14 +125,11 @@ class ViewDocument(Document):
         default=ACES.config,
         description="of OpenColorIO: ocio://default, another built-in config, or a file beside the shot file",
     )
-    view: str | None = Field(default=None, description="a view of the config by its name there")
-    display: str | None = Field(
-        default=None,
-        description="a display of the config; by default Rec.709 for movies and sRGB for pictures",
+    view: str | None = optional("a view of the config by its name there")
+    display: str | None = optional(
+        "a display of the config; by default Rec.709 for movies and sRGB for pictures"
     )
-    space: str | None = Field(
-        default=None, description="the config's name of linear Rec.709, if it is an unusual one"
-    )
+    space: str | None = optional("the config's name of linear Rec.709, if it is an unusual one")
 
     _view: ColourView = ACES
 

@@ -22,7 +22,16 @@ from pipeline.flow.regions import (
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NotNegativeField, PlaceField, PositiveField, number, place
-from pipeline.shot.documents.fields import ORIGIN, Axis, Document, Positive, axis, exactly_one, one_of
+from pipeline.shot.documents.fields import (
+    ORIGIN,
+    Axis,
+    Document,
+    Positive,
+    axis,
+    exactly_one,
+    one_of,
+    optional,
+)
 from pipeline.shot.yaml.parse_context import ParseContext, as_finding
 
 SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
@@ -116,16 +125,14 @@ class RegionDocument(Document):
     model_config = exactly_one(*SHAPES)
     renamed: ClassVar[Mapping[str, str]] = {"fall": "falloff_type"}
 
-    sphere: SphereDocument | None = Field(None, description="all within a radius of a point")
-    box: BoxDocument | None = Field(None, description="all within sides along x, y and z")
-    half_space: HalfSpaceDocument | None = Field(None, description="all below a plane")
-    capsule: CapsuleDocument | None = Field(
-        None, description="all within a radius of a segment of a line; round ends"
-    )
-    cylinder: CylinderDocument | None = Field(None, description="a capsule with flat ends")
-    mesh: MeshDocument | None = Field(None, description="the inside of the closed surface in a file")
+    sphere: SphereDocument | None = optional("all within a radius of a point")
+    box: BoxDocument | None = optional("all within sides along x, y and z")
+    half_space: HalfSpaceDocument | None = optional("all below a plane")
+    capsule: CapsuleDocument | None = optional("all within a radius of a segment of a line; round ends")
+    cylinder: CylinderDocument | None = optional("a capsule with flat ends")
+    mesh: MeshDocument | None = optional("the inside of the closed surface in a file")
     falloff: NotNegativeField = Field(
-        0.0, description="distance over which the weight falls to 0, outside (units)"
+        0.0, description="distance outside over which the weight falls to 0 (units)"
     )
     falloff_type: Annotated[str, one_of(FALLOFF_TYPES, "falloff type")] = Field(
         "smooth", description="profile of the falloff"

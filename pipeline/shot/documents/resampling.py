@@ -29,6 +29,7 @@ from pipeline.shot.documents.fields import (
     exactly_one,
     formula_over,
     one_of,
+    optional,
 )
 from pipeline.shot.motion import Resampling
 
@@ -86,9 +87,7 @@ class WithinFormula:
 
 
 class CurvatureDocument(Document):
-    tolerance: Positive = Field(
-        description="distance from the middle of an edge to the surface, at most (units)"
-    )
+    tolerance: Positive = Field(description="largest distance from an edge's middle to the surface (units)")
     finest: Positive = Field(description="no edge is made shorter (units)")
     coarsest: Positive = Field(description="nor longer (units)")
 
@@ -125,9 +124,9 @@ class ActiveLengthDocument(Document):
 
     model_config = exactly_one("formula", "curvature", "camera")
 
-    formula: ThresholdText | None = Field(None, description="over x, y, z, frame and t, seconds (units)")
-    curvature: CurvatureDocument | None = Field(None, description="longer where the surface is flatter")
-    camera: CameraDistanceDocument | None = Field(None, description="of a constant size in a picture")
+    formula: ThresholdText | None = optional("over x, y, z, frame and t, seconds (units)")
+    curvature: CurvatureDocument | None = optional("longer where the surface is flatter")
+    camera: CameraDistanceDocument | None = optional("of a constant size in a picture")
 
     @model_validator(mode="after")
     def _names_one(self) -> ActiveLengthDocument:
@@ -186,46 +185,41 @@ class ResampleDocument(Document):
     renamed: ClassVar[Mapping[str, str]] = {"renew": "rest_interval", "shape": "min_roundness"}
 
     max_edge_length: LengthField = Field(description="edges longer than this are split (units)")
-    min_edge_length: ShortestField | None = Field(
-        None, description="shorter edges collapse; below half the maximum, by default 40% (units)"
+    min_edge_length: ShortestField | None = optional(
+        "shorter edges collapse; below half the maximum, by default 40% (units)"
     )
     hard_angle: HardAngleField = Field(
-        40.0, description="an edge over which the surface turns by more is a crease (degrees)"
+        40.0, description="edges that turn the surface by more are creases (degrees)"
     )
-    max_vertices: Annotated[int, Field(ge=4)] | None = Field(
-        None, description="a frame that needs more fails"
+    max_vertices: Annotated[int, Field(ge=4)] | None = optional("a frame that needs more fails")
+    gradation: Annotated[Positive, Field(le=100)] | None = optional(
+        "difference of lengths between the ends of an edge, as a fraction of it, at most"
     )
-    gradation: Annotated[Positive, Field(le=100)] | None = Field(
-        None, description="difference of lengths between the ends of an edge, as a fraction of it, at most"
+    method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = optional(
+        "triangles, or polyhedra: faces of any number of sides, sliced by planes"
     )
-    method: Annotated[str, one_of(("triangles", "polyhedra"), "method")] | None = Field(
-        None, description="triangles, or polyhedra: faces of any number of sides, sliced by planes"
+    placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = optional(
+        "where new vertices go: exact, on the surface at rest; curved, on a smooth one; chord, "
+        "in the middle of the edge"
     )
-    placement: Annotated[str, one_of(("chord", "curved", "exact"), "placement")] | None = Field(
-        None,
-        description="where new vertices go: exact, on the surface at rest; curved, on a smooth one; chord, "
-        "in the middle of the edge",
+    splits: Annotated[str, one_of(("edges", "faces"), "way to split")] | None = optional(
+        "edges in two, or faces in four (with placement: chord)"
     )
-    splits: Annotated[str, one_of(("edges", "faces"), "way to split")] | None = Field(
-        None, description="edges in two, or faces in four (with placement: chord)"
+    min_roundness: ZeroToOne | None = optional("triangles less round are repaired: 0 none, 0.85 demanding")
+    normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = optional(
+        "carried through the flow, or of the geometry of each frame"
     )
-    min_roundness: ZeroToOne | None = Field(
-        None, description="triangles less round are repaired: 0 none, 0.85 demanding"
+    rest_interval: Annotated[int, Field(ge=1)] | None = optional(
+        "frames after which the present surface becomes the undeformed one"
     )
-    normals: Annotated[str, one_of(("carried", "geometric"), "kind of normals")] | None = Field(
-        None, description="carried through the flow, or of the geometry of each frame"
+    creases: CreasesField | None = optional(
+        "edges that stay hard: those hard at rest, those of the model's file, a region"
     )
-    rest_interval: Annotated[int, Field(ge=1)] | None = Field(
-        None, description="frames after which the present surface becomes the undeformed one"
+    cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = optional(
+        "of polyhedra: all parallel cuts at once, or halves again and again"
     )
-    creases: CreasesField | None = Field(
-        None, description="edges that stay hard: those hard at rest, those of the model's file, a region"
-    )
-    cutting: Annotated[str, one_of(("slice", "recurse"), "way to cut")] | None = Field(
-        None, description="of polyhedra: all parallel cuts at once, or in two and again"
-    )
-    collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = Field(
-        None, description="of polyhedra: short edges, or small faces"
+    collapse: Annotated[str, one_of(("edges", "areas"), "thing to collapse")] | None = optional(
+        "of polyhedra: short edges, or small faces"
     )
 
     def build(self, clock: Clock) -> Resampling:

@@ -15,10 +15,9 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
-from pipeline.shot.documents.film import FilmDocument
 from pipeline.shot.documents.flow_parameters import FlowParameters, description_of
 from pipeline.shot.documents.flows import FlowDocument, VelocityDocument
-from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.documents.shot import FilmDocument, ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
 

@@ -1,4 +1,4 @@
-"""The layout of shot files."""
+"""The layout of shot files and of film files, which are edits."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pydantic_core import PydanticCustomError
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.shot.documents.camera import CameraDocument
 from pipeline.shot.documents.curves import NumberField
-from pipeline.shot.documents.fields import Count, Document, Positive, SchemaKeywords, one_of
+from pipeline.shot.documents.fields import Count, Document, Positive, SchemaKeywords, one_of, optional
 from pipeline.shot.documents.flows import FlowDocument
 from pipeline.shot.documents.lights_and_stage import LightsDocument, StageDocument
 from pipeline.shot.documents.look import LookDocument
@@ -58,24 +58,17 @@ class QualityDocument(Document):
 
     renamed: ClassVar[Mapping[str, str]] = {"guides": "auxiliary_samples", "steady": "temporal_denoise"}
 
-    samples: Samples | None = Field(
-        default=None, description="of light, for each pixel: up to 16, or a multiple of it"
+    samples: Samples | None = optional("for each pixel: up to 16, or a multiple of it")
+    auxiliary_samples: Samples | None = optional(
+        "of albedo, normal and depth, which guide the denoiser, for each pixel"
     )
-    auxiliary_samples: Samples | None = Field(
-        default=None, description="of albedo, normal and depth, which guide the denoiser, for each pixel"
+    depth: Annotated[int, Field(ge=2, le=100)] | None = optional("longest path of light, in vertices")
+    denoise: Literal["off", "fast", "balanced", "high"] | None = optional("effort of the denoiser")
+    temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = optional(
+        "frames before and after that the temporal denoiser reads; 0 is off (frames)"
     )
-    depth: Annotated[int, Field(ge=2, le=100)] | None = Field(
-        default=None, description="longest path of light, in vertices"
-    )
-    denoise: Literal["off", "fast", "balanced", "high"] | None = Field(
-        default=None, description="effort of the denoiser"
-    )
-    temporal_denoise: Annotated[int, Field(ge=0, le=MOST_TEMPORAL_FRAMES)] | None = Field(
-        default=None,
-        description="frames before and after that the temporal denoiser reads; 0 is off (frames)",
-    )
-    noise_threshold: Annotated[float, Field(gt=0, le=1)] | None = Field(
-        default=None, description="noise at which a picture needs no more samples, such as 0.03"
+    noise_threshold: Annotated[float, Field(gt=0, le=1)] | None = optional(
+        "noise at which a picture needs no more samples, such as 0.03"
     )
 
 
@@ -106,48 +99,34 @@ class ShotDocument(Document):
     renamed: ClassVar[Mapping[str, str]] = {"stride": "max_step"}
 
     title: str = Field(description="the name of the shot")
-    extends: str | None = Field(
-        None, description="the shot beside this file from which it inherits what it leaves out"
-    )
+    extends: str | None = optional("the shot beside this file from which it inherits what it leaves out")
     intent: str = Field("", description="what the shot should show, in a sentence")
-    frames: Frames = Field(
-        description="the first and the last, as in 1-96; the first shows the subject at rest"
-    )
+    frames: Frames = Field(description="as in 1-96; the first shows the subject at rest")
     rate: Rate = Field(24, description="24, 23.976 or 24000/1001 (frames per second)")
-    subject: SubjectDocument = Field(
-        description="what flows: a solid by name, a model from a file, a cloud or a net"
-    )
+    subject: SubjectDocument = Field(description="a solid by name, a model from a file, a cloud or a net")
     resample: Resample = Field(
         "off",
         validate_default=False,
         description="thresholds of the surface's edges while it flows; off for comparisons",
     )
     flows: list[FlowDocument] = Field(
-        default_factory=list, description="what moves the subject, one after another within each frame"
+        default_factory=list, description="what moves the subject, in order within each frame"
     )
-    substeps: Count | None = Field(
-        None, description="steps that a frame is cut into; by default as many as the flow needs"
-    )
+    substeps: Count | None = optional("steps that a frame is cut into; by default as many as the flow needs")
     integrator: Annotated[str, one_of(("rk4", "adaptive"), "integrator")] = Field(
         "rk4", description="of velocity fields: rk4, or adaptive for fields that are steep somewhere"
     )
-    tolerance: Positive | None = Field(
-        None, description="error of a sub-step of the adaptive integrator, at most (units)"
-    )
-    max_step: Positive | None = Field(
-        None, description="longest move of a vertex in a sub-step (maximum edges)"
-    )
+    tolerance: Positive | None = optional("error of a sub-step of the adaptive integrator, at most (units)")
+    max_step: Positive | None = optional("longest move of a vertex in a sub-step (maximum edges)")
     speed: NumberField = Field(
-        1.0, description="rate of the flow's time: 1 as it is, 0 stands still, below 0 backwards"
+        1.0, description="rate of the flow's time: 0 stands still, below 0 runs backwards"
     )
     look: Annotated[
         Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
     ] = Field("clay", description="the material, by name or spelt out")
     smooth: SmoothDocument = Field(default=SmoothDocument(), description="curved patches over the triangles")
-    camera: CameraDocument = Field(
-        default=CameraDocument(), description="the view of the subject; framing finds distance and target"
-    )
+    camera: CameraDocument = Field(default=CameraDocument(), description="framing finds distance and target")
     lights: Annotated[
         Annotated[str, one_of(LIGHTS, "light rig"), Tag("by name")]
         | Annotated[LightsDocument, Tag("spelt out")],
@@ -157,14 +136,70 @@ class ShotDocument(Document):
         Annotated[str, one_of(STAGES, "stage"), Tag("by name")] | Annotated[StageDocument, Tag("spelt out")],
         Discriminator(_named_or_spelt_out),
     ] = Field("cyclorama", description="the ground below the subject, by name or spelt out")
-    shutter: ShutterDocument | None = Field(None, description="exposure of a frame in time: motion blur")
-    aovs: AovsField = Field(
-        default_factory=list, description="AOVs beside the beauty: names, or names with half or float"
-    )
+    shutter: ShutterDocument | None = optional("exposure of a frame in time: motion blur")
+    aovs: AovsField = Field(default_factory=list, description="AOVs by name, or by name with half or float")
     view: ViewDocument = Field(
         default=ViewDocument(),
-        description="colour view: a view of an OpenColorIO config; by default ACES 2.0",
+        description="a view of an OpenColorIO config; by default ACES 2.0",
     )
     quality: QualitiesDocument = Field(
-        default=QualitiesDocument(), description="settings of qualities that this shot replaces"
+        default=QualitiesDocument(), description="settings that this shot replaces"
     )
+
+
+CardSeconds = Annotated[float, Field(ge=0, le=60)]
+DissolveFrames = Annotated[int, Field(ge=0, le=1000)]
+Seconds = Annotated[float, Field(ge=0, le=86400)]
+
+
+class ClipDocument(Document):
+    """All of a shot, or a part of it."""
+
+    shot: str = Field(description="its name")
+    frames: str | None = optional("frames to show, as in 10-40, or 10-40x2 for every second; by default all")
+    dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
+
+
+class CardDocument(Document):
+    """A title card between shots."""
+
+    card: str = Field(description="its words")
+    subtitle: str = Field("", description="words below them")
+    seconds: Annotated[float, Field(gt=0, le=60)] = Field(2.0, description="its duration (s)")
+    dissolve: DissolveFrames = Field(0, description="overlap with the entry before (frames)")
+
+
+class SoundDocument(Document):
+    """The sound of a film."""
+
+    file: str = Field(description="beside this file: WAV, FLAC, or another format that FFmpeg reads")
+    start: Annotated[float, Field(ge=-86400, le=86400)] = Field(
+        0.0, description="when it begins in the film; a negative start cuts its beginning (s)"
+    )
+    gain: Annotated[float, Field(ge=-60, le=24)] = Field(0.0, description="louder above 0, softer below (dB)")
+    fade_in: Seconds = Field(0.0, description="duration of the fade at its beginning (s)")
+    fade_out: Seconds = Field(0.0, description="duration of the fade at its end or the film's (s)")
+
+
+def _entry_form(value: Any) -> str:
+    return ("a card" if "card" in value else "a shot") if isinstance(value, dict) else "by name"
+
+
+class FilmDocument(Document):
+    title: str = Field(description="the name of the film, on its first card")
+    subtitle: str = Field("", description="below the title")
+    credits: list[str] = Field(default_factory=list, description="lines of the last card")
+    shots: list[
+        Annotated[
+            Annotated[str, Tag("by name")]
+            | Annotated[ClipDocument, Tag("a shot")]
+            | Annotated[CardDocument, Tag("a card")],
+            Discriminator(_entry_form),
+        ]
+    ] = Field(
+        min_length=1, description="names of shot files beside this one, and cards, in the order of the edit"
+    )
+    sound: SoundDocument | None = optional("sound from a file beside this one")
+    rate: Rate = Field(24, description="24, 23.976 or 24000/1001: the same for all shots (frames per second)")
+    title_seconds: CardSeconds = Field(3.0, description="duration of the title; 0 leaves it out (s)")
+    credits_seconds: CardSeconds = Field(3.0, description="duration of the credits; 0 leaves them out (s)")

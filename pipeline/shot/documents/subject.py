@@ -9,7 +9,7 @@ from typing import Annotated, Any, Literal
 from pydantic import ConfigDict, Discriminator, Field, Tag
 
 from pipeline.mesh.control_net import LEAST
-from pipeline.shot.documents.fields import Document, Positive, Triple, one_of
+from pipeline.shot.documents.fields import Document, Positive, Triple, one_of, optional
 from pipeline.shot.point_subjects import (
     MOST_POINTS,
     NETS,
@@ -53,17 +53,15 @@ class SolidDocument(Document):
     model_config = ConfigDict(json_schema_extra=_measures_by_solid)
 
     solid: Annotated[str, one_of(SOLIDS, "solid")] = Field(description="its name")
-    size: list[Positive] | None = Field(None, min_length=2, max_length=3, description="its sides (units)")
-    radius: Positive | None = Field(
-        None, description="from the middle to the surface, or of a torus to the middle of its tube (units)"
+    size: list[Positive] | None = optional("its sides (units)", min_length=2, max_length=3)
+    radius: Positive | None = optional(
+        "from the middle to the surface, or of a torus to the middle of its tube (units)"
     )
-    length: Positive | None = Field(None, description="from end to end (units)")
-    tube_radius: Positive | None = Field(None, description="of the tube of a torus; below its radius (units)")
-    spacing: Positive | None = Field(
-        None, description="of a lattice: between the middles of its bars (units)"
-    )
-    thickness: Positive | None = Field(None, description="of a lattice's bars (units)")
-    caps: Literal["round", "flat"] | None = Field(None, description="the ends of a rod")
+    length: Positive | None = optional("from end to end (units)")
+    tube_radius: Positive | None = optional("of the tube of a torus; below its radius (units)")
+    spacing: Positive | None = optional("of a lattice: between the middles of its bars (units)")
+    thickness: Positive | None = optional("of a lattice's bars (units)")
+    caps: Literal["round", "flat"] | None = optional("the ends of a rod")
 
     def build(self, folder: Path = Path()) -> Solid:
         return Solid.of(self.solid, self.model_dump(exclude_none=True, exclude={"solid"}))
@@ -80,12 +78,10 @@ class ModelDocument(Document):
 
 class NetSolidDocument(Document):
     solid: Annotated[str, one_of(NETS, "net")] = Field(description="its name")
-    size: list[Positive] | None = Field(None, min_length=2, max_length=2, description="its sides (units)")
-    radius: Positive | None = Field(
-        None, description="of a tube, or of a torus to the middle of its tube (units)"
-    )
-    length: Positive | None = Field(None, description="from end to end (units)")
-    tube_radius: Positive | None = Field(None, description="of the tube of a torus; below its radius (units)")
+    size: list[Positive] | None = optional("its sides (units)", min_length=2, max_length=2)
+    radius: Positive | None = optional("of a tube, or to the middle of a torus's tube (units)")
+    length: Positive | None = optional("from end to end (units)")
+    tube_radius: Positive | None = optional("of the tube of a torus; below its radius (units)")
 
 
 def net_form(value: Any) -> str:
@@ -103,9 +99,7 @@ class CloudDocument(Document):
         Discriminator(lambda value: "name" if isinstance(value, str) else "number"),
     ] = Field(description="of the spheres, or the name of an attribute of the file (units)")
     scale: Positive = Field(1.0, description="factor on the coordinates of a file")
-    count: Annotated[int, Field(ge=1, le=MOST_POINTS)] = Field(
-        10_000, description="number of points in a solid"
-    )
+    count: Annotated[int, Field(ge=1, le=MOST_POINTS)] = Field(10_000, description="points in a solid")
     fill: Annotated[str, one_of(("volume", "surface"), "way to fill a solid")] = Field(
         "volume", description="the inside of the solid, or its surface"
     )
@@ -129,15 +123,11 @@ class NetDocument(Document):
         Discriminator(net_form),
     ] = Field(description="control points of a smooth surface: a file, rows of points, or a solid")
     scale: Positive = Field(1.0, description="factor on the coordinates of a file")
-    rows: Annotated[int, Field(ge=LEAST, le=1000)] | None = Field(
-        None, description="number of rows, of a solid"
+    rows: Annotated[int, Field(ge=LEAST, le=1000)] | None = optional("number of rows, of a solid")
+    columns: Annotated[int, Field(ge=LEAST, le=1000)] | None = optional(
+        "points in a row, of a file or a solid"
     )
-    columns: Annotated[int, Field(ge=LEAST, le=1000)] | None = Field(
-        None, description="points in a row, of a file or a solid"
-    )
-    closed: Annotated[str, one_of(CLOSED, "way to close a net")] = Field(
-        "none", description="which ends are joined"
-    )
+    closed: Annotated[str, one_of(CLOSED, "way to close a net")] = Field("none", description="joined ends")
 
     def build(self, folder: Path) -> ControlNet:
         if isinstance(self.net, str):
