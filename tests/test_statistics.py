@@ -1,4 +1,4 @@
-"""What a resampling does to the shading of vertices that stay: nothing, where normals are carried (P38)."""
+"""Statistics of meshes: crossings against a loop over all pairs, and the flicker of a resampling (P38)."""
 
 from __future__ import annotations
 
@@ -6,17 +6,19 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from pipeline.animation import animate
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.mesh import TriangleMesh, icosphere, split_at_creases
+from pipeline.mesh import TriangleMesh, box, icosphere, split_at_creases, torus
 from pipeline.mesh.normals import carried_normals, tangents
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, Solid
-from pipeline.statistics import sizzle, surviving
+from pipeline.statistics import self_intersections, sizzle, surviving
 
 
 @pytest.fixture(scope="module")
@@ -85,3 +87,60 @@ def test_normals_are_those_of_the_map_that_moves_the_points() -> None:
     np.testing.assert_allclose(carried, exact, atol=1e-7)
     line = np.diag([1.0, 0.0, 0.0])
     assert not carried_normals(lambda p: p @ line, points, points @ line, normals).any()
+
+
+def pierces(p: np.ndarray, q: np.ndarray, face: np.ndarray) -> bool:
+    """Möller & Trumbore (1997): where the line through p and q meets the plane, in barycentric terms."""
+    (a, b, c), direction = face, q - p
+    matrix = np.column_stack([b - a, c - a, -direction])
+    if abs(np.linalg.det(matrix)) < 1e-15:
+        return False
+    u, v, t = np.linalg.solve(matrix, p - a)
+    return bool(u > 0 and v > 0 and u + v < 1 and 0 < t < 1)
+
+
+def crossings(mesh: TriangleMesh) -> int:
+    count = 0
+    for i, f in enumerate(mesh.faces):
+        for g in mesh.faces[i + 1 :]:
+            if len(set(f.tolist()) & set(g.tolist())) > 1:
+                continue
+            count += any(
+                pierces(mesh.vertices[one[k]], mesh.vertices[one[(k + 1) % 3]], mesh.vertices[other])
+                for one, other in ((f, g), (g, f))
+                for k in range(3)
+                if not {int(one[k]), int(one[(k + 1) % 3])} & set(other.tolist())
+            )
+    return count
+
+
+def joined(one: TriangleMesh, other: TriangleMesh) -> TriangleMesh:
+    vertices = np.concatenate([one.vertices, other.vertices])
+    return TriangleMesh(vertices, np.concatenate([one.faces, other.faces + len(one.vertices)]))
+
+
+def test_solids_do_not_cross_themselves() -> None:
+    for mesh in (box(edge_length=0.5), icosphere(8), torus(1.0, 0.4, 0.2)):
+        assert self_intersections(mesh) == 0
+
+
+def test_a_surface_without_faces_crosses_nothing() -> None:
+    assert self_intersections(TriangleMesh(np.empty((0, 3)), [])) == 0
+
+
+@given(st.tuples(*[st.floats(-1.5, 1.5)] * 3), st.floats(0.2, 3.0))
+@settings(max_examples=20, deadline=None)
+def test_pairs_are_those_of_a_loop_over_all(shift: tuple[float, ...], scale: float) -> None:
+    small = icosphere(1)
+    mesh = joined(icosphere(1), small.with_vertices(scale * small.vertices + np.array(shift)))
+    assert self_intersections(mesh) == crossings(mesh)
+
+
+@given(st.integers(0, 2**32 - 1))
+@settings(max_examples=20, deadline=None)
+def test_crumpled_surfaces_are_counted_too(seed: int) -> None:
+    ball = icosphere(1)
+    crumpled = ball.with_vertices(
+        ball.vertices + np.random.default_rng(seed).normal(0, 0.3, ball.vertices.shape)
+    )
+    assert self_intersections(crumpled) == crossings(crumpled)

@@ -19,7 +19,7 @@ def test_a_resampled_surface_stays_mesh_like_and_another_does_not() -> None:
     assert adaptive[-1, 1] > static[-1, 1] + 1.5
 
 
-def test_edge_lengths_stay_in_the_bracket_for_as_long_as_the_film_runs() -> None:
+def test_edge_lengths_stay_within_limits_for_as_long_as_the_film_runs() -> None:
     static, adaptive, counts = density.histograms(frames=160)
     assert adaptive[:, BRACKET].sum(axis=1).min() > 0.97
     assert adaptive[:, density.RATIOS[:-1] >= 1.0].sum() == 0

@@ -1,4 +1,4 @@
-"""Shape, brackets and the scan, against twins in plain numpy."""
+"""Triangle shape, length limits and the scan, against twins in plain numpy."""
 
 import math
 

@@ -1,4 +1,4 @@
-"""Whatever the surface and however it is moved: it stays sound, and within its bracket or explained."""
+"""Whatever the surface and however it is moved: it stays sound, and within its length limits or explained."""
 
 import numpy as np
 import pytest

@@ -242,7 +242,7 @@ def test_functions_that_cannot_be_are_refused_at_once(make) -> None:  # type: ig
         DistanceToCamera((1.2, 0, 0), 300, 0.02, 0.4),
     ],
 )
-def test_after_resampling_every_edge_is_within_its_own_bracket(density) -> None:  # type: ignore[no-untyped-def]
+def test_after_resampling_every_edge_is_within_its_own_limits(density) -> None:  # type: ignore[no-untyped-def]
     """To within gradation: new vertices take their limits from the ends of the edge they divide."""
     resampler = Resampler(ellipsoid(1.0, 0.5, 0.8), Thresholds(density))
     for _ in range(4):

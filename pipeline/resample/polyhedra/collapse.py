@@ -8,8 +8,7 @@ from collections.abc import Iterable
 from typing import NamedTuple
 
 from pipeline.resample.polyhedra.editor import PolyhedronEditor
-from pipeline.resample.polyhedra.geometry import box, difference, dot, newell, norm
-from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Point
+from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Point, box, difference, dot, newell, norm
 
 _EQUILATERAL = math.sqrt(3) / 4  # area of a triangle over its side squared
 

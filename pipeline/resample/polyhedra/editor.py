@@ -11,8 +11,16 @@ import numpy as np
 from pipeline.arrays import AnyArray, Floats
 from pipeline.errors import FrameError
 from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.resample.polyhedra.geometry import between, difference, dot, newell, norm
-from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Point, Polyhedron
+from pipeline.resample.polyhedra.polyhedron import (
+    OUTSIDE,
+    Point,
+    Polyhedron,
+    between,
+    difference,
+    dot,
+    newell,
+    norm,
+)
 from pipeline.resample.thresholds import Thresholds
 
 

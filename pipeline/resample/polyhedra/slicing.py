@@ -8,8 +8,7 @@ from typing import Literal, NamedTuple
 
 from pipeline.errors import FrameError
 from pipeline.resample.polyhedra.editor import PolyhedronEditor
-from pipeline.resample.polyhedra.geometry import between, box, difference, dot, newell, norm
-from pipeline.resample.polyhedra.polyhedron import Point
+from pipeline.resample.polyhedra.polyhedron import Point, between, box, difference, dot, newell, norm
 
 Cutting = Literal["slice", "recurse"]
 

@@ -75,7 +75,7 @@ def test_p18_figure_c_the_bread_slicer_makes_all_cuts_at_once() -> None:
     assert len(sliced(bread, 1.0, "recurse")[1]) == 2, "the other way cuts in two, and comes back"
 
 
-def test_p18_both_ways_of_cutting_end_within_the_bracket(menagerie: dict[str, PolygonMesh]) -> None:
+def test_p18_both_ways_of_cutting_end_within_limits(menagerie: dict[str, PolygonMesh]) -> None:
     counts = {}
     for cutting in ("slice", "recurse"):
         resampler = PolyhedralResampler(menagerie["cube"], COARSE, cutting)  # type: ignore[arg-type]

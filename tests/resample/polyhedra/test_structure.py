@@ -12,8 +12,7 @@ from pipeline.mesh import PolygonMesh, require
 from pipeline.resample import Thresholds
 from pipeline.resample.polyhedra.collapse import Collapser, can_collapse
 from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor
-from pipeline.resample.polyhedra.geometry import between
-from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
+from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron, between
 
 Step = Callable[[Polyhedron, np.random.Generator], None]
 
