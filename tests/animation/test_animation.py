@@ -69,7 +69,7 @@ def test_the_first_frame_is_the_subject_at_rest(motion: Motion) -> None:
     np.testing.assert_allclose(first.mesh.bounds, [[-1.0] * 3, [1.0] * 3], atol=1e-15)
 
 
-def test_every_frame_is_in_the_bracket_and_a_closed_surface(motion: Motion) -> None:
+def test_every_frame_is_within_limits_and_a_closed_surface(motion: Motion) -> None:
     frames = list(animate(motion))
     assert [frame.number for frame in frames] == list(range(5, 25))
     for frame in frames:

@@ -1,4 +1,4 @@
-"""Whatever the surface and however it is moved: it stays sound, and within its length limits or explained."""
+"""Any surface, however it is moved, stays sound, and within its length limits or with a reason."""
 
 import numpy as np
 import pytest
