@@ -9,9 +9,9 @@ import pytest
 from pipeline.errors import MachineError, MissingInputError, UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakemake import _words, complaint
-from pipeline.production.planning.needs import LEAST_MIB, START_MINUTES, Experience
 from pipeline.production.planning.plan import Job, Plan, batches
 from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
+from pipeline.production.planning.resources import LEAST_MIB, START_MINUTES, MeasuredResources
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store
@@ -122,15 +122,21 @@ def test_batches_are_not_needlessly_short():
 
 
 def test_what_earlier_pictures_took_is_asked_for(tmp_path):
-    assert Experience.of(tmp_path) is None
+    assert MeasuredResources.of(tmp_path) is None
     for number, mib in ((1, 700), (2, 3000)):
-        told = {"seconds": {"rendering": 25.0, "building": 5.0}, "threads": 4, "peak_memory_mib": mib}
+        told = {
+            "key": "k",
+            "seconds": {"rendering": 25.0, "building": 5.0},
+            "threads": 4,
+            "peak_memory_mib": mib,
+        }
         (tmp_path / f"a.{number:04d}.json").write_text(json.dumps(told))
     (tmp_path / "a.0003.json").write_text('{"seconds": ')
-    experience = Experience.of(tmp_path)
-    needs = experience.needs(frames=10, threads=2)
-    assert needs.mib == 4500 + LEAST_MIB // 2
-    assert needs.minutes == START_MINUTES + 40  # four times ten frames of a minute of two cores
+    measured = MeasuredResources.of(tmp_path)
+    assert measured.memory_mib == 4500 + LEAST_MIB // 2
+    assert (
+        measured.minutes(frames=10, threads=2) == START_MINUTES + 40
+    )  # four times ten frames of a minute of two cores
 
 
 @pytest.fixture

@@ -40,7 +40,8 @@ def statistics(
 ) -> None:
     folder = root / place / "statistics"
     folder.mkdir(parents=True, exist_ok=True)
-    told = {"seconds": {"rendering": light, "building": rest}, "threads": threads}
+    seconds = {"rendering": light, "building": rest}
+    told = {"key": "k", "seconds": seconds, "threads": threads, "peak_memory_mib": 500}
     (folder / f"A.{number:04d}.json").write_text(json.dumps(told))
 
 
@@ -99,7 +100,7 @@ def test_a_run_that_left_no_log_is_told_with_those_that_did(tmp_path: Path) -> N
 
 
 def plan_of(*jobs: Job, quality: str = "draft") -> Plan:
-    request = {"script": {"path": "/shots/A.yaml"}, "quality": quality, "turntable": None}
+    request = {"source": {"path": "/shots/A.yaml"}, "quality_name": quality, "turntable": None}
     return Plan((request,), None, jobs)
 
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 from pipeline.cli.options import Common, Plot, Quality, Shot, ShotOptions
 from pipeline.cli.output import print_result
 from pipeline.dailies.sheets.figures import panels
-from pipeline.dailies.sheets.measures import limits_of, measured
-from pipeline.dailies.sheets.timing import Clocks, rendering
+from pipeline.dailies.sheets.measures import TIMED_STAGES, limits_of, measured
 from pipeline.errors import MissingInputError
+from pipeline.production.planning.timings import LatestTimings, render_seconds
 from pipeline.production.request.lookup import find_shot
 from render.graphics.plot import plot_panels
 
@@ -31,8 +31,9 @@ def figures(
             "makes them"
         )
     page = output or common.root / request.folders.home / f"{request.name}.figures.svg"
-    seconds = Clocks(common.root).of(request.subject, request.name, quality)
-    if rendered := rendering(request, common.root):
+    latest = LatestTimings(common.root)
+    seconds = latest.by_stage(request.subject, request.name, quality, TIMED_STAGES)
+    if rendered := render_seconds(request, common.root):
         seconds["render"] = {number: sum(parts.values()) for number, parts in rendered.items()}
     drawn = panels(numbers, measures, limits_of(request), seconds)
     if not common.dry_run:

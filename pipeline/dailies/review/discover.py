@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from pipeline.dailies.review.sequence import PLAIN, PictureDisplay, PictureSequence
-from pipeline.dailies.sheets.timing import rendering
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
 from pipeline.production.planning.history import History
+from pipeline.production.planning.timings import render_seconds
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
@@ -100,7 +100,7 @@ class Search:
             files={number: path for number, path in places.items() if path.is_file()},
             display=_display(request),
             told=told,
-            seconds=rendering(request, self.project.root),
+            seconds=render_seconds(request, self.project.root),
         )
 
     def _versions(self, name: str) -> Iterator[PictureSequence]:

@@ -21,8 +21,8 @@ from pipeline.dailies.review.discover import ShotMaterial
 from pipeline.dailies.review.geometry import PageMeshes
 from pipeline.dailies.review.proxies import Proxies, ProxyWriter
 from pipeline.dailies.review.sequence import PictureSequence
-from pipeline.dailies.sheets.measures import limits_of, measured
-from pipeline.dailies.sheets.timing import Clocks
+from pipeline.dailies.sheets.measures import TIMED_STAGES, limits_of, measured
+from pipeline.production.planning.timings import LatestTimings
 from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write, disk_errors
 
@@ -45,7 +45,7 @@ class ReviewPage:
     form: str
     models: int
     threads: int
-    _clocks: list[Clocks] = field(default_factory=list, repr=False)
+    _latest: list[LatestTimings] = field(default_factory=list, repr=False)
 
     @property
     def folder(self) -> Path:
@@ -134,9 +134,9 @@ class ReviewPage:
 
     def _seconds(self, pictures: PictureSequence, proxies: Proxies) -> dict[str, dict[int, float]]:
         """Return seconds by stage and frame."""
-        if not self._clocks:
-            self._clocks.append(Clocks(self.store.root))
-        told = self._clocks[0].of(pictures.subject, pictures.shot, pictures.quality)
+        if not self._latest:
+            self._latest.append(LatestTimings(self.store.root))
+        told = self._latest[0].by_stage(pictures.subject, pictures.shot, pictures.quality, TIMED_STAGES)
         if pictures.kind == "version":
             told.pop("finish", None)  # the logs tell of today's
         render = {n: round(sum(parts.values()), 3) for n, parts in pictures.seconds.items() if parts}

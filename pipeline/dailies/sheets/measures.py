@@ -28,6 +28,9 @@ BINS = 48
 LONGEST = 1.25
 """Upper end of histograms of edge lengths, in maximum edge lengths; longer edges are in the last bin."""
 
+TIMED_STAGES = ("simulate", "smooth_normals", "finish")
+"""The stages whose seconds are drawn, beside those of rendering."""
+
 
 @dataclass(frozen=True)
 class Measures:

@@ -23,9 +23,9 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.keys.stages import STAGES, forced_with
-from pipeline.production.planning.needs import HERE, UNMEASURED
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.planning.profile import Share
+from pipeline.production.planning.resources import LEAST_MIB, UNMEASURED_MIB
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
@@ -125,15 +125,14 @@ class PlannedWorkflow:
         job = self._job(rule, wildcards)
         measured = self.plan.measured.get(job.requests[0])
         if rule == "render" and measured:
-            return measured.needs(len(job.frames), threads).mib
-        return (UNMEASURED if self.plan.farm else HERE).mib
+            return measured.memory_mib
+        return UNMEASURED_MIB if self.plan.farm else LEAST_MIB
 
     def minutes(self, rule: str, wildcards: Any, threads: int, attempt: int) -> int | None:
         """Return the minutes that a job may take; None where no picture of the shot was measured."""
         job = self._job(rule, wildcards)
         measured = self.plan.measured.get(job.requests[0])
-        minutes = measured.needs(len(job.frames), threads).minutes if measured else None
-        return None if minutes is None else minutes * attempt
+        return measured.minutes(len(job.frames), threads) * attempt if measured else None
 
     def _job(self, rule: str, wildcards: Any) -> Job:
         if rule in ("assemble", "film"):

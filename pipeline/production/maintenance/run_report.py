@@ -6,7 +6,6 @@ starting processes, where a job held the core, or into planning, Snakemake and w
 
 from __future__ import annotations
 
-import json
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
@@ -15,6 +14,7 @@ from typing import Any
 
 from pipeline.errors import MissingInputError
 from pipeline.production.keys.stages import STAGES
+from pipeline.production.planning.timings import read_statistics
 from pipeline.production.store.event_log import Event, EventReader, logs_of
 from pipeline.production.store.paths import EVENTS
 
@@ -145,9 +145,9 @@ def _parts(root: Path, event: Event, taken: float) -> Mapping[str, float]:
     stage = str(event["stage"])
     if stage != "render" or event["found"]:
         return {stage: taken}
-    try:
-        told = json.loads(statistics_of(root, event).read_text())["seconds"]
-        whole = sum(float(seconds) for seconds in told.values())
-        return {what if what in WORDS else "rendering": taken * float(s) / whole for what, s in told.items()}
-    except (OSError, ValueError, KeyError, TypeError, ZeroDivisionError):
+    statistics = read_statistics(statistics_of(root, event)) if "quality" in event else None
+    parts = statistics.seconds if statistics is not None else {}
+    whole = sum(parts.values())
+    if not whole:
         return {stage: taken}
+    return {part if part in WORDS else "rendering": taken * s / whole for part, s in parts.items()}

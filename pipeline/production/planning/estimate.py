@@ -1,30 +1,154 @@
-"""What a plan will take: time by what frames took here before, disk space by how large they became."""
+"""Estimates of a plan: time from what earlier frames took, disk space from how large they became."""
 
 from __future__ import annotations
 
 import shutil
 from collections import defaultdict
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
+from itertools import islice
 from pathlib import Path
 from typing import Any
 
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.planning.timings import OF_MOTION, Measured, Sample
+from pipeline.production.planning.timings import SHARED_STAGES, frame_timings, statistics_in
+from pipeline.production.request.crop_and_scale import base_of, quality_named
 from pipeline.production.request.turntable import Turntable
+from render.scene.quality import QUALITIES
+
+_RUNS = 30
+"""How many of the latest runs are read."""
+
+_FRAMES = 100
+"""How many frames of one kind are read."""
+
+_FOLDERS = {"simulate": "meshes", "smooth_normals": "normals", "render": "raw", "finish": "frames"}
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The mean core-seconds of measured frames.
+
+    seconds  core-seconds of one frame
+    frames   how many were measured
+    source   the shot and quality they are from, such as `A010_cube at draft`
+    """
+
+    seconds: float
+    frames: int
+    source: str
+
+
+class MeanTimings:
+    """Mean core-seconds and bytes of the frames made under a root."""
+
+    def __init__(self, root: Path) -> None:
+        self._root = root
+        self._renders: dict[Path, list[tuple[float, float]]] = {}
+
+    def seconds(self, stage: str, shot: str, quality: str) -> Sample | None:
+        """Return the mean core-seconds of a frame; None where nothing of the stage was measured.
+
+        Falls back to other shots and qualities, scaled by pixels, and rendering by samples too.
+        """
+        if stage == "render":
+            return self._render_seconds(shot, quality)
+        known = self._logged.get(stage, {})
+        if not known:
+            return None
+        source = min(known, key=lambda place: (place[0] != shot, place[1] != quality))
+        scale = 1.0 if stage in SHARED_STAGES else pixels(quality) / pixels(source[1])
+        taken = known[source]
+        return Sample(scale * sum(taken) / len(taken), len(taken), f"{source[0]} at {source[1]}")
+
+    def _render_seconds(self, shot: str, quality: str) -> Sample | None:
+        for name, at in ((shot, quality), (shot, "*"), ("*", quality), ("*", "*")):
+            for folder in _statistics_folders(self._root, name, at):
+                if folder not in self._renders:
+                    self._renders[folder] = list(_core_seconds(folder))
+                taken, known = self._renders[folder], folder.parent.name
+                if taken:
+                    more = samples(quality) / samples(known)
+                    mean = sum(more * light + rest for light, rest in taken) / len(taken)
+                    scale = pixels(quality) / pixels(known)
+                    return Sample(scale * mean, len(taken), f"{folder.parents[1].name} at {known}")
+        return None
+
+    def bytes(self, stage: str, shot: str, quality: str) -> float | None:
+        """Return the mean size of the file that a stage makes of a frame; None where none was made."""
+        kind = _FOLDERS.get(stage)
+        if kind is None:
+            return 0.0
+        home = self._root / "renders"
+        if stage in SHARED_STAGES:
+            own = _mean_size(home, f"{shot}/{kind}/*")
+            return _mean_size(home, f"*/{kind}/*") if own is None else own
+        for pattern in (f"{shot}/{quality}", f"*/{quality}", "*/*"):
+            folder = next((file.parent for file in home.glob(f"{pattern}/{kind}/*.exr")), None)
+            if folder is not None and (size := _mean_size(folder, "*.exr")) is not None:
+                return size * pixels(quality) / pixels(folder.parent.name)
+        return None
+
+    @cached_property
+    def _logged(self) -> dict[str, dict[tuple[str, str], list[float]]]:
+        """Core-seconds of the latest runs by stage, shot and quality."""
+        logged: dict[str, dict[tuple[str, str], list[float]]] = defaultdict(lambda: defaultdict(list))
+        for timing in frame_timings(self._root, _RUNS):
+            quality = timing.quality if base_of(timing.quality) in QUALITIES else "draft"
+            logged[timing.stage][timing.shot, quality].append(timing.seconds * timing.threads)
+        return logged
+
+
+def samples(quality: str) -> int:
+    """Return the samples per pixel of a quality."""
+    return quality_named(quality, QUALITIES).samples
+
+
+def pixels(quality: str) -> int:
+    """Return the pixels that a quality renders, of a crop only its own."""
+    named = quality_named(quality, QUALITIES)
+    if named.crop is None:
+        return named.width * named.height
+    x0, y0, x1, y1 = named.crop
+    return (x1 - x0) * (y1 - y0)
+
+
+def _statistics_folders(root: Path, name: str, quality: str) -> Iterator[Path]:
+    """Yield the folders of render statistics of built-in qualities."""
+    for home in (root / "renders", root / "renders" / "turntable"):
+        for folder in sorted(home.glob(f"{name}/{quality}/statistics")):
+            if base_of(folder.parent.name) in QUALITIES:
+                yield folder
+
+
+def _core_seconds(folder: Path) -> Iterator[tuple[float, float]]:
+    """Yield core-seconds of tracing light, and of all else, of frames that one process rendered whole."""
+    for statistics in islice(statistics_in(folder), _FRAMES):
+        if not statistics.resumed_batches and "rendering" in statistics.seconds:
+            light = statistics.seconds["rendering"] * statistics.threads
+            yield light, statistics.core_seconds - light
+
+
+def _mean_size(folder: Path, pattern: str) -> float | None:
+    sizes = []
+    for file in islice(folder.glob(pattern), _FRAMES):
+        with suppress(OSError):
+            sizes.append(file.stat().st_size)
+    return sum(sizes) / len(sizes) if sizes else None
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Of a plan.
+    """Time and disk space that a plan will take.
 
-    seconds       by the clock on so many cores, which nothing else uses
-    cores
+    seconds       wall-clock time, with `cores` for this run alone
     core_seconds  by stage
-    unmeasured    stages of which nothing was measured here, and which it leaves out
-    by            what rendering was estimated by, to be told; nothing where nothing is rendered
-    bytes         that the store grows by; None where the size of a file is not known
-    free          bytes of the disk
+    unmeasured    stages that are left out, since nothing of them was measured
+    by            the frames that the time of rendering was estimated from; empty if nothing is rendered
+    bytes         growth of the store; None where the size of a file is not known
+    free          bytes free on the disk
     """
 
     seconds: float
@@ -37,7 +161,7 @@ class Estimate:
 
     @property
     def fits(self) -> bool:
-        """Whether the disk holds it, as far as that is known."""
+        """True if the disk has room for it, as far as is known."""
         return self.bytes is None or self.bytes < self.free
 
     def as_data(self) -> dict[str, Any]:
@@ -53,54 +177,54 @@ class Estimate:
 
 
 def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
-    """What carrying out a plan will take, as far as it was measured under `root`."""
-    measured = Measured(root)
+    """Estimate a plan from what was measured under `root`."""
+    timings = MeanTimings(root)
     by_stage: dict[str, float] = defaultdict(float)
     chains: dict[int, float] = defaultdict(float)
     unmeasured: dict[str, None] = {}
-    samples: dict[str, Sample] = {}
+    samples_by_stage: dict[str, Sample] = {}
     size: float | None = 0.0
     for job in plan.jobs:
         shot, quality = _about(plan, job)
-        sample = measured.seconds(job.stage, shot, quality)
+        sample = timings.seconds(job.stage, shot, quality)
         if sample is None:
             unmeasured[job.stage] = None
         else:
-            samples[job.stage] = sample
+            samples_by_stage[job.stage] = sample
             taken = sample.seconds * len(job.frames)
             by_stage[job.stage] += taken
-            if job.stage in OF_MOTION:
+            if job.stage in SHARED_STAGES:
                 chains[job.requests[0]] += taken
-        each = measured.bytes(job.stage, shot, quality)
+        each = timings.bytes(job.stage, shot, quality)
         size = None if size is None or each is None else size + each * len(job.frames)
     return Estimate(
-        seconds=_clock(by_stage, chains, cores),
+        seconds=_wall_clock(by_stage, chains, cores),
         cores=cores,
         core_seconds=dict(by_stage),
         unmeasured=tuple(unmeasured),
-        by=_told(samples.get("render")),
+        by=_source(samples_by_stage.get("render")),
         bytes=size,
         free=shutil.disk_usage(next(f for f in (root, *root.parents) if f.exists())).free,
     )
 
 
-def _clock(by_stage: Mapping[str, float], chains: Mapping[int, float], cores: int) -> float:
-    """Shots are simulated side by side, each by one core; films are cut by one; all else is dealt out."""
+def _wall_clock(by_stage: Mapping[str, float], chains: Mapping[int, float], cores: int) -> float:
+    """Return seconds. Shots simulate side by side, a core each; one core cuts a film; all else is shared."""
     motion, film = sum(chains.values()), by_stage.get("film", 0.0)
     rest = sum(by_stage.values()) - motion - film
     return max(max(chains.values(), default=0.0), motion / cores) + rest / cores + film
 
 
 def _about(plan: Plan, job: Job) -> tuple[str, str]:
-    """The shot, as its folder is called, and the quality that a job is for."""
+    """Return the name of the folder of a job's shot, and its quality."""
     data = plan.requests[job.requests[0]]
     name, turn = Path(data["source"]["path"]).stem, data["turntable"]
-    if turn and job.stage not in OF_MOTION:
+    if turn and job.stage not in SHARED_STAGES:
         table = Turntable(**turn)
         name = name if table.of_file else f"{name}.{table.at:04d}"
         name = f"{name}/{table.look}" if table.look else name
     return name, data["quality_name"]
 
 
-def _told(sample: Sample | None) -> str:
-    return "" if sample is None else f"{sample.frames} frames of {sample.of}"
+def _source(sample: Sample | None) -> str:
+    return "" if sample is None else f"{sample.frames} frames of {sample.source}"

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.frames import FrameRange
 from pipeline.production.keys.digest import Key
 from pipeline.production.keys.stages import READS, STAGES
-from pipeline.production.planning.needs import Experience
+from pipeline.production.planning.resources import MeasuredResources
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS
 from pipeline.production.store.store import Store
@@ -118,7 +118,7 @@ class Plan:
     notes: tuple[str, ...] = ()
     spared: Mapping[str, int] = field(default_factory=dict)
     manifests: Mapping[str, tuple[str, list[Key]]] = field(default_factory=dict)
-    measured: Mapping[int, Experience] = field(default_factory=dict)
+    measured: Mapping[int, MeasuredResources] = field(default_factory=dict)
     force: frozenset[str] = frozenset()
     farm: bool = False
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
@@ -229,7 +229,7 @@ class Plan:
             jobs=tuple(Job.from_data(job) for job in data["jobs"]),
             goals=tuple((place, stage) for place, stage in data["goals"]),
             notes=tuple(data["notes"]),
-            measured={int(place): Experience(**taken) for place, taken in data["measured"].items()},
+            measured={int(place): MeasuredResources(**taken) for place, taken in data["measured"].items()},
             force=frozenset(data["force"]),
             farm=data["farm"],
         )

@@ -18,7 +18,6 @@ from typing import Any
 from pipeline.errors import UsageError
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.keys.stages import STAGES
-from pipeline.production.planning.needs import Experience
 from pipeline.production.planning.plan import (
     FEWEST,
     Job,
@@ -29,6 +28,7 @@ from pipeline.production.planning.plan import (
     with_threads,
 )
 from pipeline.production.planning.profile import Share
+from pipeline.production.planning.resources import MeasuredResources
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.frame_keys import CameraFile, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
@@ -383,15 +383,15 @@ class Planner:
                     jobs.append(self._new(entry, "simulate", numbers, keys, (), present))
         return jobs
 
-    def _measured(self, places: Iterable[int]) -> Mapping[int, Experience]:
-        """What the pictures of requests took before."""
+    def _measured(self, places: Iterable[int]) -> Mapping[int, MeasuredResources]:
+        """Return what earlier renders of each request took, where any were measured."""
         measured = {}
         requests = list(self._entries)
         for place in sorted(places):
             request = requests[place]
             folder = self.store.root / request.folders.statistics(request.quality_name, 0).parent
-            if (experience := Experience.of(folder)) is not None:
-                measured[place] = experience
+            if (resources := MeasuredResources.of(folder)) is not None:
+                measured[place] = resources
         return measured
 
 

@@ -1,156 +1,150 @@
-"""How long frames took here, and how large they became: what an estimate goes by."""
+"""Timings of finished frames: the one reader of render statistics and of the event logs of runs.
+
+A render writes statistics beside each picture, and every job appends to the event log of its run. Both are
+left out where they are missing or damaged: timings inform, and decide no result.
+"""
 
 from __future__ import annotations
 
 import json
 from collections import defaultdict
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass
-from functools import cached_property
-from itertools import islice
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from pipeline.production.request.crop_and_scale import base_of, quality_named
+from pipeline.production.keys.stages import STAGES
 from pipeline.production.store.event_log import EventReader, logs_of
-from render.scene.quality import QUALITIES
 
-RUNS = 30
-"""How many of the latest runs are looked at."""
+if TYPE_CHECKING:
+    from pipeline.production.keys.digest import Key
+    from pipeline.production.request.render_request import RenderRequest
 
-FRAMES = 100
-"""How many frames of one kind are looked at."""
-
-OF_MOTION = frozenset({"simulate", "smooth_normals", "frame_camera"})
-"""Stages that take as long at every quality."""
-
-_KINDS = {"simulate": "meshes", "smooth_normals": "normals", "render": "raw", "finish": "frames"}
+SHARED_STAGES = frozenset(name for name, stage in STAGES.items() if not stage.per_quality)
+"""Stages whose files all qualities share, and which take as long at each."""
 
 
 @dataclass(frozen=True)
-class Sample:
-    """Frames that were measured: seconds of a core each, the mean, and how many they were.
+class RenderStatistics:
+    """Time and memory that the render of one picture took.
 
-    of  where they were made, to be told: `A010_cube at draft`
+    key              key of the raw picture
+    seconds          by part of the work, such as `rendering`
+    threads          cores that it used
+    peak_memory_mib  of its process
+    resumed_batches  sample batches from an earlier process, whose seconds are not known
     """
 
+    key: Key
+    seconds: Mapping[str, float]
+    threads: int
+    peak_memory_mib: float
+    resumed_batches: int = 0
+
+    @property
+    def core_seconds(self) -> float:
+        return sum(self.seconds.values()) * self.threads
+
+
+def read_statistics(path: Path) -> RenderStatistics | None:
+    """Read the statistics of one picture; None where they are missing or damaged."""
+    with suppress(OSError, ValueError, KeyError, TypeError, AttributeError):
+        data = json.loads(path.read_text())
+        return RenderStatistics(
+            key=str(data["key"]),
+            seconds={str(part): float(seconds) for part, seconds in data["seconds"].items()},
+            threads=int(data["threads"]),
+            peak_memory_mib=float(data["peak_memory_mib"]),
+            resumed_batches=int(data.get("resumed_batches", 0)),
+        )
+    return None
+
+
+def statistics_in(folder: Path) -> Iterator[RenderStatistics]:
+    """Yield the readable statistics of a folder."""
+    for path in folder.glob("*.json"):
+        if (statistics := read_statistics(path)) is not None:
+            yield statistics
+
+
+@dataclass(frozen=True)
+class FrameTiming:
+    """Seconds that one frame took at a stage, on so many threads."""
+
+    stage: str
+    shot: str
+    quality: str
+    frame: int
     seconds: float
-    frames: int
-    of: str
+    threads: int
 
 
-class Measured:
-    """Of a root folder."""
+def frame_timings(root: Path, runs: int | None = None) -> Iterator[FrameTiming]:
+    """Yield the frames that the latest runs made (all runs by default), in the order in which they made them.
+
+    Frames that the store held already are left out.
+    """
+    for log in logs_of(root)[-runs if runs else 0 :]:
+        threads: dict[str, int] = {}
+        for event in EventReader(log).new():
+            if event["event"] == "begin":
+                threads[event["job"]] = int(event.get("threads", 1))
+            elif event["event"] == "frame" and not event["found"]:
+                yield FrameTiming(
+                    str(event["stage"]),
+                    str(event["shot"]),
+                    str(event.get("quality", "draft")),
+                    event["frame"],
+                    float(event["seconds"]),
+                    threads.get(event["job"], 1),
+                )
+
+
+class LatestTimings:
+    """Seconds of every frame made under a root, the last time it was made."""
 
     def __init__(self, root: Path) -> None:
-        self._root = root
-        self._statistics: dict[Path, list[tuple[float, float]]] = {}
+        self._seconds: dict[tuple[str, str, str], dict[int, float]] = defaultdict(dict)
+        for timing in frame_timings(root):
+            quality = "" if timing.stage in SHARED_STAGES else timing.quality
+            self._seconds[timing.stage, timing.shot, quality][timing.frame] = timing.seconds
 
-    def seconds(self, stage: str, shot: str, quality: str) -> Sample | None:
-        """Of a frame: of the same shot and quality or, if there are none, of another, by its light or pixels.
+    def by_stage(
+        self, subject: str, shot: str, quality: str, stages: Iterable[str]
+    ) -> dict[str, dict[int, float]]:
+        """Return seconds by stage and frame, for the stages that have any.
 
-        None where nothing of the stage was measured here.
+        Runs log pictures under `subject`, a shot or a turntable; meshes perhaps under the shot's own name.
         """
-        if stage == "render":
-            return self._of_rendering(shot, quality)
-        known = self._told.get(stage, {})
-        places = sorted(known, key=lambda place: (place[0] != shot, place[1] != quality))
-        if not places:
-            return None
-        found = places[0]
-        scale = 1.0 if stage in OF_MOTION else pixels(quality) / pixels(found[1])
-        taken = known[found]
-        return Sample(scale * sum(taken) / len(taken), len(taken), f"{found[0]} at {found[1]}")
-
-    def _of_rendering(self, shot: str, quality: str) -> Sample | None:
-        """Of the same shot and quality or, where none is known, of the nearest: light goes by samples, all by
-        pixels."""
-        for name, at in ((shot, quality), (shot, "*"), ("*", quality), ("*", "*")):
-            for place in _folders(self._root, name, at):
-                if place not in self._statistics:
-                    self._statistics[place] = list(_seconds_in(place))
-                taken, known = self._statistics[place], place.parent.name
-                if taken:
-                    more = samples(quality) / samples(known)
-                    each = sum(more * light + rest for light, rest in taken) / len(taken)
-                    scale = pixels(quality) / pixels(known)
-                    return Sample(scale * each, len(taken), f"{place.parents[1].name} at {known}")
-        return None
-
-    def bytes(self, stage: str, shot: str, quality: str) -> float | None:
-        """Of the file that a stage makes of a frame; None where none was made here."""
-        kind = _KINDS.get(stage)
-        if kind is None:
-            return 0.0
-        home = self._root / "renders"
-        if stage in OF_MOTION:
-            own, others = f"{shot}/{kind}/*", f"*/{kind}/*"
-            size = _mean_size(home, own)
-            return _mean_size(home, others) if size is None else size
-        for pattern in (f"{shot}/{quality}", f"*/{quality}", "*/*"):
-            folder = next((file.parent for file in home.glob(f"{pattern}/{kind}/*.exr")), None)
-            if folder is not None:
-                size = _mean_size(folder, "*.exr")
-                assert size is not None, "there is one at least"
-                return size * pixels(quality) / pixels(folder.parent.name)
-        return None
-
-    @cached_property
-    def _told(self) -> dict[str, dict[tuple[str, str], list[float]]]:
-        """Of the other stages, by the event logs."""
-        found: dict[str, dict[tuple[str, str], list[float]]] = defaultdict(lambda: defaultdict(list))
-        for log in logs_of(self._root)[-RUNS:]:
-            threads: dict[str, int] = {}
-            for event in EventReader(log).new():
-                if event["event"] == "begin":
-                    threads[event["job"]] = int(event.get("threads", 1))
-                elif event["event"] == "frame" and not event["found"]:
-                    said = event.get("quality", "draft")
-                    quality = said if base_of(said) in QUALITIES else "draft"
-                    taken = float(event["seconds"]) * threads.get(event["job"], 1)
-                    found[event["stage"]][event["shot"], quality].append(taken)
-        return found
+        timed = {}
+        for stage in stages:
+            shared = stage in SHARED_STAGES
+            seconds = self._seconds.get((stage, subject, "" if shared else quality))
+            if shared and not seconds:
+                seconds = self._seconds.get((stage, shot, ""))
+            if seconds:
+                timed[stage] = dict(seconds)
+        return timed
 
 
-def samples(quality: str) -> int:
-    return quality_named(quality, QUALITIES).samples
+def render_seconds(request: RenderRequest, root: Path) -> dict[int, Mapping[str, float]]:
+    """Return by frame the seconds of its last render, in parts, where they are known."""
+    folder = request.folders
+    read = {n: read_statistics(root / folder.statistics(request.quality_name, n)) for n in request.angles}
+    return {number: statistics.seconds for number, statistics in read.items() if statistics is not None}
 
 
-def pixels(quality: str) -> int:
-    named = quality_named(quality, QUALITIES)
-    if named.crop is None:
-        return named.width * named.height
-    x0, y0, x1, y1 = named.crop
-    return (x1 - x0) * (y1 - y0)
+def seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
+    """Return the seconds of one render, in parts; empty where the picture of this key has none."""
+    statistics = read_statistics(root / request.folders.statistics(request.quality_name, number))
+    return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
 
 
-def _folders(root: Path, name: str, quality: str) -> Iterator[Path]:
-    """Where statistics lie of pictures of a quality that is known."""
-    for home in (root / "renders", root / "renders" / "turntable"):
-        for folder in sorted(home.glob(f"{name}/{quality}/statistics")):
-            if base_of(folder.parent.name) in QUALITIES:
-                yield folder
-
-
-def _seconds_in(folder: Path) -> Iterator[tuple[float, float]]:
-    """Of a core, of light and of all else, of frames that one process rendered from their first pass on."""
-    for path in islice(folder.glob("*.json"), FRAMES):
-        try:
-            told = json.loads(path.read_text())
-            if not told.get("resumed_batches"):
-                light = told["seconds"].pop("rendering") * told["threads"]
-                yield light, sum(told["seconds"].values()) * told["threads"]
-        except (OSError, ValueError, KeyError, TypeError, AttributeError):
-            continue
-
-
-def _mean_size(folder: Path, pattern: str) -> float | None:
-    sizes = list(_sizes(islice(folder.glob(pattern), FRAMES)))
-    return sum(sizes) / len(sizes) if sizes else None
-
-
-def _sizes(files: Iterator[Path]) -> Iterator[int]:
-    for file in files:
-        try:
-            yield file.stat().st_size
-        except OSError:
-            continue
+def total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -> dict[str, float]:
+    """Return the seconds of all frames of a request by stage; `raws` are the keys of its renders."""
+    stages = (*sorted(SHARED_STAGES), "finish", "assemble")
+    latest = LatestTimings(root).by_stage(request.subject, request.name, request.quality_name, stages)
+    renders = [sum(seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
+    totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
+    return {**totals, "render": round(sum(renders), 3)}

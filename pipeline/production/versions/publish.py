@@ -20,7 +20,7 @@ from typing import Any
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.keys.digest import Key
-from pipeline.production.planning.spent import seconds_by_stage, seconds_of
+from pipeline.production.planning.timings import seconds_of_render, total_seconds
 from pipeline.production.request.frame_keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
@@ -172,7 +172,7 @@ class Release:
             packages=packages(),
             stages=stage_versions(),
             host=host(),
-            timings=seconds_by_stage(request, root, {n: keys[n].raw for n in request.angles}),
+            timings=total_seconds(request, root, {n: keys[n].raw for n in request.angles}),
         )
 
     def _frame(self, number: int, keys: PictureKeys) -> FrameRecord:
@@ -191,7 +191,7 @@ class Release:
             seed=request.seed(number),
             pixels=pixels,
             sha256=digest_of_file(file),
-            seconds=seconds_of(request, self.store.root, number, found.raw),
+            seconds=seconds_of_render(request, self.store.root, number, found.raw),
         )
 
     def _whole_movie(self, key: Key) -> str:
