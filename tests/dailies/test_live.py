@@ -13,8 +13,7 @@ from typing import Any
 
 import pytest
 
-from pipeline.dailies.live.feed import LiveFeed
-from pipeline.dailies.live.server import serving
+from pipeline.dailies.live.server import LiveFeed, serving
 from pipeline.dailies.live.session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream

@@ -12,8 +12,7 @@ import pytest
 from playwright.sync_api import Browser
 from playwright.sync_api import ReviewPage as Tab
 
-from pipeline.dailies.live.feed import LiveFeed
-from pipeline.dailies.live.server import serving
+from pipeline.dailies.live.server import LiveFeed, serving
 from pipeline.dailies.live.session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
