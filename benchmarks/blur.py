@@ -19,8 +19,8 @@ import numpy as np
 from pipeline.mesh.solids.primitives import icosphere
 from render.frame.motion_samples import ShutterInterval
 from render.frame.render_frame import render_frame
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import choose
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

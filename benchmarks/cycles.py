@@ -35,10 +35,10 @@ from benchmarks.flicker import CAMERA, TURN, moment_of, subject
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from render.frame.render_frame import render_frame
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import read_exr
 from render.post.temporal_denoise import DenoisedFrame, temporal_denoise
+from render.scene.aovs import RenderedFrame
 from render.scene.lights import LIGHTS, Softbox
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality

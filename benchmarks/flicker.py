@@ -24,12 +24,12 @@ from pipeline.arrays import AnyArray
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.solids.primitives import torus
 from render.frame.render_frame import render_frame
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.mitsuba.scene import build_scene
 from render.post.colour import to_display
 from render.post.denoise import denoise
 from render.post.temporal_denoise import DenoisedFrame, residual_noise, temporal_denoise
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -19,10 +19,10 @@ import numpy as np
 from benchmarks.report import Row, Target, keep, show
 from pipeline.mesh.solids.primitives import icosphere
 from render.mitsuba import emitters as lamps
-from render.mitsuba import stage_shapes as scenery
+from render.mitsuba import shapes as scenery
 from render.mitsuba.engine import choose
-from render.mitsuba.mesh import mesh
 from render.mitsuba.scene import build_scene
+from render.mitsuba.shapes import mesh
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -29,10 +29,11 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.resample import Report, ThresholdFormula, Thresholds
 from pipeline.shot import Motion, Resampling, Solid
-from render.mitsuba import emitters, materials, stage_shapes
+from render.mitsuba import emitters, materials
 from render.mitsuba.engine import choose
 from render.mitsuba.scene import SceneRenderer, build_scene
 from render.mitsuba.sensor import sensor
+from render.mitsuba.shapes import stage_shapes
 from render.mitsuba.texture_coordinates import TextureCoordinates
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -123,7 +124,7 @@ def exact(size: tuple[int, int]) -> AnyArray:
         "type": "scene",
         "sensor": sensor(CAMERA, size),
         "subject": {"type": "sphere", "center": [0.0, 1.0, 0.0], "radius": 1.0, "material": of_metal},
-        **stage_shapes.shapes(STAGE, PLACEMENT, CAMERA, size),
+        **stage_shapes(STAGE, PLACEMENT, CAMERA, size),
         **emitters.emitters(RIG, PLACEMENT.matrix()),
     }
     path = {**materials.path_integrator(LOOK, DEPTH), "hide_emitters": not RIG.shows_sky}

@@ -11,7 +11,7 @@ from typing import Any
 _MODULES = {
     "render.base.errors": ("BadInputError", "CorruptImageError", "FlowsculptError", "MissingImageError"),
     "render.base.serialise": ("from_plain", "to_plain"),
-    "render.scene.aovs": ("AOVS",),
+    "render.scene.aovs": ("AOVS", "RenderedFrame"),
     "render.scene.camera": ("Camera",),
     "render.scene.lights": ("LIGHTS", "LightRig", "Sky", "Softbox", "Sun"),
     "render.scene.materials": ("LOOKS", "Material"),
@@ -23,7 +23,6 @@ _MODULES = {
     "render.mitsuba.engine": ("Engine", "choose"),
     "render.frame.motion_samples": ("ShutterInterval",),
     "render.frame.render_frame": ("render_frame",),
-    "render.frame.rendered_frame": ("RenderedFrame",),
     "render.frame.sample_batches": ("seed_of",),
     "render.post.colour": ("quantise", "to_display"),
     "render.post.denoise": ("denoise",),

@@ -125,7 +125,7 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 CALLS = [
     ("pipeline.flow.kernels.vortices", "pipeline.flow.kernels.program", "pipeline.flow.kernels.streamlines"),
     ("pipeline.resample.kernels.ring", "pipeline.resample.kernels.collapse"),
-    ("render.raster.kernels.decorators", "render.raster.kernels.triangles"),
+    ("render.raster.kernels.projection", "render.raster.kernels.triangles"),
 ]
 """A module, and kernels that call or use it."""
 

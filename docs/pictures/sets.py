@@ -20,11 +20,11 @@ from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import choose
 from render.post.colour import quantise, to_display
 from render.post.denoise import denoise
-from render.scene.daylight import Daylight
 from render.scene.lights import LIGHTS, LightRig
 from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
 from render.scene.scene import Scene
+from render.scene.sky import Daylight
 from render.scene.stage import STAGES, Stage
 from render.scene.surface import Surface
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import ShutterInterval, motion_sample_count
-from render.frame.rendered_frame import Pixels, RenderedFrame
 from render.frame.sample_batches import SampleBatches
 from render.frame.vertex_aovs import stage_motion, vertex_attributes
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import build_scene
+from render.scene.aovs import Pixels, RenderedFrame
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample, Scene
 from render.scene.surface import Surface

@@ -15,9 +15,9 @@ from numpy.typing import NDArray
 from render.frame.accumulator import Accumulator, Picture
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import batch_sizes, combined_batches, interleaved_batch_sizes
-from render.frame.rendered_frame import Pixels
 from render.frame.vertex_aovs import Attributes, render_attributes
 from render.mitsuba.scene import VERTEX_AOV, FrameScenes, SceneRenderer
+from render.scene.aovs import Pixels
 from render.scene.quality import Quality
 
 _MOMENT_CHANNELS = [0, 1, 2, 4, 7]

@@ -10,9 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.scene.camera import Camera
-from render.scene.daylight import Daylight
-from render.scene.environment import Environment, read_map
 from render.scene.lights import LightRig, Sky, Softbox, Sun
+from render.scene.sky import Daylight, Environment, read_map
 
 _LUMA = np.array([0.2126, 0.7152, 0.0722])
 

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.mitsuba.materials import vertex_attribute
-from render.mitsuba.mesh import mesh
+from render.mitsuba.shapes import mesh
 from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from render.scene.camera import Camera
 from render.scene.materials import Material

@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.integrator.light_sampler import LightSampler, SampledEmitter, sampled_emitters
-from render.mitsuba import absorption, emitters, gouraud, materials, stage_shapes
-from render.mitsuba.mesh import mesh
+from render.mitsuba import absorption, emitters, gouraud, materials
 from render.mitsuba.sensor import sensor
+from render.mitsuba.shapes import auxiliary_stage_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
@@ -103,12 +103,12 @@ def _lit(
     medium = materials.interior_medium(material, placement.size)
     subject = mesh("subject", split, bsdf, coordinates.values, medium)
     to_scene = placement.matrix()
-    shapes = {"subject": subject, **stage_shapes.shapes(scene.stage, placement, camera, size)}
+    shapes = {"subject": subject, **stage_shapes(scene.stage, placement, camera, size)}
     if material.wireframe:
         shapes["wireframe"] = _wireframe(surface, material.wireframe, camera, size)
     unlit = {"type": "scene", "sensor": sensor(camera, size, quality.crop), **shapes}
     lit = _load({**unlit, **emitters.emitters(lights, to_scene)})
-    replaced = stage_shapes.auxiliary_shapes(scene.stage, placement, camera, size)
+    replaced = auxiliary_stage_shapes(scene.stage, placement, camera, size)
     if material.is_clear:
         replaced["subject"] = mesh("subject", split, materials.auxiliary_bsdf(material), coordinates.values)
     auxiliary = lit

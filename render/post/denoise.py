@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import MachineError
-from render.frame.rendered_frame import RenderedFrame
+from render.scene.aovs import RenderedFrame
 
 
 def denoise(frame: RenderedFrame, effort: str = "high") -> NDArray[np.float32]:

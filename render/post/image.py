@@ -17,8 +17,7 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write, cannot_write
 from render.base.errors import BadInputError, CorruptImageError, MissingImageError
-from render.frame.rendered_frame import RenderedFrame
-from render.scene.aovs import AOVS
+from render.scene.aovs import AOVS, RenderedFrame
 
 Header = Mapping[str, Any]
 Displayed = NDArray[np.uint8] | NDArray[np.uint16]

@@ -1,4 +1,4 @@
-"""Lights of a quick preview as rows of numbers, and the light that vertices send to the camera."""
+"""Lighting of a quick preview: the light that vertices send to the camera, and the key light's shadow map."""
 
 from __future__ import annotations
 
@@ -8,7 +8,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.raster.kernels.shading import shade_vertices
-from render.raster.shapes import Floats, Shape, StageSetup
+from render.raster.kernels.shadow_map import (
+    BLOCK,
+    block_maxima,
+    light_coordinates,
+    light_visibility,
+    move_halfway,
+    render_depth,
+)
+from render.raster.shapes import Floats, ScreenProjection, Shape, StageSetup, plinth_shape
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Sky, Softbox, Sun
 from render.scene.materials import Diffuse, Material
@@ -24,6 +32,13 @@ SHADOW_REACH = 2.6
 
 SUN_DISTANCE = 60.0
 """Distance from which the sun's shadow map is rendered, stage units."""
+
+
+SHADOW_SIDE = 64 * BLOCK
+"""Pixels along each side of the shadow map."""
+
+SHADOW_LIFT = 0.06
+"""Stage units above a surface at which its shadow is looked up, so that it does not shade itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,3 +146,55 @@ def _reflection(material: Material) -> Floats:
     if not material.has_body:
         return np.array([0.0, 1.0, 0.0])
     return np.array([1.0, 0.0, COAT if material.has_coat else 0.0])
+
+
+@dataclass(frozen=True, eq=False)
+class ShadowMap:
+    """A shadow map. Without a key light there is no projection, and arrays are empty.
+
+    nearness  (SHADOW_SIDE, SHADOW_SIDE), one over the depth, 0 for no surface
+    blocks    (SHADOW_SIDE / BLOCK, SHADOW_SIDE / BLOCK), as the kernel `block_maxima` computes them
+    lift      SHADOW_LIFT in scene units
+    """
+
+    projection: ScreenProjection | None
+    nearness: NDArray[np.float32]
+    blocks: NDArray[np.float32]
+    lift: float
+
+    @classmethod
+    def of(cls, subject: Shape, setup: StageSetup, side: int) -> ShadowMap:
+        """Render a shadow map. side: as in the kernel `render_depth`"""
+        camera, lift = key_camera(setup), SHADOW_LIFT * setup.placement.size
+        if camera is None:
+            return cls(None, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32), lift)
+        projection = ScreenProjection.of(camera, 1.0)
+        layers = np.zeros((2, SHADOW_SIDE, SHADOW_SIDE), np.float32)
+        blocks = np.empty((SHADOW_SIDE // BLOCK,) * 2, np.float32)
+        render_depth(
+            projection.project(subject.vertices, SHADOW_SIDE, SHADOW_SIDE), subject.faces, side, layers
+        )
+        if side:
+            move_halfway(layers)
+        if setup.stage.kind == "plinth":
+            plinth = plinth_shape(setup.stage, setup.placement)
+            render_depth(
+                projection.project(plinth.vertices, SHADOW_SIDE, SHADOW_SIDE), plinth.faces, 0, layers
+            )
+        block_maxima(layers[0], blocks)
+        return cls(projection, layers[0], blocks, lift)
+
+    def coordinates(self, shape: Shape, which: NDArray[np.intp], outwards: int) -> NDArray[np.float32]:
+        """Return coordinates (3, N) of vertices in the map. outwards: as in `VisibleFaces`"""
+        result = np.zeros((3, len(which)), np.float32)
+        lift = -self.lift if outwards < 0 else self.lift
+        if self.projection is not None:
+            origin, axes = self.projection.origin, self.projection.axes
+            light_coordinates(shape.vertices, shape.normals, which, lift, origin, axes, result)
+        return result
+
+    def visibility(self, coordinates: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Return the visible fraction (N,) of the key light at coordinates (3, N)."""
+        fraction = np.empty(coordinates.shape[1], np.float32)
+        light_visibility(coordinates, self.nearness, self.blocks, fraction)
+        return fraction

@@ -11,8 +11,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 from render.base.serialise import Triple
-from render.scene.daylight import Daylight
-from render.scene.environment import Environment
+from render.scene.sky import Daylight, Environment
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,28 @@
-"""Measures shown by colour: the speed of the flow, and how far the surface has stretched."""
+"""Measures shown by colour maps: the speed of the flow, and how far the surface has stretched."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.scene.colour_maps import COLOUR_MAPS, colour_map
 from render.scene.surface import Surface
+from render.scene.textures import linear_of_srgb
 
 Floats = NDArray[np.float64]
+
+COLOUR_MAPS = ("viridis", "plasma", "inferno", "magma", "cividis", "turbo", "coolwarm")
+"""Colour maps of matplotlib. viridis, plasma, inferno, magma (N. Smith and S. van der Walt, 2015) and cividis
+(J. Nuñez et al., PLOS ONE 13(7), 2018) grow lighter with the number, by equal perceived steps; turbo (A.
+Mikhailov, 2019) is a smooth rainbow; coolwarm (K. Moreland, *Diverging Color Maps for Scientific
+Visualization*, 2009) is for numbers on both sides of a middle."""
+
+TEXELS = 256
+"""Colours in a map."""
 
 SPEED = "speed"
 """Name of the vertex attribute (V, 1) that the measure "speed" shows."""
@@ -147,3 +157,14 @@ def _gram(points: NDArray[np.floating], faces: NDArray[np.int32]) -> tuple[Float
     a, b, c = points.astype(np.float64)[faces].transpose(1, 0, 2)
     first, second = b - a, c - a
     return (first * first).sum(axis=1), (first * second).sum(axis=1), (second * second).sum(axis=1)
+
+
+@cache
+def colour_map(name: str) -> NDArray[np.float32]:
+    """Return linear Rec.709 reflectances (TEXELS, 3), from the lowest number to the highest."""
+    from matplotlib import colormaps
+
+    srgb = np.asarray(colormaps[name](np.linspace(0.0, 1.0, TEXELS)))[:, :3]
+    linear = linear_of_srgb(srgb).astype(np.float32)
+    linear.setflags(write=False)
+    return linear

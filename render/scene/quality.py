@@ -31,7 +31,7 @@ class Quality:
     denoise            "off", or the denoiser's effort: "fast", "balanced" or "high"
     temporal_denoise   frames before and after that temporal denoising reprojects; 0 is off
     crop               rendered part of the picture; None is all of it
-    noise_threshold    noise (`adaptive_sampling.noise_of`) at which adaptive sampling stops; `samples` is
+    noise_threshold    noise (`accumulator.noise_of`) at which adaptive sampling stops; `samples` is
                        the most then. None always takes `samples`
     """
 

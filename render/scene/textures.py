@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import NOT_PLAIN
-from render.scene.colour_maps import linear_of_srgb
 
 Pixels = NDArray[np.float32]
 
@@ -149,3 +148,9 @@ def _read(path: str) -> tuple[Pixels, bool]:
 
 def _is_float(kind: Any) -> bool:
     return str(kind) in ("half", "float", "double")
+
+
+def linear_of_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:
+    """Return the linear values of sRGB values 0 … 1 (IEC 61966-2-1)."""
+    srgb = np.asarray(srgb, dtype=np.float64)
+    return np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)

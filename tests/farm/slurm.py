@@ -30,8 +30,7 @@ from pathlib import Path
 import psutil
 
 from render.base.errors import MachineError
-from render.mitsuba.apt import PrivateApt
-from render.mitsuba.apt import available as apt_available
+from render.mitsuba.llvm import PrivateApt, apt_available
 
 PACKAGES = ("slurmctld", "slurmd", "slurm-client", "munge")
 

@@ -19,8 +19,8 @@ from pipeline.production.request.turntable import Turntable
 from pipeline.resample import Thresholds
 from pipeline.shot import read_shot
 from render.scene.camera import Camera
-from render.scene.colour_maps import colour_map
 from render.scene.materials import LOOKS
+from render.scene.measure import colour_map
 from render.scene.stage import StagePlacement
 
 BALL = "title: T\nframes: 1-6\nsubject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"

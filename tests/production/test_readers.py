@@ -15,8 +15,8 @@ from pipeline.production.store.readers import write_npz
 from pipeline.production.store.store import CorruptFileError
 from pipeline.shot import read_shot
 from render.base.errors import CorruptImageError
-from render.frame.rendered_frame import RenderedFrame
 from render.post.image import write_exr
+from render.scene.aovs import RenderedFrame
 
 KEY, OTHER = "0123456789abcdef" * 2, "f" * 32
 SIZE = (16, 9)

@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from render.frame.render_frame import render_frame
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -12,10 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
-from render.frame.adaptive_sampling import noise_of
+from render.frame.accumulator import noise_of
 from render.frame.motion_samples import ShutterInterval
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample

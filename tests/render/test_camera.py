@@ -13,10 +13,10 @@ from hypothesis import strategies as st
 
 from pipeline.mesh import icosphere
 from render.base.errors import BadInputError
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.emitters import any_in_view
 from render.mitsuba.sensor import sensor
 from render.post.denoise import denoise
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS, LightRig
 from render.scene.quality import Quality

@@ -16,8 +16,8 @@ import pytest
 import render
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import ShutterInterval
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample

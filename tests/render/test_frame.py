@@ -18,10 +18,10 @@ import render
 from render.base.errors import BadInputError
 from render.frame.accumulator import without_fireflies
 from render.frame.render_frame import render_frame
-from render.frame.rendered_frame import RenderedFrame
 from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 from render.post.denoise import denoise
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS, LightRig, Sky, Sun
 from render.scene.materials import LOOKS, Diffuse

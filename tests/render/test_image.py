@@ -15,9 +15,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from render.base.errors import BadInputError, CorruptImageError, MachineError, MissingImageError
-from render.frame.rendered_frame import RenderedFrame
 from render.graphics.typesetting import lettering
 from render.post.image import read_exr, read_header, read_png, write_exr, write_png
+from render.scene.aovs import RenderedFrame
 
 
 @pytest.fixture

@@ -15,16 +15,15 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.base.serialise import to_plain
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.emitters import daylight_exposure, daylight_irradiances
 from render.mitsuba.engine import Engine
 from render.raster import Shape, StageSetup, preview
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
-from render.scene.daylight import Daylight, sun_position
-from render.scene.environment import Environment, read_map
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
+from render.scene.sky import Daylight, Environment, read_map, sun_position
 from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 

@@ -15,8 +15,8 @@ from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import tessellate
 from pipeline.mesh.solids.primitives import box
 from render.base.errors import BadInputError
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba import gouraud
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -10,9 +10,9 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
 from render.mitsuba.texture_coordinates import planar_coordinates
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Sky
 from render.scene.materials import LOOKS, Absorption, AnyMaterial, BrushedMetal, Diffuse, Glass

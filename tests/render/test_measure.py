@@ -12,10 +12,9 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.rendered_frame import RenderedFrame
-from render.scene.colour_maps import COLOUR_MAPS, colour_map
+from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, AnyMaterial
-from render.scene.measure import KINDS, Measure, at_vertices, principal_stretches
+from render.scene.measure import COLOUR_MAPS, KINDS, Measure, at_vertices, colour_map, principal_stretches
 from render.scene.surface import Surface
 from render.scene.vertex_colours import vertex_colours as colours
 

@@ -12,8 +12,7 @@ from render.raster import Preview, Shape, StageSetup, preview, with_lines
 from render.raster.kernels.large_triangles import LargeTriangles
 from render.raster.kernels.projection import LARGE, SMALL
 from render.raster.kernels.triangles import draw_triangles
-from render.raster.shapes import ScreenProjection
-from render.raster.visible_faces import VisibleFaces
+from render.raster.shapes import ScreenProjection, VisibleFaces
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
-from render.frame.rendered_frame import RenderedFrame
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.spheres import MAX_FACES, TOLERANCE, Spheres
 

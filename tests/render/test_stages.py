@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pipeline.production.render_inputs.framing import frame_all, with_room
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
-from render.frame.rendered_frame import RenderedFrame
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LightRig, Softbox
 from render.scene.quality import Quality

@@ -14,10 +14,10 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.rendered_frame import RenderedFrame
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
-from render.scene.colour_maps import linear_of_srgb
 from render.scene.materials import LOOKS, AnyMaterial, Relief
+from render.scene.measure import linear_of_srgb
 from render.scene.surface import Surface
 from render.scene.texture_projection import PROJECTIONS, Projection, project_texture
 from render.scene.textures import Texture

@@ -14,8 +14,8 @@ from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, UsageError
 from pipeline.production.keys.digest import Key
 from pipeline.production.store.store import CorruptFileError
-from render.frame.rendered_frame import RenderedFrame
 from render.post.image import read_exr
+from render.scene.aovs import RenderedFrame
 
 if TYPE_CHECKING:
     from pipeline.animation import MeshFrame

@@ -11,9 +11,9 @@ from pipeline.errors import FrameError
 from pipeline.production.request.frame_keys import PictureKeys
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
-from render.frame.rendered_frame import RenderedFrame
 from render.post.denoise import denoise
 from render.post.image import write_exr
+from render.scene.aovs import RenderedFrame
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing

@@ -18,7 +18,6 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
 from render.base.serialise import from_plain
-from render.frame.rendered_frame import RenderedFrame
 from render.graphics.titles import TitleCard, title_frames
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
@@ -26,6 +25,7 @@ from render.movie.planes import Frame
 from render.movie.sequences import ClipFrames, dissolve, mix_frames, prefetch
 from render.movie.sound import Samples, blocks
 from render.post.colour import quantise, to_display
+from render.scene.aovs import RenderedFrame
 
 T = TypeVar("T")
 

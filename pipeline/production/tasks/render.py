@@ -25,9 +25,9 @@ from render.base.atomic_write import disk_errors
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import ShutterInterval
 from render.frame.render_frame import render_frame
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.measure import SPEED
 from render.scene.scene import MotionSample, Scene

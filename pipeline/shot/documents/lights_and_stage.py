@@ -22,9 +22,8 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.yaml.parse_context import ParseContext, finding
 from render.base.errors import RenderError
-from render.scene.daylight import Daylight, sun_position
-from render.scene.environment import Environment, read_map
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
+from render.scene.sky import Daylight, Environment, read_map, sun_position
 from render.scene.stage import STAGES, Stage
 
 SUBJECT_MIDDLE = [0.0, 1.0, 0.0]

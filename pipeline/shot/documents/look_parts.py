@@ -29,9 +29,8 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.yaml.parse_context import ParseContext, finding
 from render.base.errors import RenderError
-from render.scene.colour_maps import COLOUR_MAPS
 from render.scene.materials import Absorption, Relief
-from render.scene.measure import KINDS, Measure
+from render.scene.measure import COLOUR_MAPS, KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment
 from render.scene.texture_projection import PROJECTIONS, Projection
 from render.scene.textures import Texture, read_picture

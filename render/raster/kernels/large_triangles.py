@@ -12,8 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from render.raster.kernels.decorators import Array, exact, fast
-from render.raster.kernels.projection import corner
+from render.raster.kernels.projection import Array, corner, exact, fast
 from render.raster.kernels.shadow_map import light_visibility
 
 SUPERSAMPLING = 2

@@ -1,10 +1,21 @@
-"""Kernels: project vertices to the screen, and sort faces by the side they show."""
+"""Kernels: project vertices to the screen, and sort faces by their side. Decorators of all kernels here."""
 
 from __future__ import annotations
 
-import numpy as np
+from typing import Any
 
-from render.raster.kernels.decorators import Array, exact
+import numpy as np
+from numpy.typing import NDArray
+
+from render.base.kernel_cache import compiled
+
+Array = NDArray[Any]
+
+FAST_MATH = {"contract", "reassoc", "arcp", "nsz"}
+"""Fast-math flags. A preview need not have the same bits on every processor."""
+
+exact, fast = compiled(), compiled(fastmath=FAST_MATH)
+"""`exact` keeps the order of operations, `fast` lets the compiler change it."""
 
 LARGE_SIZE = 8
 """Subsamples across from which a triangle is large: shadows are computed per pixel, not at its corners."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from render.raster.kernels.decorators import Array, fast
+from render.raster.kernels.projection import Array, fast
 
 _FAINT = 1e-5
 """Part of a highlight's brightness below which it is left out."""

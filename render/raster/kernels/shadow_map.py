@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster.kernels.decorators import Array, exact, fast
-from render.raster.kernels.projection import EDGE, box, corner
+from render.raster.kernels.projection import EDGE, Array, box, corner, exact, fast
 
 BLOCK = 8
 """Pixels along a block of the shadow map that is tested coordinates once."""

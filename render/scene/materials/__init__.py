@@ -1,9 +1,9 @@
 """Materials: what the sculpture is made of. Plain descriptions; `render.mitsuba.materials` builds them."""
 
-from render.scene.materials.looks import LOOKS
 from render.scene.materials.material import Absorption, Material, PatternedMaterial, Relief
 from render.scene.materials.mitsuba_bsdf import Bsdf
 from render.scene.materials.models import (
+    LOOKS,
     AnyMaterial,
     BrushedMetal,
     Diffuse,

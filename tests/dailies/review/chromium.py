@@ -21,8 +21,7 @@ from filelock import FileLock
 from playwright.sync_api import Browser, Error, sync_playwright
 
 from render.base.errors import MachineError
-from render.mitsuba.apt import PrivateApt
-from render.mitsuba.apt import available as apt_available
+from render.mitsuba.llvm import PrivateApt, apt_available
 
 PACKAGES = ("chromium-headless-shell", "fonts-dejavu-core")
 

@@ -22,8 +22,8 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.wedge import Wedge
-from render.frame.rendered_frame import RenderedFrame
 from render.post.image import write_exr
+from render.scene.aovs import RenderedFrame
 from tests.conftest import commanded
 
 NAME = "T010_tiny"

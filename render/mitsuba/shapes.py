@@ -1,13 +1,13 @@
-"""Stages and reference objects as Mitsuba's shapes. Functions need a started engine."""
+"""Mitsuba's shapes: meshes, the stage and reference objects. Functions need a started engine."""
 
 from __future__ import annotations
 
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
-from render.mitsuba.mesh import mesh
 from render.mitsuba.texture_coordinates import SURROUNDINGS
 from render.scene import reference_objects
 from render.scene.camera import Camera
@@ -21,7 +21,51 @@ PLINTH = (0.56, 0.555, 0.545)
 _UV = np.array([0.0, SURROUNDINGS])
 
 
-def shapes(stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int]) -> dict[str, Any]:
+def mesh(
+    name: str,
+    surface: Surface,
+    material: Any,
+    uv: NDArray[np.floating],
+    medium: dict[str, Any] | None = None,
+) -> Any:
+    """Return a mesh for a scene.
+
+    material  a BSDF, or its description
+    uv        texture coordinates (V, 2), or (2,) for all; see `render.mitsuba.texture_coordinates`
+    medium    description of the medium inside, or None
+    """
+    import mitsuba as mi
+
+    properties = mi.Properties()
+    properties["material"] = mi.load_dict(material) if isinstance(material, dict) else material
+    if medium is not None:
+        properties["interior"] = mi.load_dict(medium)
+    made = mi.Mesh(
+        name,
+        vertex_count=len(surface.vertices),
+        face_count=len(surface.faces),
+        has_vertex_normals=True,
+        has_vertex_texcoords=True,
+        props=properties,
+    )
+    values = mi.traverse(made)
+    values["vertex_positions"] = _ravel(surface.vertices)
+    values["vertex_normals"] = _ravel(surface.normals)
+    values["vertex_texcoords"] = _ravel(np.broadcast_to(uv, (len(surface.vertices), 2)))
+    values["faces"] = np.ascontiguousarray(surface.faces, dtype=np.uint32).ravel()
+    values.update()
+    for attribute, array in surface.attributes.items():
+        made.add_attribute(f"vertex_{attribute}", array.shape[1], _ravel(array))
+    return made
+
+
+def _ravel(array: NDArray[Any]) -> Any:
+    return np.ascontiguousarray(array, dtype=np.float32).ravel()
+
+
+def stage_shapes(
+    stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int]
+) -> dict[str, Any]:
     """Return the shapes around the subject by their names in the scene. size: of the picture, pixels"""
     if stage.kind == "none":
         return {}
@@ -39,7 +83,7 @@ def shapes(stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[
     return made
 
 
-def auxiliary_shapes(
+def auxiliary_stage_shapes(
     stage: Stage, placement: StagePlacement, camera: Camera, size: tuple[int, int]
 ) -> dict[str, Any]:
     """Return the shapes that differ in auxiliary AOVs: Mitsuba knows no albedo of a mirror."""

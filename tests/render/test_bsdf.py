@@ -11,9 +11,9 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.bsdf import load_error, parse_reason, refusal
 from render.mitsuba.engine import Engine
+from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, AnyMaterial, MitsubaMaterial
 from render.scene.materials.mitsuba_bsdf import BSDFS, PLUGINS, TEXTURES, Bsdf
 from render.scene.surface import Surface

@@ -9,17 +9,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from render.frame.rendered_frame import RenderedFrame
 from render.integrator.light_sampler import sampled_emitters
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import SceneRenderer, build_scene
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
-from render.scene.daylight import Daylight
-from render.scene.environment import Environment
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox, Sun
 from render.scene.materials import LOOKS
 from render.scene.quality import Quality
 from render.scene.scene import Scene
+from render.scene.sky import Daylight, Environment
 from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 

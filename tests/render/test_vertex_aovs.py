@@ -12,10 +12,10 @@ import OpenImageIO as oiio
 import pytest
 
 from render.base.errors import BadInputError
-from render.frame.rendered_frame import RenderedFrame
 from render.frame.sample_batches import SampleBatches
 from render.mitsuba.engine import Engine
 from render.post.image import read_exr, write_exr
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample

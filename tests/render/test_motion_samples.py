@@ -19,8 +19,8 @@ from render.frame.motion_samples import (
     combined_batches,
     motion_sample_count,
 )
-from render.frame.rendered_frame import RenderedFrame
 from render.mitsuba.engine import Engine
+from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.quality import BATCH_SAMPLES, Quality
 from render.scene.scene import MotionSample

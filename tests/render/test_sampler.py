@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.integrator.low_discrepancy import COORDINATES, LENGTH, points
+from render.integrator.sampler import COORDINATES, LENGTH, points
 
 
 def places(first: int, count: int) -> np.ndarray:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.frame.rendered_frame import RenderedFrame
+from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, AnyMaterial
 from render.scene.patterns import PATTERNS, TEXELS, Pigment, fractal_noise
 from render.scene.surface import Surface
