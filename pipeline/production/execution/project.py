@@ -220,4 +220,6 @@ class Project:
         """Return a planner for so many requests that are made side by side."""
         cores = self.profile.side_by_side(self.cores)
         side_by_side, share = max(1, cores // many), self.profile.share
-        return Planner(self.store, side_by_side, cores, self._notes, share, force=self.force)
+        return Planner(
+            self.store, side_by_side, cores, self._notes, share, force=self.force, comparable=many > 1
+        )

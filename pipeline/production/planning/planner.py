@@ -8,7 +8,7 @@ jobs are known by the keys of what they make.
 from __future__ import annotations
 
 import re
-from collections import Counter
+from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -30,7 +30,7 @@ from pipeline.production.planning.plan import (
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.resources import MeasuredResources
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.frame_keys import CameraFile, PictureKeys
+from pipeline.production.request.frame_keys import CameraFile, FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 from render.base.serialise import to_plain
@@ -58,29 +58,48 @@ class _Promises(CameraFile):
         return _Promise(self.key, number)
 
 
+class _Recipes(dict[int, FrameKeys]):
+    """What stands for the keys of a request's pictures among others of the same shot file: cheap to have."""
+
+    def __init__(self, request: RenderRequest) -> None:
+        super().__init__()
+        self._request, self._asked = request, frozenset(request.requested)
+
+    def __missing__(self, number: int) -> FrameKeys:
+        window, raw = (
+            self._request.window(number, self._asked.__contains__),
+            f"{self._request.identity}.{number}",
+        )
+        self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window)
+        return self[number]
+
+
 @dataclass(eq=False)
 class _Entry:
     """A request in the plan, and what is known of its pictures.
 
-    keys    those of its pictures; None where its cameras are not known
-    names   the same, or what stands for them until the cameras are known
-    meshes  mesh frames by number: wanted, present, or idle, where nothing needs them
+    keys        those of its pictures; None where its cameras are not known
+    comparable  what stands for the keys must tell equal pictures of other shot files
+    meshes      mesh frames by number: wanted, present, or idle, where nothing needs them
     """
 
     place: int
     request: RenderRequest
     keys: PictureKeys | None
     store: Store
+    comparable: bool
     meshes: dict[int, str] = field(default_factory=dict)
 
     @cached_property
-    def names(self) -> PictureKeys:
+    def names(self) -> Mapping[int, FrameKeys]:
+        """The keys of the pictures, or what stands for them until the cameras are known."""
+        request = self.request
         if self.keys is not None:
             return self.keys
-        promised = _Promises(
-            self.store, f"promised {self.request.cameras_key}", dict.fromkeys(self.request.angles)
-        )
-        return PictureKeys(self.request, self.store, promised)
+        if not self.comparable:
+            return _Recipes(request)
+        promised = _Promises(self.store, f"promised {request.cameras_key}", dict.fromkeys(request.angles))
+        return PictureKeys(request, self.store, promised)
 
     def numbers(self, state: str) -> list[int]:
         """Return the mesh frames in a state."""
@@ -107,6 +126,7 @@ class Planner:
     share         what each of them has for itself on a farm's nodes; None where they share this machine
     whole         plan also jobs whose files are there or not needed, which Snakemake may be told to run again
     force         stages that are made again though the store holds what they make
+    comparable    requests differ by settings, as the cells of a wedge do, and may have pictures in common
     """
 
     store: Store
@@ -116,9 +136,10 @@ class Planner:
     share: Share | None = None
     whole: bool = False
     force: frozenset[str] = frozenset()
+    comparable: bool = False
     _entries: dict[RenderRequest, _Entry] = field(default_factory=dict)
     _jobs: list[Job] = field(default_factory=list)
-    _makers: dict[tuple[str, Key], int] = field(default_factory=dict)
+    _makers: defaultdict[str, dict[Key, int]] = field(default_factory=lambda: defaultdict(dict))
     _links: dict[str, Link] = field(default_factory=dict)
     _targets: list[str] = field(default_factory=list)
     _goals: list[tuple[int, str]] = field(default_factory=list)
@@ -152,7 +173,8 @@ class Planner:
             self._surfaces(entry, unrendered)
         self._batches(entry, "render", unrendered)
         self._batches(entry, "finish", unfinished)
-        names.remember()
+        if isinstance(names, PictureKeys):
+            names.remember()
         if self.whole:
             self._rest(entry, "render", _union(names[n].window for n in frames))
             self._rest(entry, "finish", frames)
@@ -217,7 +239,7 @@ class Planner:
                         "and so would their frames be; rename one of them"
                     )
             keys = request.picture_keys(self.store)
-            self._entries[request] = _Entry(len(self._entries), request, keys, self.store)
+            self._entries[request] = _Entry(len(self._entries), request, keys, self.store, self.comparable)
         entry = self._entries[request]
         self._goals += [(entry.place, goal) for goal in goals]
         return entry
@@ -260,7 +282,7 @@ class Planner:
         if self.whole:
             self._rest(entry, "smooth_normals", sorted({request.angles[n].mesh for n in request.requested}))
         frames, key = sorted(request.angles), request.cameras_key
-        if (self.whole or not framed) and self._is_new(entry, ("frame_camera", key), framed, len(frames)):
+        if (self.whole or not framed) and self._is_new(entry, "frame_camera", key, framed, len(frames)):
             self._job(entry, "frame_camera", frames, [key], all_shown, framed)
 
     def _meshes(self, entry: _Entry, wanted: Sequence[int]) -> None:
@@ -281,15 +303,15 @@ class Planner:
         """Plan the jobs of frames that are made one by one."""
         request = entry.request
         least = self.share.frames if self.share else FEWEST
-        made = [(stage, entry.key(stage, n)) for n in frames]
-        fresh = [n for n, key in zip(frames, made, strict=True) if self._is_new(entry, key, present)]
+        keys = {n: entry.key(stage, n) for n in frames}
+        fresh = [n for n in frames if self._is_new(entry, stage, keys[n], present)]
         split = [fresh] if stage == "smooth_normals" else batches(fresh, self.side_by_side, least)
         for batch in filter(None, split):
             if stage == "render":
                 reads = list(dict.fromkeys(request.angles[n].mesh for n in batch))
             else:
                 reads = _union(entry.names[n].window for n in batch) if stage == "finish" else list(batch)
-            self._job(entry, stage, batch, [entry.key(stage, n) for n in batch], reads, present)
+            self._job(entry, stage, batch, [keys[n] for n in batch], reads, present)
             if stage == "render":
                 meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in batch if request.needs_mesh(n)))
                 self._jobs[-1] = replace(self._jobs[-1], meshes=meshes)
@@ -300,15 +322,16 @@ class Planner:
         for present in (True, False):
             self._batches(entry, stage, [n for n in numbers if (n not in absent) == present], present)
 
-    def _is_new(self, entry: _Entry, made: tuple[str, Key], present: bool, frames: int = 1) -> bool:
+    def _is_new(self, entry: _Entry, stage: str, key: Key, present: bool, frames: int = 1) -> bool:
         """Tell whether no job makes a file yet; a job that does then serves this request too."""
-        if made not in self._makers:
+        maker = self._makers[stage].get(key)
+        if maker is None:
             return True
-        job = self._jobs[self._makers[made]]
+        job = self._jobs[maker]
         if entry.place not in job.requests:
-            self._jobs[self._makers[made]] = replace(job, requests=(*job.requests, entry.place))
+            self._jobs[maker] = replace(job, requests=(*job.requests, entry.place))
         if job.requests[0] != entry.place and not present:
-            self._spared[made[0]] += frames
+            self._spared[stage] += frames
         return False
 
     def _job(
@@ -320,8 +343,7 @@ class Planner:
         reads: Sequence[int],
         present: bool,
     ) -> None:
-        for key in keys:
-            self._makers.setdefault((stage, key), len(self._jobs))
+        self._makers[stage] |= dict.fromkeys(keys, len(self._jobs))
         self._jobs.append(self._new(entry, stage, frames, keys, reads, present))
 
     def _new(
@@ -347,7 +369,7 @@ class Planner:
     def _movie(
         self, stage: str, entries: Sequence[_Entry], frames: Sequence[int], key: Key, path: str, present: bool
     ) -> None:
-        if self._is_new(entries[0], (stage, key), present, 0):
+        if self._is_new(entries[0], stage, key, present, 0):
             self._job(entries[0], stage, frames, [key], frames, present)
             places = tuple(entry.place for entry in entries)
             self._jobs[-1] = replace(self._jobs[-1], output=path, requests=places)
