@@ -20,10 +20,9 @@ from rich.progress import (
 )
 
 from pipeline.cli.output import err
-from pipeline.production.execution.poll import every
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Plan
-from pipeline.production.store.event_log import Event, EventReader
+from pipeline.production.store.event_log import Event, EventReader, poll
 
 POLL_SECONDS = 0.2
 
@@ -78,7 +77,7 @@ class StageBars:
         self._progress.start()
         self._ends.callback(self._progress.stop)
         self._ends.callback(self._read)
-        self._ends.enter_context(every(POLL_SECONDS, self._read))
+        self._ends.enter_context(poll(POLL_SECONDS, self._read))
         return self
 
     def __exit__(

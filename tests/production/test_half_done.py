@@ -23,7 +23,7 @@ from pipeline.production.store.paths import CHECKPOINTS, EVENTS
 from pipeline.production.store.store import Store
 from pipeline.production.tasks import memory_guard
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.memory_guard import RENEWED, VARIABLE, Wear, WornOutError
+from pipeline.production.tasks.memory_guard import RESTART_WORKER, VARIABLE, MemoryGuard, RestartWorker
 from pipeline.production.tasks.supervisor import Supervisor, _verdict
 from pipeline.production.tasks.worker import task_of
 from render.frame import sample_batches as passes
@@ -161,9 +161,9 @@ def test_a_renderer_that_has_grown_leaves_its_other_frames_to_a_fresh_one(
 ) -> None:
     monkeypatch.setenv(VARIABLE, "1")
     plan = bench.plan("2-3")
-    with pytest.raises(WornOutError) as worn:
+    with pytest.raises(RestartWorker) as worn:
         bench.do(plan, "render")
-    assert worn.value.held > worn.value.most == 1.0
+    assert worn.value.held > worn.value.limit == 1.0
     assert [e["frame"] for e in bench.events(plan, "frame") if e["stage"] == "render"] == [2]
 
 
@@ -174,22 +174,22 @@ def test_a_renderer_may_grow_by_half_and_to_a_gibibyte(monkeypatch: pytest.Monke
     for first, grown, worn in cases:
         held = iter([first, *[grown] * 2])
         monkeypatch.setattr(memory_guard, "_resident_mib", lambda held=held: float(next(held)))
-        process = Wear()
-        process.rendered()
-        process.heed()
-        process.rendered()
+        process = MemoryGuard()
+        process.measure()
+        process.check()
+        process.measure()
         if worn:
-            with pytest.raises(WornOutError):
-                process.heed()
+            with pytest.raises(RestartWorker):
+                process.check()
         else:
-            process.heed()
+            process.check()
 
 
 @pytest.mark.parametrize("said", ["much", "0", "-3", "inf", "nan"])
 def test_a_size_that_is_none_is_refused(said: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(VARIABLE, said)
     with pytest.raises(UsageError, match=f"{VARIABLE} is '{said}'"):
-        Wear()
+        MemoryGuard()
 
 
 _RENDERER = """
@@ -214,7 +214,7 @@ def test_fresh_renderers_go_on_where_others_ended_past_frames_that_failed(tmp_pa
         started.append(settled)
         return subprocess.Popen([sys.executable, "-c", _RENDERER, str(log.path), str(settled)])
 
-    assert RENEWED == 75
+    assert RESTART_WORKER == 75
     assert Supervisor(Context(tmp_path, Plan((), None, (job,)), job, log), start).run() == 0
     assert started == [0, 2, 3]
 

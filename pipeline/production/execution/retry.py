@@ -1,8 +1,8 @@
-"""What a run does about jobs that did not end well: whether another round may help, and with how many cores.
+"""Decide whether another round may mend a run, and with how many cores.
 
-A corrupt file was forgotten and a crashed variant is avoided: another round makes what is missing. A job that
-something killed had too little memory, in all likelihood: the next round has half as many side by side. One
-that hung is tried once more. What is wrong with a shot, a mesh or the disk no round mends.
+After a corrupt file was evicted or a crashed variant is avoided, another round makes what is missing. A
+killed job had too little memory, in all likelihood: the next round has half as many side by side. One that
+hung is tried once more. What is wrong with a shot, a mesh or the disk no round mends.
 """
 
 from __future__ import annotations
@@ -19,48 +19,45 @@ ROUNDS = 4
 TRIES = 2
 """How often a frame may hang."""
 
-Place = tuple[object, ...]
+_Frame = tuple[object, ...]
 
 
 @dataclass
-class Remedies:
-    """Those of one run, that has so many `cores`."""
+class RetryPolicy:
+    """What one run retries.
+
+    cores     cores of the next round
+    failures  events of what is beyond help, as failures
+    """
 
     cores: int
+    failures: list[Event] = field(default_factory=list)
     _rounds: int = 0
-    _hung: Counter[Place] = field(default_factory=Counter)
-    _given_up: list[Event] = field(default_factory=list)
+    _hung: Counter[_Frame] = field(default_factory=Counter)
 
-    def help(self, events: Sequence[Event]) -> bool:
-        """Whether another round may mend what a round with these events left undone."""
+    def allows(self, events: Sequence[Event]) -> bool:
+        """Tell whether another round may mend what a round with these events left undone."""
         self._rounds += 1
-        found = any(event["event"] == "healed" for event in events)
+        may_help = any(event["event"] == "healed" for event in events)
         for event in events:
             if event["event"] == "hung":
-                found |= self._may_try_again(event)
+                may_help |= self._may_try_again(event)
         killed = [event for event in events if event["event"] == "killed"]
         if killed and self.cores > 1:
             self.cores //= 2
-            found = True
+            may_help = True
         else:
-            self._given_up += [
-                _told(each, "with nothing beside it. Is there memory enough?") for each in killed
-            ]
-        return found and self._rounds < ROUNDS
-
-    @property
-    def given_up(self) -> list[Event]:
-        """What is beyond help, as failures."""
-        return self._given_up
+            self.failures += [_failure(e, "with nothing beside it. Is there memory enough?") for e in killed]
+        return may_help and self._rounds < ROUNDS
 
     def _may_try_again(self, event: Event) -> bool:
-        place = (event.get("stage"), event.get("shot"), event.get("frame"))
-        self._hung[place] += 1
-        if self._hung[place] < TRIES:
+        frame = (event.get("stage"), event.get("shot"), event.get("frame"))
+        self._hung[frame] += 1
+        if self._hung[frame] < TRIES:
             return True
-        self._given_up.append(_told(event, "once more. If it is only slow, --timeout gives it longer."))
+        self.failures.append(_failure(event, "once more. If it is only slow, --timeout gives it longer."))
         return False
 
 
-def _told(event: Event, more: str) -> Event:
+def _failure(event: Event, more: str) -> Event:
     return {**event, "event": "fail", "message": f"{event['message']} {more}"}

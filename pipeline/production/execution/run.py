@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.execution import snakemake
-from pipeline.production.execution.retry import Remedies
+from pipeline.production.execution.retry import RetryPolicy
 from pipeline.production.execution.watchdog import PATIENCE, watched
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
@@ -88,20 +88,20 @@ def run(
     with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
         store.sweep()
         checkpoints.sweep(store)
-        outcome, remedies = Outcome(make_plan() if waited else plan), Remedies(cores)
+        outcome, policy = Outcome(make_plan() if waited else plan), RetryPolicy(cores)
         hopeful = True
         while True:
             outcome.restored += outcome.plan.restore_links(store)
             if not (outcome.plan.jobs and hopeful):
                 break
-            work = _Work(outcome.plan, root, remedies.cores, profile or Profile.local(), patience)
+            work = _Work(outcome.plan, root, policy.cores, profile or Profile.local(), patience)
             events = work.done(watch)
             outcome.runs.append(outcome.plan.name)
             outcome.events += events
             outcome.plan = make_plan()
-            hopeful = remedies.help(events)
+            hopeful = policy.allows(events)
         outcome.unfinished = bool(outcome.plan.jobs)
-        outcome.events += remedies.given_up
+        outcome.events += policy.failures
         if not outcome.unfinished:
             checkpoints.forget(root, outcome.plan.raw_places)
         return outcome

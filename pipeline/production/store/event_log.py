@@ -21,8 +21,10 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -89,3 +91,21 @@ class EventReader:
 def logs_of(root: Path) -> list[Path]:
     """Return the log of every run under a root, the latest last, without those of other hosts."""
     return sorted(path for path in (root / EVENTS).glob("*.jsonl") if "." not in path.stem)
+
+
+@contextmanager
+def poll(seconds: float, read: Callable[[], object]) -> Iterator[None]:
+    """Call `read` from a thread every so many seconds, until the context is left."""
+    done = threading.Event()
+
+    def follow() -> None:
+        while not done.wait(seconds):
+            read()
+
+    thread = threading.Thread(target=follow, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        done.set()
+        thread.join()

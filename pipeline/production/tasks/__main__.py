@@ -33,7 +33,7 @@ def main(
     """Do one job; return 0 if all of it went well, 1 if something failed and the event log says what.
 
     settled  for a process that renders: how many of the job's frames others before it have made, or failed
-             at; None has such processes started. One that has grown large returns `memory_guard.RENEWED`
+             at; None has such processes started. One that has grown returns RESTART_WORKER
     insist   do it again though an earlier attempt has said why it failed
     threads  the threads that Snakemake gave the job, by default those of the plan
     key      the key by which Snakemake knows a movie

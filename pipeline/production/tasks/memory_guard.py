@@ -1,7 +1,7 @@
-"""When a rendering process is replaced by a fresh one: once it has grown.
+"""Replace a rendering process by a fresh one once it has grown.
 
-Renderers are long-lived C++; what they lose from frame to frame only the end of their process gives back.
-No process renders more than `plan.BATCH` frames; one that has grown ends before.
+Renderers are long-lived C++; memory that they lose from frame to frame comes back only when their process
+ends. No process renders more than `plan.BATCH` frames; one that has grown ends before.
 """
 
 from __future__ import annotations
@@ -15,63 +15,65 @@ import psutil
 
 from pipeline.errors import UsageError
 
-RENEWED = 75
+RESTART_WORKER = 75
 """The exit code of a rendering process that wants a fresh one to render the rest of its frames."""
 
 GROWTH = 1.5
 """How many times the memory after its first frame a process may hold."""
 
 LEAST_MIB = 1024
-"""What a process may hold in any case."""
+"""Memory that a process may hold in any case."""
 
 VARIABLE = "FLOWSCULPT_WORKER_MIB"
-"""The environment variable that says instead how much a process may hold, in MiB."""
+"""The environment variable that sets the memory limit of a process, in MiB."""
 
 
-class WornOutError(Exception):
-    """This process holds too much (MiB, and how much it may) and is to be replaced before its next frame."""
+class RestartWorker(Exception):  # noqa: N818 - a request, not an error
+    """Raised when resident memory exceeds the limit; the supervisor starts a new worker.
 
-    def __init__(self, held: float, most: float | None) -> None:
-        super().__init__(held, most)
-        self.held, self.most = held, most
+    held, limit  MiB
+    """
+
+    def __init__(self, held: float, limit: float | None) -> None:
+        super().__init__(held, limit)
+        self.held, self.limit = held, limit
 
 
 @dataclass
-class Wear:
-    """How much this process has grown while it renders. Raises UsageError where VARIABLE says no size."""
+class MemoryGuard:
+    """Watches the memory of this process. Raises UsageError where VARIABLE is no size."""
 
-    _most: float | None = field(default_factory=lambda: _said())
-    _worn: float | None = None
+    _limit: float | None = field(default_factory=lambda: _limit_from_environment())
+    _excess: float | None = None
 
-    def rendered(self) -> None:
-        """A frame was made."""
+    def measure(self) -> None:
+        """Measure what this process holds after a frame; the first one sets the limit."""
         held = _resident_mib()
-        if self._most is None:
-            self._most = max(float(LEAST_MIB), GROWTH * held)
-        if held > self._most:
+        if self._limit is None:
+            self._limit = max(float(LEAST_MIB), GROWTH * held)
+        if held > self._limit:
             gc.collect()
             held = _resident_mib()
-        self._worn = held if held > self._most else None
+        self._excess = held if held > self._limit else None
 
-    def heed(self) -> None:
-        """Raises WornOutError, with how much is held, where it was too much after the last frame."""
-        if self._worn is not None:
-            raise WornOutError(self._worn, self._most)
+    def check(self) -> None:
+        """Raise RestartWorker if the last measurement exceeded the limit."""
+        if self._excess is not None:
+            raise RestartWorker(self._excess, self._limit)
 
 
 def _resident_mib() -> float:
     return float(psutil.Process().memory_info().rss) / 2**20
 
 
-def _said() -> float | None:
-    """What the environment allows, if it says so."""
-    said = os.environ.get(VARIABLE)
-    if not said:
+def _limit_from_environment() -> float | None:
+    text = os.environ.get(VARIABLE)
+    if not text:
         return None
     try:
-        most = float(said)
+        limit = float(text)
     except ValueError:
-        most = math.nan
-    if not (math.isfinite(most) and most > 0.0):
-        raise UsageError(f"{VARIABLE} is {said!r}; it must be a size in MiB, such as 4096")
-    return most
+        limit = math.nan
+    if not (math.isfinite(limit) and limit > 0.0):
+        raise UsageError(f"{VARIABLE} is {text!r}; it must be a size in MiB, such as 4096")
+    return limit

@@ -19,8 +19,8 @@ from pipeline.production.render_inputs.framing import Framing, turned
 from pipeline.production.request.frame_keys import FrameKeys, raw_header
 from pipeline.production.store import checkpoints, readers
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.memory_guard import Wear
-from pipeline.production.tasks.signals import Stop, stopping
+from pipeline.production.tasks.memory_guard import MemoryGuard
+from pipeline.production.tasks.signals import StopRequest, deferred_signals
 from render.base.atomic_write import disk_errors
 from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import ShutterInterval
@@ -44,42 +44,42 @@ if TYPE_CHECKING:  # what only some pictures need takes half a second
 def render(context: Context) -> bool:
     """Render the raw pictures of a batch: passes averaged, AOVs beside the beauty.
 
-    Raises KeyboardInterrupt where the process is to end, and WornOutError where it has grown too large; both
+    Raises KeyboardInterrupt where the process is to end, and RestartWorker where it has grown too large; both
     leave the pictures not yet made to another process.
     """
     request = context.request
     engine = choose([request.variant], threads=context.job.threads)
     framings: Mapping[int, Framing] = request.framings(context.store) or {}
     keys = context.picture_keys(request)
-    with stopping() as stop:
-        room = _Room(context, engine, framings, keys, stop, Wear())
-        return context.each(context.job.frames, room.make)
+    with deferred_signals() as stop:
+        renderer = _Renderer(context, engine, framings, keys, stop, MemoryGuard())
+        return context.each(context.job.frames, renderer.make)
 
 
 @dataclass(frozen=True)
-class _Room:
-    """Where the pictures of a batch are rendered."""
+class _Renderer:
+    """Renders the pictures of a batch."""
 
     context: Context
     engine: Engine
     framings: Mapping[int, Framing]
     keys: Mapping[int, FrameKeys]
-    stop: Stop
-    wear: Wear
+    stop: StopRequest
+    memory: MemoryGuard
 
     def make(self, number: int) -> bool:
         """Have a picture rendered that the store lacks; whether it was there."""
-        self.stop.heed()
-        self.wear.heed()
+        self.stop.check()
+        self.memory.check()
         context, key = self.context, self.keys[number].raw
         target = context.request.folders.raw(context.request.quality_name, number)
         keep = checkpoints.checkpoint_of(
-            context.store, target, key, partial(context.warn, number), lambda: self.stop.asked
+            context.store, target, key, partial(context.warn, number), lambda: self.stop.received
         )
         found = context.make("raw", key, target, partial(self._write, number, keep))
         keep.remove()
         if not found:
-            self.wear.rendered()
+            self.memory.measure()
         return found
 
     def _write(self, number: int, keep: Checkpoint, path: Path) -> None:
@@ -106,7 +106,7 @@ class _Room:
         _tell_statistics(context, number, self.keys[number].raw, layers, seconds, keep.resumed)
 
     def _passed(self, number: int, done: int, most: int) -> None:
-        self.stop.heed()
+        self.stop.check()
         self.context.passed(number, done, most)
 
 

@@ -1,4 +1,4 @@
-"""Signals that end a rendering process: it stops between two passes, so that what these found can be kept."""
+"""Signals that end a rendering process between two sample batches, so that its work can be kept."""
 
 from __future__ import annotations
 
@@ -12,41 +12,41 @@ SIGNALS = (signal.SIGINT, signal.SIGTERM)
 
 
 @contextmanager
-def heard(handle: Callable[[int], None]) -> Iterator[None]:
-    """Have `handle` called for SIGNALS for a while; what is ignored stays so, as in a shell's background."""
+def handled(handle: Callable[[int], None]) -> Iterator[None]:
+    """Have `handle` called for SIGNALS. A signal that is ignored stays so, as in a shell's background."""
 
     def handler(number: int, frame: FrameType | None) -> None:
         handle(number)
 
     before = {number: signal.getsignal(number) for number in SIGNALS}
-    mine = [number for number in SIGNALS if before[number] != signal.SIG_IGN]
-    for number in mine:
+    ours = [number for number in SIGNALS if before[number] != signal.SIG_IGN]
+    for number in ours:
         signal.signal(number, handler)
     try:
         yield
     finally:
-        for number in mine:
+        for number in ours:
             signal.signal(number, before[number])
 
 
 @dataclass
-class Stop:
-    """Whether this process was asked to end."""
+class StopRequest:
+    """Notes that a signal asked this process to end."""
 
-    asked: bool = False
+    received: bool = False
 
-    def ask(self, number: int) -> None:
-        self.asked = True
+    def receive(self, number: int) -> None:
+        self.received = True
 
-    def heed(self) -> None:
-        """Raises KeyboardInterrupt where it was."""
-        if self.asked:
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if a signal was received."""
+        if self.received:
             raise KeyboardInterrupt
 
 
 @contextmanager
-def stopping() -> Iterator[Stop]:
-    """From here on signals are noted, and heeded where the process says so."""
-    stop = Stop()
-    with heard(stop.ask):
+def deferred_signals() -> Iterator[StopRequest]:
+    """Note signals instead of obeying them; the process ends where it calls `check`."""
+    stop = StopRequest()
+    with handled(stop.receive):
         yield stop

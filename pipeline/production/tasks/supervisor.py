@@ -11,8 +11,8 @@ from dataclasses import dataclass
 from pipeline.production.planning.plan import Job
 from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.tasks.job import ENVIRONMENT, Context
-from pipeline.production.tasks.memory_guard import RENEWED
-from pipeline.production.tasks.signals import SIGNALS, heard
+from pipeline.production.tasks.memory_guard import RESTART_WORKER
+from pipeline.production.tasks.signals import SIGNALS, handled
 
 CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 
@@ -41,7 +41,7 @@ class Supervisor:
             settled += [event for event in news if event["event"] in ("frame", "fail")]
             if asked_to_end:
                 return INTERRUPTED
-            if code == RENEWED:
+            if code == RESTART_WORKER:
                 continue
             if any(event["event"] == "hung" for event in news):
                 return 1  # who ended it for that has said so
@@ -59,7 +59,7 @@ class Supervisor:
             for process in processes:
                 process.send_signal(number)
 
-        with heard(pass_on):
+        with handled(pass_on):
             processes.append(self.start(settled))
             for number in asked:  # while it was being started
                 processes[0].send_signal(number)
@@ -69,7 +69,7 @@ class Supervisor:
         if number in SIGNALS:
             return int(number)
         context = self.context
-        if number in CRASHES and fall_over(context, f"crashed ({number.name})"):
+        if number in CRASHES and fall_back_to_other_variant(context, f"crashed ({number.name})"):
             return 1
         context.killed(number.name)
         return 1
@@ -84,7 +84,7 @@ def _verdict(code: int, settled: Sequence[Event]) -> int:
     return 0 if len(faults) < len(settled) and ENVIRONMENT not in faults else 1
 
 
-def fall_over(context: Context, fact: str) -> bool:
+def fall_back_to_other_variant(context: Context, fact: str) -> bool:
     """Have the shot of a job rendered from the start by another variant; whether there is one.
 
     fact  what its variant did, such as "crashed (SIGABRT)"

@@ -12,28 +12,30 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.production.keys.stages import STAGES
 from pipeline.production.request.variants import ON_GPU
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.memory_guard import RENEWED, WornOutError
-from pipeline.production.tasks.supervisor import fall_over
+from pipeline.production.tasks.memory_guard import RESTART_WORKER, RestartWorker
+from pipeline.production.tasks.supervisor import fall_back_to_other_variant
 from render.mitsuba.engine import available_cores
 
 
 def work(context: Context) -> int:
-    """Do one job in this process; 0 where all went well, 1 where the event log says what failed, and RENEWED
-    where a fresh process is to render the rest."""
+    """Do one job in this process; return 0 if all went well, 1 if the event log says what failed.
+
+    Return RESTART_WORKER if a fresh process is to render the rest.
+    """
     job = context.job
     _limit_kernels(job.threads)
     try:
         well = task_of(job.stage)(context)
-    except WornOutError as worn:
-        context.renewed(worn.held, worn.most)
-        return RENEWED
+    except RestartWorker as restart:
+        context.renewed(restart.held, restart.limit)
+        return RESTART_WORKER
     except FlowsculptError as error:
         context.fail(error)
         well = False
     except Exception as error:
         traceback.print_exc()
         on_gpu = job.stage == "render" and context.request.variant == ON_GPU
-        if on_gpu and fall_over(context, f"failed ({str(error).partition(chr(10))[0]})"):
+        if on_gpu and fall_back_to_other_variant(context, f"failed ({str(error).partition(chr(10))[0]})"):
             return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
         context.fail(FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
         well = False

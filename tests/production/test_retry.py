@@ -14,7 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from pipeline.production.execution.retry import ROUNDS, Remedies
+from pipeline.production.execution.retry import ROUNDS, RetryPolicy
 from pipeline.production.execution.watchdog import watched
 from pipeline.production.store.event_log import EventLog, EventReader
 
@@ -73,23 +73,23 @@ def event(kind: str, frame: int | None = None) -> dict[str, Any]:
 
 
 def test_a_frame_that_hangs_is_tried_once_more() -> None:
-    remedies = Remedies(2)
-    assert remedies.help([event("hung", 3)])
-    assert remedies.help([event("hung", 4)]), "another frame has its own try"
-    assert not remedies.help([event("hung", 3)])
-    (failure,) = remedies.given_up
+    policy = RetryPolicy(2)
+    assert policy.allows([event("hung", 3)])
+    assert policy.allows([event("hung", 4)]), "another frame has its own try"
+    assert not policy.allows([event("hung", 3)])
+    (failure,) = policy.failures
     assert failure["event"] == "fail" and failure["frame"] == 3 and "--timeout" in failure["message"]
 
 
 def test_what_was_killed_has_fewer_jobs_beside_it_until_it_is_alone() -> None:
-    remedies = Remedies(4)
-    assert remedies.help([event("killed")]) and remedies.cores == 2
-    assert remedies.help([event("killed")]) and remedies.cores == 1
-    assert not remedies.help([event("killed")])
-    assert "memory" in remedies.given_up[0]["message"]
+    policy = RetryPolicy(4)
+    assert policy.allows([event("killed")]) and policy.cores == 2
+    assert policy.allows([event("killed")]) and policy.cores == 1
+    assert not policy.allows([event("killed")])
+    assert "memory" in policy.failures[0]["message"]
 
 
 def test_a_bad_shot_is_not_tried_again_and_healing_ends_some_time() -> None:
-    assert not Remedies(2).help([event("fail", 1)])
-    remedies = Remedies(2)
-    assert [remedies.help([event("healed")]) for _ in range(ROUNDS)] == [True] * (ROUNDS - 1) + [False]
+    assert not RetryPolicy(2).allows([event("fail", 1)])
+    policy = RetryPolicy(2)
+    assert [policy.allows([event("healed")]) for _ in range(ROUNDS)] == [True] * (ROUNDS - 1) + [False]
