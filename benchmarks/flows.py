@@ -33,7 +33,7 @@ from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels import vortices as vortex
 from pipeline.flow.kernels.regions import ball_weight
 from pipeline.flow.parameters import shot_name
-from pipeline.flow.program import Instruction, Program, grouped, opcodes_of, table_of
+from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, table_of
 
 POINTS, SUBSTEPS, STEP, REPEATS = 640_000, 4, 0.01, 5
 FRAME, TOLERANCES = 1 / 24, (1e-5, 1e-9, 1e-11)

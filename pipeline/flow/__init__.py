@@ -1,6 +1,5 @@
 """Flows: mappings of points into points, their composition and their keyframes."""
 
-from pipeline.flow.checked_displacement import checked_displacement
 from pipeline.flow.compose import (
     Blend,
     Mirror,
@@ -14,7 +13,9 @@ from pipeline.flow.compose import (
 )
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.flow import Displacement, Flow, Function, as_flow
-from pipeline.flow.keyframes import Curve, Keyframes, keyed
+from pipeline.flow.flow_map import checked_displacement
+from pipeline.flow.keyframes import Keyframes, keyed
+from pipeline.flow.parameters import Curve
 from pipeline.flow.streamlines import Streamlines
 from pipeline.flow.velocity import VelocityField
 

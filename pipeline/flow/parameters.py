@@ -1,8 +1,8 @@
-"""The parameters of flows, read off their dataclasses: the one place that defines them.
+"""The parameters of flows: vectors, values constant or changing in time, and their documentation.
 
     strength: Annotated[Number, ParameterDoc("circulation about the axis", "units²/s")] = 1.0
 
-Shot files, their errors, the list of flows and its page in the docs are all made from these.
+Shot files, their errors, the list of flows and its page in the docs are all made from these annotations.
 """
 
 from __future__ import annotations
@@ -12,11 +12,90 @@ import inspect
 import math
 import re
 import typing
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal
 
-from pipeline.flow.keyframes import Number, VectorParameter
-from pipeline.flow.vectors import Vector
+import numpy as np
+
+from pipeline.arrays import Floats, Points
+from pipeline.errors import FrameError, UsageError
+
+Vector = tuple[float, float, float]
+
+X: Vector = (1.0, 0.0, 0.0)
+Y: Vector = (0.0, 1.0, 0.0)
+Z: Vector = (0.0, 0.0, 1.0)
+ORIGIN: Vector = (0.0, 0.0, 0.0)
+
+
+def unit(axis: Vector) -> Vector:
+    """Return the axis with length 1. Raises UsageError where it has no direction."""
+    length = math.hypot(*axis)
+    if not (length > 1e-12 and math.isfinite(length)):
+        raise UsageError(f"axis {axis} has no direction; write x, y, z or a vector such as [0, 1, 1]")
+    x, y, z = axis
+    return x / length, y / length, z / length
+
+
+def across(axis: Vector, direction: Vector) -> Vector:
+    """Return the part of a direction across an axis, with length 1. Raises UsageError where there is none."""
+    (a, b, c), (x, y, z) = unit(axis), unit(direction)
+    along = a * x + b * y + c * z
+    return unit((x - along * a, y - along * b, z - along * c))
+
+
+def transform(matrix: Floats, points: Points) -> Points:
+    """Return matrix (3, 3) · each of points (N, 3), with bits that do not depend on the other points."""
+    x, y, z = points.T[:, :, None]
+    out: Points = x * matrix[:, 0] + y * matrix[:, 1] + z * matrix[:, 2]
+    return out
+
+
+def kernel_points(points: Points) -> Points:
+    """Return points (N, 3) as the kernels' declared type: a read-only array would have another."""
+    return np.require(points, np.float64, ["C", "W"])
+
+
+Values = tuple[float, ...]
+
+
+class Curve(ABC):
+    """Values that change in time. A value: the same time gives the same numbers, between frames too."""
+
+    @abstractmethod
+    def at(self, time: float) -> Values:
+        """Return the values at a time, seconds from the start of the shot."""
+
+
+Number = float | Curve
+"""A scalar parameter: constant or changing in time."""
+
+VectorParameter = Vector | Curve
+"""A vector parameter: constant or changing in time."""
+
+
+def number_at(parameter: Number, time: float) -> float:
+    return parameter.at(time)[0] if isinstance(parameter, Curve) else parameter
+
+
+def vector_at(parameter: VectorParameter, time: float) -> Vector:
+    if isinstance(parameter, Curve):
+        x, y, z = parameter.at(time)
+        return x, y, z
+    return parameter
+
+
+def weight_at(weight: Number, time: float, name: str) -> float:
+    """Return the weight of the flow `name` at a time. Raises FrameError where it is not from 0 to 1."""
+    value = float(number_at(weight, time))
+    if not -1e-12 <= value <= 1.0 + 1e-12:
+        raise FrameError(
+            f"flow {name} has the weight {value:g} at {time:g} s; a weight is from 0 to 1. "
+            "Correct its keys, or choose an easing that does not overshoot."
+        )
+    return min(max(value, 0.0), 1.0)
+
 
 Form = Literal[
     "number", "vector", "point", "direction", "constant", "whole", "choice", "switch", "text", "other"
@@ -98,7 +177,7 @@ class Parameter:
         return list(self.default) if self.form in ("vector", "point") else self.default
 
 
-_AXES = {(1.0, 0.0, 0.0): "x", (0.0, 1.0, 0.0): "y", (0.0, 0.0, 1.0): "z"}
+_AXES = {X: "x", Y: "y", Z: "z"}
 
 
 def parameters_of(flow: type) -> tuple[Parameter, ...]:

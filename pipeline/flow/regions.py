@@ -13,9 +13,19 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow.kernels import opcodes as op
 from pipeline.flow.kernels import regions as kernels
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.program import Instruction
-from pipeline.flow.vectors import ORIGIN, Vector, Y, kernel_points, unit
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Number,
+    Vector,
+    VectorParameter,
+    Y,
+    kernel_points,
+    number_at,
+    unit,
+    vector_at,
+)
+from pipeline.flow.triangle_tree import ClosedSurface
+from pipeline.flow.velocity import Instruction
 
 FalloffType = Literal["smooth", "sine", "linear"]
 
@@ -90,6 +100,12 @@ class Region(ABC):
                 "Correct its keys."
             )
         return size
+
+
+def _without_address(closing: Instruction, digest: str, owner: Any) -> Instruction:
+    """Return a closing bracket with a digest in keys instead of the address, its number 4."""
+    known = [*closing.numbers[:4], digest, *closing.numbers[5:]]
+    return closing._replace(cache_data=known, owner=owner)
 
 
 @dataclass(frozen=True)
@@ -218,9 +234,7 @@ class SampledRegion(Region):
 
     def closing(self, time: float) -> Instruction:
         """Return the closing bracket, with a digest of the distances instead of their address in keys."""
-        closing = super().closing(time)
-        known = [*closing.numbers[:4], self._digest, *closing.numbers[5:]]
-        return closing._replace(cache_data=known, owner=self)
+        return _without_address(super().closing(time), self._digest, self)
 
     def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         address = float(self._numbers.ctypes.data)
@@ -229,4 +243,35 @@ class SampledRegion(Region):
     def bounds(self, time: float) -> tuple[Vector, Vector]:
         half = 0.5 * self.spacing * (np.array(self.distances.shape) - 1.0)
         (x, y, z), (u, v, w) = (np.array(self.origin) + half).tolist(), half.tolist()
+        return (x, y, z), (u, v, w)
+
+
+@dataclass(frozen=True)
+class MeshRegion(Region):
+    """All points inside a closed surface, by their exact distance from it.
+
+    surface  of a mesh; overlapping parts unite, shells within shells are hollows
+    centre   position of the mesh's origin
+    scale    factor on the mesh
+    """
+
+    opcode: ClassVar[int] = op.CLOSE_MESH
+
+    surface: ClosedSurface
+    centre: VectorParameter = ORIGIN
+    scale: Number = 1.0
+
+    def closing(self, time: float) -> Instruction:
+        """Return the closing bracket, with a digest of the surface instead of its address in keys."""
+        return _without_address(super().closing(time), self.surface.digest, self.surface.lookup)
+
+    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
+        address = float(self.surface.lookup.memory.ctypes.data)
+        return (*vector_at(self.centre, time), self._size(self.scale, "scale", time), address), ()
+
+    def bounds(self, time: float) -> tuple[Vector, Vector]:
+        scale, (_, low, high) = self._size(self.scale, "scale", time), self.surface.lookup
+        falloff, centre = self.falloff_at(time), vector_at(self.centre, time)
+        x, y, z = (c + 0.5 * scale * (a + b) for c, a, b in zip(centre, low, high, strict=True))
+        u, v, w = (0.5 * scale * (b - a) + falloff for a, b in zip(low, high, strict=True))
         return (x, y, z), (u, v, w)

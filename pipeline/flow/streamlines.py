@@ -16,9 +16,8 @@ from pipeline.flow.flow import Flow
 from pipeline.flow.kernels import adaptive
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels.opcodes import COLUMNS
-from pipeline.flow.program import Program, opcodes_of, table_of
-from pipeline.flow.vectors import kernel_points
-from pipeline.flow.velocity import VelocityField
+from pipeline.flow.parameters import kernel_points
+from pipeline.flow.velocity import Program, VelocityField, opcodes_of, table_of
 
 STEP_LIMIT = 0.1
 """The largest sub-step × gradient bound.

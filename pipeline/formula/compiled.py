@@ -1,7 +1,7 @@
 """Formulas compiled to functions that add a velocity to each point of a block.
 
 A formula becomes Python source of plain arithmetic, one line an operation. Infinities and NaN come out as in
-numpy (see `words`): tests compare the two. The source is compiled on first use and cached with the kernels.
+numpy (see `syntax`): tests compare the two. The source is compiled on first use and cached with the kernels.
 The values of names are arguments: changing them compiles nothing.
 """
 
@@ -19,7 +19,7 @@ from types import ModuleType
 import numpy as np
 
 from pipeline.formula.expression import Expression
-from pipeline.formula.words import PLACE, TIME
+from pipeline.formula.syntax import PLACE, TIME
 from pipeline.kernels import BlockKernel
 from render.base.atomic_write import atomic_write
 from render.base.kernel_cache import cache_folder

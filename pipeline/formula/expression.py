@@ -13,8 +13,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import Floats
 from pipeline.errors import UsageError
-from pipeline.formula.syntax import FormulaError, parse, shown
-from pipeline.formula.words import CONSTANTS, FUNCTIONS, OPERATORS
+from pipeline.formula.syntax import CONSTANTS, FUNCTIONS, OPERATORS, FormulaError, parse, shown
 
 
 @dataclass(frozen=True)

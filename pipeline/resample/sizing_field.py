@@ -10,7 +10,7 @@ import numpy as np
 from pipeline.arrays import AnyArray, Faces, Floats, Points, Vectors
 from pipeline.errors import UsageError
 from pipeline.formula import PLACE, TIME, Expression
-from pipeline.formula.words import time_values
+from pipeline.formula.syntax import time_values
 from pipeline.mesh.normals import NORMAL, split_at_creases
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.kernels.sizing_field import edge_curvature, limit_gradation

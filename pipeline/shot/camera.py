@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 from typing import NamedTuple
 
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.retiming import elapsed
-from pipeline.flow.vectors import Vector
+from pipeline.flow.keyframes import elapsed
+from pipeline.flow.parameters import Number, Vector, VectorParameter, number_at, vector_at
 
 FULL_FRAME = 36.0
 """Width of a full-frame sensor, millimetres."""

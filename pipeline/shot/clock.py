@@ -7,8 +7,8 @@ import re
 from dataclasses import dataclass
 
 from pipeline.errors import UsageError
-from pipeline.flow.keyframes import Number
-from pipeline.flow.retiming import elapsed
+from pipeline.flow.keyframes import elapsed
+from pipeline.flow.parameters import Number
 from pipeline.frames import FrameRange, FrameRate
 
 _SECONDS = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+))\s*s\s*")

@@ -12,7 +12,8 @@ import numpy as np
 from pydantic import BaseModel
 
 from pipeline.arrays import Floats
-from pipeline.flow.keyframes import Curve, Keyframes
+from pipeline.flow.keyframes import Keyframes
+from pipeline.flow.parameters import Curve
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple, curve_of
 from pipeline.shot.documents.fields import vector

@@ -10,8 +10,8 @@ import numpy as np
 
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Flow
-from pipeline.flow.checked_displacement import checked_cache_data
-from pipeline.flow.keyframes import Number
+from pipeline.flow.flow_map import checked_cache_data
+from pipeline.flow.parameters import Number
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh

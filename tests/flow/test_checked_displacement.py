@@ -13,10 +13,10 @@ from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, checked_
 from pipeline.flow.catalogue.deformations import Stretch, Twist
 from pipeline.flow.catalogue.linear import Rotation
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.checked_displacement import checked_cache_data
 from pipeline.flow.compose import Placed, RegionField, ScaledField, Transform, TransformedField, Within
-from pipeline.flow.flow_map import FlowMap, FrameStep
-from pipeline.flow.keyframes import FormulaCurve, Number
+from pipeline.flow.flow_map import FlowMap, FrameStep, checked_cache_data
+from pipeline.flow.keyframes import FormulaCurve
+from pipeline.flow.parameters import Number
 from pipeline.flow.regions import SphereRegion
 
 POINTS = np.random.default_rng(3).uniform(-1, 1, size=(20, 3))

@@ -10,8 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.easing import OVERSHOOTING, kinks
-from pipeline.flow.keyframes import FormulaCurve, Handle, number_at, vector_at
+from pipeline.flow.easing import OVERSHOOTING, Handle, kinks
+from pipeline.flow.keyframes import FormulaCurve
+from pipeline.flow.parameters import number_at, vector_at
 
 smooth = sorted(set(EASINGS) - {"constant"})
 swinging = ("back", "bounce", "elastic")

@@ -12,8 +12,8 @@ from pipeline.errors import FrameError, MeshError
 from pipeline.flow import Streamlines, keyed
 from pipeline.flow.catalogue.linear import Translation
 from pipeline.flow.compose import RegionField
-from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
-from pipeline.flow.regions import BoxRegion
+from pipeline.flow.regions import BoxRegion, MeshRegion
+from pipeline.flow.triangle_tree import ClosedSurface
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus
 
 POINTS = np.random.default_rng(8).uniform(-2, 2, size=(600, 3))

@@ -21,7 +21,7 @@ from pipeline.flow.kernels import opcodes as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels.program import level_count
 from pipeline.flow.kernels.regions import weights
-from pipeline.flow.program import Instruction, Program, grouped, opcodes_of, placed, scaled
+from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, scaled, transformed
 from pipeline.kernels import BLOCK_SIGNATURE
 
 POINTS = np.random.default_rng(5).normal(size=(700, 3))
@@ -104,14 +104,14 @@ def test_a_placed_field_is_the_field_seen_from_its_frame(seed: int) -> None:
     matrix, centre = np.eye(3) + 0.4 * rng.normal(size=(3, 3)), rng.normal(size=3)
     inside = np.linalg.solve(matrix, (POINTS - centre).T).T
     expected = STRAIN.velocity(inside, 0.0) + VORTEX.velocity(inside, 0.0)
-    found = velocity(placed(STRAIN.program(0.0) + VORTEX.program(0.0), tuple(centre), matrix))
+    found = velocity(transformed(STRAIN.program(0.0) + VORTEX.program(0.0), tuple(centre), matrix))
     np.testing.assert_allclose(found, expected @ matrix.T, rtol=1e-6, atol=1e-9)
 
 
 def test_brackets_nest() -> None:
     inner = scaled(grouped(VORTEX.program(0.0), BALL) + STRAIN.program(0.0), 0.5)
     turn = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
-    rows = STRAIN.program(0.0) + placed(inner, (0.1, 0.2, 0.3), turn)
+    rows = STRAIN.program(0.0) + transformed(inner, (0.1, 0.2, 0.3), turn)
     here = (POINTS - [0.1, 0.2, 0.3]) @ turn
     nested = 0.5 * (weight(BALL, here)[:, None] * VORTEX.velocity(here, 0.0) + STRAIN.velocity(here, 0.0))
     np.testing.assert_allclose(velocity(rows), STRAIN.velocity(POINTS, 0.0) + nested @ turn.T, atol=1e-13)

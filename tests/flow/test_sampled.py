@@ -15,7 +15,7 @@ from pipeline.arrays import Floats, Points, Vectors
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.flow import Streamlines
 from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
-from pipeline.flow.samples.read import read_samples
+from pipeline.flow.samples import read_samples
 
 X, Y, Z = np.array([-1.0, -0.4, 0.1, 0.3, 1.0]), np.linspace(-1, 1, 6), np.array([-1.0, -0.5, 0.4, 1.0])
 

@@ -26,7 +26,7 @@ from pipeline.flow.kernels import opcodes as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels import vortices as vortex
 from pipeline.flow.parameters import summary
-from pipeline.flow.program import table_of
+from pipeline.flow.velocity import table_of
 
 TILTED = (1.0, 2.0, -0.5)
 OFF = (0.3, -0.2, 0.4)

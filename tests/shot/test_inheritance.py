@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError
-from pipeline.flow.keyframes import number_at
+from pipeline.flow.parameters import number_at
 from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot import Shot, read_film, read_shot

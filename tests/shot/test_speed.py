@@ -15,8 +15,7 @@ from hypothesis import strategies as st
 from pipeline.animation import animate, mesh_at_subframe
 from pipeline.errors import FrameError, ShotError, UsageError
 from pipeline.flow import EASINGS, Keyframes, keyed
-from pipeline.flow.keyframes import FormulaCurve
-from pipeline.flow.retiming import _integral, elapsed
+from pipeline.flow.keyframes import FormulaCurve, _integral, elapsed
 from pipeline.shot import Shot, read_shot
 
 SHOT = """\

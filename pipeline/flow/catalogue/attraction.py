@@ -12,10 +12,8 @@ import numpy as np
 
 from pipeline.arrays import Floats, Points, Vectors
 from pipeline.flow.kernels import nearest as kernels
-from pipeline.flow.keyframes import Number, number_at
-from pipeline.flow.parameters import ParameterDoc, Positive
+from pipeline.flow.parameters import Number, ParameterDoc, Positive, Vector, number_at
 from pipeline.flow.triangle_tree import TriangleTree, segments
-from pipeline.flow.vectors import Vector
 from pipeline.flow.velocity import ExternalField
 from pipeline.kernels import BlockKernel
 from pipeline.mesh.triangle_mesh import TriangleMesh

@@ -8,9 +8,16 @@ from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar
 
 from pipeline.flow.kernels import attractors as kernels
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.parameters import ParameterDoc, Positive
-from pipeline.flow.vectors import ORIGIN, Vector
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Number,
+    ParameterDoc,
+    Positive,
+    Vector,
+    VectorParameter,
+    number_at,
+    vector_at,
+)
 from pipeline.flow.velocity import BasicField
 
 _SCALE = ParameterDoc("of its units in one of the scene's")

@@ -7,9 +7,16 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from pipeline.flow.kernels import cellular as kernels
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.parameters import ParameterDoc, Positive, PositiveConstant
-from pipeline.flow.vectors import ORIGIN
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Number,
+    ParameterDoc,
+    Positive,
+    PositiveConstant,
+    VectorParameter,
+    number_at,
+    vector_at,
+)
 from pipeline.flow.velocity import BasicField
 
 

@@ -21,9 +21,21 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError
 from pipeline.flow.flow import Flow
 from pipeline.flow.kernels import deformations as kernels
-from pipeline.flow.keyframes import Number, number_at
-from pipeline.flow.parameters import Direction, ParameterDoc, Positive, PositiveConstant
-from pipeline.flow.vectors import ORIGIN, Vector, X, Y, across, kernel_points, unit
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Direction,
+    Number,
+    ParameterDoc,
+    Positive,
+    PositiveConstant,
+    Vector,
+    X,
+    Y,
+    across,
+    kernel_points,
+    number_at,
+    unit,
+)
 
 
 @dataclass(frozen=True)

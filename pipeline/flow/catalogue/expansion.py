@@ -7,9 +7,19 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar, Literal
 
 from pipeline.flow.kernels import expansion as kernels
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.parameters import Direction, ParameterDoc, Positive
-from pipeline.flow.vectors import ORIGIN, Y, Z, unit
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Direction,
+    Number,
+    ParameterDoc,
+    Positive,
+    VectorParameter,
+    Y,
+    Z,
+    number_at,
+    unit,
+    vector_at,
+)
 from pipeline.flow.velocity import BasicField
 
 

@@ -10,12 +10,12 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import UsageError
-from pipeline.flow.keyframes import Number, frame_at, number_at
-from pipeline.flow.parameters import ParameterDoc, PositiveConstant
+from pipeline.flow.keyframes import frame_at
+from pipeline.flow.parameters import Number, ParameterDoc, PositiveConstant, number_at
 from pipeline.flow.velocity import ExternalField
 from pipeline.formula import Expression
 from pipeline.formula.compiled import FRAME, NAMES, compile_formulas
-from pipeline.formula.words import time_values
+from pipeline.formula.syntax import time_values
 from pipeline.kernels import BlockKernel
 
 MAX_NUMBERS = 10

@@ -6,9 +6,17 @@ from dataclasses import dataclass
 from typing import Annotated, ClassVar
 
 from pipeline.flow.kernels import linear as kernels
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.parameters import Direction, ParameterDoc
-from pipeline.flow.vectors import ORIGIN, Y, unit
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Direction,
+    Number,
+    ParameterDoc,
+    VectorParameter,
+    Y,
+    number_at,
+    unit,
+    vector_at,
+)
 from pipeline.flow.velocity import BasicField
 
 

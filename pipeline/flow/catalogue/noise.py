@@ -7,8 +7,7 @@ from functools import cached_property
 from typing import Annotated, Any
 
 from pipeline.flow.kernels import noise as kernels
-from pipeline.flow.keyframes import Number, number_at
-from pipeline.flow.parameters import ParameterDoc, Positive, ValueRange
+from pipeline.flow.parameters import Number, ParameterDoc, Positive, ValueRange, number_at
 from pipeline.flow.velocity import ExternalField
 from pipeline.kernels import BlockKernel
 

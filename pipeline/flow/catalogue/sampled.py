@@ -11,10 +11,16 @@ import numpy as np
 
 from pipeline.arrays import Floats
 from pipeline.flow.kernels import sampled as kernels
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.parameters import ParameterDoc, Positive
-from pipeline.flow.samples.read import Samples, read_samples
-from pipeline.flow.vectors import ORIGIN
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Number,
+    ParameterDoc,
+    Positive,
+    VectorParameter,
+    number_at,
+    vector_at,
+)
+from pipeline.flow.samples import Samples, read_samples
 from pipeline.flow.velocity import ExternalField
 from pipeline.kernels import BlockKernel
 

@@ -9,11 +9,23 @@ from typing import Annotated, ClassVar, Literal
 
 from pipeline.flow.catalogue.linear import Strain
 from pipeline.flow.kernels import vortices as kernels
-from pipeline.flow.keyframes import Number, VectorParameter, number_at, vector_at
-from pipeline.flow.parameters import Direction, ParameterDoc, Positive
-from pipeline.flow.program import Program
-from pipeline.flow.vectors import ORIGIN, Vector, X, Y, Z, across, unit
-from pipeline.flow.velocity import BasicField, VelocityField
+from pipeline.flow.parameters import (
+    ORIGIN,
+    Direction,
+    Number,
+    ParameterDoc,
+    Positive,
+    Vector,
+    VectorParameter,
+    X,
+    Y,
+    Z,
+    across,
+    number_at,
+    unit,
+    vector_at,
+)
+from pipeline.flow.velocity import BasicField, Program, VelocityField
 
 Profile = Literal["lamb_oseen", "gaussian", "rankine"]
 

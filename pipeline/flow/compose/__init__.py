@@ -4,10 +4,18 @@ Velocity fields compose to velocity fields, which one integration follows; maps 
 field scales its velocity, a weight on a map scales the displacement of a step.
 """
 
-from pipeline.flow.compose.blend import Blend, Within, blended, placed, within
-from pipeline.flow.compose.fields import RegionField, ScaledField, Sum, TransformedField
-from pipeline.flow.compose.order import Repeated, Reversed, Sequence
-from pipeline.flow.compose.transforms import Mirror, Placed, Transform
+from pipeline.flow.compose.fields import (
+    Blend,
+    RegionField,
+    ScaledField,
+    Sum,
+    TransformedField,
+    Within,
+    blended,
+    placed,
+    within,
+)
+from pipeline.flow.compose.maps import Mirror, Placed, Repeated, Reversed, Sequence, Transform
 
 __all__ = [
     "Blend",

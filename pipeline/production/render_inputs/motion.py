@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.animation import MeshFrame, mesh_at_subframe
 from pipeline.arrays import AnyArray, Points, Vectors
-from pipeline.flow.checked_displacement import checked_cache_data
+from pipeline.flow.flow_map import checked_cache_data
 from pipeline.production.render_inputs.framing import Framing, turned
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import Motion

@@ -10,7 +10,7 @@ from typing import Any
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from pipeline.errors import UsageError
-from pipeline.flow.keyframes import BEZIER
+from pipeline.flow.easing import BEZIER
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.curves import NumberField, number

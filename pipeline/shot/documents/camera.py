@@ -7,7 +7,7 @@ from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
 
-from pipeline.flow.keyframes import Number, VectorParameter, vector_at
+from pipeline.flow.parameters import Number, VectorParameter, vector_at
 from pipeline.shot.camera import FULL_FRAME, CameraPath
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (

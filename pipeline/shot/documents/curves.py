@@ -10,17 +10,9 @@ from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo
 from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
-from pipeline.flow.easing import EASINGS
-from pipeline.flow.keyframes import (
-    BEZIER,
-    Curve,
-    FormulaCurve,
-    Handle,
-    Keyframes,
-    Number,
-    Values,
-    VectorParameter,
-)
+from pipeline.flow.easing import BEZIER, EASINGS, Handle
+from pipeline.flow.keyframes import FormulaCurve, Keyframes
+from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
 from pipeline.formula import TIME
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (

@@ -20,8 +20,8 @@ from pydantic import (
 from pydantic_core import CoreSchema, PydanticCustomError
 
 from pipeline.errors import suggestion
+from pipeline.flow.parameters import Vector, X, Y, Z
 from pipeline.flow.streamlines import MAX_SUBSTEPS
-from pipeline.flow.vectors import Vector, X, Y, Z
 from pipeline.formula import Expression, FormulaError
 
 DEGREE = math.radians(1.0)

@@ -25,7 +25,7 @@ from pipeline.flow import (
     VelocityField,
 )
 from pipeline.flow.compose import Mirror, RegionField, ScaledField, TransformedField, blended, placed, within
-from pipeline.flow.keyframes import Number
+from pipeline.flow.parameters import Number
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import SECONDS_PATTERN, Clock
 from pipeline.shot.documents.curves import PlaceField, PositiveField, WeightField, number, place

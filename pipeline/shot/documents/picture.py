@@ -19,7 +19,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
-from pipeline.flow.keyframes import number_at
+from pipeline.flow.parameters import number_at
 from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock

@@ -8,7 +8,6 @@ from typing import Annotated, Any, ClassVar
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import CoreSchema, PydanticCustomError
 
-from pipeline.flow.mesh_region import ClosedSurface, MeshRegion
 from pipeline.flow.regions import (
     FALLOFF_TYPES,
     BoxRegion,
@@ -16,9 +15,11 @@ from pipeline.flow.regions import (
     CylinderRegion,
     FalloffType,
     HalfSpaceRegion,
+    MeshRegion,
     Region,
     SphereRegion,
 )
+from pipeline.flow.triangle_tree import ClosedSurface
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NotNegativeField, PlaceField, PositiveField, number, place

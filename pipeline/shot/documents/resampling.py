@@ -13,7 +13,7 @@ from pydantic import Discriminator, Field, Tag, model_validator
 from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
-from pipeline.flow.keyframes import Curve, Number, VectorParameter, number_at, vector_at
+from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
 from pipeline.formula import PLACE, Expression
 from pipeline.resample import Curvature, DistanceToCamera, ThresholdFormula, Thresholds
 from pipeline.resample.sizing_field import FORMULA_NAMES

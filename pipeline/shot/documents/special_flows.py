@@ -27,7 +27,7 @@ from pipeline.flow.parameters import ParameterDoc
 from pipeline.flow.python_file import PythonFlow
 from pipeline.formula import FUNCTIONS
 from pipeline.formula.compiled import NAMES
-from pipeline.formula.words import CONSTANTS
+from pipeline.formula.syntax import CONSTANTS
 from pipeline.mesh.io.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number

@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 import hashlib
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 
-from pipeline.arrays import Floats
-from pipeline.errors import MissingInputError, UsageError
-from pipeline.flow.samples.checks import MAX_BYTES, reading, require_size, require_valid
-from pipeline.flow.samples.npz_file import read_npz
-from pipeline.flow.samples.vtk_file import read_vtk
+from pipeline.arrays import AnyArray, Floats
+from pipeline.errors import FlowsculptError, MissingInputError, UsageError
+from pipeline.flow.sample_files import MAX_BYTES, read_npz, read_vtk, require_size
 
 FORMATS = (".vti", ".vtr", ".npz")
+
+MAX_SPEED = 1e12
+"""The limit of any number in a shot file: squares and sums of such numbers stay finite."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -128,3 +131,48 @@ def _require_one_time(file: Path, velocity: Floats) -> None:
 
 def _differ(one: Floats, other: Floats) -> bool:
     return len(one) != len(other) or not np.allclose(one, other, rtol=1e-9, atol=0.0)
+
+
+@contextmanager
+def reading(file: Path, kind: str) -> Iterator[None]:
+    """Turn any error of a reader into a UsageError with the file, its expected kind, and the reason."""
+    try:
+        with np.errstate(all="ignore"):  # numbers that are not finite are reported with their position
+            yield
+    except FlowsculptError:
+        raise
+    except Exception as error:  # parsers and decompressors raise anything
+        raise UsageError(f"{file}: it cannot be read as {kind} ({_brief(error)})") from error
+
+
+def require_valid(file: Path, axes: list[AnyArray], times: AnyArray, velocity: AnyArray) -> None:
+    """Raise UsageError unless axes and times ascend, and velocities fit them and are finite numbers."""
+    for name, axis in zip("xyzt", [*axes, times], strict=True):
+        least = 1 if name == "t" else 2
+        numeric = axis.ndim == 1 and axis.dtype.kind in "fiu" and bool(np.isfinite(axis).all())
+        if not numeric or len(axis) < least or not (np.diff(axis.astype(np.float64)) > 0).all():
+            raise UsageError(
+                f"{file}: axis {name} (shape {axis.shape}) must be a row of {least} or more ascending numbers"
+            )
+    wanted = (len(times), *(len(axis) for axis in axes), 3)
+    if velocity.shape != wanted or velocity.dtype.kind not in "fiu":
+        shown, first = velocity.shape, wanted
+        if len(times) == 1 and len(shown) > 1 and shown[0] == 1:
+            shown, first = shown[1:], wanted[1:]
+        raise UsageError(
+            f"{file}: velocity has the shape {shown}; its axes require {first}. Check their order."
+        )
+    finite = np.abs(velocity) <= MAX_SPEED  # and so no NaN
+    if not finite.all():
+        t, i, j, k, component = np.unravel_index(int(np.argmin(finite)), velocity.shape)
+        point = ", ".join(f"{axis[n]:.4g}" for axis, n in zip(axes, (i, j, k), strict=True))
+        value = velocity[t, i, j, k, component]
+        raise UsageError(
+            f"{file}: the velocity at ({point}), index ({i}, {j}, {k}), is {value:g}; samples must be "
+            "finite, and at most 1e12. Fill the gaps, for example with zeros."
+        )
+
+
+def _brief(error: Exception) -> str:
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else text[:117] + "…"

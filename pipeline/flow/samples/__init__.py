@@ -1,1 +1,0 @@
-"""Velocities sampled on a grid, and the files that hold them."""
