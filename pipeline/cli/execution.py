@@ -16,7 +16,7 @@ from pipeline.cli.progress import StageBars
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.execution.watchdog import PATIENCE
 from pipeline.production.keys.stages import STAGES
-from pipeline.production.maintenance.run_report import Spending
+from pipeline.production.maintenance.run_report import RunReport
 from pipeline.production.planning.estimate import Estimate, estimate
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
@@ -40,7 +40,7 @@ def execute_and_report(
     if sheets:
         words += f"\nDrawn from it: {', '.join(sheets)}"
     if outcome.runs:
-        spending = Spending.of(common.root, outcome.runs[-1], common.cores)
+        spending = RunReport.of(common.root, outcome.runs[-1], common.cores)
         words += f"\nWhere the time went: {spending.in_brief()}. flowsculpt report says more."
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
     print_result(words, facts, common.json)

@@ -9,8 +9,8 @@ from typing import Any
 import pytest
 
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.clean import sweep
-from pipeline.production.maintenance.verify import verified
+from pipeline.production.maintenance.clean import collect_garbage
+from pipeline.production.maintenance.verify import verify
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.store import Store
 from render.post.image import read_header
@@ -32,11 +32,11 @@ def stored(project: Any, kind: str, place: Path) -> Path:
 
 def test_a_flipped_bit_is_found_wherever_it_is(finished: Any) -> None:
     store = Store(finished.path)
-    assert not [each for each in verified(store, 2) if each.fault]
+    assert not [each for each in verify(store, 2) if each.fault]
     for kind in ("mesh", "normals", "raw", "frame"):
         victim = next(path for of, _, path in store.entries() if of == kind)
         damage(victim)
-        (found,) = [each for each in verified(store, 2) if each.fault]
+        (found,) = [each for each in verify(store, 2) if each.fault]
         assert (found.kind, found.path) == (kind, victim)
         victim.unlink()
 
@@ -50,7 +50,7 @@ def test_verify_makes_again_what_is_damaged_and_nothing_else(finished: Any) -> N
     assert done.code == 0, done.err
     facts = json.loads(done.out)
     assert facts["healed"] and len(facts["faulty"]) == 2
-    assert not [each for each in verified(Store(finished.path), 2) if each.fault]
+    assert not [each for each in verify(Store(finished.path), 2) if each.fault]
     assert finished.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
 
 
@@ -67,13 +67,15 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
 
     def gone_but_films(keep: int) -> list[Path]:
         """Those are no shot's, and stay for being shown."""
-        return [p for p in sweep(store, requests(), keep, only_tell=True).gone if p.suffix != ".mp4"]
+        return [
+            p for p in collect_garbage(store, requests(), keep, dry_run=True).removed if p.suffix != ".mp4"
+        ]
 
     assert not gone_but_films(0)
     finished.shot.write_text(text.replace("6: 60}", "6: 90}"))
     assert not gone_but_films(2)
-    gone = sweep(store, requests(), 0, only_tell=True)
-    meshes = [path for path in gone.gone if "/mesh/" in str(path)]
+    gone = collect_garbage(store, requests(), 0, dry_run=True)
+    meshes = [path for path in gone.removed if "/mesh/" in str(path)]
     assert len(meshes) == 2 and gone.freed > 0 and {p for _, _, p in store.entries()} == everything
-    sweep(store, requests(), 0, only_tell=False)
-    assert {p for _, _, p in store.entries()} == everything - set(gone.gone)
+    collect_garbage(store, requests(), 0, dry_run=False)
+    assert {p for _, _, p in store.entries()} == everything - set(gone.removed)

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import MissingInputError
-from pipeline.production.maintenance.run_report import Spending, named_run
+from pipeline.production.maintenance.run_report import RunReport, named_run
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.planning.plan import Job, Plan
 
@@ -45,7 +45,7 @@ def statistics(
     (folder / f"A.{number:04d}.json").write_text(json.dumps(told))
 
 
-def a_run(root: Path) -> Spending:
+def a_run(root: Path) -> RunReport:
     statistics(root, 1, 3.0, 1.0)
     log(
         root,
@@ -60,13 +60,13 @@ def a_run(root: Path) -> Spending:
         {"time": 8.0, "event": "end", "job": "render"},
         {"time": 10.0, "event": "ran"},
     )
-    return Spending.of(root, "run", cores=64)
+    return RunReport.of(root, "run", cores=64)
 
 
 def test_every_second_of_every_core_is_accounted_for(tmp_path: Path) -> None:
     spending = a_run(tmp_path)
     assert (spending.seconds, spending.cores) == (10.0, 2)
-    assert spending.spent == pytest.approx(
+    assert spending.core_seconds == pytest.approx(
         {"simulate": 1.5, "rendering": 6.0, "building": 2.0, "render": 0.0, "starting": 2.5, "waiting": 8.0}
     )
     assert sum(spending.shares.values()) == pytest.approx(1.0)
@@ -86,7 +86,7 @@ def test_a_job_that_was_killed_held_its_core_to_the_end(tmp_path: Path) -> None:
         {"time": 1.0, "event": "begin", "job": "render", "threads": 1},
         {"time": 5.0, "event": "ran"},
     )
-    assert Spending.of(tmp_path, "run", cores=1).spent == {"starting": 4.0, "waiting": 1.0}
+    assert RunReport.of(tmp_path, "run", cores=1).core_seconds == {"starting": 4.0, "waiting": 1.0}
 
 
 def test_a_run_that_left_no_log_is_told_with_those_that_did(tmp_path: Path) -> None:

@@ -9,8 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.differences import differences
-from pipeline.production.maintenance.why import Answer, Question
+from pipeline.production.maintenance.why import Explanation, differences, explain
 from pipeline.production.request.lookup import find_shot
 
 NAME = "T010_tiny"
@@ -34,9 +33,9 @@ def test_a_difference_is_told_as_a_path() -> None:
     assert told == ["look.roughness: 0.1 → 0.3", "a.1: 2 → 3", "b: nothing → 1"]
 
 
-def ask(project: Any, frame: int) -> Answer:
+def ask(project: Any, frame: int) -> Explanation:
     there = Project(project.path, 2)
-    return Question(there.request(find_shot(NAME), "preview", str(frame)), frame, there.store).answer()
+    return explain(there.request(find_shot(NAME), "preview", str(frame)), frame, there.store)
 
 
 def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -11,7 +11,7 @@ from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_result, print_warning, size
 from pipeline.errors import FlowsculptError
 from pipeline.production.execution.project import Project
-from pipeline.production.maintenance.clean import sweep
+from pipeline.production.maintenance.clean import collect_garbage
 from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.request.render_request import RenderRequest
@@ -35,13 +35,13 @@ def clean(
     project = project_of(common, settings)
     requests = list(begun_requests(project))
     if common.dry_run:
-        done = sweep(project.store, requests, keep, only_tell=True)
+        done = collect_garbage(project.store, requests, keep, dry_run=True)
     else:
         with exclusive(common.root):
-            done = sweep(project.store, requests, keep, only_tell=False)
+            done = collect_garbage(project.store, requests, keep, dry_run=False)
     verb = "Would free" if common.dry_run else "Freed"
-    words = f"{verb} {size(done.freed)} in {len(done.gone)} files; {done.kept} files stay."
-    facts = {"removed": len(done.gone), "freed_bytes": done.freed, "kept": done.kept}
+    words = f"{verb} {size(done.freed)} in {len(done.removed)} files; {done.kept} files stay."
+    facts = {"removed": len(done.removed), "freed_bytes": done.freed, "kept": done.kept}
     print_result(words, facts, common.json)
 
 

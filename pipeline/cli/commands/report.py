@@ -8,7 +8,7 @@ import typer
 
 from pipeline.cli.options import Common
 from pipeline.cli.output import duration, out, print_result, table
-from pipeline.production.maintenance.run_report import WORDS, Spending, named_run
+from pipeline.production.maintenance.run_report import LABELS, RunReport, named_run
 
 
 def report(
@@ -24,7 +24,7 @@ def report(
 
     `flowsculpt report` shows the last run of this root; `flowsculpt report --json` the same as numbers.
     """
-    spending = Spending.of(common.root, named_run(common.root, run), common.cores)
+    spending = RunReport.of(common.root, named_run(common.root, run), common.cores)
     if common.json:
         print_result("", spending.as_data(), as_json=True)
         return
@@ -34,5 +34,5 @@ def report(
         column.justify = "right"
     for what, share in spending.shares.items():
         frames = str(spending.frames.get(what, ""))
-        listing.add_row(WORDS[what], f"{share:.1%}", f"{spending.spent[what]:.1f}", frames)
+        listing.add_row(LABELS[what], f"{share:.1%}", f"{spending.core_seconds[what]:.1f}", frames)
     out.print(listing)

@@ -12,12 +12,13 @@ from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_error, print_result, print_warning
 from pipeline.cli.progress import progress_bars
-from pipeline.production.maintenance.verify import Checked, damages, verified
+from pipeline.production.maintenance.verify import StoredFile, damages, repairs
+from pipeline.production.maintenance.verify import verify as verify_store
 from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store
 from pipeline.production.versions.published_files import PublishedFile, checked, published_files, remedies
 
-File = TypeVar("File", Checked, PublishedFile)
+File = TypeVar("File", StoredFile, PublishedFile)
 
 
 def verify(common: Common, settings: Settings = None) -> None:
@@ -30,7 +31,9 @@ def verify(common: Common, settings: Settings = None) -> None:
     damaged, altered or missing one is listed with the command that reproduces it (exit code 1).
     """
     store = Store(common.root)
-    damaged = _reported(common, "verifying", verified(store, common.cores), sum(1 for _ in store.entries()))
+    damaged = _reported(
+        common, "verifying", verify_store(store, common.cores), sum(1 for _ in store.entries())
+    )
     files = list(published_files(common.root))
     altered = _reported(common, "verifying versions", checked(files, common.cores), len(files))
     for remedy in remedies(altered, common.root):
@@ -48,11 +51,11 @@ def verify(common: Common, settings: Settings = None) -> None:
         raise typer.Exit(1 if damaged or altered else 0)
     project = project_of(common, settings)
     names = {(file.kind, file.key) for file in damaged}
-    repairs = list(damages(begun_requests(project), store, names))
+    damaged_requests = list(damages(begun_requests(project), store, names))
     with exclusive(common.root):
         for kind, key in names:
             store.discard(kind, key)
-    outcome = execute(common, lambda: project.mended(repairs))
+    outcome = execute(common, lambda: repairs(project, damaged_requests))
     words = _summary(len(damaged), len(altered), "; those that today's shots need are made again")
     print_result(words, {**facts, "healed": not outcome.unfinished}, common.json)
     if outcome.exit_code or altered:

@@ -8,7 +8,7 @@ import typer
 
 from pipeline.cli.options import Common, Quality, Settings, Shot, project_of
 from pipeline.cli.output import print_result
-from pipeline.production.maintenance.why import Answer, Question
+from pipeline.production.maintenance.why import Explanation, explain
 from pipeline.production.request.lookup import find_shot
 
 
@@ -27,17 +27,17 @@ def why(
     """
     project = project_of(common, settings)
     request = project.request(find_shot(shot), quality, str(frame))
-    answer = Question(request, frame, project.store).answer()
-    print_result(_explanation(answer, shot, frame, quality), answer.as_data(), common.json)
+    found = explain(request, frame, project.store)
+    print_result(_explanation(found, shot, frame, quality), found.as_data(), common.json)
 
 
-def _explanation(answer: Answer, shot: str, frame: int, quality: str) -> str:
+def _explanation(found: Explanation, shot: str, frame: int, quality: str) -> str:
     again = f"flowsculpt render {shot} -q {quality} -f {frame}"
-    if answer.state == "done":
-        return f"{answer.place} is what the shot file asks for."
-    lines = [f"{answer.place} is {answer.state}; {again} makes it."]
-    lines += [f"  {reason}" for reason in answer.reasons]
-    lines += [f"  {part}" for part in answer.parts]
-    if answer.edits:
-        lines += ["Edited in the shot file since it was made:", *(f"  {edit}" for edit in answer.edits)]
+    if found.state == "done":
+        return f"{found.file} is what the shot file asks for."
+    lines = [f"{found.file} is {found.state}; {again} makes it."]
+    lines += [f"  {reason}" for reason in found.reasons]
+    lines += [f"  {part}" for part in found.parts]
+    if found.edits:
+        lines += ["Edited in the shot file since it was made:", *(f"  {edit}" for edit in found.edits)]
     return "\n".join(lines)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
@@ -27,9 +26,6 @@ from pipeline.production.request.variants import variant_for
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
 from render.scene.quality import QUALITIES
-
-if TYPE_CHECKING:
-    from pipeline.production.maintenance.verify import Damage
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 
@@ -113,19 +109,6 @@ class Project:
         planner = self.planner()
         for shot in shots:
             planner.stills(self._asked(shot, quality, frames, picture_states), form)
-        return planner.plan()
-
-    def mended(self, damages: Iterable[Damage]) -> Plan:
-        """The files of takes that were faulty."""
-        planner = self.planner()
-        for damage in damages:
-            if damage.meshes:
-                planner.simulate(replace(damage.request, requested=damage.meshes))
-            if damage.pictures:
-                planner.pictures(replace(damage.request, requested=damage.pictures))
-            if damage.movie:
-                planner.pictures(damage.request.whole())
-                planner.movie(damage.request.whole())
         return planner.plan()
 
     def surfaces(self, request: RenderRequest) -> Plan:

@@ -1,4 +1,4 @@
-"""What of the store nobody needs: neither today's shots, nor what renders/ shows, nor the last runs."""
+"""Collect garbage: delete stored files that neither shots, nor renders/, nor the last runs need."""
 
 from __future__ import annotations
 
@@ -18,48 +18,52 @@ from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
 from pipeline.production.store.store import Store
 
-Named = tuple[str, Key]
-"""A file of the store: its kind and its key."""
-
 
 @dataclass(frozen=True)
-class Sweep:
-    """What goes and what stays: files of the store, and bytes."""
+class Collected:
+    """What a collection removes, or would remove.
 
-    gone: tuple[Path, ...]
+    removed  files of the store
+    kept     how many files stay
+    freed    bytes
+    """
+
+    removed: tuple[Path, ...]
     kept: int
     freed: int
 
 
-def sweep(store: Store, requests: Iterable[RenderRequest], keep: int, only_tell: bool) -> Sweep:
-    """Remove from the store what is needed neither by `takes`, nor by the last `keep` runs of each shot; what
-    is shown in renders/ stays. Only whoever holds the root's lock may call this, but to be told."""
+def collect_garbage(store: Store, requests: Iterable[RenderRequest], keep: int, dry_run: bool) -> Collected:
+    """Remove stored files that neither `requests` nor the last `keep` runs of each shot need.
+
+    Files that renders/ shows stay. Unless `dry_run`, only the holder of the root's lock may call this.
+    """
     needed = {
         name for request in (*requests, *_of_last_runs(store.root, keep)) for name in _needs(request, store)
     }
     shown = set(_inodes(store.root / "renders"))
-    gone: list[Path] = []
+    removed: list[Path] = []
     kept, freed = 0, 0
     for kind, key, path in store.entries():
         facts = path.stat()
         if (kind, key) in needed or (facts.st_dev, facts.st_ino) in shown:
             kept += 1
             continue
-        gone.append(path)
+        removed.append(path)
         freed += facts.st_size
-        if not only_tell:
+        if not dry_run:
             store.discard(kind, key)
-    if not only_tell:
+    if not dry_run:
         _forget_runs(store.root, max(keep, RUNS))
         for folder in (DONE, LOGS / "jobs"):  # Snakemake finds out anew what is done
             for path in (store.root / folder).glob("*"):
                 if path.name != "renders":  # by which keys Snakemake knows movies
                     shutil.rmtree(path, ignore_errors=True)
-    return Sweep(tuple(gone), kept, freed)
+    return Collected(tuple(removed), kept, freed)
 
 
-def _needs(request: RenderRequest, store: Store) -> Iterator[Named]:
-    """Every file on the way to the pictures of a take."""
+def _needs(request: RenderRequest, store: Store) -> Iterator[tuple[str, Key]]:
+    """Yield kind and key of every file on the way to the pictures of a request."""
     with contextlib.suppress(FlowsculptError):  # a shot that cannot be read any more needs nothing
         for angle in request.angles.values():
             yield "mesh", request.mesh_key(angle.mesh)
@@ -77,7 +81,7 @@ def _needs(request: RenderRequest, store: Store) -> Iterator[Named]:
 
 
 def _of_last_runs(root: Path, count: int) -> Iterator[RenderRequest]:
-    """The takes of the last so many runs of each shot at each quality, by their plans."""
+    """Yield the requests of the last `count` runs of each shot at each quality, from their plans."""
     seen: Counter[tuple[Any, ...]] = Counter()
     for path in sorted((root / PLANS).glob("*.json"), reverse=True):
         with contextlib.suppress(OSError, ValueError, KeyError):
@@ -96,7 +100,7 @@ def _inodes(folder: Path) -> Iterator[tuple[int, int]]:
 
 
 def _forget_runs(root: Path, keep: int) -> None:
-    """The plans, event logs and messages of all but the last runs."""
+    """Remove the plans, event logs and messages of all but the last runs."""
     for folder in (PLANS, EVENTS, LOGS):
         for path in sorted((root / folder).glob("2*"))[:-keep]:
             with contextlib.suppress(OSError):

@@ -1,7 +1,7 @@
-"""Where a run's time went, by its event log: the stages, what rendering is made of, and the rest.
+"""Report where the time of a run went: its stages, the parts of rendering, and the rest.
 
-A core that a job holds for a second is a second of a core. Those that no frame accounts for went into
-starting processes, where a job held the core, or into planning, Snakemake and waiting, where none did.
+Time is counted in core-seconds: a core that a job holds for a second. Those that no frame accounts for went
+into starting processes, if a job held the core, or else into planning, Snakemake and waiting.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pipeline.production.store.event_log import Event, EventReader, logs_of
 from pipeline.production.store.paths import EVENTS
 
 STARTING, WAITING = "starting", "waiting"
-"""What no frame accounts for."""
+"""Core-seconds that no frame accounts for."""
 
 _PARTS = {
     "preparing": "preparing",
@@ -27,9 +27,9 @@ _PARTS = {
     "rendering": "light and guides",
     "reading and writing": "reading and writing",
 }
-"""What a renderer's seconds are told by."""
+"""Parts of rendering, as statistics name them."""
 
-WORDS = {
+LABELS = {
     **{name: stage.doing for name, stage in STAGES.items()},
     **{name: f"rendering: {part}" for name, part in _PARTS.items()},
     STARTING: "starting processes",
@@ -38,27 +38,26 @@ WORDS = {
 
 
 @dataclass(frozen=True)
-class Spending:
-    """Of one run.
+class RunReport:
+    """Where the time of one run went.
 
-    seconds  by the clock
-    cores    that it had
-    spent    seconds of a core, by what they went into (see WORDS)
-    frames   made, by stage
+    seconds       by the clock
+    core_seconds  by what they went into (see LABELS)
+    frames        made, by stage
     """
 
     run: str
     seconds: float
     cores: int
-    spent: Mapping[str, float]
+    core_seconds: Mapping[str, float]
     frames: Mapping[str, int]
 
     @classmethod
-    def of(cls, root: Path, run: str, cores: int) -> Spending:
-        """`cores` counts where the log, being older, does not say how many there were."""
+    def of(cls, root: Path, run: str, cores: int) -> RunReport:
+        """Return the report of a run; `cores` is used if its log does not name them."""
         events = list(EventReader(root / EVENTS / f"{run}.jsonl").new())
-        told = [event for event in events if event["event"] == "run"]
-        cores = int(told[0]["cores"]) if told else cores
+        begun = [event for event in events if event["event"] == "run"]
+        cores = int(begun[0]["cores"]) if begun else cores
         times = [float(event["time"]) for event in events]
         seconds = max(times, default=0.0) - min(times, default=0.0)
         threads = {
@@ -71,7 +70,7 @@ class Spending:
             for what, share in _parts(root, event, taken).items():
                 spent[what] += share
         held = sum(
-            (end - begin) * threads.get(job, 1) for job, begin, end in _turns(events, max(times, default=0.0))
+            (end - begin) * threads.get(job, 1) for job, begin, end in _held(events, max(times, default=0.0))
         )
         spent[STARTING] = max(0.0, held - sum(spent.values()))
         spent[WAITING] = max(0.0, seconds * cores - sum(spent.values()))
@@ -80,32 +79,34 @@ class Spending:
 
     @property
     def shares(self) -> dict[str, float]:
-        """Of all that the cores had to give, in the order of WORDS."""
-        whole = max(self.seconds * self.cores, sum(self.spent.values()), 1e-9)
-        return {what: self.spent[what] / whole for what in WORDS if self.spent.get(what, 0.0) > 0.0}
+        """Fractions of all core-seconds of the run, in the order of LABELS."""
+        whole = max(self.seconds * self.cores, sum(self.core_seconds.values()), 1e-9)
+        return {
+            what: self.core_seconds[what] / whole for what in LABELS if self.core_seconds.get(what, 0.0) > 0.0
+        }
 
     def as_data(self) -> dict[str, Any]:
         return {
             "run": self.run,
             "seconds": round(self.seconds, 3),
             "cores": self.cores,
-            "core_seconds": {what: round(taken, 3) for what, taken in self.spent.items()},
+            "core_seconds": {what: round(taken, 3) for what, taken in self.core_seconds.items()},
             "frames": dict(self.frames),
         }
 
     def in_brief(self) -> str:
-        """One line: the largest parts."""
+        """Return the largest parts, in one line."""
         largest = sorted(self.shares.items(), key=lambda part: -part[1])[:4]
-        return ", ".join(f"{WORDS[what]} {share:.0%}" for what, share in largest)
+        return ", ".join(f"{LABELS[what]} {share:.0%}" for what, share in largest)
 
 
 def runs(root: Path) -> list[str]:
-    """The runs that left an event log, the latest last."""
+    """Return the runs that left an event log, the latest last."""
     return [log.stem for log in logs_of(root)]
 
 
 def named_run(root: Path, name: str | None) -> str:
-    """A run by its name, or the last. Raises MissingInputError where there is none."""
+    """Return a run by its name, or the last. Raises MissingInputError where there is none."""
     known = runs(root)
     if name is None and known:
         return known[-1]
@@ -119,7 +120,7 @@ def named_run(root: Path, name: str | None) -> str:
 
 
 def statistics_of(root: Path, event: Event) -> Path:
-    """Where it is told what rendering a frame took. Raises KeyError for logs that do not say."""
+    """Return the statistics file of a rendered frame. Raises KeyError for logs that do not name it."""
     shot: str = event["shot"]
     place = Path(event["quality"]) / "statistics"
     homes = (root / "renders" / shot, root / "renders" / "turntable" / shot)
@@ -128,8 +129,8 @@ def statistics_of(root: Path, event: Event) -> Path:
     return found[0] if found else files[0]
 
 
-def _turns(events: Iterable[Event], last: float) -> Iterator[tuple[str, float, float]]:
-    """When which job held its cores; one that was killed did so until the log ends."""
+def _held(events: Iterable[Event], last: float) -> Iterator[tuple[str, float, float]]:
+    """Yield job, begin and end of the times that jobs held their cores; a killed job, until the log ends."""
     begun: dict[str, float] = {}
     for event in events:
         if event["event"] == "begin":
@@ -141,7 +142,7 @@ def _turns(events: Iterable[Event], last: float) -> Iterator[tuple[str, float, f
 
 
 def _parts(root: Path, event: Event, taken: float) -> Mapping[str, float]:
-    """What a frame's seconds went into: of a rendered one as its statistics say, where they are there."""
+    """Split the core-seconds of a frame: those of a rendered one by its statistics, if they are there."""
     stage = str(event["stage"])
     if stage != "render" or event["found"]:
         return {stage: taken}
@@ -150,4 +151,4 @@ def _parts(root: Path, event: Event, taken: float) -> Mapping[str, float]:
     whole = sum(parts.values())
     if not whole:
         return {stage: taken}
-    return {part if part in WORDS else "rendering": taken * s / whole for part, s in parts.items()}
+    return {part if part in LABELS else "rendering": taken * s / whole for part, s in parts.items()}

@@ -1,7 +1,6 @@
-"""Is what the store holds what its names say? Every file is decoded to its end and its key compared.
+"""Verify the store: decode every file to its end, and compare its key with its name.
 
-Meshes carry checksums (CRC-32) and pictures those of their compression (Adler-32), so that a flipped bit is
-found; a movie is decoded whole.
+Meshes carry checksums (CRC-32), and pictures those of their compression (Adler-32): a flipped bit is found.
 """
 
 from __future__ import annotations
@@ -9,11 +8,13 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Collection, Iterable, Iterator
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.production.execution.project import Project
 from pipeline.production.keys.digest import Key
+from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.store import CorruptFileError, Store
@@ -41,12 +42,12 @@ READERS: dict[str, Callable[[Key], Callable[[Path], Any]]] = {
     "jpeg": lambda key: read_png,
     "measures": lambda key: _json,
 }
-"""By kind, what reads a file of a key whole."""
+"""Readers that read a whole file of a key, by kind."""
 
 
 @dataclass(frozen=True)
-class Checked:
-    """A file of the store; `fault` is what is wrong with it, if anything."""
+class StoredFile:
+    """A file of the store; `fault` says what is wrong with it, if anything."""
 
     kind: str
     key: Key
@@ -56,7 +57,7 @@ class Checked:
 
 @dataclass(frozen=True)
 class Damage:
-    """What of a take's files is faulty: its meshes and its pictures, by number, and its movie."""
+    """The damaged files of a request: the numbers of its meshes and pictures, and its movie."""
 
     request: RenderRequest
     meshes: tuple[int, ...]
@@ -64,32 +65,44 @@ class Damage:
     movie: bool
 
 
-def damages(
-    requests: Iterable[RenderRequest], store: Store, faulty: Collection[tuple[str, Key]]
-) -> Iterator[Damage]:
-    """What of takes is among faulty files, by kind and key; found before these are forgotten."""
-    for request in requests:
-        meshes = [
-            n for n, angle in request.angles.items() if ("mesh", request.mesh_key(angle.mesh)) in faulty
-        ]
-        keys = request.picture_keys(store)
-        if keys is None:
-            yield Damage(request, tuple(meshes), (), False)
-            continue
-        shown = [n for n in request.angles if {("raw", keys[n].raw), ("frame", keys[n].frame)} & set(faulty)]
-        movie = ("movie", request.movie_key([keys[n].frame for n in sorted(request.angles)])) in faulty
-        yield Damage(request, tuple(meshes), tuple(shown), movie)
-
-
-def verified(store: Store, threads: int) -> Iterator[Checked]:
-    """Every file of the store, looked at; changes nothing."""
+def verify(store: Store, threads: int) -> Iterator[StoredFile]:
+    """Read every file of the store and yield it with its fault; change nothing."""
     with ThreadPoolExecutor(threads) as pool:
-        yield from pool.map(lambda entry: _checked(*entry), store.entries())
+        yield from pool.map(lambda entry: _verified(*entry), store.entries())
 
 
-def _checked(kind: str, key: Key, path: Path) -> Checked:
+def _verified(kind: str, key: Key, path: Path) -> StoredFile:
     try:
         READERS[kind](key)(path)
     except (CorruptFileError, RenderError, OSError) as error:
-        return Checked(kind, key, path, str(error).removeprefix(f"{path}: "))
-    return Checked(kind, key, path, None)
+        return StoredFile(kind, key, path, str(error).removeprefix(f"{path}: "))
+    return StoredFile(kind, key, path, None)
+
+
+def damages(
+    requests: Iterable[RenderRequest], store: Store, faulty: Collection[tuple[str, Key]]
+) -> Iterator[Damage]:
+    """Yield what requests lose by faulty files, given by kind and key. Call it before these are evicted."""
+    for request in requests:
+        angles, keys = request.angles, request.picture_keys(store)
+        meshes = tuple(n for n, angle in angles.items() if ("mesh", request.mesh_key(angle.mesh)) in faulty)
+        if keys is None:
+            yield Damage(request, meshes, (), False)
+            continue
+        pictures = (n for n in angles if {("raw", keys[n].raw), ("frame", keys[n].frame)} & set(faulty))
+        movie = ("movie", request.movie_key([keys[n].frame for n in sorted(angles)])) in faulty
+        yield Damage(request, meshes, tuple(pictures), movie)
+
+
+def repairs(project: Project, damages: Iterable[Damage]) -> Plan:
+    """Return the plan that makes damaged files again."""
+    planner = project.planner()
+    for damage in damages:
+        if damage.meshes:
+            planner.simulate(replace(damage.request, requested=damage.meshes))
+        if damage.pictures:
+            planner.pictures(replace(damage.request, requested=damage.pictures))
+        if damage.movie:
+            planner.pictures(damage.request.whole())
+            planner.movie(damage.request.whole())
+    return planner.plan()
