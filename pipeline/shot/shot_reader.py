@@ -95,8 +95,8 @@ def read_shot(
 
 def _motion(document: ShotDocument, clock: Clock, folder: Path) -> Motion:
     resample = document.resample
-    follow = partial(Streamlines, substeps=document.substeps, tolerance=_tolerance(document))
-    flows = tuple(entry.build(clock, follow) for entry in document.flows)
+    integrate = partial(Streamlines, substeps=document.substeps, tolerance=_tolerance(document))
+    flows = tuple(entry.build(clock, integrate) for entry in document.flows)
     return Motion(
         frames=clock.frames,
         rate=clock.rate,

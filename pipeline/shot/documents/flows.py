@@ -46,7 +46,7 @@ from pipeline.shot.yaml.parse_context import finding
 
 E = TypeVar("E", bound=Document)
 
-Follow = Callable[[VelocityField], Streamlines]
+Integrate = Callable[[VelocityField], Streamlines]
 """Turns a velocity field into a flow, by the integrator that the shot names."""
 
 
@@ -271,15 +271,15 @@ class FlowDocument(Flows):
         "flows from 0 to the end of the period, again and again"
     )
 
-    def build(self, clock: Clock, follow: Follow) -> Flow:
-        """Return the flow; `follow` integrates velocity fields as the shot says."""
+    def build(self, clock: Clock, integrate: Integrate) -> Flow:
+        """Return the flow; `integrate` turns a velocity field into one."""
         chosen = self.chosen
         if isinstance(chosen, list):
-            return follow(Sum(tuple(entry.build(clock) for entry in chosen)))
+            return integrate(Sum(tuple(entry.build(clock) for entry in chosen)))
         if isinstance(chosen, Composition | BlendDocument):
-            flows = [entry.build(clock, follow) for entry in chosen.flows]
+            flows = [entry.build(clock, integrate) for entry in chosen.flows]
             if isinstance(chosen, BlendDocument):
                 return chosen.of_flows(flows, clock)
             return chosen.of_flow(Sequence(tuple(flows)), clock)
         flow: Flow | VelocityField = chosen.build(clock)
-        return follow(flow) if isinstance(flow, VelocityField) else flow
+        return integrate(flow) if isinstance(flow, VelocityField) else flow
