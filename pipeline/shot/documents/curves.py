@@ -7,7 +7,6 @@ from collections.abc import Callable
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo
-from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
 from pipeline.flow.easing import BEZIER, EASINGS, Handle
@@ -28,6 +27,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
+from pipeline.shot.yaml.parse_context import bad_curve
 
 T = TypeVar("T")
 
@@ -118,7 +118,7 @@ def within(bounds: Bounds) -> AfterValidator:
             return value
         fault = _curve_fault(value, clock, bounds)
         if fault:
-            raise PydanticCustomError("bad_curve", "{fault}", {"fault": fault})
+            raise bad_curve(fault)
         return value
 
     return AfterValidator(check)

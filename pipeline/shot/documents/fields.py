@@ -23,6 +23,7 @@ from pipeline.errors import suggestion
 from pipeline.flow.parameters import Vector, X, Y, Z
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.formula import Expression, FormulaError
+from pipeline.shot.yaml.parse_context import bad_value
 
 DEGREE = math.radians(1.0)
 
@@ -74,11 +75,7 @@ def one_of(names: Iterable[str], kind: str) -> OneOf:
 
     def check(word: str) -> str:
         if word not in known:
-            raise PydanticCustomError(
-                "unknown_name",
-                "{word} is no {kind}. {suggestion}",
-                {"word": repr(word), "kind": kind, "suggestion": suggestion(word, known)},
-            )
+            raise bad_value(f"{word!r} is no {kind}. {suggestion(word, known)}")
         return word
 
     return OneOf(check, known)
@@ -91,20 +88,16 @@ def exactly_one(*names: str) -> ConfigDict:
 
 def _check_largest(value: float) -> float:
     if abs(value) > LARGEST:
-        raise PydanticCustomError(
-            "too_large",
-            "{value} is too large to compute with; numbers go up to 1e12. Write a smaller one.",
-            {"value": f"{value:g}"},
+        raise bad_value(
+            f"{value:g} is too large to compute with; numbers go up to 1e12. Write a smaller one."
         )
     return value
 
 
 def _check_smallest(value: float) -> float:
     if value < SMALLEST:
-        raise PydanticCustomError(
-            "too_small",
-            "{value} is too small to compute with; measures start at 1e-9. Write a larger one.",
-            {"value": f"{value:g}"},
+        raise bad_value(
+            f"{value:g} is too small to compute with; measures start at 1e-9. Write a larger one."
         )
     return value
 

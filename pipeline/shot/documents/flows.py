@@ -12,7 +12,6 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_model, model_validator
-from pydantic_core import PydanticCustomError
 
 from pipeline.flow import (
     Flow,
@@ -42,7 +41,7 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.documents.flow_catalogue import BARE, entries
 from pipeline.shot.documents.regions import RegionDocument
-from pipeline.shot.yaml.parse_context import finding
+from pipeline.shot.yaml.parse_context import bad_value, finding
 
 E = TypeVar("E", bound=Document)
 
@@ -53,10 +52,8 @@ Integrate = Callable[[VelocityField], Streamlines]
 def _positive_duration(value: Any) -> Any:
     length = Clock(FrameRange.of([1]), FrameRate.of(24)).length(value)
     if length is None or not 0 < length < math.inf:
-        raise PydanticCustomError(
-            "duration",
-            "{value} is no duration. Write frames, such as 24, or seconds, such as 1s.",
-            {"value": shortened(value)},
+        raise bad_value(
+            f"{shortened(value)} is no duration. Write frames, such as 24, or seconds, such as 1s."
         )
     return value
 
@@ -193,11 +190,9 @@ class Entry(Document):
     def _names_one(self) -> Entry:
         named = sorted(self.model_fields_set)
         if len(named) != 1:
-            raise PydanticCustomError(
-                "one_flow",
-                "a flow is one name and its parameters, and this entry has {names}. "
-                "Start each flow with a dash of its own.",
-                {"names": " and ".join(named) or "nothing"},
+            raise bad_value(
+                "a flow is one name and its parameters, and this entry has "
+                f"{' and '.join(named) or 'nothing'}. Start each flow with a dash of its own."
             )
         return self
 

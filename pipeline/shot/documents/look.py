@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
 from pipeline.shot.documents.bsdf import bsdf_of, is_valid
 from pipeline.shot.documents.fields import (
@@ -109,16 +108,11 @@ class LookDocument(Document):
         look = LOOKS[self.material]
         pattern = next((name for name in ("pigment", "measure", "picture") if self._has(name)), None)
         if pattern and not isinstance(look, PatternedMaterial):
-            raise PydanticCustomError(
-                "pigment",
-                "look has a {pattern}, and {why} {material}, which has one colour. Take one of {looks}, "
-                "or write colour.",
-                {
-                    "pattern": pattern,
-                    "why": "light goes through" if look.is_clear else "scratches make the pattern of",
-                    "material": self.material,
-                    "looks": ", ".join(n for n, item in LOOKS.items() if isinstance(item, PatternedMaterial)),
-                },
+            reason = "light goes through" if look.is_clear else "scratches make the pattern of"
+            looks = ", ".join(n for n, item in LOOKS.items() if isinstance(item, PatternedMaterial))
+            raise finding(
+                f"look has a {pattern}, and {reason} {self.material}, which has one colour. "
+                f"Take one of {looks}, or write colour."
             )
         given = [name for name in ("colour", "pigment", "measure") if getattr(self, name)]
         if len(given) > 1:
@@ -128,14 +122,9 @@ class LookDocument(Document):
             )
         for name, model_with in _MODEL_WITH.items():
             if getattr(self, name) is not None and look.model != model_with:
-                raise PydanticCustomError(
-                    "facet",
-                    "look has {name}, which {material} does not use. Remove it, or take {fitting}.",
-                    {
-                        "name": name,
-                        "material": self.material,
-                        "fitting": " or ".join(n for n, item in LOOKS.items() if item.model == model_with),
-                    },
+                fitting = " or ".join(n for n, item in LOOKS.items() if item.model == model_with)
+                raise finding(
+                    f"look has {name}, which {self.material} does not use. Remove it, or take {fitting}."
                 )
         if self.projection and not (self.relief or self._has("picture") or self._has("rough")):
             raise finding(

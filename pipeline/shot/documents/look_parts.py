@@ -8,7 +8,6 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
-from pydantic_core import PydanticCustomError
 
 from pipeline.shot.documents.fields import (
     DEGREE,
@@ -27,7 +26,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, finding
+from pipeline.shot.yaml.parse_context import ParseContext, bad_value, finding
 from render.base.errors import RenderError
 from render.scene.materials import Absorption, Relief
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure
@@ -86,11 +85,9 @@ class PigmentDocument(Document):
     @model_validator(mode="after")
     def _names_one(self) -> PigmentDocument:
         if len(self.model_fields_set) != 1:
-            raise PydanticCustomError(
-                "pigment",
-                "pigment names {count} patterns; it is one of {patterns}. Write one, such as "
-                "pigment: {{layers: {{colours: [[1, 1, 1], [0, 0, 0]]}}}}.",
-                {"count": len(self.model_fields_set), "patterns": ", ".join(PATTERNS)},
+            raise bad_value(
+                f"pigment names {len(self.model_fields_set)} patterns; it is one of {', '.join(PATTERNS)}. "
+                "Write one, such as pigment: {layers: {colours: [[1, 1, 1], [0, 0, 0]]}}."
             )
         return self
 

@@ -16,7 +16,6 @@ from pydantic import (
     ValidationInfo,
     model_validator,
 )
-from pydantic_core import PydanticCustomError
 
 from pipeline.errors import UsageError
 from pipeline.flow.parameters import number_at
@@ -25,7 +24,7 @@ from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number, sampled_frames
 from pipeline.shot.documents.fields import DEGREE, Document, SchemaKeywords, one_of, optional
-from pipeline.shot.yaml.parse_context import ParseContext, finding
+from pipeline.shot.yaml.parse_context import ParseContext, bad_curve, bad_value, finding
 from render.base.errors import BadInputError
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
@@ -42,9 +41,7 @@ def _pixels(value: Any) -> Any:
         return value
     match = re.match(_PIXELS, value)
     if not match:
-        raise PydanticCustomError(
-            "pixels", "{text} is no length in pixels. Write 2px.", {"text": repr(value)}
-        )
+        raise bad_value(f"{value!r} is no length in pixels. Write 2px.")
     return float(match[1])
 
 
@@ -87,7 +84,7 @@ def _degrees(low: float, high: float, usual: str) -> AfterValidator:
             for frame in sampled_frames(clock):
                 if not low <= (degrees := number_at(curve, clock.time(frame))) <= high:
                     fault = f"is {degrees:.4g} at frame {frame:g}; {rule}"
-                    raise PydanticCustomError("bad_curve", "{fault}", {"fault": fault})
+                    raise bad_curve(fault)
         except (UsageError, AssertionError):  # other checks report these
             return value
         return value

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
-from pydantic_core import CoreSchema, PydanticCustomError
+from pydantic_core import CoreSchema
 
 from pipeline.flow.regions import (
     FALLOFF_TYPES,
@@ -33,7 +33,7 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, as_finding
+from pipeline.shot.yaml.parse_context import ParseContext, as_finding, bad_value
 
 SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 
@@ -144,11 +144,8 @@ class RegionDocument(Document):
     def _names_one(self) -> RegionDocument:
         named = [name for name in SHAPES if getattr(self, name) is not None]
         if len(named) != 1:
-            raise PydanticCustomError(
-                "one_shape",
-                "a region is one of {shapes}, and this has {named}. Write one.",
-                {"shapes": ", ".join(SHAPES), "named": " and ".join(named) or "none"},
-            )
+            names = " and ".join(named) or "none"
+            raise bad_value(f"a region is one of {', '.join(SHAPES)}, and this has {names}. Write one.")
         return self
 
     def build(self, clock: Clock) -> Region:

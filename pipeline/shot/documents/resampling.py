@@ -10,7 +10,6 @@ from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, ClassVar
 
 from pydantic import Discriminator, Field, Tag, model_validator
-from pydantic_core import PydanticCustomError
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
@@ -32,6 +31,7 @@ from pipeline.shot.documents.fields import (
     optional,
 )
 from pipeline.shot.motion import Resampling
+from pipeline.shot.yaml.parse_context import bad_value
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]
 ThresholdText = Annotated[str, NUMBER_OR_TEXT, formula_over(FORMULA_NAMES)]
@@ -132,10 +132,9 @@ class ActiveLengthDocument(Document):
     def _names_one(self) -> ActiveLengthDocument:
         named = [name for name in sorted(self.model_fields_set) if getattr(self, name) is not None]
         if len(named) != 1:
-            raise PydanticCustomError(
-                "one_length",
-                "a length is one of formula, curvature, camera or keys, and this has {named}. Write one.",
-                {"named": " and ".join(named) or "nothing"},
+            names = " and ".join(named) or "nothing"
+            raise bad_value(
+                f"a length is one of formula, curvature, camera or keys, and this has {names}. Write one."
             )
         return self
 

@@ -6,7 +6,6 @@ from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
-from pydantic_core import PydanticCustomError
 
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.shot.documents.camera import CameraDocument
@@ -18,6 +17,7 @@ from pipeline.shot.documents.look import LookDocument
 from pipeline.shot.documents.picture import AovsField, ShutterDocument, SmoothDocument, ViewDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.subject import SubjectDocument
+from pipeline.shot.yaml.parse_context import bad_value
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES
@@ -36,11 +36,9 @@ Resample = Annotated[
 
 def _check_samples(samples: int) -> int:
     if samples > BATCH_SAMPLES and samples % BATCH_SAMPLES:
-        raise PydanticCustomError(
-            "passes",
-            "{samples} samples do not divide into batches of {size}. Write up to {size}, or a multiple of "
-            "it.",
-            {"samples": samples, "size": BATCH_SAMPLES},
+        raise bad_value(
+            f"{samples} samples do not divide into batches of {BATCH_SAMPLES}. "
+            f"Write up to {BATCH_SAMPLES}, or a multiple of it."
         )
     return samples
 

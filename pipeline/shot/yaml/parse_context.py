@@ -75,8 +75,18 @@ def missing_file(name: str, path: Path, kind: str = "file") -> str:
 
 
 def finding(text: str) -> PydanticCustomError:
-    """Return an error for pydantic that carries a message of ours."""
+    """Return an error for pydantic with a whole message."""
     return PydanticCustomError("finding", "{text}", {"text": text})
+
+
+def bad_value(text: str) -> PydanticCustomError:
+    """Return an error for pydantic with a message that follows the value's path: `rate: …`."""
+    return PydanticCustomError("bad_value", "{text}", {"text": text})
+
+
+def bad_curve(text: str) -> PydanticCustomError:
+    """Return an error for pydantic with a message that continues the value's path: `speed is …`."""
+    return PydanticCustomError("bad_curve", "{text}", {"text": text})
 
 
 def as_finding(make: Callable[[], T]) -> T:
