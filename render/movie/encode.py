@@ -20,7 +20,7 @@ from render.base.atomic_write import atomic_write
 from render.base.errors import BadInputError, MachineError
 from render.movie.codecs import Encode, require_size
 from render.movie.planes import Frame, pad_to_even, require_frame, to_pixel_format
-from render.movie.sound import AudioTrack, Samples
+from render.movie.sound import AudioStream, Samples
 
 _BT709, _RGB = 1, 0
 _LIMITED, _FULL = 1, 2
@@ -62,7 +62,7 @@ def write_movie(
         if timecode and encode.has_timecode:
             movie.container_metadata["timecode"] = timecode
         codec = encode.container.audio_codec
-        track = AudioTrack(container, codec, sound) if sound is not None and codec else None
+        audio = AudioStream(container, codec, sound) if sound is not None and codec else None
         for frame in _chain(first, frames):
             require_frame(frame)
             if frame.shape != shape:
@@ -72,11 +72,11 @@ def write_movie(
                 )
             _write_frame(movie, frame, encode)
             count += 1
-            if track is not None:
-                track.write_until(count / rate)
+            if audio is not None:
+                audio.write_until(count / rate)
             file.require_written()
-        if track is not None:
-            track.finish()
+        if audio is not None:
+            audio.finish()
     return count
 
 

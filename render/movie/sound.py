@@ -130,7 +130,7 @@ def _count_samples(file: Path, _modified: int, _size: int) -> int:
     return count
 
 
-class AudioTrack:
+class AudioStream:
     """The sound of a movie that is being written to one of FFmpeg's containers."""
 
     def __init__(self, container: Any, codec: str, samples: Iterator[Samples]) -> None:

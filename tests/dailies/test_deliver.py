@@ -9,9 +9,9 @@ import av
 import numpy as np
 import pytest
 
-from pipeline.dailies.delivery.deliver import Delivery, Order
-from pipeline.dailies.delivery.reel import of_film, of_shot
-from pipeline.dailies.delivery.rushes import Look
+from pipeline.dailies.delivery.deliver import Delivery, DeliveryOptions
+from pipeline.dailies.delivery.frame_reader import FrameFormat
+from pipeline.dailies.delivery.source import film_source, shot_source
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest
@@ -21,7 +21,7 @@ from render.movie.probe import probe_movie
 
 NAME = "T010_tiny"
 HOME = Path("renders") / NAME / "preview" / "deliver"
-QUIET = Look("rec709", covered=False)
+QUIET = FrameFormat("rec709", has_coverage=False)
 
 
 @pytest.fixture
@@ -93,17 +93,17 @@ def test_a_film_is_delivered_with_its_own_sound_and_a_slate_before_it(there):
 def test_frames_that_failed_are_cards_that_say_why(there):
     project, request = taken(there)
     keys = request.picture_keys(project.store)
-    whole = of_shot(request, project.store, {})
+    whole = shot_source(request, project.store, {})
     project.store.discard("frame", keys[3].frame)
-    reel = of_shot(request, project.store, {(NAME, 3): "frame 3: the surface is torn"})
-    assert reel.lost == (f"{NAME} frames 3",)
-    shown = [frame for frame, _ in reel.frames(QUIET)]
+    source = shot_source(request, project.store, {(NAME, 3): "frame 3: the surface is torn"})
+    assert source.lost == (f"{NAME} frames 3",)
+    shown = [frame for frame, _ in source.frames(QUIET)]
     same = [bool((a == b[0]).all()) for a, b in zip(shown, whole.frames(QUIET), strict=True)]
     assert same.count(False) <= 1
     assert shown[2].mean() < 0.3 * shown[1].mean()
-    assert reel.content != whole.content
-    order = Order((ENCODES["review"],), burn_in=BurnIn())
-    (made,) = Delivery(reel, order, project.store).make(silent)
+    assert source.content != whole.content
+    order = DeliveryOptions((ENCODES["review"],), burn_in=BurnIn())
+    (made,) = Delivery(source, order, project.store).make(silent)
     assert made.frames == 6
     assert probe_movie(there.path / made.path).frames == 6
 
@@ -113,37 +113,37 @@ def test_a_frame_that_cannot_be_read_is_told_and_forgotten_and_nothing_delivered
     key = request.picture_keys(project.store)[3].frame
     project.store.discard("frame", key)
     project.store.put("frame", key, lambda path: path.write_bytes(b"cut short"))
-    reel = of_shot(request, project.store, {})
+    source = shot_source(request, project.store, {})
     with pytest.raises(FrameError, match=r"0003\.exr cannot be read to its end; run again"):
-        Delivery(reel, Order((ENCODES["review"],)), project.store).make(silent)
+        Delivery(source, DeliveryOptions((ENCODES["review"],)), project.store).make(silent)
     assert not project.store.holds("frame", key)
     assert not list((there.path / "renders" / NAME / "preview" / "deliver").glob("*.mp4"))
 
 
 def test_the_coverage_of_the_subject_is_the_alpha(there):
     project, request = taken(there, "2-3")
-    reel = of_shot(request, project.store, {})
-    assert reel.covered
-    frame, _ = next(reel.frames(Look("rec709", covered=True)))
+    source = shot_source(request, project.store, {})
+    assert source.has_coverage
+    frame, _ = next(source.frames(FrameFormat("rec709", has_coverage=True)))
     assert frame.shape == (270, 480, 4)
     assert frame[135, 240, 3] == 65535 and frame[5, 5, 3] == 0
     for number in request.requested:
         project.store.discard("raw", request.picture_keys(project.store)[number].raw)
-    assert not of_shot(request, project.store, {}).covered
+    assert not shot_source(request, project.store, {}).has_coverage
 
 
 def test_nothing_to_deliver_is_told(project, monkeypatch):
     monkeypatch.chdir(project.path)
     fresh = Project(project.path, cores=1)
     with pytest.raises(FrameError, match=r"none of its frames could be made.* the first failed: no light"):
-        of_shot(fresh.asked(NAME, "preview"), fresh.store, {(NAME, 1): "no light"})
+        shot_source(fresh.asked(NAME, "preview"), fresh.store, {(NAME, 1): "no light"})
 
 
 def test_a_published_version_is_named(there):
     project, request = taken(there)
-    assert dict(of_shot(request, project.store, {}).facts)["version"] == "in work"
+    assert dict(shot_source(request, project.store, {}).facts)["version"] == "in work"
     assert there.run("publish", NAME, "-q", "preview").code == 0
-    assert dict(of_shot(request, project.store, {}).facts)["version"] == "v001"
+    assert dict(shot_source(request, project.store, {}).facts)["version"] == "v001"
 
 
 def test_a_film_says_of_every_frame_where_it_comes_from(there):
@@ -152,10 +152,10 @@ def test_a_film_says_of_every_frame_where_it_comes_from(there):
         f"title: R\nshots: [{{shot: {NAME}, frames: 1-3}}, {{shot: {NAME}, frames: 4-6, dissolve: 2}}]\n"
         "title_seconds: 0.125\n"
     )
-    reel = of_film(*project.edit("preview", Path("shots/reel.yaml")), project.store, {})
-    told = [values.get("frame") for _, values in reel.frames(QUIET)]
+    source = film_source(*project.edit("preview", Path("shots/reel.yaml")), project.store, {})
+    told = [values.get("frame") for _, values in source.frames(QUIET)]
     assert told == [None, None, None, 1, 2, 5, 6]
-    assert reel.count == len(told)
+    assert source.count == len(told)
 
 
 @pytest.mark.parametrize(

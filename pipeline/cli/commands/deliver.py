@@ -14,8 +14,15 @@ from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality
 from pipeline.cli.output import duration, out, print_result, print_warning
 from pipeline.cli.progress import progress_bars
-from pipeline.dailies.delivery.deliver import SLATES, Delivered, Delivery, Order, heard_from, lost_frames
-from pipeline.dailies.delivery.reel import of_film, of_shot
+from pipeline.dailies.delivery.deliver import (
+    SLATES,
+    DeliveredFile,
+    Delivery,
+    DeliveryOptions,
+    audio_track,
+    lost_frames,
+)
+from pipeline.dailies.delivery.source import film_source, shot_source
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
@@ -68,11 +75,11 @@ def deliver(
     review: H.264 of intra frames, to step through · h264, h265: 10 bits · prores4444: with the subject's
     alpha · av1: for the web · ffv1: lossless, for the archive · webp: for pages.
     """
-    order = Order(
+    order = DeliveryOptions(
         encodes=tuple(encode_named(word) for word in _words(forms)),
         slate=_slate(slate),
         burn_in=None if burn_in is None else BurnIn.parse(burn_in),
-        audio=None if sound is None else heard_from(sound),
+        audio=None if sound is None else audio_track(sound),
         folder=output,
     )
     wanted = _Wanted(options.project(common), tuple(names), options.quality(quality), frames)
@@ -113,14 +120,14 @@ class _Wanted:
         requests = [request for name in self.names for request in self._takes(name)]
         return self.project.frames(requests)
 
-    def deliveries(self, order: Order, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
+    def deliveries(self, order: DeliveryOptions, failed: Mapping[tuple[str, int], str]) -> list[Delivery]:
         store, made = self.project.store, []
         for name in self.names:
             if _is_of_edit(name):
-                reel = of_film(*self.project.edit(self.quality, find_edit(name)), store, failed)
+                source = film_source(*self.project.edit(self.quality, find_edit(name)), store, failed)
             else:
-                reel = of_shot(self._takes(name)[0], store, failed)
-            made.append(Delivery(reel, order, store))
+                source = shot_source(self._takes(name)[0], store, failed)
+            made.append(Delivery(source, order, store))
         return made
 
     def _takes(self, name: str) -> list[RenderRequest]:
@@ -149,11 +156,11 @@ def _slate(word: str | None) -> str | None:
     return word
 
 
-def _report(common: Common, done: Sequence[Delivered], lost: Sequence[str], seconds: float) -> None:
-    lines = [f"{file.path}: {file.frames} frames{', up to date' if file.found else ''}" for file in done]
+def _report(common: Common, done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> None:
+    lines = [f"{file.path}: {file.frames} frames{', up to date' if file.reused else ''}" for file in done]
     facts = {
         "deliverables": [
-            {"path": str(f.path), "as": f.encode, "frames": f.frames, "up_to_date": f.found} for f in done
+            {"path": str(f.path), "as": f.encode, "frames": f.frames, "up_to_date": f.reused} for f in done
         ],
         "failed": list(lost),
         "seconds": round(seconds, 2),

@@ -1,4 +1,4 @@
-"""Deliverables: reels encoded by name, with slates, burn-ins and sound; what is there is not made again."""
+"""Encode deliverables, with slates, burn-ins and sound. Files that are up to date are not encoded again."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.dailies.delivery.reel import Reel
-from pipeline.dailies.delivery.rushes import Look, Shown, opaque
+from pipeline.dailies.delivery.frame_reader import FrameFormat, LabelledFrame, opaque
+from pipeline.dailies.delivery.source import DeliverySource
 from pipeline.errors import MachineError
 from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.keys.stages import DELIVER
@@ -30,7 +30,7 @@ from render.movie.timecode import timecode
 from render.post.colour import quantise
 
 SLATES = ("head", "apart")
-"""Where a slate can be: before the first frame, or in a file of its own."""
+"""The places of a slate: before the first frame, or in a file of its own."""
 
 SLATE_SECONDS = 2
 
@@ -38,14 +38,14 @@ _KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
 
 
 @dataclass(frozen=True)
-class Order:
-    """What is to be made of reels.
+class DeliveryOptions:
+    """What to make of a source.
 
-    encodes  each makes a file
+    encodes  one file each
     slate    one of SLATES; None for no slate
-    burn_in  what is told over the frames; None for nothing
-    heard    sound in the place of the film's own
-    folder   where files go; by default beside the frames
+    burn_in  facts over the frames; None for none
+    audio    replaces the film's own sound
+    folder   of the files; by default beside the frames
     """
 
     encodes: tuple[Encode, ...]
@@ -56,55 +56,55 @@ class Order:
 
 
 @dataclass(frozen=True)
-class Delivered:
-    """A file that is there now, and whether it was before."""
+class DeliveredFile:
+    """A file that is there now. `reused` is true if it was there before."""
 
     path: Path
     encode: str
     frames: int
-    found: bool
+    reused: bool
 
 
 @dataclass(frozen=True, eq=False)
 class Delivery:
-    """A reel, and what is to be made of it."""
+    """A source of frames and the files to make of it."""
 
-    reel: Reel
-    order: Order
+    source: DeliverySource
+    options: DeliveryOptions
     store: Store
 
     def paths(self) -> list[Path]:
-        """Where its files are to lie."""
+        """Return the paths of its files."""
         return [path for _, path, _ in self._files()]
 
-    def make(self, bar: Callable[[str, int], Callable[[], None]]) -> list[Delivered]:
-        """Encode what is not there yet.
+    def make(self, bar: Callable[[str, int], Callable[[], None]]) -> list[DeliveredFile]:
+        """Encode the files that are missing or out of date.
 
-        bar  of a file and the number of its frames, what is to be called after each of them
+        bar  takes a file's name and number of frames; returns the function to call after each frame
 
         Raises MachineError where the disk refuses, BadInputError for pictures that an encode cannot hold,
         FrameError where sound was changed meanwhile.
         """
         made = []
-        for encode, path, what in self._files():
+        for encode, path, part in self._files():
             self._require_folder(path.parent)
-            kind, key = _KINDS[encode.suffix], self._key(encode, what)
-            count = self._slate_frames if what == "apart" else self.reel.count + self._leader
-            found = self.store.holds(kind, key)
-            if not found:
-                self.store.put(kind, key, partial(self._write, encode, what, bar(path.name, count)))
+            kind, key = _KINDS[encode.suffix], self._key(encode, part)
+            count = self._slate_frames if part == "slate" else self.source.count + self._leader
+            reused = self.store.holds(kind, key)
+            if not reused:
+                self.store.put(kind, key, partial(self._write, encode, part, bar(path.name, count)))
             self.store.link(kind, key, path)
-            made.append(Delivered(path, encode.name, count, found))
+            made.append(DeliveredFile(path, encode.name, count, reused))
         return made
 
     def _files(self) -> Iterator[tuple[Encode, Path, str]]:
-        """Each encode, where its file lies, and whether it is the reel or a slate for itself."""
-        folder = self.order.folder.absolute() if self.order.folder else self.reel.folder
-        for encode in self.order.encodes:
-            name = f"{self.reel.name}.{encode.name}"
-            yield encode, folder / f"{name}{encode.suffix}", "reel"
-            if self.order.slate == "apart":
-                yield encode, folder / f"{name}.slate{encode.suffix}", "apart"
+        """Yield encode, path and part (frames or slate) of each file."""
+        folder = self.options.folder.absolute() if self.options.folder else self.source.folder
+        for encode in self.options.encodes:
+            name = f"{self.source.name}.{encode.name}"
+            yield encode, folder / f"{name}{encode.suffix}", "frames"
+            if self.options.slate == "apart":
+                yield encode, folder / f"{name}.slate{encode.suffix}", "slate"
 
     def _require_folder(self, folder: Path) -> None:
         place = self.store.root / folder
@@ -113,84 +113,87 @@ class Delivery:
         if not os.access(place, os.W_OK):
             raise MachineError(f"{place}: permission denied; choose another folder with -o")
 
-    # What is in a file
+    # The content of a file
 
     @property
     def _slate_frames(self) -> int:
-        return round(SLATE_SECONDS * self.reel.rate.fps)
+        return round(SLATE_SECONDS * self.source.rate.fps)
 
     @property
     def _leader(self) -> int:
-        """Frames before the first of the reel."""
-        return self._slate_frames if self.order.slate == "head" else 0
+        """The number of frames before the first of the source."""
+        return self._slate_frames if self.options.slate == "head" else 0
 
     @property
-    def _heard(self) -> AudioTrack | None:
-        return self.order.audio or (self.reel.edit.audio if self.reel.edit else None)
+    def _audio(self) -> AudioTrack | None:
+        return self.options.audio or (self.source.edit.audio if self.source.edit else None)
 
-    def _key(self, encode: Encode, what: str) -> Key:
-        """Of all that a file holds; where it lies is not in it."""
-        reel, audio = self.reel, self._heard
+    def _key(self, encode: Encode, part: str) -> Key:
+        """Return the key of a file: everything but its path."""
+        source, options, audio = self.source, self.options, self._audio
+        facts = [list(fact) for fact in source.facts]
         return key_of(
             DELIVER.recipe,
-            [what, self.order.slate, list(self.order.burn_in.fields) if self.order.burn_in else None],
+            [part, options.slate, list(options.burn_in.fields) if options.burn_in else None],
             {name: value for name, value in asdict(encode).items() if name != "purpose"},
             audio.content if audio and encode.container.audio_codec else None,
-            [str(reel.rate), list(reel.size), reel.start, reel.count, reel.covered, reel.name],
-            [reel.title, reel.subtitle, [list(fact) for fact in reel.facts]] if self.order.slate else None,
-            reel.content,
+            [str(source.rate), list(source.size), source.start, source.count],
+            [source.has_coverage, source.name],
+            [source.title, source.subtitle, facts] if options.slate else None,
+            source.content,
         )
 
-    def _write(self, encode: Encode, what: str, passed: Callable[[], None], path: Path) -> None:
-        reel, rate = self.reel, self.reel.rate.fps
-        look = Look(encode.display, encode.alpha_format is not None and reel.covered)
-        frames = self._slates(encode, look) if what == "apart" else self._frames(encode, look)
-        first = reel.start - (self._slate_frames if self.order.slate and what == "apart" else self._leader)
-        sound = self._sound() if what == "reel" and encode.container.audio_codec else None
-        write_movie(path, _told(prefetch(frames), passed), rate, encode, timecode(first, rate), sound)
+    def _write(self, encode: Encode, part: str, passed: Callable[[], None], path: Path) -> None:
+        source, rate = self.source, self.source.rate.fps
+        wanted = FrameFormat(encode.display, encode.alpha_format is not None and source.has_coverage)
+        frames = self._slates(encode, wanted) if part == "slate" else self._frames(encode, wanted)
+        first = source.start - (self._slate_frames if part == "slate" else self._leader)
+        sound = self._sound() if part == "frames" and encode.container.audio_codec else None
+        write_movie(path, _counted(prefetch(frames), passed), rate, encode, timecode(first, rate), sound)
 
-    def _frames(self, encode: Encode, look: Look) -> Iterator[Frame]:
+    def _frames(self, encode: Encode, wanted: FrameFormat) -> Iterator[Frame]:
         if self._leader:
-            yield from self._slates(encode, look)
-        for index, shown in enumerate(self.reel.frames(look)):
-            yield self._burnt_in(shown, index)
+            yield from self._slates(encode, wanted)
+        for index, shown in enumerate(self.source.frames(wanted)):
+            yield self._burn_in(shown, index)
 
-    def _burnt_in(self, shown: Shown, index: int) -> Frame:
-        frame, values = shown
-        if self.order.burn_in is None:
+    def _burn_in(self, shown: LabelledFrame, index: int) -> Frame:
+        frame, labels = shown
+        if self.options.burn_in is None:
             return frame
-        code = timecode(self.reel.start + index, self.reel.rate.fps)
-        told = self.order.burn_in.over(frame[..., :3], {**values, "timecode": code})
-        burnt: Frame = np.concatenate([told, frame[..., 3:]], axis=2) if frame.shape[2] == 4 else told
+        code = timecode(self.source.start + index, self.source.rate.fps)
+        labelled = self.options.burn_in.over(frame[..., :3], {**labels, "timecode": code})
+        burnt: Frame = np.concatenate([labelled, frame[..., 3:]], axis=2) if frame.shape[2] == 4 else labelled
         return burnt
 
-    def _slates(self, encode: Encode, look: Look) -> Iterator[Frame]:
-        """The slate, again and again."""
-        reel = self.reel
-        poster = reel.poster(replace(look, covered=False))[0].astype(np.float32) / np.float32(65535)
-        facts = (*reel.facts, ("made as", encode.name))
-        drawn = Slate(reel.title, reel.subtitle, facts, poster).draw(reel.size)
-        frame = opaque(quantise(drawn, bits=16), look)
+    def _slates(self, encode: Encode, wanted: FrameFormat) -> Iterator[Frame]:
+        """Yield the slate SLATE_SECONDS long."""
+        source = self.source
+        poster = source.poster(replace(wanted, has_coverage=False))[0].astype(np.float32) / np.float32(65535)
+        facts = (*source.facts, ("made as", encode.name))
+        drawn = Slate(source.title, source.subtitle, facts, poster).draw(source.size)
+        frame = opaque(quantise(drawn, bits=16), wanted)
         for _ in range(self._slate_frames):
             yield frame
 
     def _sound(self) -> Iterator[Samples] | None:
-        """What is heard under the reel and the slate before it."""
-        if self._heard is None:
+        """Return the sound under the frames and the slate before them."""
+        if self._audio is None:
             return None
-        sound, rate = self._heard.sound(), self.reel.rate.fps
-        later = sound.start + float(self._leader / rate)
-        return blocks(replace(sound, start=later), Fraction(self.reel.count + self._leader) / rate)
+        sound, rate = self._audio.sound(), self.source.rate.fps
+        start = sound.start + float(self._leader / rate)
+        return blocks(replace(sound, start=start), Fraction(self.source.count + self._leader) / rate)
 
 
-def _told(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:
+def _counted(frames: Iterator[Frame], passed: Callable[[], None]) -> Iterator[Frame]:
+    """Yield the frames, and call `passed` after each."""
     for frame in frames:
         yield frame
         passed()
 
 
-def heard_from(file: Path) -> AudioTrack:
-    """Sound that a user names. Raises MissingImageError or CorruptImageError."""
+def audio_track(file: Path) -> AudioTrack:
+    """Return a sound file as audio track. Raises MissingImageError or CorruptImageError."""
     from pipeline.shot.yaml.lookup import digest_of_file
     from render.movie.sound import require_sound
 
@@ -199,5 +202,5 @@ def heard_from(file: Path) -> AudioTrack:
 
 
 def lost_frames(deliveries: Sequence[Delivery]) -> list[str]:
-    """What cards stand for, in all of them."""
-    return list(dict.fromkeys(frame for each in deliveries for frame in each.reel.lost))
+    """Name the frames of all deliveries that cards stand for."""
+    return list(dict.fromkeys(frame for delivery in deliveries for frame in delivery.source.lost))

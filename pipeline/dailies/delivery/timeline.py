@@ -22,16 +22,16 @@ from render.movie.codecs import ENCODES, Encode
 from render.movie.timecode import FILM_START
 
 MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
-"""What clips can refer to: finished frames, or deliverables of whole shots."""
+"""The media that clips refer to: finished frames, or deliverables of whole shots."""
 
 
 @dataclass(frozen=True)
 class Timeline:
-    """A film to be written down.
+    """An edit to be written as an OpenTimelineIO file.
 
-    root   what paths are relative to
+    root   the folder that paths are relative to
     media  one of MEDIA
-    place  where the file goes: it names media relative to its own folder
+    place  the file; it names media relative to its own folder
     """
 
     edit: Edit
@@ -41,14 +41,17 @@ class Timeline:
     place: Path
 
     def write(self) -> None:
-        """Raises MachineError or MachineError where the disk refuses, MissingImageError or
-        CorruptImageError for sound that cannot be read."""
-        timeline = self.made()
+        """Write the file.
+
+        Raises MachineError where the disk refuses, MissingImageError or CorruptImageError for
+        sound that cannot be read.
+        """
+        timeline = self.build()
         with atomic_write(self.place) as temporary:
             temporary.write_text(timeline.to_json_string(indent=2) + "\n", encoding="utf-8")
 
-    def made(self) -> Any:
-        """The timeline, as opentimelineio has it."""
+    def build(self) -> Any:
+        """Return the timeline as an object of opentimelineio."""
         import opentimelineio as otio
 
         start = self._time(FILM_START * ceil(self._fps))
@@ -62,30 +65,30 @@ class Timeline:
         return timeline
 
     def _parts(self) -> Iterator[Any]:
-        """Clips and cards with the dissolves between them."""
+        """Yield clips and cards, with the dissolves between them."""
         import opentimelineio as otio
 
-        pieces = self.edit.items
-        for index, piece in enumerate(pieces):
-            after = pieces[index + 1].dissolve if index + 1 < len(pieces) else 0
-            if piece.dissolve:
-                before = piece.dissolve // 2
+        items = self.edit.items
+        for index, item in enumerate(items):
+            after = items[index + 1].dissolve if index + 1 < len(items) else 0
+            if item.dissolve:
+                before = item.dissolve // 2
                 yield otio.schema.Transition(
                     "dissolve",
                     otio.schema.TransitionTypes.SMPTE_Dissolve,
                     self._time(before),
-                    self._time(piece.dissolve - before),
+                    self._time(item.dissolve - before),
                 )
-            lost = piece.dissolve // 2, after - after // 2
-            yield from self._card(piece, *lost) if piece.clip is None else self._clips(piece, *lost)
+            handles = item.dissolve // 2, after - after // 2
+            yield from self._card(item, *handles) if item.clip is None else self._clips(item, *handles)
 
-    def _clips(self, piece: EditItem, head: int, tail: int) -> Iterator[Any]:
-        """A clip's frames but for those of its handles, in runs of one speed."""
+    def _clips(self, item: EditItem, head: int, tail: int) -> Iterator[Any]:
+        """Yield a clip without its handles, in runs of one speed."""
         import opentimelineio as otio
 
-        assert piece.clip is not None, "a card has no frames"
-        request = self.requests[piece.clip]
-        numbers = request.requested[head : piece.frames - tail]
+        assert item.clip is not None, "a card has no frames"
+        request = self.requests[item.clip]
+        numbers = request.requested[head : item.frames - tail]
         for run in _runs(numbers):
             step = run[1] - run[0] if len(run) > 1 else 1
             clip = otio.schema.Clip(request.name, self._reference(request), self._range(run[0], len(run)))
@@ -94,15 +97,15 @@ class Timeline:
             clip.metadata["flowsculpt"] = {"quality": request.quality_name, "title": request.shot.title}
             yield clip
 
-    def _card(self, piece: EditItem, head: int, tail: int) -> Iterator[Any]:
+    def _card(self, item: EditItem, head: int, tail: int) -> Iterator[Any]:
         import opentimelineio as otio
 
-        words = {"title": piece.title, "subtitle": piece.subtitle}
-        card = otio.schema.GeneratorReference("card", "flowsculpt card", self._range(0, piece.frames), words)
-        yield otio.schema.Clip(piece.title or "card", card, self._range(head, piece.frames - head - tail))
+        words = {"title": item.title, "subtitle": item.subtitle}
+        card = otio.schema.GeneratorReference("card", "flowsculpt card", self._range(0, item.frames), words)
+        yield otio.schema.Clip(item.title or "card", card, self._range(head, item.frames - head - tail))
 
     def _reference(self, request: RenderRequest) -> Any:
-        """All frames of a shot."""
+        """Return a reference to all frames of a shot."""
         import opentimelineio as otio
 
         frames = sorted(request.angles)
@@ -124,13 +127,13 @@ class Timeline:
         )
 
     def _sound(self) -> Any:
-        """A track of the film's sound, as long as the film at most."""
+        """Return a track of the film's sound, at most as long as the film."""
         import opentimelineio as otio
 
         from render.movie.sound import RATE, require_sound
 
         audio = self.edit.audio
-        assert audio is not None, "asked before"
+        assert audio is not None, "films without sound have no track"
         first = round(audio.start * RATE)
         film = round(self.edit.length / self.edit.frame_rate.fps * RATE)
         length = round(require_sound(Path(audio.file)) * RATE)
@@ -149,9 +152,9 @@ class Timeline:
         return track
 
     def _url(self, path: Path) -> str:
-        """Relative to the timeline's folder, as OpenTimelineIO wants places that move together."""
-        there = os.path.relpath(self.root / path, self.place.absolute().parent)
-        return quote(Path(there).as_posix())
+        """Return a path relative to the timeline's folder, so that both can move together."""
+        relative = os.path.relpath(self.root / path, self.place.absolute().parent)
+        return quote(Path(relative).as_posix())
 
     @property
     def _fps(self) -> float:
@@ -178,13 +181,13 @@ def _samples(first: int, count: int) -> Any:
 
 
 def _delivered(request: RenderRequest, encode: Encode) -> Path:
-    """Where `flowsculpt deliver` puts the whole shot."""
+    """Return the path that `flowsculpt deliver` writes a whole shot to."""
     name = f"{request.folders.name}.{FrameRange.of(request.angles)}.{encode.name}{encode.suffix}"
     return request.folders.home / request.quality_name / "deliver" / name
 
 
 def _runs(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
-    """The numbers in parts of one step each."""
+    """Split frame numbers into runs of one step each."""
     start = 0
     while start < len(numbers):
         end = start + 1
