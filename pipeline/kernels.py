@@ -47,8 +47,10 @@ def only_read(kind: Any) -> Any:
 
 
 def readable(array: NDArray[Any], kind: type = np.float64) -> NDArray[Any]:
-    """The same numbers for a kernel that only reads them, of that type: a read-only view, or if need be a
-    copy, in C order. To numba an array that may be written is of another type, to compile for anew."""
+    """Return a read-only view of an array, or if need be a copy of that type, in C order.
+
+    numba compiles a kernel for writable and for read-only arrays apart.
+    """
     view: NDArray[Any] = np.ascontiguousarray(array, kind).view()
     view.flags.writeable = False
     return view
@@ -82,7 +84,7 @@ class BlockKernel:
 
     @property
     def address(self) -> int:
-        """Where it lies in this process, as long as this object lives."""
+        """The address of the compiled function in this process, while this object lives."""
         return int(self._compiled.address)
 
     def __call__(self, numbers: Any, points: Any, time: float, out: Any) -> None:

@@ -17,7 +17,7 @@ from pipeline.animation import animate, material_of
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import spread, tessellate
 from pipeline.production.render_inputs.framing import Framing, frame_all
-from pipeline.production.render_inputs.framing_geometry import Balls
+from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.production.render_inputs.motion import speeds
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import read_shot
@@ -104,7 +104,7 @@ def _sculpture(shot: Shot) -> tuple[Surface, Framing]:
     rest = spread(material_of(frame.mesh), split, fine)
     (framing,) = frame_all(
         [View(np.radians(-28.0), np.radians(14.0), np.radians(26.0), 0.09)],
-        lambda _: Balls(fine.vertices, np.zeros(len(fine.vertices))),
+        lambda _: BoundingSpheres(fine.vertices, np.zeros(len(fine.vertices))),
         QUALITY.aspect,
     )
     arrays: dict[str, Any] = {

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth, turned
-from pipeline.production.render_inputs.framing_geometry import Balls, fitting_distance
+from pipeline.production.render_inputs.framing_geometry import BoundingSpheres, fitting_distance
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
 
@@ -67,7 +67,7 @@ def test_the_fitting_distance_is_the_least(seed, away, field_of_view, margin):
         for beside, share in ((right, wide), (up, wide / ASPECT)):
             needed["points"].append(back + abs(beside) / share)
             needed["balls"].append(back + (abs(beside) + radius * np.hypot(1.0, share)) / share)
-    for kind, shape in (("points", cloud), ("balls", Balls(cloud, radii))):
+    for kind, shape in (("points", cloud), ("balls", BoundingSpheres(cloud, radii))):
         found = fitting_distance(shape, target, axes, view, ASPECT)
         assert found == pytest.approx(max(needed[kind]), abs=1e-9)
 
@@ -130,7 +130,7 @@ def test_balls_stay_within_the_margins_and_above_the_floor_all_around(seed, azim
     around = np.random.default_rng(1).normal(size=(60, 3))
     around /= np.linalg.norm(around, axis=1, keepdims=True)
     views = [View(azimuth, 0.3, np.radians(26), 0.08)] * frames
-    framings = frame_all(views, lambda i: Balls(clouds[i], radii), ASPECT)
+    framings = frame_all(views, lambda i: BoundingSpheres(clouds[i], radii), ASPECT)
     for framing, cloud in zip(framings, clouds, strict=True):
         skin = (cloud[:, None] + radii[:, None, None] * around).reshape(-1, 3)
         x, y, depth = framing.camera.project(skin, ASPECT).T
@@ -140,7 +140,7 @@ def test_balls_stay_within_the_margins_and_above_the_floor_all_around(seed, azim
 
 
 def test_one_ball_fills_the_safe_area_and_stands_on_the_floor():
-    framing = frame_all([VIEW] * 5, lambda i: Balls(np.zeros((1, 3)), np.array([2.0])), ASPECT)[2]
+    framing = frame_all([VIEW] * 5, lambda i: BoundingSpheres(np.zeros((1, 3)), np.array([2.0])), ASPECT)[2]
     assert framing.placement.origin[1] == pytest.approx(-2)
     distance = np.linalg.norm(np.subtract(framing.camera.origin, framing.camera.target))
     high = np.tan(np.radians(13)) / ASPECT * (1 - 2 * 0.08)

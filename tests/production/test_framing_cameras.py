@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, Framing, frame_all
-from pipeline.production.render_inputs.framing_geometry import Balls
+from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.shot.camera import Lens, View
 
 ASPECT = 16 / 9
@@ -181,7 +181,7 @@ def test_the_subject_is_sharp_unless_something_else_is_to_be():
 
 def test_a_camera_in_the_middle_of_the_sculpture_fails_no_other_frame():
     looks = [PLAIN._replace(position=(0.0, 0.0, float(z))) for z in (4, 2, 0)]
-    framings = frame_all(looks, lambda i: Balls(np.zeros((1, 3)), np.ones(1)), ASPECT)
+    framings = frame_all(looks, lambda i: BoundingSpheres(np.zeros((1, 3)), np.ones(1)), ASPECT)
     assert framings[2].camera.origin == (0.0, 0.0, 0.0)
     assert framings[0].camera.origin == (0.0, 0.0, 4.0)
 

@@ -49,7 +49,7 @@ def test_what_slides_has_the_same_velocity_everywhere_and_always(subject: str, n
     vertices = moving.at(0.0)[0]
     assert moving.velocity() == pytest.approx(np.tile([2.4, 0.0, -1.2], (len(vertices), 1)), abs=1e-9)
     for offset in (-1.0, -0.3, 0.7, 1.0):
-        assert moving.way(offset) == pytest.approx(
+        assert moving.displacement(offset) == pytest.approx(
             np.tile(np.multiply([2.4, 0.0, -1.2], offset / 24.0), (len(vertices), 1)), abs=1e-9
         )
 
@@ -94,14 +94,14 @@ def test_between_frames_creases_and_faces_stay_and_normals_turn_smoothly() -> No
 def test_where_the_flow_rests_nothing_moves() -> None:
     assert not movement(BALL + LATE, 2)[2].velocity().any()
     assert not movement(BALL + SLIDING + "speed: 0\n", 3)[2].velocity().any()
-    assert not movement(BALL + LATE, 1)[2].way(-0.5).any()
+    assert not movement(BALL + LATE, 1)[2].displacement(-0.5).any()
 
 
 def test_beyond_the_last_frame_points_go_straight_on() -> None:
     _, _, moving = movement(BALL + SPINNING, 6)
     pace = moving.velocity() / 24.0
-    assert moving.way(0.5) == pytest.approx(0.5 * pace, abs=1e-9)
-    assert moving.way(1.0) == pytest.approx(pace, abs=1e-9)
+    assert moving.displacement(0.5) == pytest.approx(0.5 * pace, abs=1e-9)
+    assert moving.displacement(1.0) == pytest.approx(pace, abs=1e-9)
 
 
 def test_a_turntable_turns_by_as_much_as_its_pictures_are_apart() -> None:

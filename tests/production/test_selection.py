@@ -12,8 +12,7 @@ from hypothesis import strategies as st
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import FrameStates, picture_states
-from pipeline.production.planning.frame_words import is_in_words, selected
+from pipeline.production.planning.frame_states import FrameStates, is_in_words, picture_states, selected
 from pipeline.production.planning.history import History
 from pipeline.production.planning.plan import BATCH, batches
 from pipeline.production.store.event_log import EventLog

@@ -14,8 +14,8 @@ from pipeline.errors import ShotError
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import tessellate
 from pipeline.mesh.solids.primitives import icosphere
-from pipeline.production.render_inputs.dicing import pieces_for
 from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.render_inputs.shading import pieces_for
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot import read_shot

@@ -16,7 +16,7 @@ from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_room
-from pipeline.production.render_inputs.framing_geometry import Balls
+from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.production.request.render_request import RenderRequest
 from render.movie.codecs import PLAYBLAST
 from render.movie.encode import write_movie
@@ -180,10 +180,10 @@ def framings_while(
 ) -> Iterator[tuple[int, Framing]]:
     """Yield camera and stage of frames while the stream plays them, each when its camera is settled."""
 
-    def points_of(index: int) -> AnyArray | Balls:
+    def points_of(index: int) -> AnyArray | BoundingSpheres:
         arrays = stream.arrays(request, numbers[index])
         points = arrays["vertices"]
-        return Balls(points, arrays["radii"]) if "radii" in arrays else points
+        return BoundingSpheres(points, arrays["radii"]) if "radii" in arrays else points
 
     framer = Framer([request.view(n) for n in numbers], points_of, request.aspect, request.follow)
     stage, left = request.shot.picture.stage, iter(numbers)

@@ -9,8 +9,13 @@ from pathlib import Path
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.production.planning.frame_states import FrameStates, mesh_states, picture_states
-from pipeline.production.planning.frame_words import is_in_words, selected
+from pipeline.production.planning.frame_states import (
+    FrameStates,
+    is_in_words,
+    mesh_states,
+    picture_states,
+    selected,
+)
 from pipeline.production.planning.history import History
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner

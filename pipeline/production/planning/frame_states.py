@@ -1,4 +1,4 @@
-"""What is done, stale, missing, failed and under way, frame by frame, by the keys of today's shot file."""
+"""States of frames: done, stale, missing, failed or running, by the keys of today's shot file."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
 from pipeline.production.keys.digest import Key
 from pipeline.production.planning.history import History
@@ -14,7 +15,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Store
 
 Stored = tuple[str, Key | None, Path]
-"""A file that a frame should have: of which kind, of which key, and where it is shown."""
+"""A file that a frame should have: its kind, its key, and its path under the root."""
 
 PICTURE_STAGES = ("render", "finish")
 MESH_STAGES = ("simulate",)
@@ -24,12 +25,12 @@ MESH_STAGES = ("simulate",)
 class FrameStates:
     """Frames of one shot and one kind of file.
 
-    done          there, and what the shot file asks for
-    stale         there, but made from something else
-    missing       not there
-    failed        of those stale or missing, the ones that failed when they were last tried
-    running       of those stale or missing, the ones that are being made
-    seconds_left  until none is stale or missing, if they come as fast as the last did; None: not known
+    done          present, with the key that the shot file asks for
+    stale         present, with another key
+    missing       not present
+    failed        stale or missing frames that failed at the last try
+    running       stale or missing frames that are being made
+    seconds_left  until no frame is stale or missing, at the pace of the last run; None if not known
     """
 
     shot: str
@@ -49,9 +50,9 @@ class FrameStates:
 
 
 def states(requests: list[RenderRequest], store: Store, history: History) -> list[FrameStates]:
-    """The states of a shot's meshes, and of its pictures at every quality that was begun.
+    """Return the states of a shot's meshes, and of its pictures at every quality that was begun.
 
-    `takes` are of one shot, one a quality.
+    requests  of one shot, one a quality
     """
     return [
         mesh_states(requests[0], store, history),
@@ -60,21 +61,21 @@ def states(requests: list[RenderRequest], store: Store, history: History) -> lis
 
 
 def is_begun(request: RenderRequest, store: Store) -> bool:
-    """Whether pictures of a take were asked for at its quality."""
+    """Tell whether pictures of a request were ever asked for at its quality."""
     return (store.root / request.folders.home / request.quality_name).exists()
 
 
 def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
-    """The states of the meshes that a take asks for."""
+    """Return the states of the meshes of a request."""
 
     def mesh(number: int) -> Stored:
         return "mesh", request.mesh_key(number), request.motion_folders.mesh(number)
 
-    return _states(request, "meshes", store, mesh, _Told(history, request.name, MESH_STAGES, None))
+    return _states(request, "meshes", store, mesh, _FileHistory(history, request.name, MESH_STAGES, None))
 
 
 def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
-    """The states of the finished pictures that a take asks for."""
+    """Return the states of the finished pictures of a request."""
     keys = request.picture_keys(store)
 
     def picture(number: int) -> Stored:
@@ -84,13 +85,13 @@ def picture_states(request: RenderRequest, store: Store, history: History) -> Fr
             request.folders.frame(request.quality_name, number),
         )
 
-    told = _Told(history, request.folders.name, PICTURE_STAGES, request.quality_name)
-    return _states(request, request.quality_name, store, picture, told)
+    history_of_file = _FileHistory(history, request.folders.name, PICTURE_STAGES, request.quality_name)
+    return _states(request, request.quality_name, store, picture, history_of_file)
 
 
 @dataclass(frozen=True)
-class _Told:
-    """What the last runs told of one kind of file."""
+class _FileHistory:
+    """The history of one kind of file of one shot."""
 
     history: History
     shot: str
@@ -98,7 +99,7 @@ class _Told:
     quality: str | None
 
     def among(self, undone: set[int]) -> Iterator[FrameRange]:
-        """The failed and the running."""
+        """Yield the failed and the running frames among those that are not done."""
         about = self.shot, self.stages, self.quality
         for found in (set(self.history.failed(*about)), self.history.running(*about)):
             yield FrameRange.of(sorted(found & undone))
@@ -109,18 +110,57 @@ class _Told:
 
 
 def _states(
-    request: RenderRequest, what: str, store: Store, file_of: Callable[[int], Stored], told: _Told
+    request: RenderRequest,
+    what: str,
+    store: Store,
+    file_of: Callable[[int], Stored],
+    history_of_file: _FileHistory,
 ) -> FrameStates:
-    sorted_out: dict[str, list[int]] = {"done": [], "stale": [], "missing": []}
+    by_state: dict[str, list[int]] = {"done": [], "stale": [], "missing": []}
     for number in request.requested:
         kind, key, path = file_of(number)
         if store.shows(kind, key, path):
-            sorted_out["done"].append(number)
+            by_state["done"].append(number)
         else:
-            sorted_out["stale" if (store.root / path).exists() else "missing"].append(number)
-    done, stale, missing = (FrameRange.of(numbers) for numbers in sorted_out.values())
+            by_state["stale" if (store.root / path).exists() else "missing"].append(number)
+    done, stale, missing = (FrameRange.of(numbers) for numbers in by_state.values())
     undone = {*stale, *missing}
-    failed, running = told.among(undone)
+    failed, running = history_of_file.among(undone)
     return FrameStates(
-        request.name, what, done, stale, missing, failed, running, told.left(undone) if undone else None
+        request.name,
+        what,
+        done,
+        stale,
+        missing,
+        failed,
+        running,
+        history_of_file.left(undone) if undone else None,
     )
+
+
+WORDS = ("all", "missing", "stale", "failed")
+
+
+def is_in_words(text: str) -> bool:
+    """Tell whether a frame option holds words, such as `failed` or `missing,stale`, instead of numbers."""
+    return any(part.strip().isalpha() for part in text.split(","))
+
+
+def selected(text: str, whole: FrameRange, states: Callable[[], FrameStates]) -> FrameRange:
+    """Return the frames that words select, in the order of the shot.
+
+    Raises UsageError for a word that is none, and for words beside numbers.
+    """
+    words = [part.strip() for part in text.split(",")]
+    for word in words:
+        if word not in WORDS:
+            if not word.isalpha():
+                raise UsageError(
+                    f"{text!r} is not a frame range; write one as 1-48x2, or words alone: failed,stale"
+                )
+            raise UsageError(f"{word!r} is not a frame range or a word. {suggestion(word, WORDS)}")
+    if "all" in words:
+        return whole
+    known = states()
+    wanted = {number for word in words for number in getattr(known, word)}
+    return FrameRange.of(n for n in whole if n in wanted)

@@ -1,4 +1,4 @@
-"""What the last runs told of themselves: which frames failed, which are being made, how fast they come."""
+"""History of the latest runs: frames that failed, frames being made, and the pace, from the event logs."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ import psutil
 from pipeline.production.store.event_log import Event, EventReader, logs_of
 
 RUNS = 20
-"""How many of the last runs are looked at."""
+"""How many of the latest runs are read."""
 
-SETTLING = ("frame", "fail", "hung")
-"""Events after which a frame is not under way any more."""
+ENDINGS = ("frame", "fail", "hung")
+"""Events that end the work on a frame."""
 
 
 @dataclass(frozen=True)
 class History:
-    """The last runs under a root folder, the latest last."""
+    """The events of the latest runs under a root, the latest last."""
 
     runs: tuple[tuple[Event, ...], ...]
 
@@ -31,9 +31,9 @@ class History:
         return cls(tuple(tuple(EventReader(log).new()) for log in logs))
 
     def failed(self, shot: str, stages: Iterable[str], quality: str | None = None) -> dict[int, str]:
-        """The frames that failed when they were last tried, and why."""
+        """Return the frames whose last try failed, with the message."""
         failed: dict[int, str] = {}
-        for event in self._told(shot, stages, quality):
+        for event in self._events(shot, stages, quality):
             if event["event"] in ("fail", "hung"):
                 failed[event["frame"]] = event["message"]
             elif event["event"] == "frame":
@@ -41,19 +41,21 @@ class History:
         return failed
 
     def running(self, shot: str, stages: Iterable[str], quality: str | None = None) -> set[int]:
-        """The frames that processes are at now."""
-        under_way: dict[tuple[str, int], bool] = {}
-        for event in self._told(shot, stages, quality):
+        """Return the frames that processes are working on now."""
+        working: dict[tuple[str, int], bool] = {}
+        for event in self._events(shot, stages, quality):
             place = event["job"], event["frame"]
             if event["event"] == "start":
-                under_way[place] = event["job"] in self._alive
-            elif event["event"] in SETTLING:
-                under_way.pop(place, None)
-        return {frame for (_, frame), alive in under_way.items() if alive}
+                working[place] = event["job"] in self._alive
+            elif event["event"] in ENDINGS:
+                working.pop(place, None)
+        return {frame for (_, frame), alive in working.items() if alive}
 
     def pace(self, shot: str, stages: Iterable[str], quality: str | None = None) -> float | None:
-        """Seconds from one frame to the next when the slowest of the stages last made some, however many were
-        made side by side; None where that is not known."""
+        """Return the mean seconds from one frame to the next at the slowest of the stages in its last run.
+
+        Frames made side by side count one after the other. None where no run made two.
+        """
         return max(filter(None, (self._pace(shot, stage, quality) for stage in stages)), default=None)
 
     def _pace(self, shot: str, stage: str, quality: str | None) -> float | None:
@@ -65,14 +67,14 @@ class History:
                 return float((max(made) - min(begun)) / len(made))
         return None
 
-    def _told(self, shot: str, stages: Iterable[str], quality: str | None) -> Iterator[Event]:
+    def _events(self, shot: str, stages: Iterable[str], quality: str | None) -> Iterator[Event]:
         wanted = tuple(stages)
         for run in self.runs:
             yield from (event for event in run if _is_of(event, shot, wanted, quality))
 
     @cached_property
     def _alive(self) -> set[str]:
-        """The jobs of the last run whose processes are there."""
+        """The jobs of the latest run whose processes are alive."""
         processes: dict[str, int] = {}
         for event in self.runs[-1] if self.runs else ():
             if event["event"] == "begin":

@@ -1,9 +1,8 @@
-"""Where a plan's jobs run, as a Snakemake profile says it: on this machine, or on a farm's nodes.
+"""Snakemake profiles: they tell whether jobs run on this machine or on the nodes of a farm.
 
 A profile is a folder with `profile.yaml` (or `config.yaml`): settings of Snakemake and of the executor plugin
-it names, which are handed to Snakemake as they are. Read here is what a plan is made by: how many jobs the
-farm takes side by side (`jobs`), and under `config` how many cores a job asks for (`threads`) and how many
-frames it makes at the least (`min_frames`).
+it names, passed to Snakemake unchanged. Planning reads how many jobs the farm takes at once (`jobs`), and
+under `config` the cores of a job (`threads`) and the least number of its frames (`min_frames`).
 """
 
 from __future__ import annotations
@@ -25,18 +24,18 @@ PROFILES = Path("profiles")
 LOCAL = "local"
 
 SIDE_BY_SIDE = 100
-"""Jobs that a farm is given at once, where its profile does not say how many."""
+"""Default of `jobs`: jobs that a farm gets at once."""
 
 THREADS = 4
-"""Cores that a farm's job asks for, where its profile does not say how many."""
+"""Default of `threads`: cores of a job on a farm."""
 
 FRAMES = 4
-"""Frames that a farm's job is given at the least, where there are so many: each job waits and starts anew."""
+"""Default of `min_frames`: the least frames of a job on a farm, since each job waits in a queue."""
 
 
 @dataclass(frozen=True)
 class Share:
-    """What a job has on a farm's nodes: cores for itself, and so many frames to make at the least."""
+    """The size of a job on a farm: its cores, and the least number of its frames."""
 
     threads: int
     frames: int
@@ -56,7 +55,7 @@ class Profile:
 
     @classmethod
     def named(cls, name: str) -> Profile:
-        """That of a name: in `profiles/` of the working folder, or among the shipped ones; or of a path.
+        """Find a profile by name, in `profiles/` of the working folder or among the shipped ones, or by path.
 
         Raises MissingInputError where there is none.
         """
@@ -73,17 +72,17 @@ class Profile:
 
     @classmethod
     def local(cls) -> Profile:
-        """The shipped one that keeps to this machine."""
+        """Return the shipped profile for this machine."""
         return cls(shipped() / LOCAL)
 
     @property
     def is_local(self) -> bool:
-        """Whether jobs run on this machine and share its cores."""
+        """True if jobs run on this machine and share its cores."""
         return self.executor == LOCAL
 
     @property
     def executor(self) -> str:
-        """The executor it names, whose plugin is here. Raises as `check` does."""
+        """The executor that the profile names. Raises where its plugin is not installed."""
         executor = self._said.get("executor") or LOCAL
         if not isinstance(executor, str):
             raise UsageError(f"{self._file}: executor is {executor!r}; it must be a name, such as slurm")
@@ -96,14 +95,14 @@ class Profile:
         return executor
 
     def side_by_side(self, cores: int) -> int:
-        """How many jobs work at once, of a machine with so many cores or of the farm."""
+        """Return how many jobs run at once on a machine with so many cores, or on the farm."""
         return (
             cores if self.is_local else _whole(str(self._file), "jobs", self._said.get("jobs"), SIDE_BY_SIDE)
         )
 
     @property
     def share(self) -> Share | None:
-        """What each job has for itself; None where jobs share this machine's cores."""
+        """The size of each job; None where jobs share this machine's cores."""
         if self.is_local:
             return None
         said = self._said.get("config")
@@ -114,7 +113,7 @@ class Profile:
 
     @property
     def arguments(self) -> list[str]:
-        """What tells Snakemake of it."""
+        """The arguments that pass the profile to Snakemake."""
         there = ["--profile", str(self._file)]
         return there if self.is_local or "jobs" in self._said else [*there, "--jobs", str(SIDE_BY_SIDE)]
 

@@ -1,1 +1,1 @@
-"""What pictures are rendered from, besides the mesh: shading normals, cameras, motion."""
+"""Inputs of a render besides the mesh: shading normals, cameras, motion."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.production.render_inputs.framing_geometry import (
-    Balls,
+    BoundingSpheres,
     bearing,
     bounds,
     camera_of,
@@ -61,7 +61,10 @@ class Framing:
 
 
 def frame_all(
-    views: Sequence[View], points_of: Callable[[int], AnyArray | Balls], aspect: float, follow: float = 1.0
+    views: Sequence[View],
+    points_of: Callable[[int], AnyArray | BoundingSpheres],
+    aspect: float,
+    follow: float = 1.0,
 ) -> list[Framing]:
     """Frame a sequence: `points_of(i)` gives (N, 3) vertices, or balls, that `views[i]` sees.
 
@@ -83,7 +86,7 @@ class Framer:
     def __init__(
         self,
         views: Sequence[View],
-        points_of: Callable[[int], AnyArray | Balls],
+        points_of: Callable[[int], AnyArray | BoundingSpheres],
         aspect: float,
         follow: float = 1.0,
     ) -> None:
@@ -113,7 +116,7 @@ class Framer:
         self._surveyed = come
 
     def _aim(self, last: int) -> None:
-        """At what cameras look, and how far away they are at least."""
+        """Find the look-at points up to frame `last`, and the least distances to them."""
         first = self._aimed
         last = self._aimed = max(first, last)
         moving = _part(self._centres[: self._surveyed], first, last, STEADINESS, _calmly)
@@ -150,12 +153,12 @@ class Framer:
 
 
 def with_room(framing: Framing, stage: Stage) -> Framing:
-    """The same with the camera where the stage's own pieces are in the picture too."""
+    """Move the camera until the reference objects of the stage are in the picture too."""
     return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement))
 
 
 def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
-    """(N, 3) points turned about the vertical through the middle of their bounds, or directions about y."""
+    """Turn (N, 3) points about the vertical axis of their bounds, or directions about y."""
     if angle == 0.0:
         return points
     low, high = points.min(axis=0), points.max(axis=0)
@@ -166,12 +169,12 @@ def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArr
 
 
 def envelope(track: Floats, radius: int, extreme: Callable[[Floats], float]) -> Floats:
-    """The extreme of each value's neighbours up to `radius` frames away."""
+    """Return the extreme of each value's neighbours up to `radius` frames away."""
     return np.array([extreme(track[max(0, i - radius) : i + radius + 1]) for i in range(len(track))])
 
 
 def smooth(track: Floats, radius: int) -> Floats:
-    """A mean over `radius` frames to either side, weighted by a Hann window; over fewer at the ends."""
+    """Return the mean over `radius` frames to either side, weighted by a Hann window; fewer at the ends."""
     window = np.cos(np.linspace(-np.pi / 2, np.pi / 2, 2 * radius + 3)[1:-1]) ** 2
     smoothed = np.empty_like(track)
     for i in range(len(track)):
@@ -182,7 +185,7 @@ def smooth(track: Floats, radius: int) -> Floats:
 
 
 def _part(track: Floats, first: int, last: int, around: int, made: Callable[[Floats], Floats]) -> Floats:
-    """From `first` to before `last` of what is made of a track, which looks so many frames around."""
+    """Return `made(track)[first:last]`, computed from the frames that this part depends on."""
     begin = max(0, first - around)
     return made(track[begin:])[first - begin : last - begin]
 
@@ -192,17 +195,17 @@ def _calmly(track: Floats) -> Floats:
 
 
 def _beyond(track: Floats) -> Floats:
-    """A calm track that is nowhere below another."""
+    """Return a smooth track that is nowhere below another."""
     return smooth(envelope(track, STEADINESS, np.max), STEADINESS)
 
 
 def _standing(track: Floats) -> Floats:
-    """A track that is nowhere above another."""
+    """Return a smooth track that is nowhere above another."""
     return smooth(envelope(track, FOOTING, np.min), FOOTING)
 
 
 def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
-    """From one value for all frames, at 0, to a track that follows, at 1."""
+    """Interpolate from one value for all frames (`follow` 0) to a moving track (`follow` 1)."""
     if follow == 1.0:
         return moving
     return np.asarray(held + follow * (moving - held))

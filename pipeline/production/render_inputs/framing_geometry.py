@@ -1,4 +1,4 @@
-"""What a view shows of points: how far they reach in it, and the camera that has them in its picture."""
+"""Geometry of framing: extents of points in a view, and the camera that keeps them in its picture."""
 
 from __future__ import annotations
 
@@ -26,50 +26,50 @@ tenth of the distance of the target, and a hundred times that."""
 
 DOWN = (0.0, -1.0, 0.0)
 
-AT_ONCE = 4096
-"""Points that are looked at together: what is found of them then stays in a core's own memory."""
+BLOCK = 4096
+"""Points that are projected together, so that results stay in a core's cache."""
 
 
-class Balls(NamedTuple):
-    """Points (N, 3) of any float type, with something around them: radii (N,), scene units."""
+class BoundingSpheres(NamedTuple):
+    """Spheres: centres (N, 3) of any float type, and radii (N,), scene units."""
 
     points: AnyArray
     radii: AnyArray
 
 
-def bounds(points: AnyArray | Balls, view: View) -> tuple[Floats, float]:
-    """(3,): the middle of what a view sees, by the bounds that it has there; and its lowest height."""
+def bounds(points: AnyArray | BoundingSpheres, view: View) -> tuple[Floats, float]:
+    """Return the centre (3,) of the bounds of points along the axes of a view, and their lowest height."""
     axes = _axes(view.azimuth + view.orbit, view.elevation)
-    reach = _furthest(points, np.vstack([axes, -axes, DOWN]), np.ones(7))
+    reach = _extents(points, np.vstack([axes, -axes, DOWN]), np.ones(7))
     return (reach[:3] - reach[3:6]) / 2 @ axes, float(-reach[6])
 
 
 def fitting_distance(
-    points: AnyArray | Balls, target: Floats, axes: Floats, view: View, aspect: float
+    points: AnyArray | BoundingSpheres, target: Floats, axes: Floats, view: View, aspect: float
 ) -> float:
-    """The least distance from `target` at which all points, or balls, lie within the margins of the picture.
+    """Return the least distance from `target` at which all points or spheres lie within the margins.
 
     axes  (3, 3): rows right, up and back, the camera's
 
-    A ball lies beside a plane through the lens if its centre is its radius away from it.
+    A sphere lies beside a plane through the lens if its centre is its radius away from it.
     """
     right, up, back = axes
     wide = np.tan(view.field_of_view / 2) * (1 - 2 * view.margin)
     high = wide / aspect
     sides = np.stack([back + right / wide, back - right / wide, back + up / high, back - up / high])
     slant = np.repeat([np.hypot(1.0, wide) / wide, np.hypot(1.0, high) / high], 2)
-    return float((_furthest(points, sides, slant) - sides @ target).max())
+    return float((_extents(points, sides, slant) - sides @ target).max())
 
 
-def _furthest(points: AnyArray | Balls, ways: Floats, slant: Floats) -> Floats:
-    """(K,): how far points, or balls, reach along ways (K, 3), which a radius adds to by `slant` (K,).
+def _extents(points: AnyArray | BoundingSpheres, directions: Floats, slant: Floats) -> Floats:
+    """Return (K,) the extents of points or spheres along directions (K, 3); radii count `slant` (K,) times.
 
-    What bounds a picture are planes, so this is all that framing asks of a sculpture.
+    Planes bound a picture, so framing needs nothing else.
     """
-    centres, radii = points if isinstance(points, Balls) else (points, None)
-    reach = np.full(len(ways), -np.inf)
-    for some in (slice(i, i + AT_ONCE) for i in range(0, len(centres), AT_ONCE)):
-        along = ways @ centres[some].T
+    centres, radii = points if isinstance(points, BoundingSpheres) else (points, None)
+    reach = np.full(len(directions), -np.inf)
+    for some in (slice(i, i + BLOCK) for i in range(0, len(centres), BLOCK)):
+        along = directions @ centres[some].T
         if radii is not None:
             along += slant[:, None] * radii[some]
         np.maximum(reach, along.max(axis=1), out=reach)
@@ -77,7 +77,7 @@ def _furthest(points: AnyArray | Balls, ways: Floats, slant: Floats) -> Floats:
 
 
 def bearing(view: View, aim: Floats) -> tuple[float, float]:
-    """Azimuth and elevation from which a view sees its aim; from the front where it stands in it."""
+    """Return azimuth and elevation of the camera seen from its look-at point, radians."""
     if view.position is None:
         return view.azimuth + view.orbit, view.elevation
     x, y, z = np.subtract(view.position, aim)
@@ -85,7 +85,7 @@ def bearing(view: View, aim: Floats) -> tuple[float, float]:
 
 
 def _axes(azimuth: float, elevation: float) -> Floats:
-    """(3, 3): rows right, up and back of a camera that is not rolled."""
+    """Return (3, 3): rows right, up and back of a camera without roll."""
     sin_a, cos_a = np.sin(azimuth), np.cos(azimuth)
     sin_e, cos_e = np.sin(elevation), np.cos(elevation)
     return np.array(
@@ -98,7 +98,7 @@ def _axes(azimuth: float, elevation: float) -> Floats:
 
 
 def side_of(view: View, aim: Floats) -> Floats:
-    """(3, 3): the axes of a view's camera, rolled."""
+    """Return (3, 3): the axes of a view's camera, with roll."""
     right, up, back = _axes(*bearing(view, aim))
     if view.roll == 0.0:
         return np.stack([right, up, back])
@@ -107,7 +107,7 @@ def side_of(view: View, aim: Floats) -> Floats:
 
 
 def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera:
-    """The camera of a view at the distance that framing found; `size` is the sculpture's half-size."""
+    """Return the camera of a view at a distance; `size` is the half-size of the sculpture."""
     if view.position is None:
         away = distance * view.dolly if view.distance is None else view.distance
         origin = aim + away * axes[2]
@@ -127,7 +127,7 @@ def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: floa
 
 
 def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: float) -> dict[str, float]:
-    """How wide a lens opens and how far away it is sharp, scene units; nothing of one sharp everywhere."""
+    """Return the lens radius and the focus distance, scene units; nothing for a pinhole camera."""
     if lens is None:
         return {}
     unit = HALF_A_SCULPTURE / size if lens.unit is None else lens.unit

@@ -1,7 +1,7 @@
-"""What a picture shows a moment earlier or later: for shutters, and for layers of motion.
+"""Motion within the shutter: where vertices, camera and stage are a moment before or after a frame.
 
-Moments are counted in frames from that of the picture. Within the shot points go with the very flow. Before
-its first frame and after its last there is none: there they go straight on as fast as they are at that end.
+Times are offsets in frames. Within the shot the flow moves the points. Before its first frame and after its
+last they move on in a straight line, at the velocity of that end.
 """
 
 from __future__ import annotations
@@ -22,15 +22,15 @@ from pipeline.shot import Motion
 Shown = tuple[Points, Vectors | None]
 
 STEP = 1.0 / 64.0
-"""Frames to either side over which a velocity is measured: short beside every bend, long beside rounding."""
+"""Frames to either side for a velocity by differences: short against bends, long against rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class Movement:
-    """The vertices of a picture, and their normals, wherever they are: `at(0)` is the picture's own moment.
+    """The vertices and normals of a picture as a function of the offset in frames; `at(0)` is the picture.
 
     fps            frames per second
-    begins, ends   whether nothing is known before, or after
+    begins, ends   True at the first frame, and at the last
     """
 
     at: Callable[[float], Shown]
@@ -38,20 +38,20 @@ class Movement:
     begins: bool = False
     ends: bool = False
 
-    def way(self, offset: float) -> Vectors:
-        """(V, 3) scene units, from here to there."""
+    def displacement(self, offset: float) -> Vectors:
+        """Return the displacement from offset 0, (V, 3) scene units."""
         return np.asarray(self.at(offset)[0] - self.at(0.0)[0])
 
     def velocity(self) -> Vectors:
-        """(V, 3) scene units per second: the mean over STEP on both sides, at an end on that side alone."""
+        """Return velocities, (V, 3) scene units per second: central differences, one-sided at the ends."""
         if self.begins or self.ends:
             step = -STEP if self.begins else STEP
-            return self.way(step) * (self.fps / step)
+            return self.displacement(step) * (self.fps / step)
         return np.asarray((self.at(STEP)[0] - self.at(-STEP)[0]) * (0.5 * self.fps / STEP))
 
 
 def flowing(motion: Motion, shading: Shading) -> Movement:
-    """Of a picture of a shot: the vertices of its mesh, moved by the flow."""
+    """Return the movement of a shot's frame: its mesh, moved by the flow."""
     first, last, frame = motion.frames.first, motion.frames.last, shading.frame
 
     def points(offset: float) -> Points:
@@ -65,13 +65,13 @@ def flowing(motion: Motion, shading: Shading) -> Movement:
 
 
 def speeds(motion: Motion, shading: Shading) -> AnyArray:
-    """(V, 1) float32: how fast the flow takes the vertices of a picture, scene units per second."""
+    """Return the speed of the vertices, (V, 1) float32, scene units per second."""
     velocity = flowing(motion, shading).velocity()
     return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
 
 
 def turning(vertices: Points, normals: Vectors | None, spin: float, turn: float, fps: float) -> Movement:
-    """Of a picture of a turntable, at `spin` radians; each picture is `turn` further than the one before."""
+    """Return the movement of a turntable at `spin` radians, which turns by `turn` radians a picture."""
 
     def at(offset: float) -> Shown:
         angle = spin + offset * turn
@@ -82,7 +82,7 @@ def turning(vertices: Points, normals: Vectors | None, spin: float, turn: float,
 
 
 def _pace(motion: Motion, frame: MeshFrame) -> Vectors:
-    """(V, 3) units per frame at the shot's first or last frame, from its inner side; of second order."""
+    """Return (V, 3) scene units per frame at the first or last frame: a one-sided second-order difference."""
     if motion.frames.first == motion.frames.last:
         return np.zeros_like(frame.mesh.vertices)
     step = STEP if frame.number == motion.frames.first else -STEP
@@ -91,8 +91,10 @@ def _pace(motion: Motion, frame: MeshFrame) -> Vectors:
 
 
 def flow_cache_data(motion: Motion, number: int, offsets: tuple[float, ...]) -> list[Any]:
-    """What acts on the points of a frame on the way to moments near it, as JSON-able data: equal data, equal
-    ways. Of a moment beyond the shot's ends, what acts at that end."""
+    """Return the cache data of the flow between a frame and offsets near it: equal data, equal paths.
+
+    Beyond the ends of the shot, the flow at that end counts.
+    """
     first, last = motion.frames.first, motion.frames.last
     found = []
     for offset in offsets:
@@ -106,10 +108,7 @@ def flow_cache_data(motion: Motion, number: int, offsets: tuple[float, ...]) -> 
 
 
 def framing_at(framings: Mapping[int, Framing], number: int, offset: float) -> Framing:
-    """Where camera and stage are a moment before or after a picture: on the straight way to the next one.
-
-    Beyond the first and the last they go on as they came.
-    """
+    """Interpolate camera and stage linearly to the next frame; extrapolate beyond the first and the last."""
     if offset == 0.0:
         return framings[number]
     ahead = 1 if offset > 0.0 else -1
@@ -123,7 +122,7 @@ def framing_at(framings: Mapping[int, Framing], number: int, offset: float) -> F
 
 
 def _mixed(here: Any, there: Any, share: float) -> Any:
-    """Plain data between two of the same form; what is no number stays as it is here."""
+    """Interpolate the numbers in two pieces of plain data of one form; the rest stays that of the first."""
     if isinstance(here, dict):
         return {name: _mixed(value, there[name], share) for name, value in here.items()}
     if isinstance(here, list | tuple):

@@ -1,7 +1,8 @@
-"""From a mesh frame to what is rendered of it, and to the same surface a moment earlier or later."""
+"""Rendered surfaces of mesh frames: split at creases, diced, and moved within the shutter."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -12,7 +13,6 @@ from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import bspline_surface, bspline_values
 from pipeline.mesh.normals import ShadedMesh, split_at_creases, vertex_normals
 from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
-from pipeline.production.render_inputs.dicing import MOST_SPANS, pieces_for
 from pipeline.production.render_inputs.framing import turned
 from pipeline.resample import Thresholds
 from pipeline.shot.point_subjects import RADIUS
@@ -22,11 +22,10 @@ from render.scene.quality import Quality
 
 @dataclass(frozen=True, eq=False)
 class Shading:
-    """How a frame's mesh is rendered: points as they are, nets as their smooth surface, surfaces split at
-    their creases and cut into patches.
+    """The rendered form of a mesh frame: points, the smooth surface of a control net, or patches of a mesh.
 
-    split   of a surface, before it is cut
-    pieces  into how many every edge is cut
+    split   a mesh split at its creases, before dicing
+    pieces  into which every edge is diced
     """
 
     frame: MeshFrame
@@ -35,13 +34,13 @@ class Shading:
 
     @classmethod
     def of(cls, frame: MeshFrame, thresholds: Thresholds, pieces: int) -> Shading:
-        """thresholds: those of the frame, whose hard angle makes creases"""
+        """Split a mesh at its creases, which the hard angle of the frame's thresholds decides."""
         if is_cloud(frame) or frame.lattice is not None:
             return cls(frame, None, pieces)
         return cls(frame, split_at_creases(frame.mesh, thresholds.hard_angles(frame.mesh)), pieces)
 
     def cut_for(self, camera: Camera, quality: Quality, pixels: float, spin: float) -> Shading:
-        """The same, cut until edges span so many pixels at most; turned by `spin` radians."""
+        """Dice until no edge spans more than so many pixels, with the subject turned by `spin` radians."""
         if is_cloud(self.frame):
             return self
         uncut = replace(self, pieces=1)._cut(self.frame.mesh.vertices, self.split)
@@ -50,7 +49,7 @@ class Shading:
         return replace(self, pieces=pieces_for(points, uncut.faces, camera, quality, pixels, most))
 
     def arrays(self) -> dict[str, AnyArray]:
-        """What is kept for rendering, at the frame itself."""
+        """Return the arrays of the normals file, at the frame itself."""
         material = material_of(self.frame.mesh)
         if is_cloud(self.frame):
             points = self.frame.mesh.vertices
@@ -74,7 +73,7 @@ class Shading:
         }
 
     def at(self, points: Points) -> tuple[Points, Vectors | None]:
-        """Vertices and normals, float64, where the vertices of the mesh are at `points`.
+        """Return vertices and normals, float64, with the vertices of the mesh moved to `points`.
 
         Points have no normals. Creases stay where they were, and normals turn as the faces around them do.
         """
@@ -90,7 +89,7 @@ class Shading:
         return bspline_surface(points, self.frame.lattice, self.pieces)
 
     def _turned(self, points: Points, split: ShadedMesh) -> ShadedMesh:
-        """The split surface with other points, its normals changed by what those of its faces change."""
+        """Return the split mesh at other points; its normals turn as those of its faces do."""
         vertices = points[split.source_vertex]
         now, before = (vertex_normals(TriangleMesh(v, split.faces)) for v in (vertices, split.vertices))
         normals = split.normals + (now - before)
@@ -100,9 +99,48 @@ class Shading:
 
 
 def is_cloud(frame: MeshFrame) -> bool:
+    """Tell whether a frame has points only."""
     return not len(frame.mesh.faces)
 
 
 def radii(frame: MeshFrame) -> Floats:
-    """(V,) of the spheres around vertices: none where there are faces."""
+    """Return (V,) radii of the spheres around vertices; zeros where there are faces."""
     return frame.mesh.attributes[RADIUS] if is_cloud(frame) else np.zeros(len(frame.mesh.vertices))
+
+
+MOST_FACES = 4_000_000
+"""The most faces of a diced frame."""
+
+MOST_SPANS = 256
+"""Pieces of a span between two control points of a net."""
+
+_EDGE = 1.1
+"""Edges count up to here from the middle of the picture, in halves of its sides."""
+
+
+def pieces_for(
+    points: AnyArray, faces: AnyArray, camera: Camera, quality: Quality, pixels: float, most: int
+) -> int:
+    """Return into how many pieces every edge is cut, so that each spans at most so many pixels.
+
+    points  (V, 3) of the uncut surface, scene units
+    faces   (F, 3)
+
+    Edges behind the lens or beside the picture do not count. `most` at most, and few enough for MOST_FACES.
+    """
+    wanted = math.ceil(_longest_edge(points, faces, camera, quality) / pixels - 1e-9)
+    return max(1, min(wanted, most, math.isqrt(MOST_FACES // max(1, len(faces)))))
+
+
+def _longest_edge(points: AnyArray, faces: AnyArray, camera: Camera, quality: Quality) -> float:
+    """Return the longest edge in the picture, pixels; 0 where there is none."""
+    seen = camera.project(points, quality.aspect)
+    within = (seen[:, 2] > camera.near) & (np.abs(seen[:, :2]) <= _EDGE).all(axis=1)
+    pixels = seen[:, :2] * (quality.width / 2.0, quality.height / 2.0)
+    longest = 0.0
+    for corner in range(3):
+        a, b = faces[:, corner], faces[:, (corner + 1) % 3]
+        counted = within[a] & within[b]
+        if counted.any():
+            longest = max(longest, float(np.hypot(*(pixels[a] - pixels[b])[counted].T).max()))
+    return longest

@@ -14,7 +14,7 @@ from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.render_inputs.framing import frame_all, turned, with_room
-from pipeline.production.render_inputs.framing_geometry import Balls
+from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
@@ -87,14 +87,14 @@ def frame_camera(context: Context) -> bool:
     }  # its lights move no camera
     shown = sorted(stands.values())
 
-    def points_of(index: int) -> Balls:
+    def points_of(index: int) -> BoundingSpheres:
         angle = request.angles[shown[index]]
         frame = read_mesh_frame(context, angle.mesh)
         points, around = frame.mesh.vertices, radii(frame)
         if frame.lattice is not None:
             points = bspline_surface(points, frame.lattice, request.shot.picture.tessellate).vertices
             around = np.zeros(len(points))
-        return Balls(turned(points, angle.spin), around)
+        return BoundingSpheres(turned(points, angle.spin), around)
 
     def write(path: Path) -> None:
         views = [request.view(number) for number in shown]

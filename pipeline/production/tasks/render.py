@@ -185,8 +185,8 @@ def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray
     """What vertices bring along for the layers asked for."""
     ways: dict[str, Callable[[], AnyArray]] = {
         "velocity": movement.velocity,
-        "before": partial(movement.way, -1.0),
-        "after": partial(movement.way, 1.0),
+        "before": partial(movement.displacement, -1.0),
+        "after": partial(movement.displacement, 1.0),
     }
     return {name: ways[name]().astype(np.float32) for name in layers if name in ways}
 
