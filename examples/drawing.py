@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.mesh import PolygonMesh, TriangleMesh
-from render.graphics import panels, plot
+from render.graphics import plot
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
 PICTURES = Path(__file__).resolve().parent.parent / "docs" / "pictures"
 
-PAPER, INK, GREY, FAINT = "#ffffff", panels.INK, panels.GREY, panels.FAINT
+PAPER, INK, GREY, FAINT = "#ffffff", plot.INK, plot.GREY, plot.FAINT
 WARM, COOL, OCHRE, LEAF = "#c4553b", "#2c6e91", "#d39a2d", "#5b8a5a"
 """Warm is what grows or goes wrong, cool what shrinks or goes right; the others come third and fourth."""
 

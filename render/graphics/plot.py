@@ -4,15 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
 from render.base.errors import BadInputError
-from render.graphics.panels import FAINT, GREY, INK, Panel, draw_panel
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+
+INK, GREY, FAINT = "#23282d", "#8a9299", "#e4e6e8"
+PENS = ("#c4553b", "#5b8a5a", "#2c6e91")
+"""The colours of x, y and z; a single number has the last."""
+
+BAR_INKS = ("#5f7f9c", "#a8643f", "#c9a45c", "#7f9a6e")
+"""The colours of the parts of bars, in their order."""
 
 ENDINGS = (".svg", ".png", ".pdf")
 
@@ -39,6 +48,44 @@ STYLE: Any = {
     "svg.hashsalt": "flowsculpt",
 }
 """Fonts and lines of pages of plots and of the figures in the docs."""
+
+
+class Curves(NamedTuple):
+    """Numbers over frames (T,): values (T, K), and keys (N, 1 + K) of frames and values. NaN is a gap."""
+
+    name: str
+    unit: str
+    frames: NDArray[np.float64]
+    values: NDArray[np.float64]
+    keys: NDArray[np.float64]
+
+
+class HeatMap(NamedTuple):
+    """Histograms over frames (T,): shares (T, B) in equal bins from 0 to `top`.
+
+    levels  horizontal lines over it, each a value and a word
+    line    a curve (T,) over it
+    """
+
+    name: str
+    unit: str
+    frames: NDArray[np.float64]
+    shares: NDArray[np.float64]
+    top: float
+    levels: tuple[tuple[float, str], ...] = ()
+    line: NDArray[np.float64] | None = None
+
+
+class StackedBars(NamedTuple):
+    """Parts by name (T,), stacked over frames (T,); negative parts hang down."""
+
+    name: str
+    unit: str
+    frames: NDArray[np.float64]
+    parts: dict[str, NDArray[np.float64]]
+
+
+Panel = Curves | HeatMap | StackedBars
 
 
 def plot_panels(title: str, panels: Sequence[Panel], fps: float, path: Path) -> None:
@@ -86,3 +133,100 @@ def _page(title: str, panels: Sequence[Panel], fps: float) -> Figure:
 def _seconds(first: float, fps: float) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
     """Return the functions from frames to seconds since the first frame, and back."""
     return lambda frame: (frame - first) / fps, lambda seconds: seconds * fps + first
+
+
+def draw_panel(axes: Axes, panel: Panel) -> None:
+    """Draw a panel, with its name and unit above."""
+    unit = f"   {panel.unit}" if panel.unit else ""
+    axes.text(0.0, 1.04, panel.name, transform=axes.transAxes, size=8.5, va="bottom")
+    axes.annotate(unit, (1.0, 1.04), xycoords="axes fraction", size=8, color=GREY, va="bottom", ha="right")
+    match panel:
+        case Curves():
+            _draw_curves(axes, panel)
+        case HeatMap():
+            _draw_heat_map(axes, panel)
+        case StackedBars():
+            _draw_bars(axes, panel)
+    axes.locator_params(axis="y", nbins=4)
+
+
+def _draw_curves(axes: Axes, curves: Curves) -> None:
+    several = curves.values.shape[1] > 1
+    for k, pen in enumerate(PENS if several else PENS[-1:]):
+        axes.plot(curves.frames, curves.values[:, k], color=pen, linewidth=1.7, clip_on=False)
+        if len(curves.keys):
+            axes.plot(
+                curves.keys[:, 0],
+                curves.keys[:, 1 + k],
+                "o",
+                color="white",
+                markeredgecolor=pen,
+                markersize=4.6,
+                markeredgewidth=1.4,
+                clip_on=False,
+                zorder=5,
+            )
+        if several:
+            axes.annotate(
+                "xyz"[k],
+                (1.0, float(curves.values[-1, k])),
+                xycoords=("axes fraction", "data"),
+                xytext=(7 + 8 * k, 0),
+                textcoords="offset points",
+                color=pen,
+                va="center",
+                size=8.5,
+            )
+    low, high = float(np.nanmin(curves.values)), float(np.nanmax(curves.values))
+    room = 0.12 * (high - low) if high > low else max(1.0, abs(high))
+    axes.set_ylim(low - room, high + room)
+
+
+def _draw_heat_map(axes: Axes, heat: HeatMap) -> None:
+    first, last = float(heat.frames[0]), float(heat.frames[-1])
+    axes.imshow(
+        np.sqrt(heat.shares.T),
+        origin="lower",
+        aspect="auto",
+        extent=(first - 0.5, last + 0.5, 0.0, heat.top),
+        cmap="Greys",
+        interpolation="nearest",
+    )
+    axes.grid(visible=False)
+    for value, word in heat.levels:
+        axes.axhline(value, color=PENS[0], linewidth=0.8, linestyle=(0, (4, 3)))
+        axes.annotate(
+            word,
+            (1.0, value),
+            xycoords=("axes fraction", "data"),
+            xytext=(4, 0),
+            textcoords="offset points",
+            size=7.5,
+            color=PENS[0],
+            va="center",
+        )
+    if heat.line is not None:
+        axes.plot(heat.frames, heat.line, color=PENS[0], linewidth=1.4)
+
+
+def _draw_bars(axes: Axes, bars: StackedBars) -> None:
+    above, below = np.zeros(len(bars.frames)), np.zeros(len(bars.frames))
+    for index, (name, values) in enumerate(bars.parts.items()):
+        heights = np.nan_to_num(values)
+        base = np.where(heights >= 0.0, above, below)
+        ink = BAR_INKS[index % len(BAR_INKS)]
+        axes.bar(bars.frames, heights, bottom=base, width=0.86, color=ink, linewidth=0)
+        above, below = above + np.maximum(heights, 0.0), below + np.minimum(heights, 0.0)
+        axes.annotate(
+            name,
+            (0.0, 1.04),
+            xycoords="axes fraction",
+            xytext=(150 + 74 * index, 0),
+            textcoords="offset points",
+            size=8,
+            color=ink,
+            va="bottom",
+        )
+    if below.any():
+        axes.axhline(0.0, color=GREY, linewidth=0.7)
+        axes.yaxis.set_major_formatter(lambda value, _: f"{abs(value):g}")

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.movie.kernels.planes import to_ycbcr
-from render.post.dither import dither_pattern
+from render.post.colour import dither_pattern
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
 """A display frame (H, W, 3), or (H, W, 4) with coverage; uint8 counts 0 … 255, uint16 0 … 65535."""

@@ -1,21 +1,44 @@
-"""Sequences of frames: prefetched, and dissolved from clip to clip."""
+"""Sequences of frames: timecode, prefetching, and dissolves from clip to clip."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from fractions import Fraction
 from itertools import islice
-from typing import Any, TypeVar
+from math import ceil
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.movie.planes import Frame
+if TYPE_CHECKING:
+    from render.movie.planes import Frame
+
+MAX_RATE = 99
+"""The highest nominal rate: timecode has two digits for frames."""
+
+FILM_START = 3600
+"""The timecode of a film's first frame, in seconds: 01:00:00:00 leaves room for leaders."""
 
 T = TypeVar("T")
 
 ClipFrames = tuple[int, int, Iterator[T]]
 """The number of frames of a clip, the length of its dissolve from the clip before, and the frames."""
+
+
+def timecode(frame: int, rate: Fraction) -> str:
+    """Return the timecode of a frame: `00:00:01:18` for frame 42 at 24 frames per second.
+
+    Frame 0 is 00:00:00:00. 24000/1001 counts 24 frames per second, as all non-drop timecode does, so it runs
+    behind the clock. It wraps after 24 hours; frames before 0 lie at the end of the day. A rate that has no
+    timecode gives an empty string.
+    """
+    nominal = ceil(rate)
+    if nominal > MAX_RATE or rate.denominator not in (1, 1001):
+        return ""
+    seconds, frames = divmod(frame % (nominal * 86400), nominal)
+    return f"{seconds // 3600:02d}:{seconds // 60 % 60:02d}:{seconds % 60:02d}:{frames:02d}"
 
 
 def prefetch(items: Iterator[T]) -> Iterator[T]:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import hashlib
 from contextlib import suppress
-from functools import cache
+from functools import cache, lru_cache
 from typing import Any
 
 import numpy as np
@@ -19,7 +19,6 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
 from render.base.errors import BadInputError, MachineError
-from render.post.dither import dither_pattern
 from render.post.kernels.view import apply_lut, quantise_dithered
 from render.post.view import ACES, ColourView
 
@@ -57,6 +56,20 @@ def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
     flat = np.ascontiguousarray(values, dtype=np.float32).reshape(*pattern.shape, -1)
     quantise_dithered(flat, pattern, np.float32(2**bits - 1), steps.reshape(flat.shape))
     return steps
+
+
+@lru_cache(maxsize=4)
+def dither_pattern(height: int, width: int) -> NDArray[np.float32]:
+    """Return thresholds (H, W), strictly between 0 and 1, evenly spread among neighbours.
+
+    Interleaved gradient noise: J. Jimenez, Next Generation Post Processing in Call of Duty: Advanced
+    Warfare, SIGGRAPH 2014. It is the same in every frame, so it does not shimmer.
+    """
+    y, x = np.mgrid[0:height, 0:width].astype(np.float64)
+    noise = 52.9829189 * ((0.06711056 * x + 0.00583715 * y) % 1.0) % 1.0
+    pattern = np.asarray(np.clip(noise, 1e-3, 1.0 - 1e-3), dtype=np.float32)
+    pattern.setflags(write=False)  # shared by all callers
+    return pattern
 
 
 def prepare() -> None:

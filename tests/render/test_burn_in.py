@@ -10,7 +10,7 @@ import pytest
 
 from render.base.errors import BadInputError
 from render.graphics.burn_in import FIELDS, BurnIn
-from render.movie.timecode import timecode
+from render.movie.sequences import timecode
 
 VALUES = {
     "shot": "A010_cube",

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 from render.base.errors import BadInputError
-from render.graphics.panels import Curves, HeatMap, StackedBars
-from render.graphics.plot import plot_panels
+from render.graphics.plot import Curves, HeatMap, StackedBars, plot_panels
 
 FRAMES = np.linspace(1, 49, 97)
 NUMBER = Curves(

@@ -9,8 +9,7 @@ from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.paths import Folders
 from pipeline.shot import read_shot
 from pipeline.shot.keyed_curves import curves_of
-from render.graphics.panels import Curves
-from render.graphics.plot import plot_panels
+from render.graphics.plot import Curves, plot_panels
 
 
 def curves(common: Common, shot: Shot, output: Plot = None, settings: Settings = None) -> None:

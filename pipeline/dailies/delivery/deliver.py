@@ -24,9 +24,8 @@ from render.graphics.slate import Slate
 from render.movie.codecs import Encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
-from render.movie.sequences import prefetch
+from render.movie.sequences import prefetch, timecode
 from render.movie.sound import Samples, blocks
-from render.movie.timecode import timecode
 from render.post.colour import quantise
 
 SLATES = ("head", "apart")

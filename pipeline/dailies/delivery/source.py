@@ -19,8 +19,7 @@ from pipeline.production.store.store import Store
 from pipeline.production.tasks.movies import cut_together
 from render.base.serialise import to_plain
 from render.movie.planes import Frame
-from render.movie.sequences import dissolve, mix_frames
-from render.movie.timecode import FILM_START
+from render.movie.sequences import FILM_START, dissolve, mix_frames
 
 T = TypeVar("T")
 

@@ -19,7 +19,7 @@ from pipeline.production.request.edit import Edit, EditItem
 from pipeline.production.request.render_request import RenderRequest
 from render.base.atomic_write import atomic_write
 from render.movie.codecs import ENCODES, Encode
-from render.movie.timecode import FILM_START
+from render.movie.sequences import FILM_START
 
 MEDIA = ("frames", *(name for name, encode in ENCODES.items() if encode.has_timecode))
 """The media that clips refer to: finished frames, or deliverables of whole shots."""

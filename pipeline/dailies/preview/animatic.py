@@ -20,7 +20,7 @@ from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.production.request.render_request import RenderRequest
 from render.movie.codecs import PLAYBLAST
 from render.movie.encode import write_movie
-from render.movie.timecode import timecode
+from render.movie.sequences import timecode
 from render.post.image import write_png
 
 SIZES = {"still": (960, 540), "movie": (480, 270)}

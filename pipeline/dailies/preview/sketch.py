@@ -15,7 +15,7 @@ from pipeline.mesh import icosphere
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
 from render.graphics.burn_in import BurnIn
-from render.movie.timecode import timecode
+from render.movie.sequences import timecode
 from render.post.colour import quantise
 from render.raster import Edges, Shape, StageSetup, preview, with_lines
 from render.scene.materials import Material

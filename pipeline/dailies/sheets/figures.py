@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.production.keys.stages import STAGES
-from render.graphics.panels import Curves, HeatMap, Panel, StackedBars
+from render.graphics.plot import Curves, HeatMap, Panel, StackedBars
 
 Measured = Mapping[int, Mapping[str, Any]]
 
