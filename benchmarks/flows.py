@@ -23,12 +23,11 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import Points
 from pipeline.flow import Streamlines, Sum, VelocityField
 from pipeline.flow.catalogue import FLOWS
-from pipeline.flow.catalogue.expansion import Expansion
-from pipeline.flow.catalogue.linear import Rotation, Strain
+from pipeline.flow.catalogue.basic import Expansion, Rotation, Strain
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.kernels import attractors as attractor
-from pipeline.flow.kernels import cellular, expansion, linear
-from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.kernels import basic, cellular
+from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels import vortices as vortex
 from pipeline.flow.kernels.regions import ball_weight
@@ -42,8 +41,8 @@ MOST = 1.3
 
 EQUATIONS = {
     code: getattr(family, name.lower())
-    for name, code in vars(op).items()
-    for family in (attractor, cellular, expansion, linear, vortex)
+    for family in (attractor, basic, cellular, vortex)
+    for name, code in vars(family).items()
     if isinstance(code, int) and hasattr(family, name.lower())
 }
 
@@ -73,7 +72,7 @@ def by_hand(program: Program) -> Any:
     if len(program) == 1:
         return numba.njit(EQUATIONS[program[0].opcode].py_func)
     swirl, stretch, turn, weigh = (
-        numba.njit(one.py_func) for one in (vortex.lamb_oseen, linear.strain, linear.rotation, ball_weight)
+        numba.njit(one.py_func) for one in (vortex.lamb_oseen, basic.strain, basic.rotation, ball_weight)
     )
     o_swirl, o_stretch, o_close, o_turn = (op.COLUMNS * row for row in (1, 2, 3, 4))
 

@@ -24,7 +24,7 @@ from benchmarks.report import Row, Target, keep, show
 from pipeline.animation import MeshFrame, animate
 from pipeline.arrays import AnyArray
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.linear import Rotation
+from pipeline.flow.catalogue.basic import Rotation
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.resample import Report, ThresholdFormula, Thresholds

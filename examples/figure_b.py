@@ -9,7 +9,7 @@ import numpy as np
 from examples.drawing import COOL, WARM, draw_edge_lines, page, save
 from examples.film import displace_film, resample_film
 from pipeline.flow import Flow, Streamlines, Sum
-from pipeline.flow.catalogue.expansion import Expansion
+from pipeline.flow.catalogue.basic import Expansion
 from pipeline.mesh import PolygonMesh, TriangleMesh
 from pipeline.resample import PolyhedralResampler, Resampler, Thresholds
 

@@ -17,13 +17,12 @@ from pipeline.flow import Streamlines, VelocityField, keyed
 from pipeline.flow.catalogue import FLOWS
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.attractors import Attractor
+from pipeline.flow.catalogue.basic import Rotation, Scaling, Squeeze, Strain, Translation
 from pipeline.flow.catalogue.cellular import DoubleGyre
 from pipeline.flow.catalogue.deformations import Bend, Deformation
-from pipeline.flow.catalogue.expansion import Squeeze
 from pipeline.flow.catalogue.formula import FormulaField
-from pipeline.flow.catalogue.linear import Rotation, Scaling, Strain, Translation
-from pipeline.flow.catalogue.noise import CurlNoise
 from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
+from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.parameters import shot_name
 
 if TYPE_CHECKING:

@@ -10,7 +10,7 @@ import numpy as np
 from examples.drawing import COOL, WARM, outline, page, save
 from examples.film import RATE, resample_film, volume
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.linear import Strain
+from pipeline.flow.catalogue.basic import Strain
 from pipeline.mesh import TriangleMesh, rod
 from pipeline.resample import Resampler, Thresholds
 

@@ -15,7 +15,7 @@ from pipeline.errors import FrameError
 from pipeline.flow.flow import Flow
 from pipeline.flow.kernels import adaptive
 from pipeline.flow.kernels import streamlines as kernels
-from pipeline.flow.kernels.opcodes import COLUMNS
+from pipeline.flow.kernels.instructions import COLUMNS
 from pipeline.flow.parameters import kernel_points
 from pipeline.flow.velocity import Program, VelocityField, opcodes_of, table_of
 

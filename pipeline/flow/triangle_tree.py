@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.flow.kernels import closed_surface as kernels
+from pipeline.flow.kernels import regions as kernels
 from pipeline.flow.parameters import Vector
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import require
@@ -90,7 +90,7 @@ number is then below 0.02, and 0.5 decides."""
 
 
 class Lookup(NamedTuple):
-    """memory: the flat array of `kernels.closed_surface`; low, high: the corners of the bounding box."""
+    """memory: the flat array of `kernels.regions`; low, high: the corners of the bounding box."""
 
     memory: Floats
     low: Vector

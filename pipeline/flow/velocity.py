@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
-from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.parameters import kernel_points, shot_name
 from pipeline.kernels import BlockKernel
@@ -18,7 +18,7 @@ from pipeline.kernels import BlockKernel
 class Instruction(NamedTuple):
     """One row of a program.
 
-    opcode      see `kernels.opcodes` and the families of fields
+    opcode      see `kernels.instructions` and the families of fields
     numbers     its operands at some time, at most COLUMNS
     cache_data  JSON-able data in place of the numbers, where these hold addresses; equal data must mean equal
                 motion

@@ -26,10 +26,10 @@ from pipeline.flow import (
     keyed,
 )
 from pipeline.flow.catalogue.attractors import Aizawa, Lorenz
+from pipeline.flow.catalogue.basic import Rotation, Strain, Translation
 from pipeline.flow.catalogue.cellular import ABC
 from pipeline.flow.catalogue.deformations import Twist
 from pipeline.flow.catalogue.formula import FormulaField
-from pipeline.flow.catalogue.linear import Rotation, Strain, Translation
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.compose import Mirror, Placed, RegionField, Transform, Within
 from pipeline.flow.flow_map import FlowMap, FrameStep

@@ -10,8 +10,8 @@ import pytest
 
 from pipeline.errors import FrameError
 from pipeline.flow import Blend, Flow, Repeated, Sequence, Streamlines, checked_displacement, keyed
+from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Stretch, Twist
-from pipeline.flow.catalogue.linear import Rotation
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.compose import Placed, RegionField, ScaledField, Transform, TransformedField, Within
 from pipeline.flow.flow_map import FlowMap, FrameStep, checked_cache_data

@@ -28,10 +28,9 @@ from pipeline.flow import (
     as_flow,
     keyed,
 )
+from pipeline.flow.catalogue.basic import Expansion, Rotation, Translation
 from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.catalogue.deformations import Shear, Twist
-from pipeline.flow.catalogue.expansion import Expansion
-from pipeline.flow.catalogue.linear import Rotation, Translation
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.compose import RegionField, ScaledField, TransformedField, blended, placed, within
 from pipeline.flow.regions import BoxRegion, CapsuleRegion, HalfSpaceRegion, Region, SphereRegion

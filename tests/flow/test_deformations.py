@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Keyframes, Sequence, Streamlines, keyed
+from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Bend, Shear, Stretch, Taper, Twist
-from pipeline.flow.catalogue.linear import Rotation
 from pipeline.flow.kernels import deformations as kernels
 
 POINTS = np.random.default_rng(2).uniform(-1, 1, size=(300, 3))

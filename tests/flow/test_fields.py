@@ -15,9 +15,9 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull_rom
+from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.formula import FormulaField
-from pipeline.flow.catalogue.linear import Rotation
-from pipeline.flow.catalogue.noise import RMS, CurlNoise
+from pipeline.flow.catalogue.vortices import RMS, CurlNoise
 from pipeline.flow.compose import Mirror, ScaledField, Transform, TransformedField
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.velocity import ExternalField

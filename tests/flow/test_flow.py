@@ -10,7 +10,7 @@ import pytest
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
 from pipeline.flow import Flow, Function, Sequence, Streamlines, Sum, as_flow, checked_displacement
-from pipeline.flow.catalogue.linear import Rotation, Translation
+from pipeline.flow.catalogue.basic import Rotation, Translation
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.compose import Blend, Within
 from pipeline.flow.regions import SphereRegion

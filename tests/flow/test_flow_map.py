@@ -17,10 +17,9 @@ from pipeline.flow import Flow, Function, Reversed, Sequence, Streamlines, Sum, 
 from pipeline.flow import flow_map as module
 from pipeline.flow.catalogue.attraction import Attraction, Target
 from pipeline.flow.catalogue.attractors import Lorenz
+from pipeline.flow.catalogue.basic import Expansion, Rotation
 from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
-from pipeline.flow.catalogue.expansion import Expansion
-from pipeline.flow.catalogue.linear import Rotation
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.compose import RegionField
 from pipeline.flow.flow_map import FlowMap, FrameStep

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, MeshError
 from pipeline.flow import Streamlines, keyed
-from pipeline.flow.catalogue.linear import Translation
+from pipeline.flow.catalogue.basic import Translation
 from pipeline.flow.compose import RegionField
 from pipeline.flow.regions import BoxRegion, MeshRegion
 from pipeline.flow.triangle_tree import ClosedSurface

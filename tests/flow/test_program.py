@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.flow import Streamlines, Sum, VelocityField
-from pipeline.flow.catalogue.linear import Rotation, Strain
+from pipeline.flow.catalogue.basic import Rotation, Strain
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels.program import level_count
 from pipeline.flow.kernels.regions import weights

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, keyed
-from pipeline.flow.catalogue.linear import Translation
+from pipeline.flow.catalogue.basic import Translation
 from pipeline.flow.compose import RegionField
 from pipeline.flow.regions import (
     MAX_SLOPE,

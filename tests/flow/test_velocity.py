@@ -16,13 +16,21 @@ from pipeline.errors import FrameError
 from pipeline.flow import Reversed, Sequence, Streamlines, Sum, VelocityField, checked_displacement, keyed
 from pipeline.flow.catalogue import FLOWS
 from pipeline.flow.catalogue.attractors import Aizawa, Chen, Chua, Halvorsen, Lorenz, Rossler, Thomas
+from pipeline.flow.catalogue.basic import (
+    Expansion,
+    Rotation,
+    Scaling,
+    Sink,
+    Source,
+    Squeeze,
+    Strain,
+    Translation,
+)
 from pipeline.flow.catalogue.cellular import ABC, DoubleGyre, Enright, Kneading, TaylorGreen
-from pipeline.flow.catalogue.expansion import Expansion, Sink, Source, Squeeze
-from pipeline.flow.catalogue.linear import Rotation, Scaling, Strain, Translation
 from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
 from pipeline.flow.kernels import attractors as attractor
-from pipeline.flow.kernels import cellular, expansion, linear
-from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.kernels import basic, cellular
+from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels import vortices as vortex
 from pipeline.flow.parameters import summary
@@ -68,7 +76,7 @@ FIXED = [
 ]
 """Those whose centre stays where it is."""
 
-FAMILIES = (attractor, cellular, expansion, linear, vortex)
+FAMILIES = (attractor, basic, cellular, vortex)
 EQUATIONS = {
     code: getattr(family, name.lower())
     for family in FAMILIES

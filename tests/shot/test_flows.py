@@ -21,8 +21,8 @@ from pipeline.flow import (
     Within,
     keyed,
 )
+from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.linear import Rotation
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.compose import Mirror, RegionField, ScaledField, TransformedField
 from pipeline.flow.regions import (

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from pipeline.flow import Sequence, Streamlines, keyed
+from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.linear import Rotation
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.mesh import validate, write_mesh
 from pipeline.mesh.solids.primitives import box

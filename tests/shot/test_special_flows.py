@@ -11,8 +11,8 @@ from pipeline.errors import ShotError
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.catalogue.attraction import Attraction, Wind
 from pipeline.flow.catalogue.formula import FormulaField
-from pipeline.flow.catalogue.noise import CurlNoise
 from pipeline.flow.catalogue.sampled import Sampled
+from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.python_file import PythonFlow
 from pipeline.shot import Shot, read_shot
 

@@ -1,16 +1,16 @@
 """The named motions a shot can use (P3), one module a family.
 
-A module with a FLOWS tuple registers its flows there: their parameters are numbers, so that shot files, help
-and docs are made from the classes. `attraction`, `formula`, `noise` and `sampled` take more than numbers; the
-documents of shot files name them.
+Flows whose parameters are numbers stand in the tuple of their module and in FLOWS: shot files, help and docs
+are made from their classes. The others (`attraction`, `formula`, `sampled` and CurlNoise) are named in the
+documents of shot files.
 """
 
-from pipeline.flow.catalogue import attractors, cellular, deformations, expansion, linear, vortices
+from pipeline.flow.catalogue import attractors, basic, cellular, deformations, vortices
 
 FLOWS: tuple[type, ...] = (
-    *linear.FLOWS,
+    *basic.LINEAR,
     *vortices.FLOWS,
-    *expansion.FLOWS,
+    *basic.SOURCES,
     *cellular.FLOWS,
     *attractors.FLOWS,
     *deformations.FLOWS,

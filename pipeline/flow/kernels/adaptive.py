@@ -23,8 +23,18 @@ import numpy as np
 from numba import prange
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
-from pipeline.flow.kernels.block import BLOCK, LEVEL, U, X, Y, Z, clear_velocities, load, store
-from pipeline.flow.kernels.opcodes import COLUMNS
+from pipeline.flow.kernels.instructions import (
+    BLOCK,
+    COLUMNS,
+    LEVEL,
+    U,
+    X,
+    Y,
+    Z,
+    clear_velocities,
+    load,
+    store,
+)
 from pipeline.flow.kernels.program import level_count, run_program
 from pipeline.flow.kernels.streamlines import STEP_PLAN
 from pipeline.kernels import kernel

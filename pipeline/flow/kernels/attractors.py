@@ -9,8 +9,7 @@ from __future__ import annotations
 import math
 
 from pipeline.arrays import Floats
-from pipeline.flow.kernels.block import EQUATION, FIELD, Velocity, add_each
-from pipeline.flow.kernels.opcodes import ATTRACTORS
+from pipeline.flow.kernels.instructions import ATTRACTORS, EQUATION, FIELD, Velocity, add_each
 from pipeline.kernels import kernel
 
 LORENZ, ROSSLER, AIZAWA, THOMAS, CHUA, HALVORSEN, CHEN = range(ATTRACTORS, ATTRACTORS + 7)

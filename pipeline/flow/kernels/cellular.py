@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.flow.kernels.block import EQUATION, FIELD, Velocity, add_each
-from pipeline.flow.kernels.opcodes import CELLULAR
+from pipeline.flow.kernels.instructions import CELLULAR, EQUATION, FIELD, Velocity, add_each
 from pipeline.kernels import kernel
 
 ENRIGHT, ABC, TAYLOR_GREEN, DOUBLE_GYRE, KNEADING = range(CELLULAR, CELLULAR + 5)

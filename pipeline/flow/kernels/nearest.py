@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.flow.kernels.external import doubles_at
+from pipeline.flow.kernels.instructions import doubles_at
 from pipeline.kernels import block_kernel, kernel
 
 DEEPEST = 64

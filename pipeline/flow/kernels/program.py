@@ -1,17 +1,17 @@
 """The interpreter of velocity programs: runs each row of a program on a block of points.
 
 To add a field to a family
-    1. its equation in `kernels/<family>.py`: a kernel of the signature EQUATION that returns the velocity at
-       one point from its row of numbers (at most COLUMNS, listed in its docstring); beside it its opcode, and
-       a line in the family's own kernel at the end of that file;
-    2. its class in `catalogue/<family>.py`: a `BasicField` with `opcode`, `row(time)` and
-       `gradient_bound(time)`, named in the family's FLOWS.
+    1. its equation in the family's module here: a kernel of the signature EQUATION that returns the velocity
+       at one point from its row of numbers (at most COLUMNS, listed in its docstring); beside it its opcode,
+       and a line in the family's own kernel, `add_…`;
+    2. its class in the module of that name in `catalogue`: a `BasicField` with `opcode`, `row(time)` and
+       `gradient_bound(time)`, named in the catalogue's FLOWS.
 
-A new family also gets a number in `opcodes` and a line in `_add_field` below.
+A new family also gets a number in `instructions` and a line in `_add_field` below.
 
 A field that needs more numbers than a row holds gets the address of an array in its row, and reads it by
-`carray(doubles_at(int(p[o])), n)`; a function compiled at run time is an EXTERNAL (see `external`). Both say
-in `Instruction.cache_data` what stands for them in keys.
+`carray(doubles_at(int(p[o])), n)`; a function compiled at run time is an EXTERNAL. Both say in
+`Instruction.cache_data` what stands for them in keys.
 
 To add a bracket: opcodes in the ranges OPEN…PLACE and CLOSE…UNPLACE, a kernel of the signature BRACKET
 (or a weight, for a region), and its lines in `run_program`.
@@ -24,13 +24,11 @@ from __future__ import annotations
 from typing import Any
 
 from pipeline.arrays import Floats, Indices
-from pipeline.flow.kernels import opcodes as op
+from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels.attractors import add_attractors
-from pipeline.flow.kernels.block import BLOCK, FIELD, LEVEL, U, V, W, X, Y, Z
+from pipeline.flow.kernels.basic import add_expansion, add_linear
 from pipeline.flow.kernels.cellular import add_cellular
-from pipeline.flow.kernels.expansion import add_expansion
-from pipeline.flow.kernels.external import call_external
-from pipeline.flow.kernels.linear import add_linear
+from pipeline.flow.kernels.instructions import BLOCK, FIELD, LEVEL, U, V, W, X, Y, Z, call_external
 from pipeline.flow.kernels.regions import (
     ball_weight,
     box_weight,

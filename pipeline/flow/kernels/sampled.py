@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.flow.kernels.external import doubles_at
+from pipeline.flow.kernels.instructions import doubles_at
 from pipeline.kernels import block_kernel, kernel
 
 CLAMP, ZERO, REPEAT = 0, 1, 2

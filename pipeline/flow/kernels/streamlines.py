@@ -8,9 +8,19 @@ import numpy as np
 from numba import prange
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.flow.kernels.block import BLOCK, LEVEL, U, X, Y, Z, clear_velocities, load, store
-from pipeline.flow.kernels.linear import TRANSLATION
-from pipeline.flow.kernels.opcodes import COLUMNS
+from pipeline.flow.kernels.basic import TRANSLATION
+from pipeline.flow.kernels.instructions import (
+    BLOCK,
+    COLUMNS,
+    LEVEL,
+    U,
+    X,
+    Y,
+    Z,
+    clear_velocities,
+    load,
+    store,
+)
 from pipeline.flow.kernels.program import level_count, run_program
 from pipeline.kernels import kernel
 

@@ -21,8 +21,8 @@ from pydantic_core import CoreSchema
 
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.formula import MAX_NUMBERS, FormulaField
-from pipeline.flow.catalogue.noise import CurlNoise
 from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
+from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.parameters import ParameterDoc
 from pipeline.flow.python_file import PythonFlow
 from pipeline.formula import FUNCTIONS
