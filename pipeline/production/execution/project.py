@@ -1,4 +1,4 @@
-"""What can be asked for and the plan that answers it: a shot's meshes or pictures, the film."""
+"""The project: a root, its settings, and the plans of what can be asked for in it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class Project:
 
     @property
     def notes(self) -> list[str]:
-        """What the user is to be told with a plan."""
+        """Lines to tell the user with a plan."""
         return self._notes
 
     @property
@@ -117,7 +117,7 @@ class Project:
         return planner.plan()
 
     def surfaces(self, request: RenderRequest) -> Plan:
-        """What the pictures of a take are made from, and not the pictures."""
+        """Return the plan of what pictures are made from: meshes, normals and cameras."""
         planner = self.planner()
         planner.surfaces(request)
         return planner.plan()
@@ -137,7 +137,7 @@ class Project:
         planner.film(edit, requests)
 
     def edit(self, quality: str, path: Path = FILM) -> tuple[Edit, list[RenderRequest]]:
-        """What the film of an edit is cut to, and the takes of its clips."""
+        """Return an edit and the render requests of its clips."""
         montage = self._montages.get(path) or self._montages.setdefault(path, self._montage(path))
         requests = [replace(self.request(shot, quality), requested=frames) for shot, frames in montage.clips]
         return montage.edit, requests
@@ -200,7 +200,7 @@ class Project:
         return replace(read, cache=PlanningCache(self.root)).with_inputs()
 
     def _montage(self, path: Path) -> ResolvedEdit:
-        """What an edit shows; its shots are read only where the ledger does not tell it."""
+        """Resolve an edit; its shots are read only where the planning cache does not hold it."""
         cache = PlanningCache(self.root)
         return resolved_edit(path, self.settings, cache, lambda shot: self._script(shot).summary)
 

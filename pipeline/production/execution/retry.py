@@ -24,7 +24,7 @@ _Frame = tuple[object, ...]
 
 @dataclass
 class RetryPolicy:
-    """What one run retries.
+    """The retries of one run.
 
     cores     cores of the next round
     failures  events of what is beyond help, as failures

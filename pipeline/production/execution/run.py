@@ -24,7 +24,7 @@ Watcher = AbstractContextManager[object]
 
 @dataclass
 class Outcome:
-    """What became of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
+    """The outcome of a run. `exit_code` is 0, 1 (some frames failed) or 4 (the machine's fault).
 
     runs  the names of its rounds: of their plans and event logs
     """
@@ -37,7 +37,7 @@ class Outcome:
 
     @property
     def failures(self) -> list[Event]:
-        """What failed, once for each shot, stage and frame; nothing where the run ended well all the same."""
+        """Failures, one for each shot, stage and frame; none if the run ended well all the same."""
         seen: dict[tuple[object, ...], Event] = {}
         for event in self.events:
             if event["event"] == "fail":
@@ -46,7 +46,7 @@ class Outcome:
 
     @property
     def warnings(self) -> list[str]:
-        """What frames were made in spite of, each once."""
+        """Warnings of frames that were made, each once."""
         return list(dict.fromkeys(str(e["message"]) for e in self.events if e["event"] == "warn"))
 
     @property
@@ -55,14 +55,13 @@ class Outcome:
         return max(codes, default=FrameError.exit_code) if self.unfinished else 0
 
     def _exit_code(self, failure: Event) -> int:
-        """Where others of its stage were made, a failed frame is 1, whatever was wrong with it; the machine's
-        faults are their own."""
+        """Return 1 for a failed frame if others of its stage were made; the machine's faults keep their code."""
         code = int(failure.get("exit_code", FrameError.exit_code))
         some_failed = failure.get("frame") is not None and self.made(str(failure["stage"]))
         return FrameError.exit_code if some_failed and code != MachineError.exit_code else code
 
     def made(self, stage: str) -> int:
-        """How many frames of a stage were computed, not found."""
+        """Return how many frames of a stage were computed, not reused."""
         return sum(e["event"] == "frame" and e["stage"] == stage and not e["found"] for e in self.events)
 
 
@@ -118,7 +117,7 @@ class _Work:
     patience: float
 
     def done(self, watch: Callable[[Plan, EventReader], Watcher]) -> list[Event]:
-        """What was told while it was carried out."""
+        """Execute the plan; return the events of its log."""
         log = self.root / EVENTS / f"{self.plan.name}.jsonl"
         self.plan.freeze(self.root)
         EventLog(log).write("run", cores=self.cores)
@@ -136,7 +135,7 @@ class _Work:
 
 
 def _unexplained(events: list[Event], log: Path, complaint: str | None) -> list[Event]:
-    """What no job has told of: some were killed, a farm refused them, or Snakemake itself went wrong."""
+    """Return events for what no job wrote: it was killed, a farm refused it, or Snakemake failed."""
     ended = {event["job"] for event in events if event["event"] == "end"}
     killed = [e for e in events if e["event"] == "begin" and e["job"] not in ended]
     if not killed:

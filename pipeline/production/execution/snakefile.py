@@ -48,7 +48,7 @@ DEFAULT_CORES = 2
 
 
 class PlannedWorkflow:
-    """What the Snakefile asks of the plan.
+    """The plan, as the rules of the Snakefile ask for it.
 
     workflow, config  Snakemake's own
 

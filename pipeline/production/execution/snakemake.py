@@ -46,12 +46,12 @@ def snakefile() -> Path:
 
 
 def log_of(plan: Plan) -> Path:
-    """What Snakemake prints while it runs a plan, relative to the root."""
+    """Return the file, relative to the root, for what Snakemake prints while it runs a plan."""
     return LOGS / plan.name / "snakemake.log"
 
 
 def complaint(log: Path) -> str | None:
-    """What Snakemake's log tells first of a job that could not be run, such as that a farm refused it."""
+    """Return the first message about a job that could not be run, such as that a farm refused it."""
     told = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", _text(log), re.MULTILINE)
     return told.group(1).strip().rstrip(".") + "." if told else None
 
@@ -94,7 +94,7 @@ def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:
 
 
 def _words(plan: Plan, cores: int, profile: Profile) -> list[str]:
-    """What Snakemake is called with. Its words win over our own settings, and these over the profile."""
+    """Return Snakemake's arguments. They win over our own settings, and these over the profile."""
     ours = ["--snakefile", str(snakefile()), "--workflow-profile", str(shipped() / "default")]
     here = ["--local-cores", str(cores)]
     if profile.is_local:

@@ -93,7 +93,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Plan:
-    """What one run makes.
+    """The render requests and the jobs of one run.
 
     requests  the render requests, as plain data from which the tasks rebuild them
     film      the edit of the film, as plain data

@@ -1,4 +1,4 @@
-"""From what is asked for to a plan: compare keys with the store, backwards from the pictures.
+"""Make a plan: compare keys with the store, backwards from the pictures.
 
 A link that shows the right store entry needs nothing; an entry in the store needs its link; anything else
 needs a job, and so does what that job reads, unless it is there. What several requests need is made once:
@@ -59,7 +59,7 @@ class _Promises(CameraFile):
 
 
 class _Recipes(dict[int, FrameKeys]):
-    """What stands for the keys of a request's pictures among others of the same shot file: cheap to have."""
+    """Stand-ins for the keys of a request's pictures, which tell them apart within one shot file."""
 
     def __init__(self, request: RenderRequest) -> None:
         super().__init__()

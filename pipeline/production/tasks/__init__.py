@@ -1,4 +1,4 @@
-"""What the rules of the workflow do, one function a rule.
+"""The tasks: the functions that the rules of the Snakefile run, one a stage.
 
 `python -m pipeline.production.tasks PLAN JOB`, in the root, does one job of a frozen plan. Every task
 takes its inputs from the store by key, puts its results there by key, and shows them as links where

@@ -1,4 +1,4 @@
-"""What a task works on, and how it makes, reads and reports files."""
+"""The context of a job: how a task makes, reads and reports files."""
 
 from __future__ import annotations
 
@@ -47,12 +47,14 @@ class Context:
 
     @classmethod
     def of(cls, root: Path, plan: Plan, job_name: str) -> Context:
-        """That of a job, which tells what it does in the plan's log."""
+        """Return the context of a job that writes to the plan's event log."""
         return cls(root, plan, plan.job(job_name), EventLog(root / EVENTS / plan.log_name, job_name))
 
     def failed_for_good(self) -> bool:
-        """Whether an earlier attempt at this job told why it failed, as another would. One that was killed
-        told nothing, and what the machine refused may be had on another."""
+        """Tell whether an earlier attempt at this job said why it failed, as another would.
+
+        A killed one said nothing, and what one machine refuses another may allow.
+        """
         log = EventReader(self.root / EVENTS / f"{self.plan.name}.jsonl")
         told = [event for event in log.new(self.job.name) if event["job"] == self.job.name]
         fails = [event.get("exit_code") for event in told if event["event"] == "fail"]
@@ -248,5 +250,5 @@ class Context:
 
     @property
     def subject(self) -> str:
-        """What the job is about: a shot's name, or the film."""
+        """The shot's name, or `film`."""
         return "film" if self.job.stage == "film" else self.request.subject

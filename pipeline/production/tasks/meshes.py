@@ -128,7 +128,7 @@ def _note_keys(context: Context) -> None:
 
 
 def shading_of(context: Context, number: int) -> Shading:
-    """How a mesh frame from the store is rendered. Raises as `read_mesh_frame` does."""
+    """Return how a mesh frame is shaded. Raises what `read_mesh_frame` raises."""
     request = context.request
     return Shading.of(
         read_mesh_frame(context, number), request.thresholds(number), request.shot.picture.tessellate

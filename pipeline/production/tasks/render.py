@@ -113,7 +113,7 @@ class _Renderer:
 def _moments(
     context: Context, number: int, framings: Mapping[int, Framing]
 ) -> tuple[MotionSample, ShutterInterval | None, MotionSample | None]:
-    """What a picture shows, while its shutter is open, and at the next one; of these what it asks for."""
+    """Return the moment of a picture, its shutter, and the next picture's moment; None for what it lacks."""
     request = context.request
     angle, framing = request.angles[number], framings[number]
     arrays, shading = _drawn(context, number, framing.camera)
@@ -171,7 +171,7 @@ def _movement(
 
 
 def _measured(context: Context, number: int, shading: Shading | None) -> dict[str, AnyArray]:
-    """What vertices bring along for the look."""
+    """Return the vertex attributes that the look needs."""
     request = context.request
     if not request.measures_speed:
         return {}
@@ -182,7 +182,7 @@ def _measured(context: Context, number: int, shading: Shading | None) -> dict[st
 
 
 def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray]:
-    """What vertices bring along for the layers asked for."""
+    """Return the vertex attributes that the AOVs need."""
     ways: dict[str, Callable[[], AnyArray]] = {
         "velocity": movement.velocity,
         "before": partial(movement.displacement, -1.0),
@@ -194,7 +194,7 @@ def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray
 def _subject(
     arrays: Mapping[str, AnyArray], shown: Shown, attributes: Mapping[str, AnyArray]
 ) -> Surface | Spheres:
-    """What is rendered of a frame's arrays, its vertices and normals being those shown."""
+    """Return the surface, or the spheres, of a frame's arrays with these vertices and normals."""
     points, normals = shown
     vertices, material = points.astype(np.float32), arrays["material"]
     if normals is None:
@@ -207,7 +207,7 @@ def _subject(
 def _tell_statistics(
     context: Context, number: int, key: Key, layers: RenderedFrame, seconds: float, resumed: int
 ) -> None:
-    """What this picture took: it differs from run to run, and pictures do not, so it stands beside them.
+    """Write the statistics of a picture beside it: they differ from run to run, and pictures do not.
 
     resumed  how many of its batches an earlier process had rendered, whose seconds are not known
     """

@@ -50,7 +50,7 @@ class Supervisor:
             return _verdict(code, settled)
 
     def _run_one(self, settled: int) -> tuple[int, bool]:
-        """How a process ended, and whether it was to; signals are passed on, and it is waited for."""
+        """Run one process; return its exit code and whether a signal ended it, which is passed on."""
         asked: list[int] = []
         processes: list[subprocess.Popen[bytes]] = []
 
