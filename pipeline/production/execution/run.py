@@ -55,7 +55,7 @@ class Outcome:
         return max(codes, default=FrameError.exit_code) if self.unfinished else 0
 
     def _exit_code(self, failure: Event) -> int:
-        """Return 1 for a failed frame if others of its stage were made; the machine's faults keep their code."""
+        """Return 1 if others of the frame's stage were made; a fault of the machine keeps its code."""
         code = int(failure.get("exit_code", FrameError.exit_code))
         some_failed = failure.get("frame") is not None and self.made(str(failure["stage"]))
         return FrameError.exit_code if some_failed and code != MachineError.exit_code else code
