@@ -60,19 +60,19 @@ class Material:
         self._require_fractions("roughness")
 
     @property
-    def is_clear(self) -> bool:
-        """True if light passes through."""
-        return False
-
-    @property
     def auxiliary_colour(self) -> Triple:
         """Colour of a clear material in the albedo AOV, which would be black without."""
         return self.colour
 
     @property
     def min_path_depth(self) -> int:
-        """Vertices that paths need to pass through the material; with fewer, a body is black."""
+        """Vertices that paths need to pass through the material (with fewer, a body is black); 0 if opaque."""
         return 0
+
+    @property
+    def is_clear(self) -> bool:
+        """True if light passes through."""
+        return self.min_path_depth > 0
 
     @property
     def pattern(self) -> Pigment | Measure | None:
@@ -135,7 +135,7 @@ class PatternedMaterial(Material):
         names = [name for name, source in sources.items() if source is not None]
         if len(names) > 1:
             raise BadInputError(f"look has {' and '.join(names)}; its colour comes from one of them")
-        if self.has_textures and self.pattern:
+        if self.texture_projection and self.pattern:
             raise BadInputError(
                 f"look has a {names[0]}, and pictures from files beside it; take one of the two"
             )
@@ -146,14 +146,10 @@ class PatternedMaterial(Material):
         return self.pigment or self.measure
 
     @property
-    def has_textures(self) -> bool:
-        """True if a texture gives the colour."""
-        return self.colour_texture is not None
-
-    @property
     def texture_projection(self) -> Projection | None:
-        """Projection of the material's textures, or None for a material without textures."""
-        return self.projection if self.has_textures else None
+        """Projection of the textures of colour, roughness and relief, or None if there are none."""
+        textures = (getattr(self, name, None) for name in ("colour_texture", "roughness_texture", "relief"))
+        return self.projection if any(textures) else None
 
 
 @dataclass(frozen=True)

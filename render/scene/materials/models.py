@@ -31,11 +31,6 @@ class Diffuse(PatternedMaterial):
     relief: Relief | None = field(default=None, kw_only=True)
     model: str = field(default="diffuse", init=False)
 
-    @property
-    def has_textures(self) -> bool:
-        """True if a texture gives colour or relief."""
-        return super().has_textures or self.relief is not None
-
 
 @dataclass(frozen=True)
 class Glossy(PatternedMaterial):
@@ -47,11 +42,6 @@ class Glossy(PatternedMaterial):
 
     roughness_texture: Texture | None = field(default=None, kw_only=True)
     relief: Relief | None = field(default=None, kw_only=True)
-
-    @property
-    def has_textures(self) -> bool:
-        """True if a texture gives colour, roughness or relief."""
-        return super().has_textures or self.roughness_texture is not None or self.relief is not None
 
 
 @dataclass(frozen=True)
@@ -132,11 +122,6 @@ class Glass(Material):
             raise BadInputError(f"look has refraction {self.refraction}; it lies above 1 and up to 4")
 
     @property
-    def is_clear(self) -> bool:
-        """Light passes through."""
-        return True
-
-    @property
     def auxiliary_colour(self) -> Triple:
         """The colour after absorption over its `depth`."""
         left = self.absorption.colour if self.absorption else (1.0, 1.0, 1.0)
@@ -165,11 +150,6 @@ class Smoke(Material):
         super().__post_init__()
         if not 0.0 < self.density <= 1000.0:
             raise BadInputError(f"look has density {self.density}; it lies above 0 and up to 1000")
-
-    @property
-    def is_clear(self) -> bool:
-        """Light passes through."""
-        return True
 
     @property
     def min_path_depth(self) -> int:
@@ -205,14 +185,9 @@ class MitsubaMaterial(Material):
         return cls(bsdf.colour, bsdf=bsdf)
 
     @property
-    def is_clear(self) -> bool:
-        """True if light passes through some of it."""
-        return self.bsdf.is_clear
-
-    @property
     def min_path_depth(self) -> int:
         """Vertices of a path through glass, if it is clear."""
-        return 10 if self.is_clear else 0
+        return 10 if self.bsdf.is_clear else 0
 
     @property
     def texture_projection(self) -> Projection:
