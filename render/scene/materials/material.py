@@ -66,7 +66,7 @@ class Material:
 
     @property
     def min_path_depth(self) -> int:
-        """Vertices that paths need to pass through the material (with fewer, a body is black); 0 if opaque."""
+        """Vertices of a path through the material (with fewer, a body is black); 0 if opaque."""
         return 0
 
     @property
