@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from pydantic import (
     AfterValidator,
@@ -34,12 +34,7 @@ SMALLEST, LARGEST = 1e-9, 1e12
 
 
 class Document(BaseModel):
-    """A mapping in a shot file: no unknown keys, no silent conversions.
-
-    renamed  words that shot files said in earlier versions, and what they are called now
-    """
-
-    renamed: ClassVar[Mapping[str, str]] = {}
+    """A mapping in a shot file: no unknown keys, no silent conversions."""
 
     model_config = ConfigDict(strict=True, extra="forbid", frozen=True, allow_inf_nan=False, defer_build=True)
 

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import CoreSchema
@@ -124,8 +123,6 @@ class RegionDocument(Document):
     """Exactly one shape by its name, and its falloff."""
 
     model_config = exactly_one(*SHAPES)
-    renamed: ClassVar[Mapping[str, str]] = {"fall": "falloff_type"}
-
     sphere: SphereDocument | None = optional("all within a radius of a point")
     box: BoxDocument | None = optional("all within sides along x, y and z")
     half_space: HalfSpaceDocument | None = optional("all below a plane")

@@ -5,9 +5,8 @@ Angles are degrees in the file and radians in the code.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any, ClassVar
+from typing import Annotated, Any
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -180,8 +179,6 @@ CreasesField = Annotated[
 
 class ResampleDocument(Document):
     """Settings that are left out take the defaults of `Thresholds` and `Resampling`."""
-
-    renamed: ClassVar[Mapping[str, str]] = {"renew": "rest_interval", "shape": "min_roundness"}
 
     max_edge_length: LengthField = Field(description="edges longer than this are split (units)")
     min_edge_length: ShortestField | None = optional(

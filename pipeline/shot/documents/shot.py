@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag
 
@@ -54,8 +53,6 @@ Samples = Annotated[
 class QualityDocument(Document):
     """Settings of one quality that this shot replaces."""
 
-    renamed: ClassVar[Mapping[str, str]] = {"guides": "auxiliary_samples", "steady": "temporal_denoise"}
-
     samples: Samples | None = optional("for each pixel: up to 16, or a multiple of it")
     auxiliary_samples: Samples | None = optional(
         "of albedo, normal and depth, which guide the denoiser, for each pixel"
@@ -94,8 +91,6 @@ Rate = Annotated[
 
 
 class ShotDocument(Document):
-    renamed: ClassVar[Mapping[str, str]] = {"stride": "max_step"}
-
     title: str = Field(description="the name of the shot")
     extends: str | None = optional("the shot beside this file from which it inherits what it leaves out")
     intent: str = Field("", description="what the shot should show, in a sentence")

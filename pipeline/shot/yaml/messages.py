@@ -13,6 +13,16 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, sugge
 from pipeline.frames import shortened
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 
+_RENAMED = {
+    "stride": "max_step",
+    "renew": "rest_interval",
+    "shape": "min_roundness",
+    "guides": "auxiliary_samples",
+    "steady": "temporal_denoise",
+    "fall": "falloff_type",
+}
+"""Words of earlier shot files, and what they are called now."""
+
 _EXPECTED = {
     "float_type": "a number. Write it plainly, without quotes or units",
     "float_parsing": "a number. Write it plainly, without quotes or units",
@@ -65,10 +75,9 @@ def _models_at(document: type[BaseModel], loc: Where) -> list[type[BaseModel]]:
 
 def _unknown(name: Any, where: Where, models: list[type[BaseModel]]) -> str:
     """Return the message about a name that none of the models has."""
-    for model in models:
-        if new := getattr(model, "renamed", {}).get(name):
-            return f"{name} is called {new} now{_under(where)}. Rename it."
     names = sorted({field.alias or name for model in models for name, field in model.model_fields.items()})
+    if (new := _RENAMED.get(name)) in names:
+        return f"{name} is called {new} now{_under(where)}. Rename it."
     return f"{name} is not known{_under(where)}. {suggestion(name, names)}"
 
 
