@@ -1,7 +1,5 @@
 """The entry `camera` of a shot file. Angles are degrees there, lenses in millimetres."""
 
-from __future__ import annotations
-
 import math
 from typing import Annotated, Any
 

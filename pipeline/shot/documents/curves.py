@@ -1,7 +1,5 @@
 """Values that change over time in a shot file: a constant, keys, or a formula."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar

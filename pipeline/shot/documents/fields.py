@@ -1,7 +1,5 @@
 """Types of values in shot files: strict numbers, names of a registry, vectors, colours and formulas."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Angles are degrees in the file and radians in the code.
 """
 
-from __future__ import annotations
-
 import typing
 from dataclasses import MISSING
 from typing import Annotated, Any, ClassVar

@@ -1,10 +1,8 @@
 """The entries `lights` and `stage` of a shot file, and what they become."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
 
@@ -63,7 +61,7 @@ class SoftboxDocument(Document):
     target: Triple = Field(SUBJECT_MIDDLE, description="point it faces; [0, 1, 0] is the subject's middle")
 
     @model_validator(mode="after")
-    def _faces_somewhere(self) -> SoftboxDocument:
+    def _faces_somewhere(self) -> Self:
         if math.dist(self.position, self.target) < 1e-6:
             raise finding("a softbox stands at its own target, so it faces nowhere. Move one of them.")
         return self
@@ -116,7 +114,7 @@ class SunDocument(Document):
     visible: bool = Field(True, description="true if the camera sees the sky where the stage leaves it")
 
     @model_validator(mode="after")
-    def _has_one_position(self) -> SunDocument:
+    def _has_one_position(self) -> Self:
         by_time, by_angle = ("latitude", "day", "north"), ("elevation", "azimuth")
         unused = by_time if self.time is None else by_angle
         others_given = [name for name in unused if getattr(self, name) is not None]
@@ -189,7 +187,7 @@ class LightsDocument(Document):
     _environment: Environment | None = PrivateAttr(None)
 
     @model_validator(mode="after")
-    def _is_consistent(self, info: ValidationInfo) -> LightsDocument:
+    def _is_consistent(self, info: ValidationInfo) -> Self:
         given = [name for name in ENVIRONMENTS if getattr(self, name) is not None]
         if len(given) > 1:
             raise finding(
@@ -248,7 +246,7 @@ class StageDocument(Document):
     round: bool | None = optional("a round plinth instead of a square one")
 
     @model_validator(mode="after")
-    def _kind_has_all(self) -> StageDocument:
+    def _kind_has_all(self) -> Self:
         all_settings = ("colour", "roughness", "width", "height", "round")
         settings = dict.fromkeys(STAGES, all_settings[:2]) | {"plinth": all_settings, "none": ()}
         for name in all_settings:

@@ -1,8 +1,6 @@
 """The entry `look` of a shot file, and the look it becomes. Colours are linear Rec.709."""
 
-from __future__ import annotations
-
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, model_validator
 
@@ -89,7 +87,7 @@ class LookDocument(Document):
     _bsdf: Bsdf | None = PrivateAttr(None)
 
     @model_validator(mode="after")
-    def _is_complete(self, info: ValidationInfo) -> LookDocument:
+    def _is_complete(self, info: ValidationInfo) -> Self:
         if (self.material is None) == (self.bsdf is None):
             fact = "neither material nor bsdf" if self.bsdf is None else "both material and bsdf"
             raise finding(f"look has {fact}; it is made of one of them. Write one.")
@@ -103,7 +101,7 @@ class LookDocument(Document):
             self._bsdf = bsdf_of(self.bsdf, context)
         return self
 
-    def _is_consistent(self) -> LookDocument:
+    def _is_consistent(self) -> Self:
         assert self.material is not None
         look = LOOKS[self.material]
         pattern = next((name for name in ("pigment", "measure", "picture") if self._has(name)), None)

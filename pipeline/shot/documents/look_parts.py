@@ -3,9 +3,7 @@
 Colours are linear Rec.709.
 """
 
-from __future__ import annotations
-
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
 
@@ -83,7 +81,7 @@ class PigmentDocument(Document):
     speckles: SpecklesDocument | None = optional("dots in a ground")
 
     @model_validator(mode="after")
-    def _names_one(self) -> PigmentDocument:
+    def _names_one(self) -> Self:
         if len(self.model_fields_set) != 1:
             raise bad_value(
                 f"pigment names {len(self.model_fields_set)} patterns; it is one of {', '.join(PATTERNS)}. "
@@ -124,7 +122,7 @@ class MeasureDocument(Document):
     area: ScaleDocument | None = optional("factor by which the surface has grown since the rest")
 
     @model_validator(mode="after")
-    def _names_one(self) -> MeasureDocument:
+    def _names_one(self) -> Self:
         if len(self.model_fields_set) != 1:
             raise finding(
                 f"measure names {len(self.model_fields_set)} things; it is one of {', '.join(KINDS)}. Write "
@@ -173,7 +171,7 @@ class PictureDocument(Document):
     _texture: Texture = PrivateAttr()
 
     @model_validator(mode="after")
-    def _is_there(self, info: ValidationInfo) -> PictureDocument:
+    def _is_there(self, info: ValidationInfo) -> Self:
         self._texture = _texture(self.file, self.space, info)
         return self
 
@@ -230,7 +228,7 @@ class ProjectionDocument(Document):
     )
 
     @model_validator(mode="after")
-    def _kind_has_all(self) -> ProjectionDocument:
+    def _kind_has_all(self) -> Self:
         for name, kinds in _PROJECTIONS_WITH.items():
             if name in self.model_fields_set and self.kind not in kinds:
                 raise finding(

@@ -1,11 +1,9 @@
 """The entries `smooth`, `shutter`, `aovs` and `view` of a shot file."""
 
-from __future__ import annotations
-
 import hashlib
 import re
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import (
     AfterValidator,
@@ -62,7 +60,7 @@ class SmoothDocument(Document):
     dicing: Pixels | None = optional("longest segment of an edge in the picture, such as 2px (pixels)")
 
     @model_validator(mode="after")
-    def _has_one(self) -> SmoothDocument:
+    def _has_one(self) -> Self:
         if self.tessellate is not None and self.dicing is not None:
             raise finding(
                 "smooth has both tessellate, a number of segments, and dicing, their length in the picture; "
@@ -131,7 +129,7 @@ class ViewDocument(Document):
     _view: ColourView = ACES
 
     @model_validator(mode="after")
-    def _is_there(self, info: ValidationInfo) -> ViewDocument:
+    def _is_there(self, info: ValidationInfo) -> Self:
         if not self.model_fields_set:  # the default needs no OpenColorIO, which takes time to import
             return self
         try:

@@ -1,8 +1,6 @@
 """The entry `region` of a flow, and the region it becomes."""
 
-from __future__ import annotations
-
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import CoreSchema
@@ -110,7 +108,7 @@ class MeshDocument(Document):
         return {"anyOf": [handler(core), {"type": "string"}]}
 
     @model_validator(mode="after")
-    def _is_closed(self, info: ValidationInfo) -> MeshDocument:
+    def _is_closed(self, info: ValidationInfo) -> Self:
         path = ParseContext.of(info).file(self.file)
         self._surface = as_finding(lambda: ClosedSurface.of(read_mesh(path), str(path)))
         return self
@@ -138,7 +136,7 @@ class RegionDocument(Document):
     invert: bool = Field(False, description="the outside instead of the inside")
 
     @model_validator(mode="after")
-    def _names_one(self) -> RegionDocument:
+    def _names_one(self) -> Self:
         named = [name for name in SHAPES if getattr(self, name) is not None]
         if len(named) != 1:
             names = " and ".join(named) or "none"

@@ -3,10 +3,8 @@
 Angles are degrees in the file and radians in the code.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, fields
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
@@ -128,7 +126,7 @@ class ActiveLengthDocument(Document):
     camera: CameraDistanceDocument | None = optional("of a constant size in a picture")
 
     @model_validator(mode="after")
-    def _names_one(self) -> ActiveLengthDocument:
+    def _names_one(self) -> Self:
         named = [name for name in sorted(self.model_fields_set) if getattr(self, name) is not None]
         if len(named) != 1:
             names = " and ".join(named) or "nothing"

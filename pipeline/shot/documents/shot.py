@@ -1,7 +1,5 @@
 """The layout of shot files and of film files, which are edits."""
 
-from __future__ import annotations
-
 from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, Discriminator, Field, Tag

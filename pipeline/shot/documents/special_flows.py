@@ -1,11 +1,9 @@
 """Documents of flows that need more than parameters: formulas, targets, curves, samples and Python files."""
 
-from __future__ import annotations
-
 import ast
 from itertools import pairwise
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import (
@@ -91,7 +89,7 @@ class FormulaDocument(FlowParameters):
         return {"texts": tuple(self.velocity), "words": words, **rate}
 
     @model_validator(mode="after")
-    def _fits(self) -> FormulaDocument:
+    def _fits(self) -> Self:
         """Check that all numbers and `frame` fit the flow."""
         as_finding(lambda: FormulaField(tuple(self.velocity), tuple((name, 0.0) for name in self.numbers)))  # type: ignore[arg-type]  # three, as the field says
         return self
@@ -123,7 +121,7 @@ class AttractionDocument(FlowParameters):
     _target: Target = PrivateAttr()
 
     @model_validator(mode="after")
-    def _to_one(self, info: ValidationInfo) -> AttractionDocument:
+    def _to_one(self, info: ValidationInfo) -> Self:
         given = [name for name in ("points", "curve", "mesh") if getattr(self, name) is not None]
         if not given:
             raise finding("attraction has no target; write one of points, curve and mesh")
@@ -179,7 +177,7 @@ class SampledDocument(FlowParameters):
     _files: SampledFiles = PrivateAttr()
 
     @model_validator(mode="after")
-    def _are_readable(self, info: ValidationInfo) -> SampledDocument:
+    def _are_readable(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
         paths = context.files(self.file)
         self._files = as_finding(lambda: SampledFiles.of(paths, self.array, float(self.interval)))
@@ -210,7 +208,7 @@ class PythonDocument(FlowParameters):
         return function
 
     @model_validator(mode="after")
-    def _is_python(self, info: ValidationInfo) -> PythonDocument:
+    def _is_python(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
         self._path, self._allowed = context.file(self.file), context.allow_code
         self._digest = context.digests[self._path]

@@ -1,7 +1,5 @@
 """The entry `subject` of a shot file, a solid, model, cloud or net, and the subject it becomes."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
