@@ -27,7 +27,7 @@ PERIODS = (NEVER, 60, 30, 15)
 
 def main() -> None:
     """Measure both films with every period and keep the numbers."""
-    rows = [measure(name, motion, renew) for name, motion in films().items() for renew in PERIODS]
+    rows = [measure(name, motion, interval) for name, motion in films().items() for interval in PERIODS]
     OUT.mkdir(exist_ok=True)
     (OUT / "renewal.json").write_text(json.dumps(rows, indent=1) + "\n")
     print("".join(f"{name:>14}" for name in rows[0]))
@@ -35,10 +35,10 @@ def main() -> None:
         print("".join(f"{v if isinstance(v, str) else format(v, '.3g'):>14}" for v in row.values()))
 
 
-def measure(name: str, motion: Motion, renew: int) -> Row:
+def measure(name: str, motion: Motion, interval: int) -> Row:
     """One film to its end."""
     assert motion.resampling is not None
-    motion = replace(motion, resampling=replace(motion.resampling, rest_interval=renew))
+    motion = replace(motion, resampling=replace(motion.resampling, rest_interval=interval))
     start = time.perf_counter()
     *_, last = animate(motion)
     seconds = time.perf_counter() - start
@@ -46,7 +46,7 @@ def measure(name: str, motion: Motion, renew: int) -> Row:
     errors = np.degrees(angles(split_at_creases(last.mesh).normals[: len(off)], exact_normals(motion, last)))
     return {
         "film": name,
-        "renew": "never" if renew == NEVER else str(renew),
+        "interval": "never" if interval == NEVER else str(interval),
         "s": seconds,
         "off: rms": float(np.sqrt(np.mean(off**2))),
         "off: 99%": float(np.quantile(off, 0.99)),
