@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 from playwright.sync_api import Browser
-from playwright.sync_api import ReviewPage as Tab
+from playwright.sync_api import Page as Tab
 
 from pipeline.dailies.live.server import LiveFeed, serving
 from pipeline.dailies.live.session import LiveSession

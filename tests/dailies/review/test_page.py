@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 from playwright.sync_api import Browser
-from playwright.sync_api import ReviewPage as Tab
+from playwright.sync_api import Page as Tab
 
 from pipeline.dailies.review import three
 from render.post.image import read_png
