@@ -34,6 +34,7 @@ from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import STATE
+from render.base.serialise import to_plain
 from render.scene.camera import Camera
 from render.scene.stage import StagePlacement
 
@@ -113,7 +114,7 @@ def fill(plan: Plan) -> None:
     store = Project(Path.cwd(), CORES).store
     for data in plan.requests:
         request = RenderRequest.from_data(data, PlanningCache(Path.cwd()))
-        cameras = {str(number): framing.as_data() for number in request.angles}
+        cameras = {str(number): to_plain(framing) for number in request.angles}
         store.put("cameras", request.cameras_key, lambda path, data=cameras: _write(path, json.dumps(data)))
         keys = request.picture_keys(store)
         assert keys is not None

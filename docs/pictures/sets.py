@@ -14,7 +14,8 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
-from pipeline.production.render_inputs.framing import Framing, with_room
+from pipeline.production.render_inputs.framing import Framing, with_stage_in_view
+from render.base.serialise import from_plain
 from render.frame.render_frame import render_frame
 from render.frame.sample_batches import seed_of
 from render.mitsuba.engine import choose
@@ -51,7 +52,7 @@ def main() -> None:
     folder = parser.parse_args().root / "renders" / SHOT
     arrays = np.load(folder / "normals" / f"{SHOT}.{FRAME:04d}.npz")
     surface = Surface(arrays["vertices"], arrays["normals"], arrays["faces"])
-    framing = Framing.from_data(json.loads((folder / f"{SHOT}.cameras.json").read_text())[str(FRAME)])
+    framing = from_plain(Framing, json.loads((folder / f"{SHOT}.cameras.json").read_text())[str(FRAME)])
     pictures = [_picture(surface, framing, *each) for each in SHEET]
     width, height = pictures[0].size
     sheet = Image.new("RGB", (COLUMNS * width, -(-len(pictures) // COLUMNS) * height))
@@ -62,7 +63,7 @@ def main() -> None:
 
 def _picture(surface: Surface, framing: Framing, lights: LightRig, stage: Stage, look: str) -> Image.Image:
     quality = QUALITIES["draft"]
-    there = with_room(framing, stage)
+    there = with_stage_in_view(framing, stage)
     seed = seed_of("sets", stage.kind)
     scene = Scene(surface, LOOKS[look], lights, stage, there.placement, there.camera)
     layers = render_frame(scene, quality, seed, choose())

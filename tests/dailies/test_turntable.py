@@ -17,7 +17,7 @@ from pipeline.dailies.turntable.request import TurntableRequest, key_numbers, tu
 from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
-from pipeline.production.render_inputs.framing import Framing, frame_all, turned, with_room
+from pipeline.production.render_inputs.framing import Framing, frame_all, rotate_y, with_stage_in_view
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable, TurntableAngle, framed_whole
 from pipeline.shot.camera import Lens, View
@@ -230,9 +230,9 @@ def test_through_the_whole_turn_the_object_touches_neither_balls_nor_chart(
     view: View, size: tuple[float, ...]
 ) -> None:
     box = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
-    angles = [turned(box, angle) for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)]
+    angles = [rotate_y(box, angle) for angle in np.linspace(0.0, 2.0 * np.pi, 12, endpoint=False)]
     (framing, *_) = frame_all([framed_whole(view)] * 12, angles.__getitem__, ASPECT, follow=0.0)
-    framing = with_room(framing, STAGES["turntable"])
+    framing = with_stage_in_view(framing, STAGES["turntable"])
     camera = framing.camera
     object_ = np.concatenate([camera.project(angle, ASPECT) for angle in angles])
     grey, chrome, board = positions(camera, framing.placement, ASPECT)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth, turned
+from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, rotate_y, smooth
 from pipeline.production.render_inputs.framing_geometry import BoundingSpheres, fitting_distance
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
@@ -97,18 +97,18 @@ def test_an_edit_late_in_the_shot_leaves_early_cameras_alone():
 def test_a_turntable_holds_its_camera_still():
     cloud = blobs(5, 1)[0]
     angles = np.linspace(0, 2 * np.pi, 12, endpoint=False)
-    framings = frame_all([VIEW] * 12, lambda i: turned(cloud, angles[i]), ASPECT, follow=0.0)
+    framings = frame_all([VIEW] * 12, lambda i: rotate_y(cloud, angles[i]), ASPECT, follow=0.0)
     assert len(set(framings)) == 1
 
 
 def test_turning_keeps_the_axis_and_all_distances():
     cloud = blobs(7, 1)[0]
-    spun = turned(cloud, 1.1)
+    spun = rotate_y(cloud, 1.1)
     assert np.allclose(spun[:, 1], cloud[:, 1])
     assert np.allclose(
         np.linalg.norm(spun[1:] - spun[:-1], axis=1), np.linalg.norm(cloud[1:] - cloud[:-1], axis=1)
     )
-    assert turned(cloud, 0.0) is cloud
+    assert rotate_y(cloud, 0.0) is cloud
 
 
 @given(st.lists(st.floats(-10, 10), min_size=1, max_size=60), st.integers(0, 12))

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, Framing, frame_all
 from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.shot.camera import Lens, View
+from render.base.serialise import from_plain, to_plain
 
 ASPECT = 16 / 9
 PLAIN = View(0.4, 0.25, math.radians(26), 0.08)
@@ -188,4 +189,4 @@ def test_a_camera_in_the_middle_of_the_sculpture_fails_no_other_frame():
 
 def test_framings_are_the_same_after_a_journey_through_json():
     framing = framed(PLAIN._replace(roll=0.2, lens=Lens(85.0, 2.8)))
-    assert Framing.from_data(framing.as_data()) == framing
+    assert from_plain(Framing, to_plain(framing)) == framing

@@ -12,7 +12,7 @@ import pytest
 from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.mesh.normals import split_at_creases
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.motion import Movement, flowing, framing_at, turning
+from pipeline.production.render_inputs.motion import SurfaceMotion, flow_motion, framing_at, turntable_motion
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
@@ -34,12 +34,12 @@ def shot_of(text: str) -> Shot:
     return read_shot(Path("a.yaml"), text)
 
 
-def movement(text: str, number: int) -> tuple[Shot, MeshFrame, Movement]:
+def movement(text: str, number: int) -> tuple[Shot, MeshFrame, SurfaceMotion]:
     shot = shot_of(text)
     frame = next(frame for frame in animate(shot) if frame.number == number)
     resampling = shot.motion.resampling_at(number)
     thresholds = resampling.thresholds if resampling else Thresholds(1.0)
-    return shot, frame, flowing(shot.motion, Shading.of(frame, thresholds, shot.picture.tessellate))
+    return shot, frame, flow_motion(shot.motion, Shading.of(frame, thresholds, shot.picture.tessellate))
 
 
 @pytest.mark.parametrize("subject", [BALL, BALL + "smooth: {tessellate: 2}\n", CLOUD, NET])
@@ -106,7 +106,7 @@ def test_beyond_the_last_frame_points_go_straight_on() -> None:
 
 def test_a_turntable_turns_by_as_much_as_its_pictures_are_apart() -> None:
     points = np.array([[1.0, 0.0, 1.0], [-1.0, 0.0, -1.0], [1.0, 1.0, -1.0], [-1.0, -1.0, 1.0]])
-    moving = turning(points, points, 0.0, math.radians(5.0), 24.0)
+    moving = turntable_motion(points, points, 0.0, math.radians(5.0), 24.0)
     there, normals = moving.at(1.0)
     assert np.linalg.norm(there, axis=1) == pytest.approx(np.linalg.norm(points, axis=1))
     assert normals == pytest.approx(there)

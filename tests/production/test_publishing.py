@@ -22,7 +22,7 @@ from pipeline.production.tasks.worker import task_of
 from pipeline.production.versions import published_files
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publish import Release
-from pipeline.production.versions.reproduce import Repetition
+from pipeline.production.versions.reproduce import Reproduction
 from pipeline.shot.yaml.lookup import digest_of_file
 from render.post.image import read_exr, write_exr
 from tests.conftest import commanded
@@ -63,9 +63,9 @@ class Desk:
     def render(self) -> None:
         done(self.root, Project(self.root, 1).pictures([NAME], QUALITY))
 
-    def repetition(self, frames: str | None = None, **others: str) -> Repetition:
+    def repetition(self, frames: str | None = None, **others: str) -> Reproduction:
         source = self.home / "v001" / FILE
-        return Repetition(Provenance.read(source), source, self.root, 1, frames, **others)
+        return Reproduction(Provenance.read(source), source, self.root, 1, frames, **others)
 
     def command(self, *words: str) -> tuple[int, str]:
         """Exit code and words of a command."""

@@ -11,7 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import frame_all, with_room
+from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
 from render.scene.aovs import RenderedFrame
@@ -87,7 +87,7 @@ def test_pieces_stand_in_the_lower_corners_below_the_subject(view: View, size: t
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     (framing,) = frame_all([view], lambda _: corners, ASPECT)
     plain = framing.camera.project(corners, ASPECT)
-    framing = with_room(framing, STAGES["turntable"])
+    framing = with_stage_in_view(framing, STAGES["turntable"])
     camera = framing.camera
     lowest = camera.project(corners, ASPECT)[:, 1].min()
     grey, chrome, board = positions(camera, framing.placement, ASPECT)
@@ -108,9 +108,9 @@ def test_pieces_stand_in_the_lower_corners_below_the_subject(view: View, size: t
 def test_a_plinth_leaves_the_subject_in_the_picture(view: View, size: tuple[float, ...]) -> None:
     corners = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)]) * size
     (framing,) = frame_all([view], lambda _: corners, ASPECT)
-    seen = with_room(framing, STAGES["plinth"]).camera.project(corners, ASPECT)
+    seen = with_stage_in_view(framing, STAGES["plinth"]).camera.project(corners, ASPECT)
     assert np.abs(seen[:, :2]).max() < 1.0
-    assert with_room(framing, STAGES["cyclorama"]) == framing
+    assert with_stage_in_view(framing, STAGES["cyclorama"]) == framing
 
 
 def test_the_chart_has_the_published_colours() -> None:

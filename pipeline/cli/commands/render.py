@@ -15,7 +15,7 @@ from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.versions.provenance import Provenance
-from pipeline.production.versions.reproduce import Comparison, Repetition
+from pipeline.production.versions.reproduce import Comparison, Reproduction
 from render.scene.quality import QUALITIES
 
 
@@ -67,7 +67,7 @@ def render(
 def _reproduce(common: Common, source: Path, frames: str | None, options: PictureOptions) -> None:
     """Render a published version again, in a root of its own, and compare."""
     record = Provenance.read(source)
-    again = Repetition(
+    again = Reproduction(
         record,
         source,
         common.root,

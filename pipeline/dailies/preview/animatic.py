@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
-from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_room
+from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_stage_in_view
 from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.production.request.render_request import RenderRequest
 from render.movie.codecs import PLAYBLAST
@@ -190,4 +190,4 @@ def framings_while(
     for count, _ in enumerate(played, start=1):
         if count % INTERVAL == 0 or count == len(numbers):
             for framing in framer.framings(count):
-                yield next(left), with_room(framing, stage)
+                yield next(left), with_stage_in_view(framing, stage)

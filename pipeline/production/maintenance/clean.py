@@ -21,7 +21,7 @@ from pipeline.production.store.store import Store
 
 @dataclass(frozen=True)
 class Collected:
-    """What a collection removes, or would remove.
+    """The outcome of a collection, done or only planned.
 
     removed  files of the store
     kept     how many files stay

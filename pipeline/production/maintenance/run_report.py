@@ -39,7 +39,7 @@ LABELS = {
 
 @dataclass(frozen=True)
 class RunReport:
-    """Where the time of one run went.
+    """The time of one run, by what it went into.
 
     seconds       by the clock
     core_seconds  by what they went into (see LABELS)

@@ -71,7 +71,7 @@ def _shown(value: Any) -> str:
 
 @dataclass(frozen=True)
 class Explanation:
-    """What is known of a finished frame.
+    """The state of a finished frame, and why it is not up to date.
 
     state    done, stale, missing or corrupt
     file     where it is shown

@@ -11,21 +11,20 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
 from pipeline.production.render_inputs.framing_geometry import (
     BoundingSpheres,
+    axes_of,
     bearing,
     bounds,
     camera_of,
     fitting_distance,
-    plain,
-    side_of,
+    triple,
 )
-from render.base.serialise import from_plain, to_plain
 from render.scene.camera import Camera
 from render.scene.stage import Stage, StagePlacement
 
@@ -51,13 +50,6 @@ class Framing:
 
     camera: Camera
     placement: StagePlacement
-
-    def as_data(self) -> dict[str, Any]:
-        return {"camera": to_plain(self.camera), "placement": to_plain(self.placement)}
-
-    @classmethod
-    def from_data(cls, data: dict[str, Any]) -> Framing:
-        return cls(from_plain(Camera, data["camera"]), from_plain(StagePlacement, data["placement"]))
 
 
 def frame_all(
@@ -99,9 +91,9 @@ class Framer:
         self._surveyed = self._aimed = self._given = 0
 
     def framings(self, come: int) -> list[Framing]:
-        """Those that the first `come` frames settle, in order, but for those that it answered before.
+        """Return the framings that the first `come` frames determine, without those returned before.
 
-        Where a camera does not follow the sculpture, none is settled before all frames have come.
+        If the camera does not follow the sculpture, there is none before all frames have come.
         """
         self._survey(come)
         whole = come == len(self._views)
@@ -124,7 +116,7 @@ class Framer:
         for i in range(first, last):
             view, middle, points = self._views[i], self._middles[i], self._points_of(i)
             aim = self._aims[i] = middle if view.target is None else np.array(view.target)
-            side = self._sides[i] = side_of(view, aim)
+            side = self._sides[i] = axes_of(view, aim)
             self._reach[i] = self._around[i] = fitting_distance(points, aim, side, view, self._aspect)
             if view.target is not None:
                 self._around[i] = fitting_distance(points, middle, side, view, self._aspect)
@@ -148,16 +140,16 @@ class Framer:
     def _framing(self, i: int, ground: float, distance: float, size: float) -> Framing:
         view, (x, _, z) = self._views[i], self._middles[i]
         turn = view.azimuth if view.position is None else bearing(self._views[0], self._aims[0])[0]
-        placement = StagePlacement(origin=plain([x, ground, z]), size=size, turn=turn)
+        placement = StagePlacement(origin=triple([x, ground, z]), size=size, turn=turn)
         return Framing(camera_of(view, self._aims[i], self._sides[i], distance, size), placement)
 
 
-def with_room(framing: Framing, stage: Stage) -> Framing:
+def with_stage_in_view(framing: Framing, stage: Stage) -> Framing:
     """Move the camera until the reference objects of the stage are in the picture too."""
     return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement))
 
 
-def turned(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
+def rotate_y(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
     """Turn (N, 3) points about the vertical axis of their bounds, or directions about y."""
     if angle == 0.0:
         return points

@@ -97,7 +97,7 @@ def _axes(azimuth: float, elevation: float) -> Floats:
     )
 
 
-def side_of(view: View, aim: Floats) -> Floats:
+def axes_of(view: View, aim: Floats) -> Floats:
     """Return (3, 3): the axes of a view's camera, with roll."""
     right, up, back = _axes(*bearing(view, aim))
     if view.roll == 0.0:
@@ -116,9 +116,9 @@ def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: floa
         away = float(np.linalg.norm(origin - aim))
     is_upright = view.roll == 0.0 and np.hypot(axes[2][0], axes[2][2]) > UPRIGHT
     return Camera(
-        origin=plain(origin),
-        target=plain(aim if away > 0.0 else origin - axes[2]),
-        up=(0.0, 1.0, 0.0) if is_upright else plain(axes[1]),
+        origin=triple(origin),
+        target=triple(aim if away > 0.0 else origin - axes[2]),
+        up=(0.0, 1.0, 0.0) if is_upright else triple(axes[1]),
         field_of_view=view.field_of_view,
         near=min(NEAR, away / 10.0) if away > 0.0 else NEAR,
         far=max(FAR, 100.0 * away),
@@ -140,6 +140,6 @@ def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: fl
     return {"lens_radius": float(lens.focal_length / lens.aperture / 2.0 / unit), "focus_distance": sharp}
 
 
-def plain(values: Iterable[float]) -> tuple[float, float, float]:
+def triple(values: Iterable[float]) -> tuple[float, float, float]:
     x, y, z = (float(v) for v in values)
     return x, y, z

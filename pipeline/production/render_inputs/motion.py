@@ -15,9 +15,10 @@ import numpy as np
 from pipeline.animation import MeshFrame, mesh_at_subframe
 from pipeline.arrays import AnyArray, Points, Vectors
 from pipeline.flow.flow_map import checked_cache_data
-from pipeline.production.render_inputs.framing import Framing, turned
+from pipeline.production.render_inputs.framing import Framing, rotate_y
 from pipeline.production.render_inputs.shading import Shading
 from pipeline.shot import Motion
+from render.base.serialise import from_plain, to_plain
 
 Shown = tuple[Points, Vectors | None]
 
@@ -26,7 +27,7 @@ STEP = 1.0 / 64.0
 
 
 @dataclass(frozen=True, eq=False)
-class Movement:
+class SurfaceMotion:
     """The vertices and normals of a picture as a function of the offset in frames; `at(0)` is the picture.
 
     fps            frames per second
@@ -50,38 +51,40 @@ class Movement:
         return np.asarray((self.at(STEP)[0] - self.at(-STEP)[0]) * (0.5 * self.fps / STEP))
 
 
-def flowing(motion: Motion, shading: Shading) -> Movement:
+def flow_motion(motion: Motion, shading: Shading) -> SurfaceMotion:
     """Return the movement of a shot's frame: its mesh, moved by the flow."""
     first, last, frame = motion.frames.first, motion.frames.last, shading.frame
 
     def points(offset: float) -> Points:
         inside = min(max(frame.number + offset, first), last)
         if inside != frame.number + offset:
-            return frame.mesh.vertices + offset * _pace(motion, frame)
+            return frame.mesh.vertices + offset * _end_velocity(motion, frame)
         return frame.mesh.vertices if offset == 0.0 else mesh_at_subframe(motion, frame, inside).vertices
 
     fps = float(motion.rate.fps)
-    return Movement(lambda o: shading.at(points(o)), fps, frame.number == first, frame.number == last)
+    return SurfaceMotion(lambda o: shading.at(points(o)), fps, frame.number == first, frame.number == last)
 
 
 def speeds(motion: Motion, shading: Shading) -> AnyArray:
     """Return the speed of the vertices, (V, 1) float32, scene units per second."""
-    velocity = flowing(motion, shading).velocity()
+    velocity = flow_motion(motion, shading).velocity()
     return np.asarray(np.linalg.norm(velocity, axis=1, keepdims=True), dtype=np.float32)
 
 
-def turning(vertices: Points, normals: Vectors | None, spin: float, turn: float, fps: float) -> Movement:
+def turntable_motion(
+    vertices: Points, normals: Vectors | None, spin: float, turn: float, fps: float
+) -> SurfaceMotion:
     """Return the movement of a turntable at `spin` radians, which turns by `turn` radians a picture."""
 
     def at(offset: float) -> Shown:
         angle = spin + offset * turn
-        turned_normals = None if normals is None else turned(normals, angle, about_origin=True)
-        return np.asarray(turned(vertices, angle), np.float64), turned_normals
+        turned_normals = None if normals is None else rotate_y(normals, angle, about_origin=True)
+        return np.asarray(rotate_y(vertices, angle), np.float64), turned_normals
 
-    return Movement(at, fps)
+    return SurfaceMotion(at, fps)
 
 
-def _pace(motion: Motion, frame: MeshFrame) -> Vectors:
+def _end_velocity(motion: Motion, frame: MeshFrame) -> Vectors:
     """Return (V, 3) scene units per frame at the first or last frame: a one-sided second-order difference."""
     if motion.frames.first == motion.frames.last:
         return np.zeros_like(frame.mesh.vertices)
@@ -117,8 +120,8 @@ def framing_at(framings: Mapping[int, Framing], number: int, offset: float) -> F
         ahead, share = -ahead, -share
     if number + ahead not in framings:
         return framings[number]
-    here, there = framings[number].as_data(), framings[number + ahead].as_data()
-    return Framing.from_data(_mixed(here, there, share))
+    here, there = to_plain(framings[number]), to_plain(framings[number + ahead])
+    return from_plain(Framing, _mixed(here, there, share))
 
 
 def _mixed(here: Any, there: Any, share: float) -> Any:

@@ -13,7 +13,7 @@ from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import bspline_surface, bspline_values
 from pipeline.mesh.normals import ShadedMesh, split_at_creases, vertex_normals
 from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
-from pipeline.production.render_inputs.framing import turned
+from pipeline.production.render_inputs.framing import rotate_y
 from pipeline.resample import Thresholds
 from pipeline.shot.point_subjects import RADIUS
 from render.scene.camera import Camera
@@ -45,7 +45,7 @@ class Shading:
             return self
         uncut = replace(self, pieces=1)._cut(self.frame.mesh.vertices, self.split)
         most = MOST_PIECES if self.split else MOST_SPANS
-        points = turned(uncut.vertices, spin)
+        points = rotate_y(uncut.vertices, spin)
         return replace(self, pieces=pieces_for(points, uncut.faces, camera, quality, pixels, most))
 
     def arrays(self) -> dict[str, AnyArray]:

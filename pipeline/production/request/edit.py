@@ -60,7 +60,7 @@ class AudioTrack:
 
     @property
     def content(self) -> dict[str, Any]:
-        """What decides the sound; the place of the file does not."""
+        """All that decides the sound, which the place of the file does not."""
         return {name: value for name, value in asdict(self).items() if name != "file"}
 
     @property

@@ -12,7 +12,7 @@ from pipeline.production.keys.digest import Key
 from pipeline.production.keys.stages import RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.store.store import Store
 from render.base.errors import BadInputError
-from render.base.serialise import to_plain
+from render.base.serialise import from_plain, to_plain
 
 if TYPE_CHECKING:
     from pipeline.production.render_inputs.framing import Framing
@@ -58,7 +58,7 @@ class CameraFile(Mapping[int, "Framing"]):
             from pipeline.production.render_inputs.framing import Framing
 
             try:
-                self._built[number] = Framing.from_data(self._data[number])
+                self._built[number] = from_plain(Framing, self._data[number])
             except (ValueError, TypeError, AttributeError, BadInputError) as error:
                 self._store.discard("cameras", self.key)
                 raise FrameError("its camera cannot be read; run again to frame the shot again") from error
@@ -148,7 +148,7 @@ def raw_header(request: RenderRequest, number: int, framing: Framing, keys: Fram
         "stage": to_plain(request.shot.picture.stage),
         "settings": to_plain(request.quality),
         "shutter": request.open_at(number),
-        **framing.as_data(),
+        **to_plain(framing),
         "stage_placement": to_plain(framing.placement),  # resampling has a setting of the shorter name
         **(resampling.settings() if resampling else {"resample": "off"}),
     }

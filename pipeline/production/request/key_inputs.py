@@ -1,4 +1,4 @@
-"""What the keys of a request's cameras and raw pictures are made of."""
+"""The inputs of a request's keys: of its cameras and its raw pictures."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]
     return picture_keys.raw_key(
         request.normals_key(angle.mesh),
         [angle.spin, angle.lights] if angle.lights else angle.spin,
-        framings[number].as_data(),
+        to_plain(framings[number]),
         request.appearance,
         request.seed(number),
         *_motion_data(request, number, framings),
@@ -60,7 +60,7 @@ def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Fra
     precision, offsets = request.aovs.precision, request.offsets(number)
     if not (precision or offsets):
         return []
-    around = [framings[n].as_data() for n in (number - 1, number + 1) if n in framings]
+    around = [to_plain(framings[n]) for n in (number - 1, number + 1) if n in framings]
     turn = request.turntable.step(number) if request.turntable else None
     flow: list[Any] = []
     if request.turntable is None and offsets:

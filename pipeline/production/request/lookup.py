@@ -1,4 +1,4 @@
-"""The shots and edits of the working folder, by their names."""
+"""Look up the shots and edits of the working folder by name."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from pipeline.shot.yaml.lookup import DEFAULTS, is_edit, is_there, shown
 SHOTS = Path("shots")
 FILM = SHOTS / "film.yaml"
 NAME = r"[A-Za-z0-9][A-Za-z0-9_.-]*"
-"""What shots may be called: it becomes part of file names, on any system."""
+"""Names of shots: they become part of file names, on any system."""
 
 
 def find_shot(name: str) -> Path:
-    """The file of a shot: a path, or a name in `shots/`.
+    """Return the file of a shot: a path, or a name in `shots/`.
 
     Raises MissingInputError with the nearest names, UsageError for a name that frames cannot be called by.
     """
@@ -39,7 +39,7 @@ def find_shot(name: str) -> Path:
 
 
 def find_edit(name: str) -> Path:
-    """The file of an edit: a path, or a name in `shots/`.
+    """Return the file of an edit: a path, or a name in `shots/`.
 
     Raises MissingInputError with the nearest names, UsageError for a shot, and for a name that a film cannot
     be called by.
@@ -66,7 +66,7 @@ def _near(name: str, known: list[str], otherwise: str) -> str:
 
 
 def shot_names() -> list[str]:
-    """The shots of the working folder."""
+    """Return the names of the shots of the working folder."""
     edits = {FILM.stem, *edit_names()}
     return sorted(
         path.stem for path in SHOTS.glob("*.yaml") if path.stem not in edits and path.name != DEFAULTS
@@ -74,5 +74,5 @@ def shot_names() -> list[str]:
 
 
 def edit_names() -> list[str]:
-    """The edits of the working folder; `film` among them whatever stands in it."""
+    """Return the names of the edits of the working folder; `film` is always an edit."""
     return sorted(path.stem for path in SHOTS.glob("*.yaml") if path == FILM or is_edit(path))

@@ -39,7 +39,7 @@ FORMS = tuple(stage.name for stage in STILLS)
 
 @dataclass(frozen=True)
 class _Facts:
-    """What planning asks of a request again and again.
+    """Facts that planning needs of a request again and again; the planning cache holds them.
 
     cameras      the key of its cameras
     reach        frames to either side that the temporal denoiser reads
@@ -97,7 +97,7 @@ class RenderRequest:
 
     @cached_property
     def angles(self) -> dict[int, TurntableAngle]:
-        """What each picture of the whole request shows, by number."""
+        """The mesh frame and the turn that each picture of the whole request shows, by number."""
         if self.turntable is None:
             return {number: TurntableAngle(number) for number in self.source.summary.frames}
         return self.turntable.angles()
@@ -145,7 +145,7 @@ class RenderRequest:
 
     @property
     def subject(self) -> str:
-        """What events and messages call it: the shot or the turntable, with its look or folder."""
+        """The name in events and messages: the shot or the turntable, with its look or folder."""
         if self.turntable and self.turntable.look:
             return f"{self.folders.name} ({self.turntable.look})"
         return self.folders.name if self.home is None else f"{self.name} ({Path(self.home).name})"
@@ -169,7 +169,7 @@ class RenderRequest:
 
     @property
     def shown_as(self) -> Mapping[str, Any]:
-        """How the light of its pictures becomes the picture of a display, plain data."""
+        """The display transform of its pictures, plain data."""
         return self.source.summary.shown_as
 
     def seed(self, number: int) -> int:
@@ -193,7 +193,7 @@ class RenderRequest:
 
     @property
     def follow(self) -> float:
-        """How far the camera follows the sculpture; that of a turntable does not."""
+        """The share by which the camera follows the sculpture, 0 to 1; that of a turntable stands still."""
         return 0.0 if self.turntable else self.shot.picture.camera.follow
 
     def view(self, number: int) -> View:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class ShotSource:
-    """What a shot is read from, the same in every process.
+    """Everything that a shot is read from, the same in every process.
 
     text, path  the shot file, and where it lies
     settings    values that replace those of the file: `flows.0.vortex.strength=2`
@@ -72,7 +72,7 @@ class ShotSource:
 
     @cached_property
     def summary(self) -> ShotSummary:
-        """What planning needs of the shot, which is read only where the cache does not hold it.
+        """The summary for planning; the shot is read only where the cache does not hold it.
 
         Raises what `shot` raises.
         """

@@ -1,4 +1,4 @@
-"""What planning needs of a shot: its frames, the files it reads, the keys of its meshes and normals."""
+"""The summary of a shot for planning: its frames, the files it reads, the keys of its meshes and normals."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ShotSummary:
     inputs           the files that it reads, and their digests
     listings         folders of these files, and digests of the names in them: a name with * may match more
     runs_python      True if its flows are Python files of the user's
-    rate, shown_as   frames per second; how its light becomes the picture of a display
+    rate, shown_as   frames per second; the display transform, plain data
     meshes, normals  keys by frame
     """
 

@@ -1,4 +1,4 @@
-"""What single pictures show, and what a turntable is."""
+"""Turntables: one mesh frame seen from all around, then in turning light."""
 
 from __future__ import annotations
 
@@ -11,18 +11,18 @@ if TYPE_CHECKING:
     from pipeline.shot.camera import View
 
 TURNS = ("object", "lights")
-"""What a turntable turns, one after the other."""
+"""The turns of a turntable, in their order."""
 
 MARGIN, WIDEST = 0.08, math.radians(40.0)
-"""The least that a turntable with balls and chart keeps free around its object, as `View` has it, and the
-widest lens it is seen by: what is near a wider one would hide them."""
+"""The least margin around the object, as in `View`, and the widest field of view of a turntable with balls
+and chart: in a wider one what is near would hide them."""
 
 
 @dataclass(frozen=True)
 class TurntableAngle:
-    """What one picture shows: a mesh frame, turned about the vertical by `spin` radians.
+    """A mesh frame turned about the vertical by `spin` radians; pictures of a shot have 0.
 
-    lights  how far what shines is turned about it, radians the same way
+    lights  turn of the lights about it, radians
     """
 
     mesh: int
@@ -34,12 +34,12 @@ class TurntableAngle:
 class Turntable:
     """A full turn of one mesh frame, and then one of the lights around it.
 
-    The end point of a turn, which equals its start, is left out. The same picture has the same number
-    whichever turns are asked for.
+    The end of a turn, which equals its start, is left out. Numbers of pictures do not depend on the turns
+    asked for.
 
-    frames   pictures of a turn: from 1 on the object's, and after these the lights'
-    of_file  the mesh is a file's, and its frames must not be taken for a shot's of the same name
-    look     the name of its look, where it is one of several and has a folder for itself
+    frames   pictures of a turn: the object's from 1 on, then the lights'
+    of_file  True for a mesh file, whose files must not be confused with those of a shot of the same name
+    look     the name of its look, if it is one of several with folders of their own
     """
 
     at: int
@@ -48,30 +48,32 @@ class Turntable:
     look: str | None = None
 
     def numbers(self, turn: str) -> range:
-        """The pictures of one of TURNS."""
+        """Return the numbers of the pictures of one of TURNS."""
         first = 1 + TURNS.index(turn) * self.frames
         return range(first, first + self.frames)
 
     def angles(self) -> dict[int, TurntableAngle]:
-        """By number, all pictures."""
+        """Return the angles of all pictures, by number."""
         angles = [2.0 * math.pi * i / self.frames for i in range(self.frames)]
         turned = [TurntableAngle(self.at, spin=angle) for angle in angles]
         lit = [TurntableAngle(self.at, lights=angle) for angle in angles]
         return dict(enumerate(turned + lit, start=1))
 
     def step(self, number: int) -> float:
-        """By how many radians the object turns from a picture to the next."""
+        """Return the turn of the object from a picture to the next, radians."""
         return 2.0 * math.pi / self.frames if number in self.numbers("object") else 0.0
 
     def turn_of(self, numbers: Iterable[int]) -> str | None:
-        """The one of TURNS whose pictures these are; None where they are others."""
+        """Return the one of TURNS that has exactly these pictures, or None."""
         known = {frozenset(self.numbers(turn)): turn for turn in TURNS}
         return known.get(frozenset(numbers))
 
 
 def framed_whole(view: View) -> View:
-    """From the same side, at a distance that framing finds, with room for what stands beside: no close-up,
-    nothing askew and nothing blurred, whatever the shot does at that moment."""
+    """Return the view from the same side that shows the whole object, with room for balls and chart.
+
+    Distance, aim, roll and lens of the shot at that moment are dropped.
+    """
     azimuth, elevation = view.azimuth, view.elevation
     if view.position is not None and view.target is not None:
         x, y, z = (a - b for a, b in zip(view.position, view.target, strict=True))

@@ -1,7 +1,7 @@
-"""Which Mitsuba variant renders a shot: the first that works here and has not failed on it.
+"""Choose the Mitsuba variant of a shot: the first that works on this machine and has not failed on the shot.
 
-A GPU is used where it is asked for, and can; a shot falls over from it, as a whole, to what a processor runs.
-The variant is part of every picture's key, so pictures of two variants never stand in one shot.
+A GPU is used if it is asked for and works. If it fails, the whole shot falls back to a variant for
+processors. The variant is part of every picture's key, so pictures of two variants never stand in one shot.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ ON_GPU = "cuda_ad_rgb"
 
 
 def variant_for(root: Path, shot: str, asked: str | None = None, tell: Callable[[str], None] = print) -> str:
-    """The variant that `shot` is rendered by: the one asked for, or the first that may serve.
+    """Return the variant that renders `shot`: the one asked for, or the first that works.
 
-    tell  is told, in one line, where a GPU was asked for and another variant serves, and why
+    tell  called with a line that says why another variant replaces a GPU
 
     Raises MachineError where none works, MachineError where another one asked for has failed.
     """
@@ -46,12 +46,12 @@ def _first_but(avoided: Mapping[str, str]) -> str:
 
 @cache
 def _gpu_works() -> bool:
-    """Asked once a process: that it does not is remembered nowhere else, for a driver may be installed."""
+    """Ask once a process; a failure is not stored, for a driver may be installed."""
     return works(ON_GPU)
 
 
 def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
-    """Remember that a variant failed on a shot; whether another is left to try."""
+    """Remember that a variant failed on a shot; return True if another is left to try."""
     path = _memory(root, shot)
     known = {**_avoided(root, shot), variant: reason}
     with disk_errors(path):
@@ -61,7 +61,7 @@ def avoid(root: Path, shot: str, variant: str, reason: str) -> bool:
 
 
 def _avoided(root: Path, shot: str) -> dict[str, str]:
-    """Variants that failed on this shot, by name, with the reason; another Mitsuba gets another chance."""
+    """Return the variants that failed on this shot and the reasons; a new Mitsuba gets a new chance."""
     try:
         memory = json.loads(_memory(root, shot).read_text())
     except (FileNotFoundError, ValueError):

@@ -13,12 +13,13 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
-from pipeline.production.render_inputs.framing import frame_all, turned, with_room
+from pipeline.production.render_inputs.framing import frame_all, rotate_y, with_stage_in_view
 from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.production.render_inputs.shading import Shading, radii
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context
+from render.base.serialise import to_plain
 
 
 def simulate(context: Context) -> bool:
@@ -94,13 +95,13 @@ def frame_camera(context: Context) -> bool:
         if frame.lattice is not None:
             points = bspline_surface(points, frame.lattice, request.shot.picture.tessellate).vertices
             around = np.zeros(len(points))
-        return BoundingSpheres(turned(points, angle.spin), around)
+        return BoundingSpheres(rotate_y(points, angle.spin), around)
 
     def write(path: Path) -> None:
         views = [request.view(number) for number in shown]
         framings = frame_all(views, points_of, request.aspect, request.follow)
-        framings = [with_room(framing, request.shot.picture.stage) for framing in framings]
-        found = {number: framing.as_data() for number, framing in zip(shown, framings, strict=True)}
+        framings = [with_stage_in_view(framing, request.shot.picture.stage) for framing in framings]
+        found = {number: to_plain(framing) for number, framing in zip(shown, framings, strict=True)}
         data = {str(number): found[stands[angle.mesh, angle.spin]] for number, angle in angles}
         path.write_text(json.dumps(data))
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.production.keys.digest import Key
-from pipeline.production.render_inputs.framing import Framing, turned
+from pipeline.production.render_inputs.framing import Framing, rotate_y
 from pipeline.production.request.frame_keys import FrameKeys, raw_header
 from pipeline.production.store import checkpoints, readers
 from pipeline.production.tasks.job import Context
@@ -36,7 +36,7 @@ from render.scene.surface import Surface
 from render.scene.wireframe import outlines
 
 if TYPE_CHECKING:  # what only some pictures need takes half a second
-    from pipeline.production.render_inputs.motion import Movement, Shown
+    from pipeline.production.render_inputs.motion import Shown, SurfaceMotion
     from pipeline.production.render_inputs.shading import Shading
     from pipeline.shot import Shot
 
@@ -119,8 +119,8 @@ def _moments(
     arrays, shading = _drawn(context, number, framing.camera)
     normals = arrays.get("normals")
     shown = (
-        turned(arrays["vertices"], angle.spin),
-        None if normals is None else turned(normals, angle.spin, about_origin=True),
+        rotate_y(arrays["vertices"], angle.spin),
+        None if normals is None else rotate_y(normals, angle.spin, about_origin=True),
     )
     measured = _measured(context, number, shading)
     if not request.offsets(number):
@@ -158,16 +158,18 @@ def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, 
 
 def _movement(
     context: Context, number: int, arrays: Mapping[str, AnyArray], shading: Shading | None
-) -> Movement:
-    from pipeline.production.render_inputs.motion import flowing, turning
+) -> SurfaceMotion:
+    from pipeline.production.render_inputs.motion import flow_motion, turntable_motion
     from pipeline.production.tasks.meshes import shading_of
 
     request = context.request
     angle, motion = request.angles[number], request.shot.motion
     if request.turntable is not None:
         turn = request.turntable.step(number)
-        return turning(arrays["vertices"], arrays.get("normals"), angle.spin, turn, float(motion.rate.fps))
-    return flowing(motion, shading or shading_of(context, angle.mesh))
+        return turntable_motion(
+            arrays["vertices"], arrays.get("normals"), angle.spin, turn, float(motion.rate.fps)
+        )
+    return flow_motion(motion, shading or shading_of(context, angle.mesh))
 
 
 def _measured(context: Context, number: int, shading: Shading | None) -> dict[str, AnyArray]:
@@ -181,7 +183,7 @@ def _measured(context: Context, number: int, shading: Shading | None) -> dict[st
     return {SPEED: speeds(request.shot.motion, shading or shading_of(context, request.angles[number].mesh))}
 
 
-def _attributes(movement: Movement, layers: Iterable[str]) -> dict[str, AnyArray]:
+def _attributes(movement: SurfaceMotion, layers: Iterable[str]) -> dict[str, AnyArray]:
     """Return the vertex attributes that the AOVs need."""
     ways: dict[str, Callable[[], AnyArray]] = {
         "velocity": movement.velocity,

@@ -1,4 +1,4 @@
-"""The values that a wedge goes through: `--vary name=first:last:count`, or `name=one,two,three`."""
+"""The grid of a wedge: values from `--vary name=first:last:count`, or `name=one,two,three`."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from pipeline.shot.yaml.lookup import shown
 
 OPTION = "--vary"
 MOST_CELLS = 100
-"""Without being told that more are meant."""
+"""Cells of a wedge at most, without --yes."""
 
 MOST_AT_ALL = 10_000
 
 _NUMBER = r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?"
 _STEPS = re.compile(rf"\s*({_NUMBER}):({_NUMBER}):(\d+)\s*")
 _LONGEST_NAME = 100
-"""Letters of a cell's folder, beyond which its end is shortened to a key."""
+"""Letters of a cell's folder; the end of a longer name is replaced by a digest."""
 
 
 @dataclass(frozen=True)
 class Variation:
-    """One value of a shot, and what it is to be, one after another.
+    """The name of a value in a shot, and the values that it takes.
 
-    said    as the user wrote it, for messages
-    values  YAML, as a shot file has them
+    values  YAML, as in a shot file
+    said    what the user wrote, for messages
     """
 
     name: str
@@ -38,7 +38,7 @@ class Variation:
 
     @classmethod
     def parse(cls, text: str) -> Variation:
-        """`flows.0.vortex.strength=1:3:5` is five values from 1 to 3; `look=clay,glaze` are those named.
+        """Parse `flows.0.vortex.strength=1:3:5`, five values from 1 to 3, or `look=clay,glaze`.
 
         Raises UsageError, with the option, for what is neither, for fewer than two values and for equal ones.
         """
@@ -71,8 +71,8 @@ class Variation:
 class Cell:
     """One combination of values, in the order of the variations.
 
-    folder   what its folder is called: by its values, so that the same cell of another wedge has the same
-    caption  what stands below its picture: short names and values
+    folder   the name of its folder, from its values: the same cell of another wedge has the same
+    caption  short names and values, below its picture
     """
 
     settings: tuple[str, ...]
@@ -125,17 +125,17 @@ class Grid:
 
     @property
     def columns(self) -> int | None:
-        """Of a sheet on which each row goes through the last variation; None where there is but one."""
+        """Columns of a sheet whose rows go through the last variation; None if there is only one."""
         return len(self.variations[-1].values) if len(self.variations) > 1 else None
 
     @property
     def name(self) -> str:
-        """What its sheets are called by: what is varied."""
+        """The name of its sheets, from the names of the values."""
         return _folder([variation.name for variation in self.variations], set())
 
 
 def _steps(place: str, first: str, last: str, count: str) -> tuple[str, ...]:
-    """So many numbers at equal distances, each with six digits at most."""
+    """Return `count` numbers at equal distances, each with at most six digits."""
     many = int(count[:9])
     if many > MOST_AT_ALL:
         raise UsageError(f"{place}: {count} values are too many; a wedge has at most {MOST_AT_ALL} cells")
@@ -149,7 +149,7 @@ def _steps(place: str, first: str, last: str, count: str) -> tuple[str, ...]:
 
 
 def _listed(text: str) -> tuple[str, ...]:
-    """The parts between commas that stand in no brackets and no quotes."""
+    """Return the parts between commas outside of brackets and quotes."""
     parts, depth, quote = [""], 0, ""
     for letter in text:
         if quote:
@@ -166,7 +166,7 @@ def _listed(text: str) -> tuple[str, ...]:
 
 
 def _short_names(names: Sequence[str]) -> list[str]:
-    """Of each the fewest last parts that tell it from the others, and begin with a word of its own."""
+    """Return for each name the shortest end that differs from the others and begins with an identifier."""
     parts = [name.split(".") for name in names]
 
     def short(each: Sequence[str], length: int) -> tuple[str, ...]:
@@ -181,7 +181,7 @@ def _short_names(names: Sequence[str]) -> list[str]:
 
 
 def _folder(settings: Sequence[str], taken: set[str]) -> str:
-    """A name for a folder, on any system, which tells settings from others that read alike."""
+    """Return a folder name, valid on any system and different from those `taken`."""
     plain = ",".join(re.sub(r"[^\w.=+-]+", "_", setting) for setting in settings)
     if len(plain) > _LONGEST_NAME or plain.lower() in taken:
         return f"{plain[: _LONGEST_NAME - 9]}~{key_of(list(settings))[:8]}"

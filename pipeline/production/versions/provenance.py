@@ -1,42 +1,60 @@
-"""What a published version was made from and by: its provenance, as it stands beside the frames."""
+"""The provenance of a published version: what it was made from, by which environment, and when."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import os
+import platform
 import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import psutil
 
 from pipeline.errors import MissingInputError, UsageError
+from pipeline.production.keys.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
 from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.versions.environment import host, packages, stage_versions
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
+from render.mitsuba.engine import available_cores
 from render.post.image import read_exr
 
 FILE = "provenance.json"
 FORMAT = 2
 VERSION = r"v[0-9]{3,6}"
 
+PACKAGES = (
+    "av",
+    "drjit",
+    "imageio",
+    "llvmlite",
+    "mitsuba",
+    "numba",
+    "numpy",
+    "OpenImageIO",
+    "pyoidn",
+    "trimesh",
+)
+"""Packages that pixels come from."""
+
 
 @dataclass(frozen=True)
 class FrameRecord:
     """One published frame.
 
-    file                      relative to the provenance
-    mesh, normals, raw, frame the keys on the way to it
-    pixels                    SHA-256 of the picture's values, whatever the file around them
-    sha256                    of the file
-    seconds                   what rendering it took, by stage, where that is known
+    file                       relative to the provenance
+    mesh, normals, raw, frame  keys
+    pixels                     SHA-256 of the picture's values, without the file around them
+    sha256                     of the file
+    seconds                    of rendering it, by part, if known
     """
 
     file: str
@@ -52,7 +70,7 @@ class FrameRecord:
 
 @dataclass(frozen=True)
 class Provenance:
-    """All that a version was made from, by what, where and when.
+    """All that a version was made from, and the environment that made it.
 
     source   the shot file and what it rests on; its paths as `portable` gives them
     cameras  the key of all cameras
@@ -118,27 +136,27 @@ class Provenance:
 
     @property
     def content(self) -> tuple[str, ...]:
-        """What two versions have in common that show the same: the keys of their frames and movie."""
+        """The keys of its frames and its movie: equal if two versions show the same."""
         return (*(self.frames[number].frame for number in sorted(self.frames)), self.movie["key"])
 
     def differences(self, variant: str) -> list[str]:
-        """What is otherwise now than when it was published, each in a line; `variant` is what renders now."""
-        found = []
+        """Return the differences of today's environment, each in a line; `variant` renders now."""
+        lines = []
         if variant != self.variant:
-            found.append(f"variant {variant} renders now, {self.variant} did then; pixels will differ")
+            lines.append(f"variant {variant} renders now, {self.variant} did then; pixels will differ")
         for name, then in self.packages.items():
             now = packages().get(name, "not there")
             if now != then:
-                found.append(f"{name} is {now} now and was {then}; pixels may differ")
+                lines.append(f"{name} is {now} now and was {then}; pixels may differ")
         for name, number in stage_versions().items():
             if number != self.stages.get(name):
                 was = self.stages.get(name, "unknown")
-                found.append(f"stage {name} has version {number} now and had {was}; pixels may differ")
-        here = host()
-        return found + [
-            f"the {what} is {here[what]} now and was {self.host.get(what)}; last bits may differ"
+                lines.append(f"stage {name} has version {number} now and had {was}; pixels may differ")
+        today = host()
+        return lines + [
+            f"the {what} is {today[what]} now and was {self.host.get(what)}; last bits may differ"
             for what in ("machine", "processor")
-            if here[what] != self.host.get(what)
+            if today[what] != self.host.get(what)
         ]
 
 
@@ -153,7 +171,7 @@ def _require_whole(record: Provenance) -> None:
 
 
 def pixels_of(path: Path) -> str:
-    """SHA-256 of all values of a picture. Raises as `render.post.image.read_exr` does."""
+    """Return the SHA-256 of all values of a picture. Raises what `render.post.image.read_exr` raises."""
     layers, _ = read_exr(path)
     digest = hashlib.sha256()
     for name in sorted(layers.arrays):
@@ -177,8 +195,9 @@ def _within(path: Path) -> str:
 
 
 def restored(record: Provenance, allow_code: bool) -> ShotSource:
-    """The script of a version, to be read in the working folder. Whether its Python files may be run is for
-    who reads it to say, and not for a file.
+    """Return the source of a version, to be read in the working folder.
+
+    allow_code  whether its Python files may run: the caller decides, not the provenance
 
     Raises UsageError or MissingInputError where files that it reads are gone or not what they were.
     """
@@ -204,10 +223,44 @@ def restored(record: Provenance, allow_code: bool) -> ShotSource:
 
 
 def records(folder: Path) -> Iterator[tuple[Path, Provenance | UsageError | MissingInputError]]:
-    """The versions in a shot's folder of published ones, in order; what cannot be read as its error."""
+    """Yield the versions in a shot's published folder, in order; an error for one that cannot be read."""
     versions = (place for place in folder.glob("v*") if re.fullmatch(VERSION, place.name))
     for place in sorted(versions, key=lambda place: (int(place.name[1:]), place.name)):
         try:
             yield place, Provenance.read(place / FILE)
         except (UsageError, MissingInputError) as error:
             yield place, error
+
+
+def packages() -> dict[str, str]:
+    """Return the versions of flowsculpt and of the packages that pixels come from."""
+    return {"flowsculpt": version("flowsculpt"), **{name: version(name) for name in PACKAGES}}
+
+
+def stage_versions() -> dict[str, int]:
+    """Return the versions of the stages that a published version comes from."""
+    stages = (SIMULATE, SMOOTH_NORMALS, FRAME_CAMERA, RENDER, FINISH, ASSEMBLE)
+    return {stage.name: stage.version for stage in stages}
+
+
+def host() -> dict[str, Any]:
+    """Describe the machine of this process."""
+    return {
+        "name": platform.node(),
+        "system": platform.platform(),
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "processor": _processor(),
+        "cores": available_cores(),
+        "memory_mib": psutil.virtual_memory().total // 2**20,
+    }
+
+
+def _processor() -> str:
+    """Return the name of the processor."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
+    named = [line.partition(":")[2].strip() for line in lines if line.startswith("model name")]
+    return named[0] if named else platform.processor()

@@ -26,14 +26,16 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Store
-from pipeline.production.versions.environment import host, packages, stage_versions
 from pipeline.production.versions.provenance import (
     VERSION,
     FrameRecord,
     Provenance,
+    host,
+    packages,
     pixels_of,
     portable,
     records,
+    stage_versions,
 )
 from pipeline.production.versions.published_files import freeze, sweep
 from pipeline.shot.yaml.lookup import digest_of_file
@@ -43,7 +45,7 @@ from render.movie.probe import probe_movie
 
 @dataclass(frozen=True)
 class Published:
-    """What became of publishing: the version, where it lies, and whether it was there before."""
+    """A published version, its folder, and whether it was published before."""
 
     version: str
     folder: Path
@@ -52,11 +54,11 @@ class Published:
 
 @dataclass(frozen=True)
 class Release:
-    """A take on its way to being published.
+    """A request to be published.
 
-    command  what renders it, for messages
-    version  the one asked for; by default the next
-    copy     its files are no links to those of the store: what damages one leaves the other alone
+    command  the command that renders it, for messages
+    version  by default the next
+    copy     copy its frames instead of linking to the store's, so that damage reaches only one
     """
 
     request: RenderRequest
@@ -67,9 +69,9 @@ class Release:
     copy: bool = False
 
     def publish(self, dry: bool = False) -> Published:
-        """Freeze the take's frames and movie; of content that is published already, say as what.
+        """Freeze the frames and the movie, or name the version that has the same content.
 
-        dry  only say what would be done
+        dry  change nothing
 
         Raises MissingInputError where frames are missing, UsageError where they are stale or the version is
         taken, FrameError where one cannot be read to its end, MachineError where another run is at work or
@@ -104,7 +106,7 @@ class Release:
         return Published(version, final, before=False)
 
     def _version(self, taken: list[str]) -> str:
-        """The one asked for, or the one after the last."""
+        """Return the version asked for, or the one after the last."""
         after = f"v{max((int(name[1:]) for name in taken), default=0) + 1:03d}"
         if self.version is None:
             return after
@@ -118,7 +120,7 @@ class Release:
         return self.version
 
     def _keys(self) -> PictureKeys:
-        """Of the take's pictures, which are all there as its shot file asks for them, and so is its movie."""
+        """Return the keys of its frames. Raises MissingInputError or UsageError if some are not current."""
         request, store = self.request, self.store
         keys = request.picture_keys(store)
         missing: list[int] = []
@@ -195,7 +197,7 @@ class Release:
         )
 
     def _whole_movie(self, key: Key) -> str:
-        """The digest of the movie, which can be decoded to its end."""
+        """Return the digest of the movie. Raises FrameError if it cannot be decoded to its end."""
         file = self.store.path("movie", key)
         try:
             whole = probe_movie(file).frames == len(self.request.angles)
@@ -206,11 +208,11 @@ class Release:
         return digest_of_file(file)
 
     def _forgotten(self, kind: str, key: Key, what: str) -> FrameError:
-        """The error for a corrupt file, which the store forgets, so that the next run makes it anew."""
+        """Evict a damaged file, so that the next run makes it again, and return the error."""
         self.store.discard(kind, key)
         return FrameError(
             f"{self.request.name} at {self.request.quality_name}: {what} cannot be read to its end and was "
-            f"forgotten; {self.command} makes it anew"
+            f"evicted; {self.command} makes it again"
         )
 
 

@@ -31,10 +31,10 @@ from render.post.image import read_exr
 
 @dataclass(frozen=True)
 class Comparison:
-    """What became of one frame, or of the movie, against what was published.
+    """The comparison of a frame or the movie with what was published.
 
-    same   None where it was not made, or cannot be read
-    words  how it differs
+    same   None if it was not made, or cannot be read
+    words  the difference
     """
 
     what: str
@@ -43,14 +43,14 @@ class Comparison:
 
 
 @dataclass(frozen=True)
-class Repetition:
+class Reproduction:
     """A version to be made again.
 
     source      its provenance file
-    root        that of the run; the repetition has its own below it
+    root        of the run; the reproduction has its own root below
     frames      a range of its frames; by default all, and the movie
-    variant     in place of the one that rendered it
-    allow_code  whether Python files that its shot names may be run
+    variant     replaces the one that rendered it
+    allow_code  whether the shot may run its Python files
     """
 
     record: Provenance
@@ -72,7 +72,7 @@ class Repetition:
         return Store(self.home)
 
     @cached_property
-    def asked(self) -> tuple[int, ...]:
+    def numbers(self) -> tuple[int, ...]:
         """The frames to be compared. Raises UsageError where some are not in the version."""
         if self.frames is None:
             return tuple(self.record.frames)
@@ -87,24 +87,25 @@ class Repetition:
 
     @cached_property
     def notes(self) -> list[str]:
-        """What is told before: why another variant renders, and what is otherwise than it was."""
-        told: list[str] = []
-        variant = self._variant(told)
-        return [*told, *self.record.differences(variant)]
+        """Notes for the user: why another variant renders, and how the environment differs."""
+        notes: list[str] = []
+        variant = self._variant(notes)
+        return [*notes, *self.record.differences(variant)]
 
     @property
     def request(self) -> RenderRequest:
-        """With the frames around those asked for whose light their finished pictures take in.
+        """The request, with the neighbouring frames that the temporal denoiser reads.
 
-        Raises UsageError or MissingInputError where files that the version was made from are not as they
-        were.
+        Raises UsageError or MissingInputError where files that the version was made from have changed.
         """
-        request = RenderRequest(self._script, self.record.quality, self._variant([]), self.asked)
-        around = {n for number in self.asked for n in request.window(number, self.record.frames.__contains__)}
+        request = RenderRequest(self._source, self.record.quality, self._variant([]), self.numbers)
+        around = {
+            n for number in self.numbers for n in request.window(number, self.record.frames.__contains__)
+        }
         return replace(request, requested=tuple(sorted(around)))
 
     @cached_property
-    def _script(self) -> ShotSource:
+    def _source(self) -> ShotSource:
         source = restored(self.record, self.allow_code)
         beyond = FrameRange.of(self.record.frames).outside(source.shot.frames)
         if beyond:
@@ -115,7 +116,7 @@ class Repetition:
         return source
 
     def plan(self) -> Plan:
-        """Raises what `take` raises."""
+        """Return the plan. Raises what `request` raises."""
         cores = self.profile.side_by_side(self.cores)
         planner, request = Planner(self.store, cores, cores, share=self.profile.share), self.request
         planner.pictures(request)
@@ -124,15 +125,15 @@ class Repetition:
         return planner.plan()
 
     def comparisons(self) -> list[Comparison]:
-        """Of every frame asked for, and of the movie where all were."""
+        """Compare every frame, and the movie if all frames are made."""
         keys = self.request.picture_keys(self.store)
-        found = [self._frame(number, keys) for number in self.asked]
+        found = [self._frame(number, keys) for number in self.numbers]
         return found if self.frames is not None else [*found, self._movie()]
 
-    def _variant(self, told: list[str]) -> str:
-        asked = self.variant or self.record.variant
+    def _variant(self, notes: list[str]) -> str:
+        variant = self.variant or self.record.variant
         try:
-            return variant_for(self.home, self.record.shot, asked, told.append)
+            return variant_for(self.home, self.record.shot, variant, notes.append)
         except MachineError as error:
             reason = str(error).partition(";")[0]
             raise MachineError(
@@ -159,7 +160,7 @@ class Repetition:
 
 
 def _difference(file: Path, before: Path) -> str:
-    """How a picture differs from the published one, where that is still there."""
+    """Describe how a picture differs from the published one, if that is still there."""
     try:
         now, then = (read_exr(path)[0]["beauty"] for path in (file, before))
     except RenderError:

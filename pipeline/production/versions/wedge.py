@@ -1,4 +1,4 @@
-"""Wedges: a shot over and over, a few of its values otherwise each time, all of it planned as one run.
+"""Wedges: a shot rendered over and over with other values, all of it planned as one run.
 
 renders/wedge/<shot>/<cell>/<quality>/frames/…     a cell's files, as those of a shot
 renders/wedge/<shot>/<wedge>.<quality>.0024.png    the contact sheet; of several frames also an MP4
@@ -53,7 +53,7 @@ class Wedge:
 
     @property
     def requests(self) -> list[tuple[Cell, RenderRequest]]:
-        """All by the variant that serves now, which a run changes where one crashes.
+        """Each cell and its request, with the variant that works now: a run changes it after a crash.
 
         Raises ShotError or UsageError, with the variation, where a cell's shot is not good.
         """
@@ -94,7 +94,7 @@ class Wedge:
 
     @property
     def _first(self) -> RenderRequest:
-        """What all cells have in common, it has."""
+        """The request of the first cell, for what all cells share."""
         return self._read[0][1]
 
     @property
@@ -196,7 +196,7 @@ def shown_picture(
 
 
 def _at_the_variation(message: str, variations: tuple[Variation, ...], cell: Cell) -> str:
-    """What is wrong with a cell, told at the variation whose value it is about."""
+    """Return the error of a cell, placed at the variation whose value is wrong."""
     for variation, setting in zip(variations, cell.settings, strict=True):
         if message.startswith(f"--set {setting}: "):
             value = shown(setting.partition("=")[2])
