@@ -38,7 +38,7 @@ _KINDS = {".mp4": "movie", ".mov": "mov", ".mkv": "mkv", ".webp": "webp"}
 
 @dataclass(frozen=True)
 class DeliveryOptions:
-    """What to make of a source.
+    """Options of a delivery: the files to make of a source.
 
     encodes  one file each
     slate    one of SLATES; None for no slate
