@@ -77,12 +77,12 @@ def render_frame(
             batches.render(batch, scenes, {name: surface.attributes[name] for name in attributes})
         stopwatch.lap("rendering")
     surface = surface or sample_at(count - 1)[1]  # the checkpoint held all batches
-    arrays = batches.frame_aovs()
+    arrays = batches.accumulator.frame_aovs()
     if "motion" in arrays and following is not None and scene.stage.kind != "none":
         arrays["motion"] = _add_stage_motion(arrays, own, following, size)
     facts = {
         "seed": seed,
-        **batches.facts(),
+        **batches.accumulator.facts(),
         "auxiliary_samples": quality.auxiliary_samples,
         "depth": quality.depth,
         "lens_radius": scene.camera.lens_radius,

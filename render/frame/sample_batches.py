@@ -17,7 +17,6 @@ from render.frame.checkpoint import Checkpoint
 from render.frame.motion_samples import batch_sizes, combined_batches, interleaved_batch_sizes
 from render.frame.vertex_aovs import Attributes, render_attributes
 from render.mitsuba.scene import VERTEX_AOV, FrameScenes, SceneRenderer
-from render.scene.aovs import Pixels
 from render.scene.quality import Quality
 
 _MOMENT_CHANNELS = [0, 1, 2, 4, 7]
@@ -75,14 +74,14 @@ class SampleBatches:
         sizes = [b.samples for b in self._batches if b.kind == "beauty" and b.motion_sample == 0]
         in_mean = motion_samples if is_adaptive else motion_samples * len(sizes)
         combined = combined_batches(in_mean, sizes[0])
-        self._accumulator = Accumulator(quality, aovs, combined, motion_samples)
+        self.accumulator = Accumulator(quality, aovs, combined, motion_samples)
         if checkpoint is not None and (state := checkpoint.load()) is not None:
             self._done = int(state["done"])
-            self._accumulator.restore(state)
+            self.accumulator.restore(state)
 
     def remaining(self) -> Iterator[SampleBatch]:
         """Yield the batches to render, until all are done or the frame has converged."""
-        while self._done < len(self._batches) and not self._accumulator.has_converged:
+        while self._done < len(self._batches) and not self.accumulator.has_converged:
             yield self._batches[self._done]
 
     def render(self, batch: SampleBatch, scenes: FrameScenes, attributes: Attributes) -> None:
@@ -91,7 +90,7 @@ class SampleBatches:
         if batch.kind == "beauty":
             self._render_beauty(batch, scenes.beauty, seed)
         else:
-            self._accumulator.add("auxiliary", scenes.auxiliary.render(batch.samples, seed))
+            self.accumulator.add("auxiliary", scenes.auxiliary.render(batch.samples, seed))
             if batch.has_vertex_aovs and scenes.vertex_aov is not None:
                 self._render_attributes(scenes.vertex_aov, attributes, batch.samples, seed)
         self._done += 1
@@ -100,27 +99,19 @@ class SampleBatches:
         if self._on_batch is not None:
             self._on_batch(self._done, len(self._batches))
 
-    def frame_aovs(self) -> dict[str, Pixels]:
-        """Return the AOVs by name, once all motion samples have been rendered."""
-        return self._accumulator.frame_aovs()
-
-    def facts(self) -> dict[str, float]:
-        """Return the samples per pixel and, with adaptive sampling, the noise."""
-        return self._accumulator.facts()
-
     def _state(self) -> Mapping[str, NDArray[Any]]:
-        return {"done": np.array(self._done), **self._accumulator.state()}
+        return {"done": np.array(self._done), **self.accumulator.state()}
 
     def _render_beauty(self, batch: SampleBatch, beauty: SceneRenderer, seed: int) -> None:
         """Render with our path tracer, whose batches continue one sequence, or with Mitsuba's integrator."""
         if beauty.path_tracer is not None:
             one_seed = seed_of(self._seed, _SEED_WORDS[batch.kind])
             picture = np.asarray(beauty.path_tracer.render(batch.samples, batch.first, one_seed))
-            self._accumulator.add_beauty(picture, batch.samples)
+            self.accumulator.add_beauty(picture, batch.samples)
             return
         picture = beauty.render(batch.samples, seed)
         picture = picture[..., _MOMENT_CHANNELS] if self._has_noise_aov else picture
-        self._accumulator.add_beauty(picture, _multijitter_count(batch.samples))
+        self.accumulator.add_beauty(picture, _multijitter_count(batch.samples))
 
     def _render_attributes(
         self, renderer: SceneRenderer, attributes: Attributes, samples: int, seed: int
@@ -132,7 +123,7 @@ class SampleBatches:
             return renderer.render(samples, seed)[..., :3]
 
         for name, picture in render_attributes(attributes, render).items():
-            self._accumulator.add(name, picture)
+            self.accumulator.add(name, picture)
 
 
 def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
