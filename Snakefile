@@ -66,12 +66,12 @@ rule simulate:
         f"{DONE}/{{shot}}/simulate/{{frames}}.{{key}}",
     log:
         f"{LOGS}/{{shot}}/simulate/{{frames}}.{{key}}.log",
-    params:
-        job=lambda w, output: plan.words("simulate", w),
+    retries: 2
     threads: lambda w: plan.threads("simulate", w)
     resources:
         mem_mb=lambda w, attempt: plan.memory("simulate", w) * attempt,
-    retries: 2
+    params:
+        job=lambda w, output: plan.words("simulate", w),
     message:
         "\nrule simulate: {wildcards.shot}, frames {wildcards.frames}"
     shell:
@@ -86,10 +86,10 @@ rule smooth_normals:
         f"{DONE}/{{shot}}/smooth_normals/{{frames}}.{{key}}",
     log:
         f"{LOGS}/{{shot}}/smooth_normals/{{frames}}.{{key}}.log",
-    params:
-        job=lambda w, output: plan.words("smooth_normals", w),
     resources:
         mem_mb=lambda w, attempt: plan.memory("smooth_normals", w) * attempt,
+    params:
+        job=lambda w, output: plan.words("smooth_normals", w),
     message:
         "\nrule smooth_normals: {wildcards.shot}, frames {wildcards.frames}"
     shell:
@@ -104,10 +104,10 @@ rule frame_camera:
         f"{DONE}/{{shot}}/frame_camera/{{frames}}.{{key}}",
     log:
         f"{LOGS}/{{shot}}/frame_camera/{{frames}}.{{key}}.log",
-    params:
-        job=lambda w, output: plan.words("frame_camera", w),
     resources:
         mem_mb=lambda w, attempt: plan.memory("frame_camera", w) * attempt,
+    params:
+        job=lambda w, output: plan.words("frame_camera", w),
     message:
         "\nrule frame_camera: {wildcards.shot}"
     shell:
@@ -124,13 +124,13 @@ rule render:
         f"{DONE}/{{shot}}/{{quality}}/render/{{frames}}.{{key}}",
     log:
         f"{LOGS}/{{shot}}/{{quality}}/render/{{frames}}.{{key}}.log",
-    params:
-        job=lambda w, output: plan.words("render", w),
+    retries: 2
     threads: lambda w: plan.threads("render", w)
     resources:
         mem_mb=lambda w, attempt, threads: plan.memory("render", w, threads) * attempt,
         runtime=lambda w, attempt, threads: plan.minutes("render", w, threads, attempt),
-    retries: 2
+    params:
+        job=lambda w, output: plan.words("render", w),
     message:
         "\nrule render: {wildcards.shot}, frames {wildcards.frames} at {wildcards.quality}"
     shell:
@@ -145,12 +145,12 @@ rule finish:
         f"{DONE}/{{shot}}/{{quality}}/finish/{{frames}}.{{key}}",
     log:
         f"{LOGS}/{{shot}}/{{quality}}/finish/{{frames}}.{{key}}.log",
-    params:
-        job=lambda w, output: plan.words("finish", w),
+    retries: 2
     threads: lambda w: plan.threads("finish", w)
     resources:
         mem_mb=lambda w, attempt: plan.memory("finish", w) * attempt,
-    retries: 2
+    params:
+        job=lambda w, output: plan.words("finish", w),
     message:
         "\nrule finish: {wildcards.shot}, frames {wildcards.frames} at {wildcards.quality}"
     shell:
@@ -165,11 +165,11 @@ rule assemble:
         update("renders/{shot}/{quality}/{movie}.mp4"),
     log:
         f"{LOGS}/{{shot}}/{{quality}}/{{movie}}.log",
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("assemble", w) * attempt,
     params:
         job=lambda w, output: plan.words("assemble", w),
         key=lambda w: plan.movie_key("assemble", w),
-    resources:
-        mem_mb=lambda w, attempt: plan.memory("assemble", w) * attempt,
     message:
         "\nrule assemble: {output}"
     shell:
@@ -184,11 +184,11 @@ rule film:
         update("renders/film/{quality}/{movie}.mp4"),
     log:
         f"{LOGS}/film/{{quality}}/{{movie}}.log",
+    resources:
+        mem_mb=lambda w, attempt: plan.memory("film", w) * attempt,
     params:
         job=lambda w, output: plan.words("film", w),
         key=lambda w: plan.movie_key("film", w),
-    resources:
-        mem_mb=lambda w, attempt: plan.memory("film", w) * attempt,
     message:
         "\nrule film: {output}"
     shell:
@@ -203,10 +203,10 @@ rule stills:
         f"{DONE}/{{shot}}/{{quality}}/{{form}}/{{frames}}.{{key}}",
     log:
         f"{LOGS}/{{shot}}/{{quality}}/{{form}}/{{frames}}.{{key}}.log",
-    params:
-        job=lambda w, output: plan.words(w.form, w),
     resources:
         mem_mb=lambda w, attempt: plan.memory(w.form, w) * attempt,
+    params:
+        job=lambda w, output: plan.words(w.form, w),
     message:
         "\nrule stills: {wildcards.shot}, frames {wildcards.frames} as {wildcards.form}"
     shell:
