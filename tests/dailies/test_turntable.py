@@ -216,9 +216,11 @@ views = st.builds(
     field_of_view=st.floats(0.2, 1.5),
     margin=st.floats(0.0, 0.2),
     roll=st.floats(-1.0, 1.0),
+    orbit=st.floats(-3.0, 3.0),
     dolly=st.floats(0.2, 3.0),
     distance=st.none() | st.floats(0.5, 50.0),
     target=st.none() | st.tuples(*[st.floats(-5.0, 5.0)] * 3),
+    position=st.none(),
     lens=st.none() | st.just(Lens(85.0, 1.4)),
 )
 sizes = st.tuples(*[st.floats(0.2, 4.0)] * 3)
