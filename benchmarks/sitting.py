@@ -53,7 +53,7 @@ class Sitting:
     def statistics(self, quality: str, number: int) -> dict[str, float]:
         """Seconds of a picture by what they were spent on, as the production tells them."""
         folders = Folders.of_shot(NAME)
-        told = json.loads((self.root / folders.statistics(quality, number)).read_text())
+        told = json.loads((self.root / folders.numbered("statistics", quality, (number,))[0]).read_text())
         return {**told["seconds"], "vertices": told["vertices"]}
 
     def jobs(self, task: str) -> Iterator[Job]:

@@ -114,7 +114,7 @@ class Timeline:
             return otio.schema.ExternalReference(
                 self._url(_delivered(request, ENCODES[self.media])), available
             )
-        place = request.folders.frame(request.quality_name, frames[0])
+        place = request.place("frame", frames[0])
         return otio.schema.ImageSequenceReference(
             target_url_base=f"{self._url(place.parent)}/",
             name_prefix=f"{request.folders.name}.",

@@ -87,9 +87,7 @@ class Search:
         stale = set(picture_states(request, self.project.store, self.history).stale)
         told = {number: ("failed", message) for number, message in failed.items()}
         told |= dict.fromkeys(stale, ("stale", STALE))
-        places = {
-            n: self.project.root / request.folders.frame(request.quality_name, n) for n in request.angles
-        }
+        places = {n: self.project.root / request.place("frame", n) for n in request.angles}
         return PictureSequence(
             shot=request.name,
             kind=kind,

@@ -69,7 +69,7 @@ def mesh_states(request: RenderRequest, store: Store, history: History) -> Frame
     """Return the states of the meshes of a request."""
 
     def mesh(number: int) -> Stored:
-        return "mesh", request.mesh_key(number), request.motion_folders.mesh(number)
+        return "mesh", request.mesh_key(number), request.place("mesh", number)
 
     return _states(request, "meshes", store, mesh, _FileHistory(history, request.name, MESH_STAGES, None))
 
@@ -82,7 +82,7 @@ def picture_states(request: RenderRequest, store: Store, history: History) -> Fr
         return (
             "frame",
             keys[number].frame if keys else None,
-            request.folders.frame(request.quality_name, number),
+            request.place("frame", number),
         )
 
     history_of_file = _FileHistory(history, request.folders.name, PICTURE_STAGES, request.quality_name)

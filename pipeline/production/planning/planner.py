@@ -411,7 +411,7 @@ class Planner:
         requests = list(self._entries)
         for place in sorted(places):
             request = requests[place]
-            folder = self.store.root / request.folders.statistics(request.quality_name, 0).parent
+            folder = self.store.root / request.place("statistics", 0).parent
             if (resources := MeasuredResources.of(folder)) is not None:
                 measured[place] = resources
         return measured

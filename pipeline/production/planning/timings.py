@@ -130,14 +130,13 @@ class LatestTimings:
 
 def render_seconds(request: RenderRequest, root: Path) -> dict[int, Mapping[str, float]]:
     """Return by frame the seconds of its last render, in parts, where they are known."""
-    folder = request.folders
-    read = {n: read_statistics(root / folder.statistics(request.quality_name, n)) for n in request.angles}
+    read = {n: read_statistics(root / request.place("statistics", n)) for n in request.angles}
     return {number: statistics.seconds for number, statistics in read.items() if statistics is not None}
 
 
 def seconds_of_render(request: RenderRequest, root: Path, number: int, raw: Key) -> dict[str, float]:
     """Return the seconds of one render, in parts; empty where the picture of this key has none."""
-    statistics = read_statistics(root / request.folders.statistics(request.quality_name, number))
+    statistics = read_statistics(root / request.place("statistics", number))
     return dict(statistics.seconds) if statistics is not None and statistics.key == raw else {}
 
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
-from pipeline.production.keys.digest import Key
-from pipeline.production.keys.picture_keys import film_key
+from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import FILM
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_summary import ShotSummary
@@ -134,7 +134,8 @@ class Edit:
         """
         audio = None if self.audio is None else self.audio.content
         items = [asdict(item) for item in self.items]
-        return film_key(items, self.rate, audio, frames, shown_as, movie_bits(quality_name))
+        bits = movie_bits(quality_name)
+        return key_of(FILM.recipe, items, self.rate, audio, frames, shown_as, bits)
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,7 @@ def find_shot(name: str) -> Path:
 
     Raises MissingInputError with the nearest names, UsageError for a name that frames cannot be called by.
     """
-    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
-    if not re.fullmatch(NAME, path.stem):
-        raise UsageError(
-            f"{path}: a shot is named by letters, digits, _, - and ., as in A010_cube; rename it"
-        )
+    path = _path(name, "a shot", "A010_cube")
     if is_edit(path):
         raise UsageError(
             f"{shown(path)} is an edit, not a shot; flowsculpt film {shown(name)} makes its film"
@@ -44,11 +40,7 @@ def find_edit(name: str) -> Path:
     Raises MissingInputError with the nearest names, UsageError for a shot, and for a name that a film cannot
     be called by.
     """
-    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
-    if not re.fullmatch(NAME, path.stem):
-        raise UsageError(
-            f"{path}: an edit is named by letters, digits, _, - and ., as in showreel; rename it"
-        )
+    path = _path(name, "an edit", "showreel")
     hint = _near(path.stem, edit_names(), "an edit lists the names of shots under shots:")
     if not is_there(path):
         raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
@@ -56,6 +48,16 @@ def find_edit(name: str) -> Path:
         raise UsageError(
             f"{shown(path)} is a shot, not an edit; flowsculpt render {path.stem} renders it, "
             f"and as for edits, {hint}"
+        )
+    return path
+
+
+def _path(name: str, kind: str, example: str) -> Path:
+    """Return the path of a shot or an edit. Raises UsageError for a name that files cannot have."""
+    path = Path(name) if name.endswith((".yaml", ".yml")) else SHOTS / f"{name}.yaml"
+    if not re.fullmatch(NAME, path.stem):
+        raise UsageError(
+            f"{path}: {kind} is named by letters, digits, _, - and ., as in {example}; rename it"
         )
     return path
 

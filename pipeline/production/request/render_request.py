@@ -12,12 +12,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
-from pipeline.production.keys import picture_keys
 from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import STILLS
-from pipeline.production.request import key_inputs
+from pipeline.production.keys.stages import ASSEMBLE, FINISH, STAGES, STILLS
 from pipeline.production.request.crop_and_scale import base_of, movie_bits, quality_named
 from pipeline.production.request.frame_keys import CameraFile, PictureKeys
+from pipeline.production.request.picture_keys import appearance, cameras_key, raw_key, speed_data
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
@@ -250,7 +249,7 @@ class RenderRequest:
             return from_plain(_Facts, known)
         follow_flow = tuple(n for n in self.angles if self._needs_flow(n))
         facts = _Facts(
-            cameras=key_inputs.cameras_key(self),
+            cameras=cameras_key(self),
             reach=self.temporal_reach,
             quality=self.quality_of_shot,
             precision=tuple(self.shot.picture.aovs.precision),
@@ -324,20 +323,20 @@ class RenderRequest:
         return CameraFile.of(store, self.cameras_key, self.angles)
 
     def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
-        return key_inputs.raw_key(self, number, framings)
+        return raw_key(self, number, framings)
 
     def speed_data(self, number: int) -> list[Any]:
         """Return what decides the colours of a picture that shows speeds; nothing of others."""
-        return key_inputs.speed_data(self, number)
+        return speed_data(self, number)
 
     @cached_property
     def appearance(self) -> Key:
         """The digest of what all pictures share."""
-        return key_inputs.appearance(self)
+        return appearance(self)
 
     def frame_key(self, raw: Key, neighbours: list[Key]) -> Key:
         """Return the key of a denoised frame; `neighbours`: raw keys of the frames it is averaged with."""
-        return picture_keys.frame_key(raw, self.quality.denoise, neighbours)
+        return key_of(FINISH.recipe, raw, self.quality.denoise, neighbours)
 
     def picture_keys(self, store: Store) -> PictureKeys | None:
         """Return the keys of its frames, or None before its cameras are found."""
@@ -345,8 +344,8 @@ class RenderRequest:
         return None if cameras is None else PictureKeys(self, store, cameras)
 
     def still_key(self, form: str, frame: Key) -> Key:
-        return picture_keys.still_key(form, frame, self.shown_as)
+        return key_of(STAGES[form].recipe, frame, self.shown_as)
 
     def movie_key(self, frames: list[Key]) -> Key:
         rate, bits = self.source.summary.rate, movie_bits(self.quality_name)
-        return picture_keys.movie_key(frames, rate, self.shown_as, bits)
+        return key_of(ASSEMBLE.recipe, frames, rate, self.shown_as, bits)

@@ -58,27 +58,8 @@ class Folders:
         begin = f"{self.home}/{within.format(quality)}/{self.name}."
         return [f"{begin}{number:04d}{suffix}" for number in numbers]
 
-    def _one(self, kind: str, quality: str, number: int) -> Path:
-        return Path(self.numbered(kind, quality, (number,))[0])
-
-    def mesh(self, number: int) -> Path:
-        return self._one("mesh", "", number)
-
-    def normals(self, number: int) -> Path:
-        return self._one("normals", "", number)
-
     def cameras(self) -> Path:
         return self.home / f"{self.name}.cameras.json"
-
-    def raw(self, quality: str, number: int) -> Path:
-        return self._one("raw", quality, number)
-
-    def frame(self, quality: str, number: int) -> Path:
-        return self._one("frame", quality, number)
-
-    def statistics(self, quality: str, number: int) -> Path:
-        """The timings of a picture. They differ between runs, so they lie beside the picture."""
-        return self._one("statistics", quality, number)
 
     def movie(self, quality: str, frames: str | None = None) -> Path:
         """The movie of all frames, or of a range: `<shot>.10-20x2.mp4`."""

@@ -34,7 +34,7 @@ def finish(context: Context) -> bool:
             light, header = desk.finished(number)
             write_exr(path, light, {**header, "key": keys[number].frame}, dict(request.precision))
 
-        target = request.folders.frame(request.quality_name, number)
+        target = request.place("frame", number)
         return context.make("frame", keys[number].frame, target, write)
 
     lost = context.failed("render")
@@ -75,7 +75,7 @@ class _Desk:
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
         request = self.context.request
-        place = request.folders.raw(request.quality_name, number)
+        place = request.place("raw", number)
         key = self.keys[number].raw
         return self.context.read("raw", key, place, readers.picture(key, request.quality.rendered_size))
 

@@ -33,7 +33,7 @@ def simulate(context: Context) -> bool:
     try:
         for frame in animate(request.shot, resume=_last_before(context, number)):
             number = frame.number
-            key, target = request.mesh_key(number), request.motion_folders.mesh(number)
+            key, target = request.mesh_key(number), request.place("mesh", number)
             found = context.has("mesh", key)
             if not found:
                 write = partial(write_npz, named=readers.with_key(key, frame.to_arrays()))
@@ -56,7 +56,7 @@ def _shown_again(context: Context, number: int) -> bool:
     key = context.request.mesh_key(number)
     if not context.has("mesh", key):
         return False
-    context.store.link("mesh", key, context.request.motion_folders.mesh(number))
+    context.store.link("mesh", key, context.request.place("mesh", number))
     context.tell(number, True, 0.0)
     return True
 
@@ -69,7 +69,7 @@ def smooth_normals(context: Context) -> bool:
     request = context.request
 
     def work(number: int) -> bool:
-        key, target = request.normals_key(number), request.motion_folders.normals(number)
+        key, target = request.normals_key(number), request.place("normals", number)
 
         def write(path: Path) -> None:
             write_npz(path, readers.with_key(key, shading_of(context, number).arrays()))
@@ -139,7 +139,7 @@ def shading_of(context: Context, number: int) -> Shading:
 def read_mesh_frame(context: Context, number: int) -> MeshFrame:
     """A mesh frame from the store. Raises FrameError where it is missing or corrupt."""
     request, key = context.request, context.request.mesh_key(number)
-    return context.read("mesh", key, request.motion_folders.mesh(number), readers.mesh_frame(key))
+    return context.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
 
 
 def _last_before(context: Context, number: int) -> MeshFrame | None:

@@ -123,7 +123,7 @@ def _shown(
     picture = request.shot.picture
 
     def read(number: int) -> RenderedFrame:
-        key, target = keys[number].frame, request.folders.frame(request.quality_name, number)
+        key, target = keys[number].frame, request.place("frame", number)
         return context.read("frame", key, target, readers.picture(key, request.quality.rendered_size))[0]
 
     try:

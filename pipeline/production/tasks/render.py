@@ -72,7 +72,7 @@ class _Renderer:
         self.stop.check()
         self.memory.check()
         context, key = self.context, self.keys[number].raw
-        target = context.request.folders.raw(context.request.quality_name, number)
+        target = context.request.place("raw", number)
         keep = checkpoints.checkpoint_of(
             context.store, target, key, partial(context.warn, number), lambda: self.stop.received
         )
@@ -145,7 +145,7 @@ def _drawn(context: Context, number: int, camera: Camera) -> tuple[Mapping[str, 
     request = context.request
     angle, picture = request.angles[number], request.shot.picture
     if picture.dicing is None:
-        path = request.motion_folders.normals(angle.mesh)
+        path = request.place("normals", angle.mesh)
         key = request.normals_key(angle.mesh)
         arrays = context.read("normals", key, path, readers.arrays(key))
         return _with_edges(request.shot, arrays, picture.tessellate), None
@@ -226,7 +226,7 @@ def _tell_statistics(
         "threads": context.job.threads,
         "peak_memory_mib": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss // 1024,
     }
-    path = context.root / context.request.folders.statistics(context.request.quality_name, number)
+    path = context.root / context.request.place("statistics", number)
     with disk_errors(path):
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_text(json.dumps(told, indent=1) + "\n")

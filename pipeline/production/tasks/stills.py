@@ -32,7 +32,7 @@ def _stills(context: Context, form: str, bits: int, write_still: Callable[..., N
     picture = request.shot.picture
 
     def work(number: int) -> bool:
-        frame = request.folders.frame(request.quality_name, number)
+        frame = request.place("frame", number)
         key = request.still_key(form, keys[number].frame)
 
         def write(path: Path) -> None:

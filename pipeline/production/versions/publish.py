@@ -126,7 +126,7 @@ class Release:
         missing: list[int] = []
         stale: list[int] = []
         for number in request.angles:
-            place = request.folders.frame(request.quality_name, number)
+            place = request.place("frame", number)
             if not store.shows("frame", keys[number].frame if keys else None, place):
                 (stale if (store.root / place).exists() else missing).append(number)
         self._require(missing, stale, "frames")

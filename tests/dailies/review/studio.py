@@ -106,7 +106,7 @@ def hang(desk: Desk, request: RenderRequest, numbers: Iterable[int], paint: Call
         store.put(
             "frame", key, lambda p, x=pixels, h=header: write_exr(p, RenderedFrame({"beauty": x}, {}), h)
         )
-        store.link("frame", key, request.folders.frame(request.quality_name, number))
+        store.link("frame", key, request.place("frame", number))
 
 
 def dark(number: int) -> Picture:

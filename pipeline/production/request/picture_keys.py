@@ -1,4 +1,4 @@
-"""The inputs of a request's keys: of its cameras and its raw pictures."""
+"""The keys of a request's cameras and raw pictures: digests of all that these are made from."""
 
 from __future__ import annotations
 
@@ -6,8 +6,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
-from pipeline.production.keys import picture_keys
 from pipeline.production.keys.digest import Key, key_of
+from pipeline.production.keys.stages import FRAME_CAMERA, RENDER
 from render.base.serialise import to_plain
 
 if TYPE_CHECKING:
@@ -18,7 +18,8 @@ if TYPE_CHECKING:
 def cameras_key(request: RenderRequest) -> Key:
     """Return the key of the cameras: they depend on all meshes that the request shows."""
     shown = sorted({angle.mesh for angle in request.angles.values()})
-    return picture_keys.cameras_key(
+    return key_of(
+        FRAME_CAMERA.recipe,
         [request.mesh_key(n) for n in shown],
         [[n, angle.mesh, angle.spin, request.view(n)] for n, angle in request.angles.items()],
         request.aspect,
@@ -44,7 +45,8 @@ def appearance(request: RenderRequest) -> Key:
 def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> Key:
     """Return the key of a rendered picture; `framings` are the cameras of the request."""
     angle = request.angles[number]
-    return picture_keys.raw_key(
+    return key_of(
+        RENDER.recipe,
         request.normals_key(angle.mesh),
         [angle.spin, angle.lights] if angle.lights else angle.spin,
         to_plain(framings[number]),
