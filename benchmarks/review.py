@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from playwright.sync_api import ReviewPage as Tab
+from playwright.sync_api import Page as Tab
 
 from benchmarks.report import Row, Target, keep, show
 from tests.dailies.review.chromium import running
