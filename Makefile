@@ -3,7 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 CORES ?= $(shell nproc 2>/dev/null || sysctl -n hw.ncpu)
 
-.PHONY: film test soak bench check figures pictures setup lock clean
+.PHONY: film test quick soak bench check figures pictures setup lock clean
 .DELETE_ON_ERROR:
 
 film: .venv/ready
@@ -11,6 +11,13 @@ film: .venv/ready
 
 test: .venv/ready-dev check
 	$(BIN)/python -m pytest -m "not soak" -n 2 --dist loadfile
+
+# Style, and the tests that need no renderer: about a minute.
+QUICK := animation cli docs flow formula mesh production render resample shot
+quick: .venv/ready-dev
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/python -m pytest -q -m "not soak and not renderer" -n 2 --dist loadfile $(QUICK:%=tests/%) tests/test_*.py
 
 # Long runs, and all other tests with examples that are new every time.
 soak: .venv/ready-dev

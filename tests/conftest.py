@@ -17,6 +17,21 @@ from hypothesis import settings
 settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
+RENDERING = {"engine", "project", "finished", "finished_project"}
+"""Fixtures that start Mitsuba, or run the command, which does."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Mark tests that need a renderer; `make quick` leaves them out.
+
+    They use a fixture of RENDERING, or lie in tests/production, whose other modules are marked `quick`.
+    """
+    for item in items:
+        runs_stages = item.path.parent.name == "production" and not item.get_closest_marker("quick")
+        if runs_stages or RENDERING & set(getattr(item, "fixturenames", ())):
+            item.add_marker(pytest.mark.renderer)
+
+
 TINY = """\
 title: A box, twisted
 frames: 1-6

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -21,12 +23,19 @@ print(*sorted(sys.modules), file=sys.stderr)
 """
 
 
-def modules_of(*words: str) -> set[str]:
-    """Modules that are imported when the command has run."""
-    done = subprocess.run([sys.executable, "-c", SCRIPT, *words], capture_output=True, text=True, check=True)
+def modules_of(*words: str, folder: Path | None = None) -> set[str]:
+    """Modules that are imported when the command has run in a folder."""
+    command = [sys.executable, "-c", SCRIPT, *words]
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=True)
     return set(done.stderr.splitlines()[-1].split())
 
 
 @pytest.mark.parametrize("words", [("--version",), ("--help",), ("report", "--help"), ("clen",)])
 def test_a_command_that_computes_nothing_imports_nothing_heavy(words: tuple[str, ...]) -> None:
     assert not modules_of(*words).intersection(HEAVY)
+
+
+def test_what_is_up_to_date_is_found_without_anything_heavy(finished: Any) -> None:
+    words = ("render", "T010_tiny", "-q", "preview")
+    assert finished.run(*words).code == 0, "plans are remembered by the paths of shots, and this is a copy"
+    assert not modules_of("--no-progress", *words, folder=finished.path).intersection(HEAVY)

@@ -4,8 +4,11 @@ import subprocess
 import sys
 
 import psutil
+import pytest
 
 from pipeline.production.execution.snakemake import end_family
+
+pytestmark = pytest.mark.quick
 
 PARENT = """
 import subprocess, sys

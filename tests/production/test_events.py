@@ -4,7 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from pipeline.production.store.event_log import EventLog, EventReader
+
+pytestmark = pytest.mark.quick
 
 
 def test_who_looks_for_one_job_is_told_of_no_other_and_misses_none(tmp_path: Path) -> None:

@@ -10,6 +10,8 @@ from pipeline.production.render_inputs.framing_geometry import BoundingSpheres, 
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
 
+pytestmark = pytest.mark.quick
+
 ASPECT = 16 / 9
 VIEW = View(azimuth=0.4, elevation=0.25, field_of_view=np.radians(26), margin=0.08)
 

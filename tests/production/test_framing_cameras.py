@@ -12,6 +12,8 @@ from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.shot.camera import Lens, View
 from render.base.serialise import from_plain, to_plain
 
+pytestmark = pytest.mark.quick
+
 ASPECT = 16 / 9
 PLAIN = View(0.4, 0.25, math.radians(26), 0.08)
 SEEN_FROM = 3 * STEADINESS

@@ -8,6 +8,8 @@ from hypothesis import strategies as st
 
 from pipeline.production.keys.digest import key_of
 
+pytestmark = pytest.mark.quick
+
 plain = st.recursive(
     st.none() | st.booleans() | st.integers() | st.floats(allow_nan=False, allow_infinity=False) | st.text(),
     lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(), inner, max_size=3),

@@ -18,6 +18,8 @@ from pipeline.production.request.turntable import Turntable
 from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.serialise import from_plain, to_plain
 
+pytestmark = pytest.mark.quick
+
 SHOT = """\
 title: T
 frames: 1-5

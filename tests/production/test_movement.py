@@ -21,6 +21,8 @@ from pipeline.shot import Shot, read_shot
 from render.scene.camera import Camera
 from render.scene.stage import StagePlacement
 
+pytestmark = pytest.mark.quick
+
 HEAD = "title: T\nframes: 1-6\n"
 BALL = HEAD + "subject: {solid: icosphere, radius: 1}\nresample: {max_edge_length: 0.6}\n"
 SLIDING = "flows:\n  - translation: {rate: [2.4, 0, -1.2]}\n"

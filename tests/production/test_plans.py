@@ -12,6 +12,8 @@ from pipeline.production.execution.project import Project
 from pipeline.production.keys.stages import STAGES, forced_with
 from pipeline.production.planning.plan import BATCH, FEWEST, LAST, Plan, batches
 
+pytestmark = pytest.mark.quick
+
 SHOT = (
     "title: T\nframes: 1-{frames}\nsubject: {{solid: box}}\nresample: off\n"
     "flows:\n  - twist: {{axis: y, amount: {{keys: {{1: 0, 5: 60}}}}}}\n"

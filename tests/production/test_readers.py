@@ -18,6 +18,8 @@ from render.base.errors import CorruptImageError
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
 
+pytestmark = pytest.mark.quick
+
 KEY, OTHER = "0123456789abcdef" * 2, "f" * 32
 SIZE = (16, 9)
 BOX = "title: A\nframes: 1-1\nsubject: {solid: box, size: [2, 2, 2]}\nresample: {max_edge_length: 0.5}\n"

@@ -18,6 +18,8 @@ from pipeline.production.execution.retry import ROUNDS, RetryPolicy
 from pipeline.production.execution.watchdog import watched
 from pipeline.production.store.event_log import EventLog, EventReader
 
+pytestmark = pytest.mark.quick
+
 STUCK = [sys.executable, "-c", "import time; time.sleep(60)"]
 
 

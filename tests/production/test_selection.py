@@ -18,6 +18,8 @@ from pipeline.production.planning.plan import BATCH, batches
 from pipeline.production.store.event_log import EventLog
 from pipeline.production.store.paths import EVENTS
 
+pytestmark = pytest.mark.quick
+
 NAME = "T010_tiny"
 NONE = FrameRange(())
 

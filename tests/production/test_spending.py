@@ -12,6 +12,8 @@ from pipeline.production.maintenance.run_report import RunReport, named_run
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.planning.plan import Job, Plan
 
+pytestmark = pytest.mark.quick
+
 PLACE = "renders/A/draft"
 
 

@@ -13,6 +13,8 @@ import pytest
 from pipeline.errors import MachineError
 from pipeline.production.store.store import Store
 
+pytestmark = pytest.mark.quick
+
 KEY = "ab" * 16
 
 

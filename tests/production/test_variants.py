@@ -18,6 +18,8 @@ from pipeline.production.tasks import __main__ as process
 from pipeline.production.tasks import render, worker
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 
+pytestmark = pytest.mark.quick
+
 NAME = "T010_tiny"
 
 

@@ -8,6 +8,8 @@ from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import base_of, cropped_name, quality_named
 from render.scene.quality import QUALITIES
 
+pytestmark = pytest.mark.quick
+
 
 def quality(crop=None, scale=None, of="final"):
     return quality_named(cropped_name(of, crop, scale), QUALITIES)

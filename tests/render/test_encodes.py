@@ -24,6 +24,8 @@ from render.movie.encode import write_movie
 from render.movie.probe import probe_movie
 from render.movie.sound import RATE, Sound, blocks
 
+pytestmark = pytest.mark.renderer
+
 BARS = np.array(
     [
         [235, 235, 235],

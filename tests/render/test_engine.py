@@ -14,6 +14,8 @@ from render.mitsuba import engine, llvm
 from render.mitsuba.engine import Engine, choose, works
 from render.mitsuba.llvm import LibLlvm
 
+pytestmark = pytest.mark.renderer
+
 
 @pytest.fixture
 def empty_cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:

@@ -16,6 +16,8 @@ from render.movie.codecs import H264, H264_8_BITS, movie_encode
 from render.movie.encode import write_movie
 from render.movie.probe import probe_movie
 
+pytestmark = pytest.mark.renderer
+
 PATCHES = np.array(
     [
         [200, 40, 30],

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -14,9 +14,11 @@ from pipeline.cli.options import Common, Frames, PictureOptions
 from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.versions.provenance import Provenance
-from pipeline.production.versions.reproduce import Comparison, Reproduction
 from render.scene.quality import QUALITIES
+
+if TYPE_CHECKING:
+    from pipeline.production.versions.provenance import Provenance
+    from pipeline.production.versions.reproduce import Comparison
 
 
 def render(
@@ -66,6 +68,9 @@ def render(
 
 def _reproduce(common: Common, source: Path, frames: str | None, options: PictureOptions) -> None:
     """Render a published version again, in a root of its own, and compare."""
+    from pipeline.production.versions.provenance import Provenance
+    from pipeline.production.versions.reproduce import Reproduction
+
     record = Provenance.read(source)
     again = Reproduction(
         record,
