@@ -83,7 +83,7 @@ def write_movie(
 @contextmanager
 def _movie_file(path: Path, encode: Encode, shape: tuple[int, ...]) -> Iterator[_MovieFile]:
     """Open the file of a movie. Raises MachineError where the disk or the encoder fails."""
-    with atomic_write(path) as temporary, _quiet_svt(), closing(_MovieFile(temporary)) as file:
+    with atomic_write(path) as temporary, _restrained_svt(), closing(_MovieFile(temporary)) as file:
         try:
             yield file
         except av.error.FFmpegError as error:
@@ -175,13 +175,21 @@ def _size(shape: tuple[int, ...]) -> str:
 
 
 @contextmanager
-def _quiet_svt() -> Iterator[None]:
-    """Keep SVT-AV1 from writing to the terminal."""
+def _restrained_svt() -> Iterator[None]:
+    """Keep SVT-AV1 from writing to the terminal, and from leaving this thread with real-time priority.
+
+    As root it puts the thread that opens it under SCHED_FIFO at the highest priority. Child processes inherit
+    that, and where their threads wait busily, they starve all others.
+    """
     before = os.environ.get("SVT_LOG")
     os.environ.setdefault("SVT_LOG", "1")
+    can_schedule = hasattr(os, "sched_getscheduler")  # Linux
+    policy = (os.sched_getscheduler(0), os.sched_getparam(0)) if can_schedule else None
     try:
         yield
     finally:
+        if policy is not None and os.sched_getscheduler(0) != policy[0]:
+            os.sched_setscheduler(0, *policy)
         if before is None:
             del os.environ["SVT_LOG"]
 

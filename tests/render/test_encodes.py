@@ -138,6 +138,14 @@ def test_a_failing_encoder_is_named_and_the_disk_is_not_blamed(tmp_path: Path) -
     assert not list(tmp_path.iterdir())
 
 
+@EACH
+@pytest.mark.skipif(not hasattr(os, "sched_getscheduler"), reason="Linux tells how a thread is scheduled")
+def test_no_encoder_leaves_the_process_with_another_priority(encode: Encode, tmp_path: Path) -> None:
+    before = os.sched_getscheduler(0)
+    write_movie(tmp_path / f"a{encode.container.suffix}", bars(3), Fraction(24), encode)
+    assert os.sched_getscheduler(0) == before
+
+
 def test_the_archive_loses_nothing(tmp_path: Path) -> None:
     noise = np.random.default_rng(1).integers(0, 65536, (3, 33, 65, 3)).astype(np.uint16)
     write_movie(tmp_path / "a.mkv", iter(noise), Fraction(25), ENCODES["ffv1"])
