@@ -285,7 +285,7 @@ def test_a_page_without_three_works_and_says_how_to_get_it(
     (folder / "data.js").write_text(f"window.reviewData = {json.dumps(told)};")
     look = opened(folder / "index.html", frame=2)
     look.press("m", "ArrowRight")
-    assert "pipeline.dailies.review.three gets it" in look.tab.inner_text("#panel-mesh")
+    assert "pipeline.dailies.review.three fetches it" in look.tab.inner_text("#panel-mesh")
     assert look.number == 3
 
 
