@@ -95,7 +95,7 @@ class BlockKernel:
 
 
 BLOCK_KERNELS: list[BlockKernel] = []
-"""Those imported so far. Formulas of shots are not among them."""
+"""Every block kernel imported so far, without the formulas of shots."""
 
 
 def block_kernel(function: Callable[..., None]) -> BlockKernel:

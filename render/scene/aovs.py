@@ -51,7 +51,7 @@ NEEDED_BY_AOV = {
     "after": "the next frame",
     "rest": "rest positions",
 }
-"""What the subject must be given for an AOV, in the words of messages."""
+"""Vertex data that an AOV needs, in the words of messages."""
 
 VERTEX_AOVS = tuple(NEEDED_BY_AOV)
 """AOVs that show an attribute of the subject's vertices."""

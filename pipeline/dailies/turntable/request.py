@@ -19,7 +19,7 @@ from render.scene.materials import LOOKS
 BOTH = "both"
 
 STAGE = "turntable"
-"""Of render.scene.stage.STAGES: with balls and a chart."""
+"""The stage of a turntable, a name in `render.scene.stage.STAGES`: with balls and a chart."""
 
 
 @dataclass(frozen=True)

@@ -27,10 +27,10 @@ CHUNK = 8
 """Frames that a task makes until the manager knows how long one takes."""
 
 CHUNK_SECONDS = 900
-"""How long its tasks should then be: they lose nothing when killed, but each starts a renderer."""
+"""Target length of a task: tasks lose nothing when killed, but each starts a renderer."""
 
 NOTICE_SECONDS = 15
-"""What a cancelled task has to keep the passes of its frame."""
+"""Time that a cancelled task has to keep the samples of its frame."""
 
 
 def template(plan: Plan, plan_file: str, root: Path) -> dict[str, Any]:

@@ -14,10 +14,10 @@ from dataclasses import dataclass, field
 from pipeline.production.store.event_log import Event
 
 ROUNDS = 4
-"""How often a run plans anew."""
+"""The most times that a run plans again."""
 
 TRIES = 2
-"""How often a frame may hang."""
+"""The most times that a frame may hang."""
 
 _Frame = tuple[object, ...]
 

@@ -36,15 +36,15 @@ if TYPE_CHECKING:
     from pipeline.production.planning.planner import Planner
 
 SETTINGS = ("edit", "shot", "shots", "frames", "quality", "allow_code")
-"""What `--config` may say."""
+"""Names that `--config` accepts."""
 
 PROFILE_SETTINGS = ("threads", "min_frames")
-"""What `config` of a profile may say."""
+"""Names that `config` of a profile accepts."""
 
 DEFAULT_QUALITY = "draft"
 
 DEFAULT_CORES = 2
-"""Where a command such as --rulegraph runs nothing, and so names no cores."""
+"""Cores to plan for when a command such as --rulegraph runs nothing and names none."""
 
 
 class PlannedWorkflow:

@@ -19,10 +19,10 @@ from pipeline.production.request.turntable import Turntable
 from render.scene.quality import QUALITIES
 
 _RUNS = 30
-"""How many of the latest runs are read."""
+"""The number of latest runs that are read."""
 
 _FRAMES = 100
-"""How many frames of one kind are read."""
+"""The most frames of one kind that are read."""
 
 _FOLDERS = {"simulate": "meshes", "smooth_normals": "normals", "render": "raw", "finish": "frames"}
 

@@ -13,7 +13,7 @@ import psutil
 from pipeline.production.store.event_log import Event, EventReader, logs_of
 
 RUNS = 20
-"""How many of the latest runs are read."""
+"""The number of latest runs that are read."""
 
 ENDINGS = ("frame", "fail", "hung")
 """Events that end the work on a frame."""

@@ -29,7 +29,7 @@ ROOT = STATE / "lock"
 
 POLL_SECONDS = 0.2
 UNSUPPORTED = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS)
-"""What network file systems without locks answer."""
+"""Error numbers of network file systems without locks."""
 
 
 def lock_name(home: str, quality: str) -> str:

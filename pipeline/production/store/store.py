@@ -32,7 +32,7 @@ class CorruptFileError(Exception):
 
 
 DAMAGED = (CorruptFileError, CorruptImageError, MissingImageError, FileNotFoundError)
-"""What readers raise for a file that must be made again."""
+"""Errors that readers raise for a file that must be made again."""
 
 
 SUFFIXES = {

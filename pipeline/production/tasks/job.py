@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 SIGN_SECONDS = 5.0
-"""How often a job that waits for another run says so."""
+"""Interval at which a job that waits for another run says so."""
 
 ENVIRONMENT = 4
 """The exit code of the machine's faults, which further frames would meet as well."""

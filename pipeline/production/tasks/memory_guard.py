@@ -19,7 +19,7 @@ RESTART_WORKER = 75
 """The exit code of a rendering process that wants a fresh one to render the rest of its frames."""
 
 GROWTH = 1.5
-"""How many times the memory after its first frame a process may hold."""
+"""Limit on the memory of a process, as a multiple of what it holds after its first frame."""
 
 LEAST_MIB = 1024
 """Memory that a process may hold in any case."""
