@@ -32,9 +32,10 @@ def to_plain(value: Any) -> Any:
     A dataclass becomes a dict by field name, without its NOT_PLAIN fields; a mapping, a dict whose keys are
     strings; a tuple, a list; a path, a string. Anything else is returned unchanged.
     """
-    if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        fields = [field for field in dataclasses.fields(value) if field.metadata.get("plain", True)]
-        return {field.name: to_plain(getattr(value, field.name)) for field in fields}
+    if isinstance(value, str | int | float):
+        return value
+    if _is_record(type(value)):
+        return {name: to_plain(getattr(value, name)) for name in _plain_names(type(value))}
     if isinstance(value, list | tuple):
         return [to_plain(item) for item in value]
     if isinstance(value, Mapping):
@@ -55,8 +56,19 @@ def from_plain(kind: type[T], values: Any) -> T:
     return typing.cast(T, _build(kind, values, getattr(kind, "__name__", str(kind))))
 
 
+@cache
 def _is_record(kind: Any) -> bool:
     return isinstance(kind, type) and dataclasses.is_dataclass(kind)
+
+
+@cache
+def _plain_names(kind: type) -> list[str]:
+    return [field.name for field in dataclasses.fields(kind) if field.metadata.get("plain", True)]
+
+
+@cache
+def _is_taken_unchanged(kind: Any) -> bool:
+    return typing.get_origin(kind) is None and not _is_record(kind) and kind not in (float, Path)
 
 
 def _build(kind: Any, values: Any, place: str) -> Any:
@@ -72,10 +84,14 @@ def _build(kind: Any, values: Any, place: str) -> Any:
             parts = zip(arguments, values, strict=True)
             return tuple(_build(part, item, f"{place}[{i}]") for i, (part, item) in enumerate(parts))
         if origin in (tuple, list):
+            if _is_taken_unchanged(arguments[0]):
+                return origin(values)
             return origin(_build(arguments[0], item, f"{place}[{i}]") for i, item in enumerate(values))
         if isinstance(origin, type) and issubclass(origin, Mapping):
             key_kind = int if arguments[0] is int else str
             items = values.items()
+            if _is_taken_unchanged(arguments[1]):
+                return {key_kind(key): item for key, item in items}
             return {key_kind(key): _build(arguments[1], item, f"{place}.{key}") for key, item in items}
         return kind(values) if kind in (float, Path) else values
     except (TypeError, ValueError, AttributeError) as error:
