@@ -15,11 +15,11 @@ from pipeline.cli.output import duration, print_error, print_result, print_warni
 from pipeline.cli.progress import StageBars
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.execution.watchdog import PATIENCE
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.maintenance.run_report import RunReport
 from pipeline.production.planning.estimate import Estimate, estimate
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
+from pipeline.production.stages import STAGES
 
 
 def execute_and_report(

@@ -20,8 +20,8 @@ from rich.progress import (
 )
 
 from pipeline.cli.output import err
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Plan
+from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, poll
 
 POLL_SECONDS = 0.2

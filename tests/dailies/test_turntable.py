@@ -18,6 +18,7 @@ from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
 from pipeline.production.render_inputs.framing import Framing, frame_all, rotate_y, with_stage_in_view
+from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable, TurntableAngle, framed_whole
 from pipeline.shot.camera import Lens, View
@@ -89,7 +90,7 @@ def seen(folder: Path, kind: str, layer: str) -> list[np.ndarray]:
 def raw_keys(request: RenderRequest) -> dict[int, str]:
     framing = Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement())
     return {
-        number: request.raw_key(number, dict.fromkeys(request.angles, framing))
+        number: raw_key(request, number, dict.fromkeys(request.angles, framing))
         for number in request.requested
     }
 

@@ -1,7 +1,7 @@
 """Make a tiny film and gather what every stage makes of it.
 
 `python -m tests.production.stage_results` records it: do so after raising the version of a stage in
-`pipeline/production/keys/stages.py`.
+`pipeline/production/stages.py`.
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ from pipeline.dailies.sheets.measures import Measures
 from pipeline.dailies.turntable.request import TurntableRequest
 from pipeline.dailies.turntable.sheets import TurntableSheets
 from pipeline.production.execution.project import Project
-from pipeline.production.keys.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
+from pipeline.production.stages import DELIVER, MEASURE, STAGES, STILLS, TURNTABLE_SHEET, PipelineStage
 from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.production.keys.digest import key_of
+from pipeline.production.store.store import key_of
 
 pytestmark = pytest.mark.quick
 

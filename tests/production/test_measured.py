@@ -13,6 +13,7 @@ from pipeline.dailies.preview.sketch import shape_of
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import speeds
 from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable
@@ -34,7 +35,7 @@ def take_of(text: str, turntable: Turntable | None = None) -> RenderRequest:
 
 def raw_keys(request: RenderRequest) -> list[str]:
     framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement()) for n in request.angles}
-    return [request.raw_key(n, framings) for n in request.angles]
+    return [raw_key(request, n, framings) for n in request.angles]
 
 
 def changed(look: str, turntable: Turntable | None = None) -> list[bool]:

@@ -14,6 +14,7 @@ from pipeline.mesh.normals import split_at_creases
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import SurfaceMotion, flow_motion, framing_at, turntable_motion
 from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.resample import Thresholds
@@ -133,7 +134,7 @@ def take_of(text: str) -> RenderRequest:
 def raw_keys(text: str) -> list[str]:
     request = take_of(text)
     framings = {n: Framing(Camera((0, 1, 9), (0, 1, 0)), StagePlacement()) for n in request.angles}
-    return [request.raw_key(n, framings) for n in request.angles]
+    return [raw_key(request, n, framings) for n in request.angles]
 
 
 def test_a_shutter_and_layers_change_pictures_and_nothing_before_them() -> None:

@@ -9,8 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.production.execution.project import Project
-from pipeline.production.keys.stages import STAGES, forced_with
 from pipeline.production.planning.plan import BATCH, FEWEST, LAST, Plan, batches
+from pipeline.production.stages import STAGES, forced_with
 
 pytestmark = pytest.mark.quick
 

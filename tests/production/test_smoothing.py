@@ -16,6 +16,7 @@ from pipeline.mesh.pn_triangles import tessellate
 from pipeline.mesh.solids.primitives import icosphere
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.shading import pieces_for
+from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.shot import read_shot
@@ -86,7 +87,7 @@ def test_dicing_changes_the_picture_and_neither_mesh_nor_normals_nor_cameras() -
     assert plain.cameras_key == diced.cameras_key
     framings = {n: Framing(Camera((0, 1, 6), (0, 1, 0)), StagePlacement()) for n in plain.angles}
     other = take_of(TINY + "smooth: {dicing: 3px}\n")
-    assert len({request.raw_key(1, framings) for request in (plain, diced, other)}) == 3
+    assert len({raw_key(request, 1, framings) for request in (plain, diced, other)}) == 3
     assert diced.needs_mesh(1) and not plain.needs_mesh(1)
 
 

@@ -12,8 +12,8 @@ import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import PlannedWorkflow, _unprotect
-from pipeline.production.keys.stages import READS, STAGES
 from pipeline.production.planning.profile import Profile
+from pipeline.production.stages import READS, STAGES
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_header
 from tests.production.snakemake import CHECKOUT, snakemake, workflow

@@ -15,10 +15,10 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.production import stages
 from pipeline.production.execution.project import Project
-from pipeline.production.keys import stages
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.request import planning_cache
+from pipeline.production.stages import STAGES
 from tests.production.stage_results import (
     EVERY_STAGE,
     NAME,
@@ -94,7 +94,7 @@ def test_results_of_a_stage_move_only_with_its_version(
         pytest.skip(f"it comes after {moved[0]}, whose results moved")
     pytest.fail(
         f"results of stage {stage.name} moved while its version did not: raise it in "
-        f"pipeline/production/keys/stages.py, then {ANEW}"
+        f"pipeline/production/stages.py, then {ANEW}"
     )
 
 

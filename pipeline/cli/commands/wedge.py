@@ -9,9 +9,9 @@ import typer
 from pipeline.cli.execution import count_words, estimate_words, execute, made_by_stage
 from pipeline.cli.options import Common, PictureOptions, Quality, Shot
 from pipeline.cli.output import print_result, print_warning
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.lookup import find_shot
+from pipeline.production.stages import STAGES
 from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
 from pipeline.production.versions.wedge import Wedge
 

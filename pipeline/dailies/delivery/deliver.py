@@ -14,10 +14,9 @@ import numpy as np
 from pipeline.dailies.delivery.frame_reader import FrameFormat, LabelledFrame, opaque
 from pipeline.dailies.delivery.source import DeliverySource
 from pipeline.errors import MachineError
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import DELIVER
 from pipeline.production.request.edit import AudioTrack
-from pipeline.production.store.store import Store
+from pipeline.production.stages import DELIVER
+from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
 from render.graphics.slate import Slate

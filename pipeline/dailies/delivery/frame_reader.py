@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.production.planning.history import History
-from pipeline.production.request.frame_keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
 from pipeline.production.store.store import Store

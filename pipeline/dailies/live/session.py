@@ -15,6 +15,7 @@ from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.motion import STEP, flow_cache_data
+from pipeline.production.request.keys import speed_data
 from pipeline.production.request.shot_source import ShotSource
 from render.post.image import jpeg_bytes
 
@@ -134,7 +135,7 @@ def _recipe(surfaces: FramedSurfaces, number: int) -> tuple[Any, ...]:
     flows = repr(flow_cache_data(request.shot.motion, number, (0.0, STEP))) if sketch.flow else ""
     return (
         request.normals_key(number),
-        repr(request.speed_data(number)),
+        repr(speed_data(request, number)),
         surfaces.framings[number],
         (shown.look, shown.lights, shown.stage, shown.view),
         (sketch.flow, flows, sketch.edges, sketch.burn_in),

@@ -18,11 +18,10 @@ import psutil
 
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FrameError
-from pipeline.production.keys.digest import Key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 
 SLOW = 0.25
 """Core-seconds from which on a simulated frame is stored."""

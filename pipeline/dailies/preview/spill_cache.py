@@ -10,8 +10,8 @@ from threading import Lock
 import psutil
 
 from pipeline.arrays import AnyArray
-from pipeline.production.keys.digest import Key
 from pipeline.production.store.readers import read_npz, write_npz
+from pipeline.production.store.store import Key
 from render.base.atomic_write import atomic_write, disk_errors
 
 SHARE = 0.2

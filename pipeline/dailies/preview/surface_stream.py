@@ -15,12 +15,12 @@ from pipeline.dailies.preview.mesh_source import MeshCache, MeshSource, stored
 from pipeline.dailies.preview.spill_cache import SpillCache
 from pipeline.errors import FrameError
 from pipeline.mesh.pn_triangles import MOST_PIECES
-from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.render_inputs.motion import speeds
 from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.request.keys import speed_data, thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store, key_of
 from render.scene.measure import SPEED
 
 UNSHADED = 4
@@ -108,7 +108,7 @@ class SurfaceStream:
         self.surfaces.put(_key(request, number), stored(request, self.store, "normals", number, read))
 
     def _shade(self, request: RenderRequest, frame: MeshFrame) -> None:
-        shading = Shading.of(frame, request.thresholds(frame.number), _pieces(request, frame))
+        shading = Shading.of(frame, thresholds_at(request.shot.motion, frame.number), _pieces(request, frame))
         arrays = shading.arrays()
         if request.measures_speed:
             arrays[SPEED] = speeds(request.shot.motion, shading)
@@ -117,7 +117,7 @@ class SurfaceStream:
 
 def _key(request: RenderRequest, number: int) -> Key:
     """The key of a previewed frame: its normals, and speeds where colours show them."""
-    measured = request.speed_data(number)
+    measured = speed_data(request, number)
     return key_of(request.normals_key(number), measured) if measured else request.normals_key(number)
 
 

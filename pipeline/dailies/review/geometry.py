@@ -13,10 +13,9 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.dailies.sheets.measures import simulated
-from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
-from pipeline.production.store.store import CorruptFileError, Store
+from pipeline.production.store.store import CorruptFileError, Key, Store, key_of
 from render.base.atomic_write import atomic_write
 
 FORMAT = 1

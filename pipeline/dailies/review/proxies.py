@@ -12,8 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.dailies.review.sequence import PictureSequence
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.store.store import SUFFIXES, Store
+from pipeline.production.store.store import SUFFIXES, Key, Store, key_of
 from render.base.errors import RenderError
 from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display

@@ -8,8 +8,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import STAGES
+from pipeline.production.stages import STAGES
+from pipeline.production.store.store import Key, key_of
 from render.base.errors import RenderError
 from render.post.image import read_header
 from render.post.view import ACES, ColourView

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.production.keys.stages import STAGES
+from pipeline.production.stages import STAGES
 from render.graphics.plot import Curves, HeatMap, Panel, StackedBars
 
 Measured = Mapping[int, Mapping[str, Any]]

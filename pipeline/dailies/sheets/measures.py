@@ -16,11 +16,10 @@ from numpy.typing import NDArray
 from pipeline.animation import MeshFrame
 from pipeline.arrays import Floats
 from pipeline.mesh import TriangleMesh
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import MEASURE
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import MEASURE
 from pipeline.production.store import readers
-from pipeline.production.store.store import CorruptFileError, Store
+from pipeline.production.store.store import CorruptFileError, Key, Store, key_of
 
 BINS = 48
 """Bins of a histogram."""

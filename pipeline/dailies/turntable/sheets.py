@@ -22,14 +22,13 @@ from pipeline.dailies.turntable.request import (
     turn_and_angle,
 )
 from pipeline.errors import FrameError
-from pipeline.production.keys.digest import key_of
-from pipeline.production.keys.stages import TURNTABLE_SHEET
 from pipeline.production.request.crop_and_scale import movie_bits
-from pipeline.production.request.frame_keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import Turntable
+from pipeline.production.stages import TURNTABLE_SHEET
 from pipeline.production.store.paths import Folders
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Store, key_of
 from pipeline.production.versions.wedge import shown_picture
 from render.graphics.contact_sheet import Caption, ContactSheet, columns_for, reduction
 from render.movie.codecs import movie_encode

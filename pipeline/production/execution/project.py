@@ -22,7 +22,7 @@ from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.crop_and_scale import base_of
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
-from pipeline.production.request.frame_keys import FrameKeys
+from pipeline.production.request.keys import FrameKeys
 from pipeline.production.request.lookup import FILM, find_shot
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import FORMS, RenderRequest

@@ -20,9 +20,9 @@ from pathlib import Path
 import psutil
 
 from pipeline.errors import MachineError
-from pipeline.production.keys.stages import STILLS
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile, shipped
+from pipeline.production.stages import STILLS
 from pipeline.production.store.paths import LOGS
 from render.base.atomic_write import disk_errors
 

@@ -12,11 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.keys.digest import Key
 from pipeline.production.planning.history import RUNS
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 
 
 @dataclass(frozen=True)

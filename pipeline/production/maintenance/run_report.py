@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MissingInputError
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.timings import read_statistics
+from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, logs_of
 from pipeline.production.store.paths import EVENTS
 

@@ -13,11 +13,10 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.production.execution.project import Project
-from pipeline.production.keys.digest import Key
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
-from pipeline.production.store.store import CorruptFileError, Store
+from pipeline.production.store.store import CorruptFileError, Key, Store
 from render.base.errors import RenderError
 from render.movie.probe import probe_movie
 from render.post.image import read_png

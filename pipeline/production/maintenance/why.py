@@ -18,14 +18,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.keys.digest import Key
-from pipeline.production.keys.stages import STAGES
-from pipeline.production.request.frame_keys import PictureKeys, raw_header
+from pipeline.production.request.keys import PictureKeys, raw_header
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import EventReader, logs_of
 from pipeline.production.store.paths import PLANS
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 from pipeline.shot.yaml.inheritance import inherited
 from render.base.errors import RenderError
 from render.base.serialise import from_plain

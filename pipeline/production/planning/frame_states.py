@@ -9,10 +9,9 @@ from typing import Any
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.production.keys.digest import Key
 from pipeline.production.planning.history import History
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 
 Stored = tuple[str, Key | None, Path]
 """A file that a frame should have: its kind, its key, and its path under the root."""

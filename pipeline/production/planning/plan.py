@@ -19,12 +19,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
-from pipeline.production.keys.digest import Key
-from pipeline.production.keys.stages import READS, STAGES
 from pipeline.production.planning.resources import MeasuredResources
+from pipeline.production.stages import READS, STAGES
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 
 if TYPE_CHECKING:

@@ -16,8 +16,6 @@ from itertools import groupby
 from typing import Any
 
 from pipeline.errors import UsageError
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import (
     FEWEST,
     Job,
@@ -30,9 +28,10 @@ from pipeline.production.planning.plan import (
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.resources import MeasuredResources
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.frame_keys import CameraFile, FrameKeys, PictureKeys
+from pipeline.production.request.keys import CameraFile, FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store.store import Store
+from pipeline.production.stages import STAGES
+from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import to_plain
 
 LONG = 8

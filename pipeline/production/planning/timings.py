@@ -14,12 +14,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.production.keys.stages import STAGES
+from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import EventReader, logs_of
 
 if TYPE_CHECKING:
-    from pipeline.production.keys.digest import Key
     from pipeline.production.request.render_request import RenderRequest
+    from pipeline.production.store.store import Key
 
 SHARED_STAGES = frozenset(name for name, stage in STAGES.items() if not stage.per_quality)
 """Stages whose files all qualities share, and which take as long at each."""

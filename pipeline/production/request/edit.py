@@ -11,12 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import FILM
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_summary import ShotSummary
+from pipeline.production.stages import FILM
 from pipeline.production.store import paths
+from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.serialise import from_plain, to_plain
 

@@ -20,9 +20,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import MachineError
-from pipeline.production.keys.digest import key_of
 from pipeline.production.store.paths import STATE
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Store, key_of
 from render.base.atomic_write import atomic_write
 
 PACKAGES = ("numpy", "numba", "trimesh", "pydantic", "ruamel.yaml", "fileseq", "mitsuba", "OpenImageIO")

@@ -12,22 +12,23 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
-from pipeline.production.keys.digest import Key, key_of
-from pipeline.production.keys.stages import ASSEMBLE, FINISH, STAGES, STILLS
 from pipeline.production.request.crop_and_scale import base_of, movie_bits, quality_named
-from pipeline.production.request.frame_keys import CameraFile, PictureKeys
-from pipeline.production.request.picture_keys import appearance, cameras_key, raw_key, speed_data
+from pipeline.production.request.keys import (
+    CameraFile,
+    PictureKeys,
+    appearance,
+    cameras_key,
+)
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
+from pipeline.production.stages import ASSEMBLE, FINISH, STAGES, STILLS
 from pipeline.production.store.paths import Folders
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import from_plain, to_plain
 from render.scene.quality import Quality
 
 if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
-    from pipeline.production.render_inputs.framing import Framing
-    from pipeline.resample import Thresholds
     from pipeline.shot import Shot
     from pipeline.shot.camera import View
     from pipeline.shot.shot import AovSelection
@@ -176,12 +177,6 @@ class RenderRequest:
 
         return seed_of(self.folders.name, number)
 
-    def thresholds(self, number: int) -> Thresholds:
-        """Return the thresholds of a frame, whose hard angle makes creases."""
-        from pipeline.production.keys.mesh_keys import thresholds_at
-
-        return thresholds_at(self.shot.motion, number)
-
     @property
     def net_pieces(self) -> int | None:
         """Pieces into which the surface of a net is cut for its cameras; None for other subjects."""
@@ -321,13 +316,6 @@ class RenderRequest:
     def framings(self, store: Store) -> CameraFile | None:
         """Return camera and stage of every picture, or None where the store does not hold them."""
         return CameraFile.of(store, self.cameras_key, self.angles)
-
-    def raw_key(self, number: int, framings: Mapping[int, Framing]) -> Key:
-        return raw_key(self, number, framings)
-
-    def speed_data(self, number: int) -> list[Any]:
-        """Return what decides the colours of a picture that shows speeds; nothing of others."""
-        return speed_data(self, number)
 
     @cached_property
     def appearance(self) -> Key:

@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.keys.digest import Key, key_of
 from pipeline.production.store.paths import STATE
+from pipeline.production.store.store import Key, key_of
 from pipeline.shot.yaml.lookup import digest_of_file
 
 if TYPE_CHECKING:
@@ -42,7 +42,7 @@ class ShotSummary:
     @classmethod
     def of(cls, shot: Shot) -> ShotSummary:
         from pipeline.flow.python_file import python_flows
-        from pipeline.production.keys.mesh_keys import mesh_keys, normals_keys
+        from pipeline.production.request.keys import mesh_keys, normals_keys
 
         inputs, meshes = input_digests(shot.files), mesh_keys(shot.motion)
         return cls(

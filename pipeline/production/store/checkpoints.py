@@ -13,9 +13,8 @@ from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.production.keys.digest import Key
 from pipeline.production.store.paths import CHECKPOINTS
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 
 if TYPE_CHECKING:
     from render.frame.checkpoint import Checkpoint

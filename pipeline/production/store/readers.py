@@ -12,8 +12,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.errors import MeshError, UsageError
-from pipeline.production.keys.digest import Key
-from pipeline.production.store.store import CorruptFileError
+from pipeline.production.store.store import CorruptFileError, Key
 from render.post.image import read_exr
 from render.scene.aovs import RenderedFrame
 

@@ -1,5 +1,9 @@
 """The input-addressed store: every file has a key, is written once and never changed.
 
+A key is a digest of all that a file is made from, so two files with the same key hold the same content,
+wherever and whenever they were made. What does not change the content (a comment, the order of a YAML
+mapping, a file's time) must stay out of it.
+
 Snakemake deletes a job's declared outputs before the job runs and after it fails, so those outputs
 are links; the store is what survives. A file appears under its name whole or not at all: it is written
 in `tmp/` beside the store, flushed, made read-only and renamed into place.
@@ -8,6 +12,8 @@ in `tmp/` beside the store, flushed, made read-only and renamed into place.
 from __future__ import annotations
 
 import contextlib
+import hashlib
+import json
 import os
 import platform
 import shutil
@@ -16,15 +22,27 @@ import uuid
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pipeline.errors import FrameError, MachineError
-from pipeline.production.keys.digest import Key
 from pipeline.production.store.paths import STATE
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.errors import CorruptImageError, MissingImageError
 
 T = TypeVar("T")
+
+Key = str
+"""The SHA-256 of canonical JSON (sorted names, shortest round-trip numbers), cut to 128 bits."""
+
+_CANONICAL = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False)
+
+
+def key_of(*parts: Any) -> Key:
+    """The key of plain data: None, bool, int, float, str, lists, tuples and mappings of these.
+
+    Raises TypeError for anything else, and ValueError for NaN or infinity, which JSON cannot say.
+    """
+    return hashlib.sha256(_CANONICAL.encode(parts).encode()).hexdigest()[:32]
 
 
 class CorruptFileError(Exception):

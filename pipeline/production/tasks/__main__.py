@@ -15,8 +15,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Plan, write_manifest
+from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import of_key, writing
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import Supervisor, renderer

@@ -14,17 +14,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.keys.digest import Key
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
 
 if TYPE_CHECKING:
-    from pipeline.production.request.frame_keys import PictureKeys
+    from pipeline.production.request.keys import PictureKeys
     from pipeline.production.request.render_request import RenderRequest
 
 T = TypeVar("T")

@@ -16,6 +16,7 @@ from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.render_inputs.framing import frame_all, rotate_y, with_stage_in_view
 from pipeline.production.render_inputs.framing_geometry import BoundingSpheres
 from pipeline.production.render_inputs.shading import Shading, radii
+from pipeline.production.request.keys import thresholds_at
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz
 from pipeline.production.tasks.job import Context
@@ -132,7 +133,9 @@ def shading_of(context: Context, number: int) -> Shading:
     """Return how a mesh frame is shaded. Raises what `read_mesh_frame` raises."""
     request = context.request
     return Shading.of(
-        read_mesh_frame(context, number), request.thresholds(number), request.shot.picture.tessellate
+        read_mesh_frame(context, number),
+        thresholds_at(request.shot.motion, number),
+        request.shot.picture.tessellate,
     )
 
 

@@ -9,13 +9,13 @@ from typing import TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
-from pipeline.production.keys.digest import Key
 from pipeline.production.planning.planner import film_key
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.frame_keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
+from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
 from render.base.serialise import from_plain
 from render.graphics.titles import TitleCard, title_frames

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.production.keys.digest import Key
 from pipeline.production.render_inputs.framing import Framing, rotate_y
-from pipeline.production.request.frame_keys import FrameKeys, raw_header
+from pipeline.production.request.keys import FrameKeys, raw_header
 from pipeline.production.store import checkpoints, readers
+from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import MemoryGuard
 from pipeline.production.tasks.signals import StopRequest, deferred_signals

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from importlib import import_module
 
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.production.keys.stages import STAGES
 from pipeline.production.request.variants import ON_GPU
+from pipeline.production.stages import STAGES
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import RESTART_WORKER, RestartWorker
 from pipeline.production.tasks.supervisor import fall_back_to_other_variant

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import product
 
 from pipeline.errors import UsageError
-from pipeline.production.keys.digest import key_of
+from pipeline.production.store.store import key_of
 from pipeline.shot.yaml.lookup import shown
 
 OPTION = "--vary"

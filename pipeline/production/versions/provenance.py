@@ -17,10 +17,10 @@ import numpy as np
 import psutil
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.keys.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
 from pipeline.production.request.shot_source import ShotSource
+from pipeline.production.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain

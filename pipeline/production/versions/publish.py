@@ -19,13 +19,12 @@ from typing import Any
 
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
-from pipeline.production.keys.digest import Key
 from pipeline.production.planning.timings import seconds_of_render, total_seconds
-from pipeline.production.request.frame_keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
-from pipeline.production.store.store import Store
+from pipeline.production.store.store import Key, Store
 from pipeline.production.versions.provenance import (
     VERSION,
     FrameRecord,

@@ -17,7 +17,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
-from pipeline.production.request.frame_keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.variants import variant_for

@@ -19,7 +19,7 @@ from pipeline.errors import FlowsculptError, ShotError, UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.request.frame_keys import PictureKeys
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.variants import variant_for
 from pipeline.production.store import paths

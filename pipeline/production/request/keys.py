@@ -1,4 +1,8 @@
-"""The keys of a request's pictures, found by need, and the header that records them."""
+"""The keys of a request's files: digests of all that these are made from, and the header that records them.
+
+Meshes and normals are keyed by the motion of a shot, each mesh by the one before it. Pictures are keyed by
+normals, camera and appearance; their keys are found by need, since most runs need few.
+"""
 
 from __future__ import annotations
 
@@ -8,15 +12,117 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
-from pipeline.production.keys.digest import Key
-from pipeline.production.keys.stages import RENDER, SIMULATE, SMOOTH_NORMALS
-from pipeline.production.store.store import Store
+from pipeline.production.stages import FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
+from pipeline.production.store.store import Key, Store, key_of
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 
-if TYPE_CHECKING:
+if TYPE_CHECKING:  # reading shots takes a second; planning spares it where the cache holds all
     from pipeline.production.render_inputs.framing import Framing
     from pipeline.production.request.render_request import RenderRequest
+    from pipeline.resample import Thresholds
+    from pipeline.shot import Motion, Shot
+
+
+def mesh_keys(motion: Motion) -> dict[int, Key]:
+    """Return keys by frame: each is made of the one before and of what acts between the two frames."""
+    key = key_of(SIMULATE.recipe, motion.start_data())
+    first, *others = sorted(motion.frames)
+    keys = {first: key}
+    for number in others:
+        key = key_of(key, motion.step_data(number))
+        keys[number] = key
+    return keys
+
+
+def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
+    """Return keys by frame; `meshes` are the keys of its meshes."""
+    from pipeline.shot.data import as_data
+
+    motion, pieces = shot.motion, shot.picture.tessellate
+    first = thresholds_at(motion, motion.frames.first).hard_angle
+    is_constant = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
+
+    def key(number: int, mesh: Key) -> Key:
+        angle = first if is_constant else thresholds_at(motion, number).hard_angle
+        return key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
+
+    return {number: key(number, mesh) for number, mesh in meshes.items()}
+
+
+def thresholds_at(motion: Motion, number: int) -> Thresholds:
+    """Return the thresholds of a frame; without resampling the default, whose hard angle makes creases."""
+    from pipeline.resample import Thresholds
+
+    resampling = motion.resampling_at(number)
+    return resampling.thresholds if resampling else Thresholds(1.0)
+
+
+def cameras_key(request: RenderRequest) -> Key:
+    """Return the key of the cameras: they depend on all meshes that the request shows."""
+    shown = sorted({angle.mesh for angle in request.angles.values()})
+    return key_of(
+        FRAME_CAMERA.recipe,
+        [request.mesh_key(n) for n in shown],
+        [[n, angle.mesh, angle.spin, request.view(n)] for n, angle in request.angles.items()],
+        request.aspect,
+        request.follow,
+        request.net_pieces,
+        request.shot.picture.stage.camera_move,
+    )
+
+
+def appearance(request: RenderRequest) -> Key:
+    """Return the digest of what all pictures of a request share."""
+    picture = request.shot.picture
+    return key_of(
+        to_plain(picture.look),
+        to_plain(replace(picture.lights, exposure=0.0)),
+        to_plain(picture.stage),
+        to_plain(request.quality),
+        request.variant,
+        picture.dicing,
+    )
+
+
+def raw_key(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> Key:
+    """Return the key of a rendered picture; `framings` are the cameras of the request."""
+    angle = request.angles[number]
+    return key_of(
+        RENDER.recipe,
+        request.normals_key(angle.mesh),
+        [angle.spin, angle.lights] if angle.lights else angle.spin,
+        to_plain(framings[number]),
+        request.appearance,
+        request.seed(number),
+        *_motion_data(request, number, framings),
+        *speed_data(request, number),
+    )
+
+
+def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Framing]) -> list[Any]:
+    """Return what decides AOVs and motion blur of a picture; nothing if it has neither."""
+    precision, offsets = request.aovs.precision, request.offsets(number)
+    if not (precision or offsets):
+        return []
+    around = [to_plain(framings[n]) for n in (number - 1, number + 1) if n in framings]
+    turn = request.turntable.step(number) if request.turntable else None
+    flow: list[Any] = []
+    if request.turntable is None and offsets:
+        from pipeline.production.render_inputs.motion import flow_cache_data
+
+        flow = flow_cache_data(request.shot.motion, number, offsets)
+    return [list(map(list, precision)), request.open_at(number), flow, turn, around if offsets else []]
+
+
+def speed_data(request: RenderRequest, number: int) -> list[Any]:
+    """Return what decides the colours of a picture that shows speeds; nothing of others."""
+    if not request.measures_speed:
+        return []
+    from pipeline.production.render_inputs.motion import STEP, flow_cache_data
+    from render.scene.measure import SPEED
+
+    return [[SPEED, flow_cache_data(request.shot.motion, request.angles[number].mesh, (-STEP, STEP))]]
 
 
 @dataclass(frozen=True)
@@ -121,7 +227,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     def _raw(self, number: int) -> Key:
         if number not in self._raws:
-            self._raws[number] = self._request.raw_key(number, self._cameras)
+            self._raws[number] = raw_key(self._request, number, self._cameras)
         return self._raws[number]
 
 

@@ -1,1 +1,0 @@
-"""Keys: digests of all that a file is made from."""
