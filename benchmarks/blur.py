@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.mesh.solids.primitives import icosphere
+from pipeline.mesh.solids import icosphere
 from render.frame.motion_samples import ShutterInterval
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import choose

@@ -22,7 +22,7 @@ from benchmarks.errors import put
 from benchmarks.report import Row, Target, keep, show
 from pipeline.arrays import AnyArray
 from pipeline.mesh.normals import split_at_creases
-from pipeline.mesh.solids.primitives import torus
+from pipeline.mesh.solids import torus
 from render.frame.render_frame import render_frame
 from render.mitsuba.engine import Engine, choose
 from render.mitsuba.scene import build_scene

@@ -24,8 +24,8 @@ from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.flow_map import FrameStep
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.mesh import ShadedMesh, TriangleMesh, icosphere, split_at_creases
+from pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface
 from pipeline.mesh.normals import carried_normals, tangents, trusted_normals, unit
-from pipeline.mesh.solids.analytic_surfaces import AnalyticSurface, SphereSurface
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling
 from pipeline.shot.subject import Subject

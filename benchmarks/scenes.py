@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
-from pipeline.mesh.solids.primitives import icosphere
+from pipeline.mesh.solids import icosphere
 from render.mitsuba import emitters as lamps
 from render.mitsuba import shapes as scenery
 from render.mitsuba.engine import choose

@@ -8,8 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
-from pipeline.animation.frame import MeshFrame
-from pipeline.animation.queries import with_material
+from pipeline.animation.frame import MeshFrame, with_material
 from pipeline.animation.surface import (
     ExactSurface,
     MovingSurface,
@@ -35,7 +34,7 @@ from pipeline.resample import (
     edges_by_angle,
 )
 from pipeline.resample.creases import edges_in_region
-from pipeline.resample.placement.rest_surface import REST
+from pipeline.resample.rest_surface import REST
 from pipeline.shot import Motion, Resampling, Shot
 
 

@@ -6,8 +6,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Generic, TypeVar
 
-from pipeline.animation.frame import FrameReport, MeshFrame
-from pipeline.animation.queries import MATERIAL, material_of
+from pipeline.animation.frame import MATERIAL, FrameReport, MeshFrame, material_of
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.flow import Flow
 from pipeline.flow.flow_map import FlowMap, FrameStep
@@ -16,7 +15,7 @@ from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.identity import Register
 from pipeline.mesh.normals import NORMAL, carried_normals, vertex_normals
 from pipeline.resample import Exact, PolyhedralResampler, Report, Resampler, Thresholds
-from pipeline.resample.placement.rest_surface import REST, REST_NORMAL
+from pipeline.resample.rest_surface import REST, REST_NORMAL
 from pipeline.shot import Motion, Resampling
 from pipeline.statistics import MeshStatistics, mesh_statistics
 

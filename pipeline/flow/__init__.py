@@ -1,16 +1,7 @@
 """Flows: mappings of points into points, their composition and their keyframes."""
 
-from pipeline.flow.compose import (
-    Blend,
-    Mirror,
-    Placed,
-    Repeated,
-    Reversed,
-    Sequence,
-    Sum,
-    Transform,
-    Within,
-)
+from pipeline.flow.composed_fields import Blend, Sum, Within
+from pipeline.flow.composed_maps import Mirror, Placed, Repeated, Reversed, Sequence, Transform
 from pipeline.flow.easing import EASINGS
 from pipeline.flow.flow import Displacement, Flow, Function, as_flow
 from pipeline.flow.flow_map import checked_displacement

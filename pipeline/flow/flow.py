@@ -1,13 +1,23 @@
-"""The interface of flows: mappings of points during a step of time."""
+"""The interface of flows, mappings of points during a step of time; and Python functions as flows."""
 
 from __future__ import annotations
 
+import dataclasses
+import hashlib
+import sys
+import traceback
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+from types import ModuleType
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from pipeline.arrays import Points
+from pipeline.errors import FrameError, UsageError
 
 Displacement = Callable[[Points, float, float], Points]
 """Any callable `points, time, dt -> points` (P1)."""
@@ -74,3 +84,112 @@ class Function(Flow):
 def as_flow(flow: Flow | Displacement) -> Flow:
     """Return a flow unchanged, and any other callable wrapped as one."""
     return flow if isinstance(flow, Flow) else Function(flow)
+
+
+@dataclass(frozen=True)
+class PythonFlow(Flow):
+    """A function `points, time, dt -> points` of a Python file, run only with permission.
+
+    digest   SHA-256 of the file, for keys; the modules it imports do not count
+    allowed  tells whether the file may run; otherwise every step fails
+    """
+
+    function: str
+    digest: str
+    path: Path = field(default=Path(), compare=False)
+    allowed: bool = field(default=False, compare=False)
+
+    @property
+    def name(self) -> str:
+        return f"{self.function} of {self.path}"
+
+    def displace(self, points: Points, time: float, dt: float) -> Points:
+        require_permission(self)
+        function = _function(self.path, self.digest, self.function)
+        try:
+            return function(np.array(points, np.float64), time, dt)  # a copy: it may write over its points
+        except (Exception, SystemExit) as error:
+            raise FrameError(
+                f"flow {self.function} at {time:g} s raised {_described(error, self.path)}; a flow takes "
+                "points (N, 3), time and dt and returns points (N, 3). Call it alone with these."
+            ) from error
+
+    def cache_data(self, time: float, dt: float) -> Any:
+        return {"python": self.digest, "function": self.function, "time": time, "dt": dt}
+
+    @property
+    def advice(self) -> str:
+        """Advice on how to make it faster."""
+        return (
+            f"flow {self.name} runs in Python; a formula is compiled and runs on all cores. Where that is "
+            "too slow write it as one, or decorate the function with numba.njit(cache=True)."
+        )
+
+
+def python_flows(flow: Flow) -> Iterator[PythonFlow]:
+    """Yield the Python flows of a composed flow."""
+    stack: list[Any] = [flow]
+    while stack:
+        part = stack.pop(0)
+        if isinstance(part, PythonFlow):
+            yield part
+        elif isinstance(part, tuple | list):
+            stack += part
+        elif dataclasses.is_dataclass(part):
+            stack += [getattr(part, f.name) for f in dataclasses.fields(part)]
+
+
+def require_permission(flow: Flow) -> None:
+    """Raise UsageError for the first Python flow without permission."""
+    for part in python_flows(flow):
+        if not part.allowed:
+            raise UsageError(
+                f"{part.path}: the shot would run this Python file, which can do anything you can; "
+                "that needs permission. Read the file, then add --allow-code "
+                "(for snakemake, --config allow_code=true)."
+            )
+
+
+def digest_of(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()
+
+
+def _function(path: Path, digest: str, name: str) -> Displacement:
+    """Return a function of a file with that digest. Raises FrameError."""
+    function: Displacement | None = getattr(_module(path, digest), name, None)
+    if not callable(function):
+        raise FrameError(f"{path}: it defines no function {name}; correct the name in the shot")
+    return function
+
+
+@lru_cache(maxsize=64)
+def _module(path: Path, digest: str) -> ModuleType:
+    """Run a file as a module in sys.modules, where dataclasses look up their own."""
+    source = path.read_bytes()
+    if hashlib.sha256(source).hexdigest() != digest:
+        raise FrameError(f"{path}: it was changed since the work was planned; run again")
+    module = ModuleType(f"flowsculpt_flow_{digest}")
+    module.__file__ = str(path)
+    sys.modules[module.__name__] = module
+    try:
+        exec(compile(source, str(path), "exec", dont_inherit=True), vars(module))
+    except BaseException as error:
+        del sys.modules[module.__name__]
+        if not isinstance(error, Exception | SystemExit):
+            raise
+        raise FrameError(
+            f"{path}: running it raised {_described(error, path)}; a flow's file defines functions"
+        ) from error
+    return module
+
+
+def _described(error: BaseException, path: Path) -> str:
+    """Return an exception's text with the last line of the file that it passed."""
+    lines = [
+        frame.lineno for frame in traceback.extract_tb(error.__traceback__) if frame.filename == str(path)
+    ]
+    if isinstance(error, SyntaxError):
+        lines = [error.lineno]
+    text = " ".join(str(error).split())
+    at = f" (line {lines[-1]})" if lines else ""
+    return f"{type(error).__name__}: {text}{at}"

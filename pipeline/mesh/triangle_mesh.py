@@ -48,11 +48,7 @@ class TriangleMesh:
             corners = corners.reshape(0, 3)
         if corners.ndim != 2 or corners.shape[1] != 3:
             raise MeshError(f"faces have shape {corners.shape}; they must be (F, 3): triangulate first")
-        if corners.size and (corners.min() < 0 or corners.max() >= len(points)):
-            raise MeshError(
-                f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
-                f"there are {len(points)} vertices, numbered from 0"
-            )
+        require_existing(corners, len(points))
         named = {name: frozen(values) for name, values in (attributes or {}).items()}
         for name, values in named.items():
             if values.ndim == 0 or len(values) != len(points):
@@ -87,6 +83,15 @@ class TriangleMesh:
     def __repr__(self) -> str:
         names = ", ".join(self.attributes) or "no attributes"
         return f"TriangleMesh({len(self.vertices)} vertices, {len(self.faces)} faces, {names})"
+
+
+def require_existing(corners: AnyArray, vertices: int) -> None:
+    """Raise MeshError where the corners of faces name a vertex that is not among `vertices`."""
+    if corners.size and (corners.min() < 0 or corners.max() >= vertices):
+        raise MeshError(
+            f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
+            f"there are {vertices} vertices, numbered from 0"
+        )
 
 
 def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:

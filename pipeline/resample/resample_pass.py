@@ -26,7 +26,7 @@ from pipeline.resample.kernels.scan import (
 )
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
 from pipeline.resample.kernels.work_lists import QUEUED, REFUSED, Changes
-from pipeline.resample.placement.base import Placement
+from pipeline.resample.placement import Placement
 from pipeline.resample.report import Report
 from pipeline.resample.thresholds import Thresholds, TriangleShape
 

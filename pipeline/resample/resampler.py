@@ -17,7 +17,7 @@ from pipeline.errors import UsageError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.identity import Register
 from pipeline.mesh.triangle_mesh import TriangleMesh
-from pipeline.resample.placement.base import Chord, Placement
+from pipeline.resample.placement import Chord, Placement
 from pipeline.resample.quadrisection import quadrisect
 from pipeline.resample.report import Report
 from pipeline.resample.resample_pass import ResamplePass, changes_of, reset

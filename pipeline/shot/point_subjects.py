@@ -14,8 +14,7 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
-from pipeline.mesh.io.points import PointSet, read_net, read_points
-from pipeline.mesh.scatter import on_surface, within
+from pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
 from pipeline.shot.data import NOT_DATA
 from pipeline.shot.subject import Measure, Solid, Subject, measure
 

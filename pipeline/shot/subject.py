@@ -22,8 +22,7 @@ from pipeline.mesh import (
     sheet,
     torus,
 )
-from pipeline.mesh.control_net import Lattice
-from pipeline.mesh.solids.analytic_surfaces import (
+from pipeline.mesh.analytic_surfaces import (
     AnalyticSurface,
     BoxSurface,
     CapsuleSurface,
@@ -32,8 +31,9 @@ from pipeline.mesh.solids.analytic_surfaces import (
     SphereSurface,
     TorusSurface,
 )
-from pipeline.mesh.solids.bars import BarLattice, lattice
-from pipeline.mesh.solids.primitives import one_sided_sheet, six_sided_box
+from pipeline.mesh.bars import BarLattice, lattice
+from pipeline.mesh.control_net import Lattice
+from pipeline.mesh.solids import one_sided_sheet, six_sided_box
 from pipeline.shot.data import NOT_DATA
 
 Measure = float | str | tuple[float, ...]

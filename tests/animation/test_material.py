@@ -9,7 +9,7 @@ from pipeline.animation import MeshFrame, animate, material_of
 from pipeline.errors import UsageError
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import spread, tessellate
-from pipeline.mesh.solids.primitives import box, icosphere
+from pipeline.mesh.solids import box, icosphere
 from pipeline.shot import Shot, read_shot
 
 SHEAR = """

@@ -31,7 +31,8 @@ from pipeline.flow.catalogue.cellular import ABC
 from pipeline.flow.catalogue.deformations import Twist
 from pipeline.flow.catalogue.formula import FormulaField
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.compose import Mirror, Placed, RegionField, Transform, Within
+from pipeline.flow.composed_fields import RegionField, Within
+from pipeline.flow.composed_maps import Mirror, Placed, Transform
 from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.flow.regions import SphereRegion
 from pipeline.flow.streamlines import MAX_SUBSTEPS, StepPlan

@@ -32,7 +32,7 @@ from pipeline.flow.catalogue.basic import Expansion, Rotation, Translation
 from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.catalogue.deformations import Shear, Twist
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.compose import RegionField, ScaledField, TransformedField, blended, placed, within
+from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField, blended, placed, within
 from pipeline.flow.regions import BoxRegion, CapsuleRegion, HalfSpaceRegion, Region, SphereRegion
 
 POINTS = np.random.default_rng(4).uniform(-1, 1, size=(300, 3))

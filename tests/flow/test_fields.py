@@ -18,7 +18,8 @@ from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull
 from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.formula import FormulaField
 from pipeline.flow.catalogue.vortices import RMS, CurlNoise
-from pipeline.flow.compose import Mirror, ScaledField, Transform, TransformedField
+from pipeline.flow.composed_fields import ScaledField, TransformedField
+from pipeline.flow.composed_maps import Mirror, Transform
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.velocity import ExternalField
 from pipeline.mesh import icosphere, torus

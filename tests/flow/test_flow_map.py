@@ -21,7 +21,7 @@ from pipeline.flow.catalogue.basic import Expansion, Rotation
 from pipeline.flow.catalogue.cellular import Enright
 from pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.compose import RegionField
+from pipeline.flow.composed_fields import RegionField
 from pipeline.flow.flow_map import FlowMap, FrameStep
 from pipeline.flow.regions import SampledRegion
 from pipeline.flow.streamlines import StepPlan

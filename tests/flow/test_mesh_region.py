@@ -11,7 +11,7 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, MeshError
 from pipeline.flow import Streamlines, keyed
 from pipeline.flow.catalogue.basic import Translation
-from pipeline.flow.compose import RegionField
+from pipeline.flow.composed_fields import RegionField
 from pipeline.flow.regions import BoxRegion, MeshRegion
 from pipeline.flow.triangle_tree import ClosedSurface
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus

@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Sequence, checked_displacement
-from pipeline.flow.python_file import PythonFlow, digest_of, python_flows, require_permission
+from pipeline.flow.flow import PythonFlow, digest_of, python_flows, require_permission
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.mesh.scatter import on_surface, within
+from pipeline.mesh.points import on_surface, within
 from pipeline.shot.point_subjects import CloudInSolid
 from pipeline.shot.subject import SOLIDS, Solid
 

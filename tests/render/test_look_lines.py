@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import tessellate
-from pipeline.mesh.solids.primitives import box
+from pipeline.mesh.solids import box
 from render.base.errors import BadInputError
 from render.mitsuba import gouraud
 from render.scene.aovs import RenderedFrame

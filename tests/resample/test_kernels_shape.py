@@ -14,7 +14,7 @@ from pipeline.resample.kernels.limits import Limits, length_limits
 from pipeline.resample.kernels.move_vertices import list_poor_vertices, relax_goals, relax_vertices, roundness
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.work_lists import UNCHANGED, Changes, touch
-from pipeline.resample.placement.base import Chord
+from pipeline.resample.placement import Chord
 from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
 from pipeline.resample.thresholds import Thresholds, TriangleShape
 

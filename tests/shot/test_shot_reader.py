@@ -15,7 +15,7 @@ from pipeline.flow.catalogue.basic import Rotation
 from pipeline.flow.catalogue.deformations import Twist
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.mesh import validate, write_mesh
-from pipeline.mesh.solids.primitives import box
+from pipeline.mesh.solids import box
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion, Resampling, read_shot
 from render.scene.quality import QUALITIES

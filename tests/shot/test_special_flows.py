@@ -13,7 +13,7 @@ from pipeline.flow.catalogue.attraction import Attraction, Wind
 from pipeline.flow.catalogue.formula import FormulaField
 from pipeline.flow.catalogue.sampled import Sampled
 from pipeline.flow.catalogue.vortices import CurlNoise
-from pipeline.flow.python_file import PythonFlow
+from pipeline.flow.flow import PythonFlow
 from pipeline.shot import Shot, read_shot
 
 HEAD = "title: T\nframes: 1-24\nsubject: {solid: icosphere}\nresample: off\nflows:\n"

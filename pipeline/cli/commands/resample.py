@@ -14,8 +14,8 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import out, print_result, table
 from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
-from pipeline.mesh.io.read import read_polygons
-from pipeline.mesh.io.write import WRITERS
+from pipeline.mesh.read import read_polygons
+from pipeline.mesh.write import WRITERS
 from pipeline.resample import Chord, Curved, Placement, PolyhedralResampler, Report, Thresholds
 from pipeline.resample import resample as resample_triangles
 from pipeline.resample.resampler import Splits

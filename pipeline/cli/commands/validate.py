@@ -10,7 +10,7 @@ import typer
 from pipeline.cli.options import Common, Settings
 from pipeline.cli.output import print_error, print_result
 from pipeline.errors import FlowsculptError
-from pipeline.flow.python_file import python_flows
+from pipeline.flow.flow import python_flows
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film, read_shot
 

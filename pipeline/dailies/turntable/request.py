@@ -8,7 +8,7 @@ from pathlib import Path
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.mesh.io.read import FORMATS
+from pipeline.mesh.read import FORMATS
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot

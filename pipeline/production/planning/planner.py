@@ -445,7 +445,7 @@ def _union(windows: Iterable[Sequence[int]]) -> list[int]:
 def _require_permission(request: RenderRequest) -> None:
     """Raises UsageError where the shot runs Python files, and may not."""
     if request.source.summary.runs_python:
-        from pipeline.flow.python_file import require_permission
+        from pipeline.flow.flow import require_permission
 
         require_permission(request.shot.motion.flow)
 

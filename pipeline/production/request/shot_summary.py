@@ -41,7 +41,7 @@ class ShotSummary:
 
     @classmethod
     def of(cls, shot: Shot) -> ShotSummary:
-        from pipeline.flow.python_file import python_flows
+        from pipeline.flow.flow import python_flows
         from pipeline.production.request.keys import mesh_keys, normals_keys
 
         inputs, meshes = input_digests(shot.files), mesh_keys(shot.motion)

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.errors import MeshError, MissingInputError, UsageError, suggestion
 from pipeline.mesh.control_net import LEAST, Lattice
-from pipeline.mesh.io.points import read_net, read_points
+from pipeline.mesh.points import read_net, read_points
 from pipeline.shot.documents.fields import LARGEST, is_number
 from pipeline.shot.documents.subject import net_form
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of

@@ -8,8 +8,8 @@ from pydantic import BeforeValidator, Field
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.flow import VelocityField, catalogue
+from pipeline.flow.flow import PythonFlow
 from pipeline.flow.parameters import Parameter, shot_name, summary
-from pipeline.flow.python_file import PythonFlow
 from pipeline.shot.documents.flow_parameters import FlowParameters, document_of
 from pipeline.shot.documents.special_flows import OWN
 

@@ -23,7 +23,8 @@ from pipeline.flow import (
     Transform,
     VelocityField,
 )
-from pipeline.flow.compose import Mirror, RegionField, ScaledField, TransformedField, blended, placed, within
+from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField, blended, placed, within
+from pipeline.flow.composed_maps import Mirror
 from pipeline.flow.parameters import Number
 from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.shot.clock import SECONDS_PATTERN, Clock

@@ -17,7 +17,7 @@ from pipeline.flow.regions import (
     SphereRegion,
 )
 from pipeline.flow.triangle_tree import ClosedSurface
-from pipeline.mesh.io.read import read_mesh
+from pipeline.mesh.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NotNegativeField, PlaceField, PositiveField, number, place
 from pipeline.shot.documents.fields import (

@@ -21,12 +21,12 @@ from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.formula import MAX_NUMBERS, FormulaField
 from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
 from pipeline.flow.catalogue.vortices import CurlNoise
+from pipeline.flow.flow import PythonFlow
 from pipeline.flow.parameters import ParameterDoc
-from pipeline.flow.python_file import PythonFlow
 from pipeline.formula import FUNCTIONS
 from pipeline.formula.compiled import NAMES
 from pipeline.formula.syntax import CONSTANTS
-from pipeline.mesh.io.read import read_mesh
+from pipeline.mesh.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.fields import (

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.mesh import TriangleMesh, box, icosphere, rod, sheet, torus, vertex_normals
-from pipeline.mesh.solids.analytic_surfaces import (
+from pipeline.mesh.analytic_surfaces import (
     RIM,
     AnalyticSurface,
     BoxSurface,

@@ -18,8 +18,8 @@ from pipeline.resample.kernels.rest_surface import list_marked
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 from pipeline.resample.kernels.work_lists import Changes
-from pipeline.resample.placement.base import move_without_folds
-from pipeline.resample.placement.rest_surface import (
+from pipeline.resample.placement import move_without_folds
+from pipeline.resample.rest_surface import (
     ASTRAY,
     NORMAL,
     REST,

@@ -15,7 +15,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FrameError
-from pipeline.flow.compose.maps import Mirror, Placed, Sequence, Transform
+from pipeline.flow.composed_maps import Mirror, Placed, Sequence, Transform
 from pipeline.flow.flow import Flow
 from pipeline.flow.parameters import Number, weight_at
 from pipeline.flow.regions import MAX_SLOPE, Region

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import Floats, Points
 from pipeline.mesh import TriangleMesh, box, dihedral_angles, icosphere, require, rod, sheet, torus
-from pipeline.mesh.solids.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
+from pipeline.mesh.analytic_surfaces import AnalyticSurface, SphereSurface, TorusSurface
 from pipeline.resample import Chord, Curved, Exact, Placement, Resampler, Thresholds, resample
-from pipeline.resample.placement.rest_surface import ASTRAY, NORMAL, REST
+from pipeline.resample.rest_surface import ASTRAY, NORMAL, REST
 
 Motion = Callable[[Points], Points]
 

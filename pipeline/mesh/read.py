@@ -6,19 +6,26 @@ imported only where it is used, since most runs never read a mesh file.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TypeVar
 
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.errors import MeshError
-from pipeline.mesh.io.file_surface import FileSurface, file_surface, read_by_suffix
-from pipeline.mesh.io.obj import read_object_file, read_wavefront
-from pipeline.mesh.io.ply import read_polygon_file
+from pipeline.errors import FlowsculptError, MeshError, MissingInputError
+from pipeline.mesh.polygon_files import (
+    FileSurface,
+    file_surface,
+    read_object_file,
+    read_polygon_file,
+    read_wavefront,
+)
 from pipeline.mesh.polygon_mesh import PolygonMesh
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.mesh.validation import require, twin_corners
+
+T = TypeVar("T")
 
 _MERGE = 1e-9  # of the bounding box's diagonal: closer vertices are one
 
@@ -70,6 +77,28 @@ _READERS: dict[str, Callable[[Path], FileSurface]] = {
 }
 FORMATS = tuple(_READERS)
 """Suffixes of readable mesh files."""
+
+
+def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind: str) -> T:
+    """Return what the reader for the file's suffix returns.
+
+    Raises MissingInputError where there is no such file, MeshError for another suffix or an unreadable file.
+    """
+    if not path.is_file():
+        raise MissingInputError(f"{path}: there is no such file; check the path")
+    suffix = path.suffix.lstrip(".").lower()
+    if suffix not in readers:
+        raise MeshError(
+            f"{path}: {path.suffix or 'no suffix'} is not {kind}; use one of {', '.join(readers)}"
+        )
+    try:
+        return readers[suffix](path)
+    except FlowsculptError:
+        raise
+    except Exception as error:  # readers raise whatever their parsers do
+        reason = " ".join(str(error).split()) or type(error).__name__
+        short = reason if len(reason) <= 120 else reason[:117] + "…"
+        raise MeshError(f"{path}: cannot be read as {suffix.upper()} ({short})") from error
 
 
 def _merged(loaded: FileSurface) -> tuple[PolygonMesh, AnyArray, AnyArray]:

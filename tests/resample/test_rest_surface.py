@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
+from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.mesh.normals import vertex_normals
-from pipeline.mesh.solids.analytic_surfaces import SphereSurface
 from pipeline.resample import Exact, Resampler, Thresholds
 from pipeline.resample.kernels.flip import should_flip
 from pipeline.resample.kernels.limits import Limits
@@ -22,7 +22,7 @@ from pipeline.resample.kernels.rest_surface import (
     would_flip,
 )
 from pipeline.resample.kernels.ring import collect_ring, new_ring
-from pipeline.resample.placement.rest_surface import ASTRAY, REST, closest_points
+from pipeline.resample.rest_surface import ASTRAY, REST, closest_points
 
 BALL, RING, CLOTH, CUBE = icosphere(4), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25), box(edge_length=0.5)
 

@@ -1,6 +1,6 @@
 """Analytic surfaces of solids: the nearest point on them, and the normal there.
 
-Each is centred at the origin, like the meshes of `pipeline.mesh.solids.primitives`. A point on a flat side or
+Each is centred at the origin, like the meshes of `pipeline.mesh.solids`. A point on a flat side or
 a straight edge keeps its bits.
 """
 

@@ -14,7 +14,7 @@ from pipeline.mesh.normals import unit
 from pipeline.resample.kernels.curved_patches import copy_rest_positions
 from pipeline.resample.kernels.rest_surface import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.kernels.ring import new_ring
-from pipeline.resample.placement.base import on_patches
+from pipeline.resample.placement import on_patches
 
 REST, REST_NORMAL, NORMAL, ASTRAY = "rest", "rest_normal", "normal", "astray"
 """Vertex attributes of exact placement: position and normal on the undeformed surface, present normal, and a

@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.errors import UsageError
-from pipeline.mesh.solids.analytic_surfaces import CLOSE, AnalyticSurface
-from pipeline.mesh.solids.primitives import cut_into, positive, square_grid, welded
+from pipeline.mesh.analytic_surfaces import CLOSE, AnalyticSurface
+from pipeline.mesh.solids import cut_into, positive, square_grid, welded
 from pipeline.mesh.triangle_mesh import TriangleMesh
 
 MAX_CROSSINGS = 8000

@@ -1,1 +1,0 @@
-"""Read and write mesh files: OBJ, PLY, OFF, STL, GLB, NPZ, XYZ."""

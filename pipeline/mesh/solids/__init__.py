@@ -1,1 +1,0 @@
-"""Solids: their meshes, and their analytic surfaces."""

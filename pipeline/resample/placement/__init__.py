@@ -1,1 +1,0 @@
-"""Placements: on the chord, on curved patches, on the exact surface."""
