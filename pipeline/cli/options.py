@@ -52,6 +52,14 @@ Crop = Annotated[
         help="Render a part: its left, upper, right and lower edge, in fractions of the picture or pixels.",
     ),
 ]
+Force = Annotated[
+    bool,
+    typer.Option(
+        "--force",
+        help="Render and finish the frames again and replace what is stored. Meshes and cameras are reused: "
+        "`snakemake --forcerun simulate` makes these again too.",
+    ),
+]
 Plot = Annotated[
     Path | None,
     typer.Option(

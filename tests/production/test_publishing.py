@@ -65,7 +65,7 @@ class Desk:
 
     def repetition(self, frames: str | None = None, **others: str) -> Reproduction:
         source = self.home / "v001" / FILE
-        return Reproduction(Provenance.read(source), source, self.root, 1, frames, **others)
+        return Reproduction(Provenance.read(source), source, Project(self.root, 1, **others), frames)
 
     def command(self, *words: str) -> tuple[int, str]:
         """Exit code and words of a command."""

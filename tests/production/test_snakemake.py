@@ -107,19 +107,56 @@ def test_on_a_finished_root_nothing_is_to_be_done_and_any_rule_can_be_forced(fin
     assert reported.returncode == 0 and (finished.path / "report.html").stat().st_size > 10000
 
 
+def replaced_by(root: Path, command: Callable[[], object]) -> dict[str, list[bool]]:
+    """Run a command; return by kind which files of the store it has replaced."""
+    kinds = ("mesh", "normals", "cameras", "raw", "frame", "movie")
+    before = {kind: store_times(root, kind) for kind in kinds}
+    command()
+    after = {kind: store_times(root, kind) for kind in kinds}
+    return {kind: [after[kind][name] > before[kind][name] for name in before[kind]] for kind in kinds}
+
+
 def test_forced_jobs_replace_what_the_store_holds(finished: Any) -> None:
-    kinds = ("mesh", "normals", "raw", "frame", "movie")
-    before = {kind: store_times(finished.path, kind) for kind in kinds}
     pictures = [path.read_bytes() for path in finished.frames()]
-    done = snakemake(finished.path, *CONFIG, "--forcerun", "render")
-    assert done.returncode == 0, done.stdout
-    after = {kind: store_times(finished.path, kind) for kind in kinds}
-    assert {kind: before[kind].keys() for kind in kinds} == {kind: after[kind].keys() for kind in kinds}
-    newer = {kind: [after[kind][name] > before[kind][name] for name in before[kind]] for kind in kinds}
+
+    def force() -> None:
+        done = snakemake(finished.path, *CONFIG, "--forcerun", "render")
+        assert done.returncode == 0, done.stdout
+
+    newer = replaced_by(finished.path, force)
     assert all(newer["raw"]) and all(newer["frame"]) and all(newer["movie"])
     assert not any(newer["mesh"]) and not any(newer["normals"])
     assert [path.read_bytes() for path in finished.frames()] == pictures
     assert "Nothing to be done" in snakemake(finished.path, "-n", *CONFIG).stdout
+
+
+def test_the_command_forces_rendering_once_and_shows_what_it_made(finished: Any) -> None:
+    pictures = [path.read_bytes() for path in finished.frames()]
+    words = ("render", NAME, "-q", QUALITY, "-f", "2-3", "--force")
+    assert "rendering 2 frames, denoising 2 frames" in finished.run(*words, "--dry-run").out
+
+    def force() -> None:
+        done = finished.run(*words)
+        assert done.code == 0 and "(2 frames rendered)" in done.out, done.err
+
+    newer = replaced_by(finished.path, force)
+    assert sum(newer["raw"]) == sum(newer["frame"]) == 2
+    assert not any(newer["mesh"] + newer["normals"] + newer["cameras"] + newer["movie"])
+    assert [path.read_bytes() for path in finished.frames()] == pictures
+    assert [path.stat().st_nlink for path in finished.frames()] == [1, 2, 2, 1, 1, 1], (
+        "links to the new files"
+    )
+    assert finished.run("render", NAME, "-q", QUALITY).out.startswith("Nothing to be done")
+
+
+def test_a_film_is_forced_with_all_of_its_frames_and_movies(finished: Any) -> None:
+    def force() -> None:
+        done = finished.run("film", "-q", QUALITY, "--force", "--json")
+        assert done.code == 0, done.err
+
+    newer = replaced_by(finished.path, force)
+    assert all(newer["raw"]) and all(newer["frame"]) and all(newer["movie"])
+    assert not any(newer["mesh"] + newer["normals"] + newer["cameras"])
 
 
 def test_on_a_half_done_root_just_what_is_missing_is_made(finished: Any) -> None:

@@ -7,7 +7,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.execution import execute_and_report
-from pipeline.cli.options import Common, Quality, ShotOptions, Variant
+from pipeline.cli.options import Common, Force, Quality, ShotOptions, Variant
 from pipeline.production.request.lookup import FILM, find_edit
 
 
@@ -19,6 +19,7 @@ def film(
     ] = FILM.stem,
     quality: Quality = "draft",
     variant: Variant = None,
+    force: Force = False,
 ) -> None:
     """Render every shot of an edit and cut them into a film.
 
@@ -26,4 +27,5 @@ def film(
     final` renders shots/showreel.yaml to renders/film/final/showreel.mp4. `--set` holds for every shot.
     """
     project = options.project(common, variant)
+    project = project.forcing("render") if force else project
     execute_and_report(common, lambda: project.film(quality, find_edit(edit)))

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.execution import execute, execute_and_report, report_plan
-from pipeline.cli.options import Common, Frames, PictureOptions
+from pipeline.cli.options import Common, Force, Frames, PictureOptions
 from pipeline.cli.output import print_result, print_warning
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from render.scene.quality import QUALITIES
 
 if TYPE_CHECKING:
+    from pipeline.production.execution.project import Project
     from pipeline.production.versions.provenance import Provenance
     from pipeline.production.versions.reproduce import Comparison
 
@@ -40,6 +41,7 @@ def render(
             help="Reproduce a published version from its provenance.json, and compare.",
         ),
     ] = None,
+    force: Force = False,
 ) -> None:
     """Render shots, or some of their frames, and assemble their movies.
 
@@ -48,40 +50,36 @@ def render(
     folders of their own, such as preview.scale50. A crop shows what the whole picture shows there, with other
     noise.
 
+    Keys decide what is stale, and stored results are trusted. After a change that no key knows, such as of a
+    graphics driver, `flowsculpt render A010_cube --force` renders again and replaces what is stored.
+
     `flowsculpt render --from renders/published/A010_cube/v001/provenance.json` reproduces a published version
     in renders/repeated from the shot file of that time, and lists which frames are the same to the last bit.
     """
+    project = options.project(common)
+    project = project.forcing("render") if force else project
     if provenance is not None:
         if shots or quality or options.crop or options.scale or options.settings:
             raise UsageError(
                 f"--from {provenance}: the provenance says shot, quality and settings; leave these out"
             )
-        _reproduce(common, provenance, frames, options)
+        _reproduce(common, provenance, frames, project)
         return
     if not shots:
         raise UsageError(
             "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
         )
-    project, named = options.project(common), options.quality(quality or "draft")
+    named = options.quality(quality or "draft")
     execute_and_report(common, lambda: project.pictures(shots, named, frames))
 
 
-def _reproduce(common: Common, source: Path, frames: str | None, options: PictureOptions) -> None:
+def _reproduce(common: Common, source: Path, frames: str | None, project: Project) -> None:
     """Render a published version again, in a root of its own, and compare."""
     from pipeline.production.versions.provenance import Provenance
     from pipeline.production.versions.reproduce import Reproduction
 
     record = Provenance.read(source)
-    again = Reproduction(
-        record,
-        source,
-        common.root,
-        common.cores,
-        frames,
-        options.variant,
-        options.allow_code,
-        common.profile,
-    )
+    again = Reproduction(record, source, project, frames)
     inside = replace(common, root=again.home)
     plan = again.plan()
     for note in again.notes:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Sequence
+import time
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
@@ -28,6 +29,7 @@ from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
 from pipeline.production.request.variants import variant_for
+from pipeline.production.stages import forced_with
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
 from render.scene.quality import QUALITIES
@@ -45,7 +47,7 @@ class Project:
     settings    what takes the place of values in every shot file asked for: `flows.0.vortex.strength=2`
     allow_code  whether shots may run the Python files that they name
     profile     where the jobs of its plans run, and so how many there are of them
-    force       stages that are made again though the store holds what they make
+    force       stages that are made again, each with the time from which on stored files count
     """
 
     root: Path
@@ -54,7 +56,7 @@ class Project:
     settings: tuple[str, ...] = ()
     allow_code: bool = False
     profile: Profile = field(default_factory=Profile.local)
-    force: frozenset[str] = frozenset()
+    force: Mapping[str, int] = field(default_factory=dict)
     _texts: SourceCache = field(default_factory=SourceCache, repr=False)
     _montages: dict[Path, ResolvedEdit] = field(default_factory=dict, repr=False)
     _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
@@ -68,6 +70,10 @@ class Project:
     @property
     def store(self) -> Store:
         return Store(self.root)
+
+    def forcing(self, stage: str) -> Project:
+        """Return the project with a stage, and those that follow it, made again once whatever is stored."""
+        return replace(self, force=dict.fromkeys(forced_with({stage}), time.time_ns()))
 
     def meshes(self, shots: Sequence[str], frames: str | None = None) -> Plan:
         """Return the plan of the mesh frames of shots."""
@@ -89,7 +95,7 @@ class Project:
         planner.pictures(request)
         if frames is None or not is_in_words(frames):
             planner.movie(request)
-        if frames is None:
+        if frames is None or self.force:
             return
         whole = request.whole()
         keys = whole.picture_keys(self.store)

@@ -124,7 +124,8 @@ class Planner:
     cores         how many of all requests do
     share         what each of them has for itself on a farm's nodes; None where they share this machine
     whole         plan also jobs whose files are there or not needed, which Snakemake may be told to run again
-    force         stages that are made again though the store holds what they make
+    force         stages that are made again, each with the time (nanoseconds since the epoch) from which on
+                  the store's files count
     comparable    requests differ by settings, as the cells of a wedge do, and may have pictures in common
     """
 
@@ -134,7 +135,7 @@ class Planner:
     notes: Sequence[str] = ()
     share: Share | None = None
     whole: bool = False
-    force: frozenset[str] = frozenset()
+    force: Mapping[str, int] = field(default_factory=dict)
     comparable: bool = False
     _entries: dict[RenderRequest, _Entry] = field(default_factory=dict)
     _jobs: list[Job] = field(default_factory=list)
@@ -222,7 +223,7 @@ class Planner:
             spared=+self._spared,
             manifests=self._manifests,
             measured=self._measured({job.requests[0] for job in jobs if job.stage == "render"}),
-            force=self.force,
+            force=frozenset(self.force),
             farm=self.share is not None,
         )
 
@@ -244,8 +245,10 @@ class Planner:
         return entry
 
     def _has(self, stage: str, kind: str, key: Key, place: str) -> bool:
-        """Tell whether the store holds a file, which then gets its link; no file of a forced stage counts."""
-        if stage in self.force or not self.store.holds(kind, key):
+        """Tell whether the store holds a file, which then gets its link. Forced stages need new ones."""
+        if not self.store.holds(kind, key):
+            return False
+        if stage in self.force and self.store.stored_at(kind, key) < self.force[stage]:
             return False
         self._links[place] = Link(kind, key, place)
         return True

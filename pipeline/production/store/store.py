@@ -100,6 +100,10 @@ class Store:
     def holds(self, kind: str, key: Key | None) -> bool:
         return key is not None and os.path.exists(self._name(kind, key))  # noqa: PTH110  # a Path is slow to make
 
+    def stored_at(self, kind: str, key: Key) -> int:
+        """Return when the file of `key` was stored, nanoseconds since the epoch."""
+        return self.path(kind, key).stat().st_mtime_ns
+
     def entries(self) -> Iterator[tuple[str, Key, Path]]:
         """Yield kind, key and path of every stored file."""
         for kind, suffix in SUFFIXES.items():
@@ -125,9 +129,12 @@ class Store:
             draft.chmod(0o644 if kind in WRITABLE else 0o444)
         return final
 
-    def link(self, kind: str, key: Key, target: Path) -> None:
-        """Show the file of `key` at `target` under the root: a hard link, or a copy if links fail."""
-        if self.shows(kind, key, target):
+    def link(self, kind: str, key: Key, target: Path, replace: bool = False) -> None:
+        """Show the file of `key` at `target` under the root: a hard link, or a copy if links fail.
+
+        replace  link it even if `target` seems to show it
+        """
+        if not replace and self.shows(kind, key, target):
             return
         source, place = self.path(kind, key), self.root / target
         try:

@@ -116,8 +116,7 @@ class Context:
             return False
         if not self.is_forced:
             return True
-        planned = (self.root / self.plan.file).stat().st_mtime_ns
-        return self.store.path(kind, key).stat().st_mtime_ns >= planned
+        return self.store.stored_at(kind, key) >= (self.root / self.plan.file).stat().st_mtime_ns
 
     @property
     def store(self) -> Store:
@@ -149,7 +148,7 @@ class Context:
         found = self.has(kind, key)
         if not found:
             self.store.put(kind, key, write, replace=self.is_forced)
-        self.store.link(kind, key, target)
+        self.store.link(kind, key, target, replace=self.is_forced and not found)
         return found
 
     def read(self, kind: str, key: Key, target: Path, reader: Callable[[Path], T]) -> T:

@@ -6,7 +6,7 @@ was rendered before, and nothing of these is touched.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
@@ -14,9 +14,8 @@ import numpy as np
 
 from pipeline.errors import MachineError, UsageError
 from pipeline.frames import FrameRange
+from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.planner import Planner
-from pipeline.production.planning.profile import Profile
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource
@@ -46,26 +45,21 @@ class Comparison:
 class Reproduction:
     """A version to be made again.
 
-    source      its provenance file
-    root        of the run; the reproduction has its own root below
-    frames      a range of its frames; by default all, and the movie
-    variant     replaces the one that rendered it
-    allow_code  whether the shot may run its Python files
+    source   its provenance file
+    project  where it is asked for; the reproduction has a root of its own below. Its variant, if it names
+             one, replaces the one that rendered the version
+    frames   a range of its frames; by default all, and the movie
     """
 
     record: Provenance
     source: Path
-    root: Path
-    cores: int
+    project: Project
     frames: str | None = None
-    variant: str | None = None
-    allow_code: bool = False
-    profile: Profile = field(default_factory=Profile.local)
 
     @property
     def home(self) -> Path:
         """The root that it is made under."""
-        return self.root / repeated(self.record.shot, self.record.version)
+        return self.project.root / repeated(self.record.shot, self.record.version)
 
     @property
     def store(self) -> Store:
@@ -106,7 +100,7 @@ class Reproduction:
 
     @cached_property
     def _source(self) -> ShotSource:
-        source = restored(self.record, self.allow_code)
+        source = restored(self.record, self.project.allow_code)
         beyond = FrameRange.of(self.record.frames).outside(source.shot.frames)
         if beyond:
             raise UsageError(
@@ -117,8 +111,7 @@ class Reproduction:
 
     def plan(self) -> Plan:
         """Return the plan. Raises what `request` raises."""
-        cores = self.profile.side_by_side(self.cores)
-        planner, request = Planner(self.store, cores, cores, share=self.profile.share), self.request
+        planner, request = replace(self.project, root=self.home).planner(), self.request
         planner.pictures(request)
         if self.frames is None:
             planner.movie(request)
@@ -131,7 +124,7 @@ class Reproduction:
         return found if self.frames is not None else [*found, self._movie()]
 
     def _variant(self, notes: list[str]) -> str:
-        variant = self.variant or self.record.variant
+        variant = self.project.variant or self.record.variant
         try:
             return variant_for(self.home, self.record.shot, variant, notes.append)
         except MachineError as error:
