@@ -11,7 +11,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakemake import _words, complaint
 from pipeline.production.planning.plan import Job, Plan, batches
 from pipeline.production.planning.profile import SIDE_BY_SIDE, Profile
-from pipeline.production.planning.resources import LEAST_MIB, START_MINUTES, MeasuredResources
+from pipeline.production.planning.timings import LEAST_MIB, START_MINUTES, MeasuredResources
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import EVENTS
 from pipeline.production.store.store import Store

@@ -17,7 +17,6 @@ import pytest
 from pipeline.errors import UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Job, Plan
-from pipeline.production.store import checkpoints
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import CHECKPOINTS, EVENTS
 from pipeline.production.store.store import Store
@@ -138,7 +137,7 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     store, targets = Store(tmp_path), [Path(f"renders/A/final/raw/A.{n:04d}.exr") for n in range(4)]
 
     def kept(number: int, key: str) -> Path:
-        keep = checkpoints.checkpoint_of(store, targets[number], key, lambda _: None, lambda: True)
+        keep = store.checkpoint(targets[number], key, lambda _: None, lambda: True)
         keep.save_if_due(lambda: {"done": np.array(1)})
         return keep.path
 
@@ -146,13 +145,13 @@ def test_kept_passes_go_with_what_they_are_of(tmp_path: Path) -> None:
     store.path("raw", "0" * 32).parent.mkdir(parents=True)
     store.path("raw", "0" * 32).write_bytes(b"")
     os.utime(old, (0.0, 0.0))
-    checkpoints.sweep(store)
+    store.sweep()
     assert [path.exists() for path in (made, wanted, old, other)] == [False, True, False, True]
     anew = kept(1, "a" * 32)
     assert anew.exists() and not wanted.exists()
-    checkpoints.forget(tmp_path, targets[1:2])
+    store.remove_checkpoints(targets[1:2])
     assert not anew.exists() and other.exists()
-    checkpoints.forget(tmp_path, targets)
+    store.remove_checkpoints(targets)
     assert not any((tmp_path / CHECKPOINTS).iterdir())
 
 

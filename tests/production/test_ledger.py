@@ -10,10 +10,9 @@ import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.request import planning_cache
-from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.request.shot_source import ShotSource
-from pipeline.production.request.shot_summary import ShotSummary, input_digests
+from pipeline.production.request.shot_source import ShotSource, ShotSummary, input_digests
 from pipeline.production.request.turntable import Turntable
 from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.serialise import from_plain, to_plain
@@ -61,7 +60,7 @@ def never(*arguments: object) -> None:
 
 
 def forgetful(request: RenderRequest) -> RenderRequest:
-    return replace(request, source=replace(request.source, cache=None))
+    return replace(request, source=replace(request.source, cache=NO_CACHE))
 
 
 @pytest.mark.parametrize("quality", ["draft", "final"])

@@ -13,9 +13,8 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import FrameStates, is_in_words, picture_states, selected
-from pipeline.production.planning.history import History
 from pipeline.production.planning.plan import BATCH, batches
-from pipeline.production.store.event_log import EventLog
+from pipeline.production.store.event_log import EventLog, History
 from pipeline.production.store.paths import EVENTS
 
 pytestmark = pytest.mark.quick

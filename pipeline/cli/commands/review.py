@@ -14,9 +14,9 @@ from pipeline.dailies.review import three
 from pipeline.dailies.review.discover import Search
 from pipeline.dailies.review.page import ReviewPage
 from pipeline.errors import UsageError, suggestion
-from pipeline.production.planning.history import History
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
+from pipeline.production.store.event_log import History
 from render.scene.quality import QUALITIES
 
 FORMS = ("jpeg", "png")

@@ -10,8 +10,8 @@ from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import duration, out, print_error, print_result, table
 from pipeline.errors import FlowsculptError
 from pipeline.production.planning.frame_states import FrameStates, states
-from pipeline.production.planning.history import History
 from pipeline.production.request.lookup import find_shot, shot_names
+from pipeline.production.store.event_log import History
 from render.scene.quality import QUALITIES
 
 

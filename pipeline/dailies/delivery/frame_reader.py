@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.production.planning.history import History
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
+from pipeline.production.store.event_log import History
 from pipeline.production.store.store import Store
 from pipeline.production.versions.provenance import Provenance, records
 from render.graphics.slate import failure_card

@@ -10,11 +10,11 @@ from pipeline.dailies.review.sequence import PLAIN, PictureDisplay, PictureSeque
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
-from pipeline.production.planning.history import History
 from pipeline.production.planning.timings import render_seconds
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.event_log import History
 from pipeline.production.store.paths import Folders, published
 from pipeline.production.store.paths import wedge as wedge_folder
 from pipeline.production.versions.grid import Grid

@@ -18,7 +18,7 @@ from typing import Any
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.frames import FrameRange
 from pipeline.production.planning.plan import Plan
-from pipeline.production.planning.resources import LEAST_MIB
+from pipeline.production.planning.timings import LEAST_MIB
 
 SURFACES = ("simulate", "smooth_normals", "frame_camera")
 """One after the other in one task: only the first is worth a place in a queue."""

@@ -17,7 +17,6 @@ from pipeline.production.planning.frame_states import (
     picture_states,
     selected,
 )
-from pipeline.production.planning.history import History
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
@@ -30,6 +29,7 @@ from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.request.shot_source import ShotSource, SourceCache, shot_around
 from pipeline.production.request.variants import variant_for
 from pipeline.production.stages import forced_with
+from pipeline.production.store.event_log import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
 from render.scene.quality import QUALITIES

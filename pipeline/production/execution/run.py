@@ -13,7 +13,6 @@ from pipeline.production.execution.retry import RetryPolicy
 from pipeline.production.execution.watchdog import PATIENCE, watched
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
-from pipeline.production.store import checkpoints
 from pipeline.production.store.event_log import Event, EventLog, EventReader
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.paths import EVENTS
@@ -86,7 +85,6 @@ def run(
     store, plan = Store(root), make_plan()
     with writing(root, wait), making(root, plan.lock_names if plan.jobs else {}, wait) as waited:
         store.sweep()
-        checkpoints.sweep(store)
         outcome, policy = Outcome(make_plan() if waited else plan), RetryPolicy(cores)
         hopeful = True
         while True:
@@ -102,7 +100,7 @@ def run(
         outcome.unfinished = bool(outcome.plan.jobs)
         outcome.events += policy.failures
         if not outcome.unfinished:
-            checkpoints.forget(root, outcome.plan.raw_places)
+            store.remove_checkpoints(outcome.plan.raw_places)
         return outcome
 
 

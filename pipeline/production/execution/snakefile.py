@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.planning.profile import Share
-from pipeline.production.planning.resources import LEAST_MIB, UNMEASURED_MIB
+from pipeline.production.planning.timings import LEAST_MIB, UNMEASURED_MIB
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
 from pipeline.production.stages import STAGES, forced_with
 from pipeline.production.store.locks import making, writing

@@ -12,8 +12,8 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FlowsculptError
-from pipeline.production.planning.history import RUNS
 from pipeline.production.request.render_request import FORMS, RenderRequest
+from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
 from pipeline.production.store.store import Key, Store
 

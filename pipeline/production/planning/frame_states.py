@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError, suggestion
 from pipeline.frames import FrameRange
-from pipeline.production.planning.history import History
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.event_log import History
 from pipeline.production.store.store import Key, Store
-
-Stored = tuple[str, Key | None, Path]
-"""A file that a frame should have: its kind, its key, and its path under the root."""
 
 PICTURE_STAGES = ("render", "finish")
 MESH_STAGES = ("simulate",)
@@ -66,74 +62,51 @@ def is_begun(request: RenderRequest, store: Store) -> bool:
 
 def mesh_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the meshes of a request."""
-
-    def mesh(number: int) -> Stored:
-        return "mesh", request.mesh_key(number), request.place("mesh", number)
-
-    return _states(request, "meshes", store, mesh, _FileHistory(history, request.name, MESH_STAGES, None))
+    about = request.name, MESH_STAGES, None
+    return _states(request, "meshes", "mesh", request.mesh_key, store, history, about)
 
 
 def picture_states(request: RenderRequest, store: Store, history: History) -> FrameStates:
     """Return the states of the finished pictures of a request."""
-    keys = request.picture_keys(store)
+    keys, quality = request.picture_keys(store), request.quality_name
 
-    def picture(number: int) -> Stored:
-        return (
-            "frame",
-            keys[number].frame if keys else None,
-            request.place("frame", number),
-        )
+    def key(number: int) -> Key | None:
+        return keys[number].frame if keys else None
 
-    history_of_file = _FileHistory(history, request.folders.name, PICTURE_STAGES, request.quality_name)
-    return _states(request, request.quality_name, store, picture, history_of_file)
-
-
-@dataclass(frozen=True)
-class _FileHistory:
-    """The history of one kind of file of one shot."""
-
-    history: History
-    shot: str
-    stages: tuple[str, ...]
-    quality: str | None
-
-    def among(self, undone: set[int]) -> Iterator[FrameRange]:
-        """Yield the failed and the running frames among those that are not done."""
-        about = self.shot, self.stages, self.quality
-        for found in (set(self.history.failed(*about)), self.history.running(*about)):
-            yield FrameRange.of(sorted(found & undone))
-
-    def left(self, undone: Iterable[int]) -> float | None:
-        count, pace = len(set(undone)), self.history.pace(self.shot, self.stages, self.quality)
-        return None if pace is None else count * pace
+    about = request.folders.name, PICTURE_STAGES, quality
+    return _states(request, quality, "frame", key, store, history, about)
 
 
 def _states(
     request: RenderRequest,
     what: str,
+    kind: str,
+    key: Callable[[int], Key | None],
     store: Store,
-    file_of: Callable[[int], Stored],
-    history_of_file: _FileHistory,
+    history: History,
+    about: tuple[str, Sequence[str], str | None],
 ) -> FrameStates:
+    """Return the states of the files of a kind.
+
+    key    returns the key that a frame's file should have
+    about  the shot, the stages and the quality of its events in the history
+    """
     by_state: dict[str, list[int]] = {"done": [], "stale": [], "missing": []}
     for number in request.requested:
-        kind, key, path = file_of(number)
-        if store.shows(kind, key, path):
+        path = request.place(kind, number)
+        if store.shows(kind, key(number), path):
             by_state["done"].append(number)
         else:
             by_state["stale" if (store.root / path).exists() else "missing"].append(number)
-    done, stale, missing = (FrameRange.of(numbers) for numbers in by_state.values())
-    undone = {*stale, *missing}
-    failed, running = history_of_file.among(undone)
+    undone = {*by_state["stale"], *by_state["missing"]}
+    pace = history.pace(*about) if undone else None
     return FrameStates(
         request.name,
         what,
-        done,
-        stale,
-        missing,
-        failed,
-        running,
-        history_of_file.left(undone) if undone else None,
+        **{state: FrameRange.of(numbers) for state, numbers in by_state.items()},
+        failed=FrameRange.of(sorted(undone & history.failed(*about).keys())),
+        running=FrameRange.of(sorted(undone & history.running(*about))),
+        seconds_left=None if pace is None else len(undone) * pace,
     )
 
 

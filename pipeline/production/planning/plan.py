@@ -19,7 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
-from pipeline.production.planning.resources import MeasuredResources
+from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.stages import READS, STAGES
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS

@@ -26,7 +26,7 @@ from pipeline.production.planning.plan import (
     with_threads,
 )
 from pipeline.production.planning.profile import Share
-from pipeline.production.planning.resources import MeasuredResources
+from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import CameraFile, FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest

@@ -1,12 +1,13 @@
-"""Timings of finished frames: the one reader of render statistics and of the event logs of runs.
+"""Time and memory of finished frames, and what jobs therefore request of a farm or of this machine.
 
 A render writes statistics beside each picture, and every job appends to the event log of its run. Both are
-left out where they are missing or damaged: timings inform, and decide no result.
+left out where they are missing or damaged: they inform, and decide no result.
 """
 
 from __future__ import annotations
 
 import json
+import math
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
@@ -20,6 +21,7 @@ from pipeline.production.store.event_log import EventReader, logs_of
 if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest
     from pipeline.production.store.store import Key
+
 
 SHARED_STAGES = frozenset(name for name, stage in STAGES.items() if not stage.per_quality)
 """Stages whose files all qualities share, and which take as long at each."""
@@ -147,3 +149,48 @@ def total_seconds(request: RenderRequest, root: Path, raws: Mapping[int, Key]) -
     renders = [sum(seconds_of_render(request, root, number, raw).values()) for number, raw in raws.items()]
     totals = {stage: round(sum(frames.values()), 3) for stage, frames in latest.items()}
     return {**totals, "render": round(sum(renders), 3)}
+
+
+UNMEASURED_MIB = 4096
+"""Memory of a job on a farm while nothing is measured: five times that of a film frame of 4 million faces."""
+
+LEAST_MIB = 1024
+"""Memory of any job: its Python, its libraries, and Snakemake's two processes beside it."""
+
+_MEMORY_MARGIN = 1.5
+"""Factor on the largest memory measured."""
+
+_TIME_MARGIN = 4.0
+"""Factor on the longest time measured: nodes differ, and so do frames."""
+
+START_MINUTES = 10
+"""Time to begin: compiled kernels, a renderer's first frame, a busy disk."""
+
+
+@dataclass(frozen=True)
+class MeasuredResources:
+    """The most that earlier renders of a shot at a quality took.
+
+    mib      memory of a process, MiB
+    seconds  core-seconds of one picture
+    """
+
+    mib: float
+    seconds: float
+
+    @classmethod
+    def of(cls, folder: Path) -> MeasuredResources | None:
+        """Read the statistics of a folder; None while there are none."""
+        renders = list(statistics_in(folder))
+        if not renders:
+            return None
+        return cls(max(r.peak_memory_mib for r in renders), max(r.core_seconds for r in renders))
+
+    @property
+    def memory_mib(self) -> int:
+        """The memory that a render job requests, MiB."""
+        return math.ceil(max(LEAST_MIB, _MEMORY_MARGIN * self.mib + LEAST_MIB / 2))
+
+    def minutes(self, frames: int, threads: int) -> int:
+        """Return the time limit of a job that renders so many frames on so many threads."""
+        return START_MINUTES + math.ceil(_TIME_MARGIN * frames * self.seconds / threads / 60.0)

@@ -13,7 +13,7 @@ from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.planning_cache import PlanningCache
-from pipeline.production.request.shot_summary import ShotSummary
+from pipeline.production.request.shot_source import ShotSummary
 from pipeline.production.stages import FILM
 from pipeline.production.store import paths
 from pipeline.production.store.store import Key, key_of

@@ -190,8 +190,8 @@ class PictureKeys(Mapping[int, FrameKeys]):
         self._request, self._store, self._cameras = request, store, cameras
         self._cache = request.source.cache
         self._numbers = set(request.requested)
-        known = None if self._cache is None else self._cache.get(*self._found_from)
-        self._raws: dict[int, Key] = {int(number): key for number, key in (known or {}).items()}
+        known = self._cache.get(*self._found_from) or {}
+        self._raws: dict[int, Key] = {int(number): key for number, key in known.items()}
         self._cached = len(self._raws)
         self._keys: dict[int, FrameKeys] = {}
 
@@ -211,7 +211,7 @@ class PictureKeys(Mapping[int, FrameKeys]):
 
     def remember(self) -> None:
         """Put the raw keys in the planning cache, where it lacks some."""
-        if self._cache is not None and len(self._raws) > self._cached:
+        if len(self._raws) > self._cached:
             self._cache.put(self._raws, *self._found_from)
             self._cached = len(self._raws)
 

@@ -33,12 +33,14 @@ _PROJECT = Path(__file__).parents[3]
 
 @dataclass(frozen=True)
 class PlanningCache:
-    """The planning cache of a root folder."""
+    """The planning cache of a root folder; without one it keeps nothing."""
 
-    root: Path
+    root: Path | None
 
     def get(self, *found_from: Any) -> Any:
         """Return the plain data that was put under `found_from`; None where there is none."""
+        if self.root is None:
+            return None
         path = self._path(found_from)
         try:
             digest, text = path.read_text(encoding="utf-8").split("\n", 1)
@@ -53,28 +55,28 @@ class PlanningCache:
 
     def put(self, data: Any, *found_from: Any) -> None:
         """File plain data under `found_from`, if a run has begun in the root. Ignore errors of the disk."""
-        if not (self.root / STATE).is_dir():
+        if self.root is None or not (self.root / STATE).is_dir():
             return
         path, text = self._path(found_from), json.dumps(data, separators=(",", ":"))
         with contextlib.suppress(OSError, MachineError):
             with atomic_write(path, Store(self.root).draft(".json"), flush=False) as draft:
                 draft.write_text(f"{_digest(text)}\n{text}", encoding="utf-8")
-            self._remove_old()
-
-    @property
-    def _folder(self) -> Path:
-        return self.root / STATE / "planning"
+            _remove_old(path.parent)
 
     def _path(self, found_from: tuple[Any, ...]) -> Path:
-        return self._folder / f"{key_of(_code(), *found_from)}.json"
+        return Path(f"{self.root}/{STATE}/planning/{key_of(_code(), *found_from)}.json")
 
-    def _remove_old(self) -> None:
-        oldest = time.time() - KEPT_SECONDS
-        with os.scandir(self._folder) as entries:
-            for entry in entries:
-                with contextlib.suppress(OSError):
-                    if entry.stat().st_mtime < oldest:
-                        Path(entry.path).unlink()
+
+NO_CACHE = PlanningCache(None)
+
+
+def _remove_old(folder: Path) -> None:
+    oldest = time.time() - KEPT_SECONDS
+    with os.scandir(folder) as entries:
+        for entry in entries:
+            with contextlib.suppress(OSError):
+                if entry.stat().st_mtime < oldest:
+                    Path(entry.path).unlink()
 
 
 @cache

@@ -19,7 +19,7 @@ from pipeline.production.request.keys import (
     appearance,
     cameras_key,
 )
-from pipeline.production.request.planning_cache import PlanningCache
+from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
 from pipeline.production.stages import ASSEMBLE, FINISH, STAGES, STILLS
@@ -78,7 +78,7 @@ class RenderRequest:
         return data
 
     @classmethod
-    def from_data(cls, data: Mapping[str, Any], cache: PlanningCache | None = None) -> RenderRequest:
+    def from_data(cls, data: Mapping[str, Any], cache: PlanningCache = NO_CACHE) -> RenderRequest:
         """Return the request that `as_data` described; `cache` spares reading its shot."""
         request = from_plain(cls, data)
         return replace(request, source=replace(request.source, cache=cache))
@@ -239,7 +239,7 @@ class RenderRequest:
     @cached_property
     def _facts(self) -> _Facts:
         cache, found_from = self.source.cache, ("request", self.identity)
-        known = None if cache is None else cache.get(*found_from)
+        known = cache.get(*found_from)
         if known is not None:
             return from_plain(_Facts, known)
         follow_flow = tuple(n for n in self.angles if self._needs_flow(n))
@@ -251,8 +251,7 @@ class RenderRequest:
             follow_flow=follow_flow,
             need_mesh=follow_flow if self.shot.picture.dicing is None else tuple(self.angles),
         )
-        if cache is not None:
-            cache.put(to_plain(facts), *found_from)
+        cache.put(to_plain(facts), *found_from)
         return facts
 
     @cached_property

@@ -1,28 +1,70 @@
-"""The source of a shot: its file and all that it rests on, as they were when the work was planned."""
+"""The source of a shot, as it was when the work was planned, and the summary that planning needs of it."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FlowsculptError, MissingInputError, UsageError
-from pipeline.production.request.planning_cache import PlanningCache
-from pipeline.production.request.shot_summary import (
-    InputDigests,
-    ShotSummary,
-    can_be_cached,
-    input_digests,
-    require_same,
-    require_unchanged,
-)
-from pipeline.shot.yaml.lookup import DEFAULTS
+from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
+from pipeline.production.store.paths import STATE
+from pipeline.production.store.store import Key, key_of
+from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file
 from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 if TYPE_CHECKING:
     from pipeline.shot import Shot
+
+
+InputDigests = tuple[tuple[str, str], ...]
+"""Paths of the files that a shot reads, in order, and the SHA-256 of their contents."""
+
+
+@dataclass(frozen=True)
+class ShotSummary:
+    """A shot as planning sees it.
+
+    inputs           the files that it reads, and their digests
+    listings         folders of these files, and digests of the names in them: a name with * may match more
+    runs_python      True if its flows are Python files of the user's
+    rate, shown_as   frames per second; the display transform, plain data
+    meshes, normals  keys by frame
+    """
+
+    inputs: InputDigests
+    listings: tuple[tuple[str, str], ...]
+    runs_python: bool
+    frames: tuple[int, ...]
+    rate: str
+    shown_as: Mapping[str, Any]
+    meshes: Mapping[int, Key]
+    normals: Mapping[int, Key]
+
+    @classmethod
+    def of(cls, shot: Shot) -> ShotSummary:
+        from pipeline.flow.flow import python_flows
+        from pipeline.production.request.keys import mesh_keys, normals_keys
+
+        inputs, meshes = input_digests(shot.files), mesh_keys(shot.motion)
+        return cls(
+            inputs=inputs,
+            listings=_listings(inputs),
+            runs_python=any(True for _ in python_flows(shot.motion.flow)),
+            frames=shot.frames.numbers,
+            rate=str(shot.rate),
+            shown_as=shot.picture.display_data(),
+            meshes=meshes,
+            normals=normals_keys(shot, meshes),
+        )
+
+    @property
+    def is_current(self) -> bool:
+        """True if all files that the shot reads, shot files aside, are as they were."""
+        return next(_changed(self.inputs), None) is None and _listings(self.inputs) == self.listings
 
 
 @dataclass(frozen=True)
@@ -43,7 +85,7 @@ class ShotSource:
     beside: tuple[tuple[str, str], ...] = ()
     allow_code: bool = False
     inputs: InputDigests | None = None
-    cache: PlanningCache | None = field(default=None, compare=False, repr=False, metadata=NOT_PLAIN)
+    cache: PlanningCache = field(default=NO_CACHE, compare=False, repr=False, metadata=NOT_PLAIN)
 
     @property
     def name(self) -> str:
@@ -58,10 +100,11 @@ class ShotSource:
         try:
             shot = read_shot(self.path, self.text, self.settings, dict(self.beside), self.allow_code)
         except FlowsculptError:
-            require_unchanged(self.inputs or ())  # a changed file is the cause then
+            if (changed := next(_changed(self.inputs or ()), None)) is not None:
+                raise _changed_since(changed) from None
             raise
-        if self.inputs is not None:
-            require_same(self.inputs, input_digests(shot.files))
+        if self.inputs is not None and (other := set(self.inputs) ^ set(input_digests(shot.files))):
+            raise _changed_since(min(other)[0])
         return shot
 
     def with_inputs(self) -> ShotSource:
@@ -72,26 +115,19 @@ class ShotSource:
 
     @cached_property
     def summary(self) -> ShotSummary:
-        """The summary for planning; the shot is read only where the cache does not hold it.
+        """The summary for planning. The shot is read only where the cache lacks that of these files.
 
         Raises what `shot` raises.
         """
-        known = self._cached_summary()
+        known = self.cache.get(*self._read_from)
         if known is not None:
-            return known
+            summary = from_plain(ShotSummary, known)
+            if self.inputs in (None, summary.inputs) and summary.is_current:
+                return summary
         summary = ShotSummary.of(self.shot)
-        if self.cache is not None and can_be_cached(self.shot):
+        if not self.shot.picture.view.digest:  # a colour config may read tables that no digest covers
             self.cache.put(to_plain(summary), *self._read_from)
         return summary
-
-    def _cached_summary(self) -> ShotSummary | None:
-        """None too where a file was changed since, or is not the one that the work was planned for: then the
-        shot is read, and its errors are told."""
-        data = None if self.cache is None else self.cache.get(*self._read_from)
-        if data is None:
-            return None
-        known = from_plain(ShotSummary, data)
-        return known if self.inputs in (None, known.inputs) and known.is_current else None
 
     @property
     def _read_from(self) -> tuple[Any, ...]:
@@ -152,3 +188,35 @@ def _text(path: Path) -> str:
         raise UsageError(f"{path}: not UTF-8 text; save it as UTF-8") from None
     except OSError as error:
         raise MissingInputError(f"{path}: cannot be read ({error.strerror})") from None
+
+
+def input_digests(files: Iterable[tuple[Path, str]]) -> InputDigests:
+    """Return paths and digests in the order of the paths."""
+    return tuple(sorted((str(path), digest) for path, digest in files))
+
+
+def _changed(inputs: InputDigests) -> Iterator[str]:
+    """Yield the paths of the files that are not as they were."""
+    for path, digest in inputs:
+        try:
+            now = digest_of_file(Path(path))
+        except MissingInputError:
+            now = ""
+        if now != digest:
+            yield path
+
+
+def _changed_since(path: str) -> UsageError:
+    return UsageError(f"{path}: it was changed since the work was planned; run again")
+
+
+def _listings(inputs: InputDigests) -> tuple[tuple[str, str], ...]:
+    def names_in(folder: Path) -> str:
+        try:
+            return key_of(sorted(path.name for path in folder.iterdir() if path.name != STATE.name))
+        except OSError:
+            return ""
+
+    return tuple(
+        (str(folder), names_in(folder)) for folder in sorted({Path(path).parent for path, _ in inputs})
+    )

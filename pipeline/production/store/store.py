@@ -7,6 +7,9 @@ mapping, a file's time) must stay out of it.
 Snakemake deletes a job's declared outputs before the job runs and after it fails, so those outputs
 are links; the store is what survives. A file appears under its name whole or not at all: it is written
 in `tmp/` beside the store, flushed, made read-only and renamed into place.
+
+Checkpoints, the sums of samples of unfinished pictures, lie beside the store. Each is named after the place
+and the key of its picture, so one of another look, camera or version is never resumed.
 """
 
 from __future__ import annotations
@@ -19,15 +22,18 @@ import platform
 import shutil
 import time
 import uuid
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from pipeline.errors import FrameError, MachineError
-from pipeline.production.store.paths import STATE
+from pipeline.production.store.paths import CHECKPOINTS, STATE
 from render.base.atomic_write import atomic_write, disk_errors
 from render.base.errors import CorruptImageError, MissingImageError
+
+if TYPE_CHECKING:
+    from render.frame.checkpoint import Checkpoint
 
 T = TypeVar("T")
 
@@ -79,6 +85,9 @@ near the beginning, npz ends with a checksum of every array."""
 
 OLD_DRAFT = 24 * 3600.0
 """Seconds after which a draft of another host counts as left behind."""
+
+KEPT_CHECKPOINT = 7 * 24 * 3600.0
+"""Seconds for which a checkpoint is kept for a picture that nobody goes on with."""
 
 
 @dataclass(frozen=True)
@@ -179,12 +188,49 @@ class Store:
             self.path(kind, key).unlink(missing_ok=True)
 
     def sweep(self) -> None:
-        """Remove drafts that killed processes left in `tmp/`: those of dead processes of this host, and old
-        ones of other hosts. A farm's nodes may be at work though nobody holds the root's lock."""
+        """Remove drafts that killed processes left in `tmp/`, and checkpoints of no more use.
+
+        Those are drafts of dead processes of this host, and old ones of other hosts: a farm's nodes may be at
+        work though nobody holds the root's lock. A checkpoint goes when its picture is done, or it is old.
+        """
         with contextlib.suppress(OSError):
             for path in sorted(self.scratch.iterdir()):
                 if _left_behind(path):
                     path.unlink(missing_ok=True)
+        oldest = time.time() - KEPT_CHECKPOINT
+        for path in self._checkpoints():
+            with contextlib.suppress(OSError):
+                if self.holds("raw", path.stem.rpartition(".")[2]) or path.stat().st_mtime < oldest:
+                    path.unlink()
+
+    def checkpoint(
+        self, target: Path, key: Key, warn: Callable[[str], None], urgent: Callable[[], bool]
+    ) -> Checkpoint:
+        """Return the checkpoint of the picture of `key`, shown at `target`; remove those of other keys.
+
+        warn, urgent  see `Checkpoint`
+        """
+        from render.frame.checkpoint import Checkpoint
+
+        path = self.root / CHECKPOINTS / f"{_checkpoint_name(target)}.{key}.npz"
+        self.remove_checkpoints([target], keep=path)
+        return Checkpoint(path, self.draft(path.suffix), warn, urgent)
+
+    def remove_checkpoints(self, targets: Iterable[Path], keep: Path | None = None) -> None:
+        """Remove the checkpoints of pictures that are shown at `targets`, whatever their keys, but `keep`."""
+        names = {_checkpoint_name(target) for target in targets}
+        for path in self._checkpoints():
+            if path != keep and path.stem.rpartition(".")[0] in names:
+                with contextlib.suppress(OSError):
+                    path.unlink()
+
+    def _checkpoints(self) -> list[Path]:
+        return sorted((self.root / CHECKPOINTS).glob("*.npz"))
+
+
+def _checkpoint_name(target: Path) -> str:
+    """Return `renders/A010/final/raw/A010.0040.exr` as one word."""
+    return "+".join(target.with_suffix("").parts[1:])
 
 
 def _left_behind(draft: Path) -> bool:

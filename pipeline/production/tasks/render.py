@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.arrays import AnyArray
 from pipeline.production.render_inputs.framing import Framing, rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
-from pipeline.production.store import checkpoints, readers
+from pipeline.production.store import readers
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import MemoryGuard
@@ -73,8 +73,8 @@ class _Renderer:
         self.memory.check()
         context, key = self.context, self.keys[number].raw
         target = context.request.place("raw", number)
-        keep = checkpoints.checkpoint_of(
-            context.store, target, key, partial(context.warn, number), lambda: self.stop.received
+        keep = context.store.checkpoint(
+            target, key, partial(context.warn, number), lambda: self.stop.received
         )
         found = context.make("raw", key, target, partial(self._write, number, keep))
         keep.remove()
