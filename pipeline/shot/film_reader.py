@@ -8,11 +8,10 @@ from typing import Any
 
 from pipeline.errors import FlowsculptError, MissingInputError, ShotError, UsageError, suggestion
 from pipeline.frames import FrameRange, FrameRate
-from pipeline.shot.checks.timing import read_rate
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.shot import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
-from pipeline.shot.shot_reader import read_shot
+from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file, is_edit, is_there, shown
 from pipeline.shot.yaml.messages import validated
 from pipeline.shot.yaml.source import Problem, Where, YamlSource

@@ -6,18 +6,20 @@ import dataclasses
 from collections.abc import Iterable, Mapping
 from functools import partial
 from pathlib import Path
+from typing import Any
 
+from pydantic import ConfigDict, TypeAdapter, ValidationError
+
+from pipeline.errors import UsageError
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.streamlines import DEFAULT_TOLERANCE
+from pipeline.frames import FrameRate
 from pipeline.mesh.control_net import PIECES
+from pipeline.shot import motion_checks, picture_checks, subject_checks
 from pipeline.shot.camera import Shutter
-from pipeline.shot.checks import motion as motion_checks
-from pipeline.shot.checks import picture as picture_checks
-from pipeline.shot.checks import subject as subject_checks
-from pipeline.shot.checks.timing import keys, read_clock, with_speed
-from pipeline.shot.clock import Clock
+from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.bsdf import bsdf_problems
-from pipeline.shot.documents.curves import number
+from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.lights_and_stage import lights_of, stage_of
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
@@ -28,6 +30,7 @@ from pipeline.shot.subject import Model, Subject
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.messages import validated
 from pipeline.shot.yaml.parse_context import ParseContext
+from pipeline.shot.yaml.source import Problem, YamlSource
 from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
 
@@ -48,6 +51,8 @@ CHECKS = (
     picture_checks.noise_threshold,
 )
 """Checks beyond the form of single values. Each looks at the raw data, so that no mistake hides another."""
+
+_SPEED: TypeAdapter[Any] = TypeAdapter(NumberField, config=ConfigDict(strict=True, allow_inf_nan=False))
 
 
 def read_shot(
@@ -70,7 +75,7 @@ def read_shot(
     source = inherited(Path(path), text, tuple(settings), beside)
     clock, problems = read_clock(source)
     retimed, faults = (None, []) if clock is None else with_speed(clock, source.get("speed"))
-    problems += [*faults, *keys(source, retimed)]
+    problems += [*faults, *motion_checks.keys(source, retimed)]
     for check in CHECKS:
         problems += check(source)
     missing = list(subject_checks.files(source))
@@ -91,6 +96,42 @@ def read_shot(
         path=Path(path),
         files=tuple(sorted(files.items())),
     )
+
+
+def read_clock(source: YamlSource) -> tuple[Clock | None, list[Problem]]:
+    """Return the shot's clock, without its speed, or the problems with it."""
+    rate, problems = read_rate(source)
+    text = source.get("frames")
+    if not isinstance(text, str):
+        return None, problems  # the document reports it
+    try:
+        frames = parse_frames(text)
+    except UsageError as error:
+        return None, [*problems, (("frames",), str(error))]
+    return (Clock(frames, rate) if rate else None), problems
+
+
+def read_rate(source: YamlSource) -> tuple[FrameRate | None, list[Problem]]:
+    """Return the frame rate, 24 by default, or the problem with it."""
+    try:
+        return parse_rate(source.get("rate")), []
+    except UsageError as error:
+        return None, [(("rate",), str(error))]
+
+
+def with_speed(clock: Clock, speed: Any) -> tuple[Clock, list[Problem]]:
+    """Return the clock with the speed of the file, and the problem with it between half frames.
+
+    The keys of flows go by the speed, so it is read before the rest of the file. The document reports a speed
+    that is no valid number; the clock is returned without it.
+    """
+    try:
+        parsed = _SPEED.validate_python(speed, context={"clock": clock})
+        retimed = dataclasses.replace(clock, speed=number(parsed, clock))
+    except (ValidationError, AssertionError):
+        return clock, []
+    fault = retimed.speed_fault()
+    return (clock, [(("speed",), fault)]) if fault else (retimed, [])
 
 
 def _motion(document: ShotDocument, clock: Clock, folder: Path) -> Motion:

@@ -11,7 +11,7 @@ from pipeline.animation import animate
 from pipeline.errors import UsageError
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_catalogue import DOCUMENTS, facts
-from pipeline.shot.templates.template import (
+from pipeline.shot.templates import (
     FLOW_FILES,
     FRAMES,
     preset_of,
@@ -77,7 +77,7 @@ def test_flows_without_a_preset_are_set_up_by_their_parameters(
 ) -> None:
     if any(p["required"] and not p["keyed"] for p in facts(flow)["parameters"]) or flow == "attraction":
         return  # a file, formulas or a curve are for the table to choose
-    monkeypatch.setattr("pipeline.shot.templates.template.presets", dict)
+    monkeypatch.setattr("pipeline.shot.templates.presets", dict)
     read_shot(tmp_path / "a.yaml", shot_of_flow(flow, "a"))
 
 

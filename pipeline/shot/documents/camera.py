@@ -172,5 +172,5 @@ def _focus(value: Any, clock: Clock) -> Number | VectorParameter | None:
 
 
 def _has_times(clock: Clock, *values: Any) -> bool:
-    """Tell whether all keys are times; `checks.timing` reports those that are none."""
+    """Tell whether all keys are times; `motion_checks.keys` reports those that are none."""
     return all(None not in map(clock.seconds, value.keys) for value in values if isinstance(value, Keyed))

@@ -44,7 +44,7 @@ BezierHandle = Annotated[
         maxItems=2,
     ),
 ]
-"""[time, value] away from a key; `checks.timing` checks its form."""
+"""[time, value] away from a key; `motion_checks.keys` checks its form."""
 
 
 class KeyDocument(Document, Generic[T]):
@@ -63,7 +63,7 @@ KeyValue = Annotated[
 
 
 class Keyed(Document, Generic[T]):
-    """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `checks.timing` checks the times."""
+    """`{ease: sine_in_out, keys: {1: 0, 20: 4}, after: loop}`; `motion_checks.keys` checks the times."""
 
     keys: Annotated[dict[Any, KeyValue[T]], SchemaKeywords(propertyNames={"pattern": TIME_PATTERN})] = Field(
         min_length=1, description="values by their times: frames, or seconds as 0.5s"

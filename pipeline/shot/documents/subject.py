@@ -27,7 +27,7 @@ CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True
 
 
 def _measures_by_solid(schema: dict[str, Any]) -> None:
-    """Add the measures of each solid to the JSON Schema, as `checks.subject.solid` checks them."""
+    """Add the measures of each solid to the JSON Schema, as `subject_checks.solid` checks them."""
     every = {measure for kind in SOLIDS.values() for measure in kind.measures}
     schema["allOf"] = [
         {
@@ -46,7 +46,7 @@ def _of_solid(measures: Mapping[str, Any], every: set[str]) -> dict[str, Any]:
 
 
 class SolidDocument(Document):
-    """A solid; `checks.subject` checks that its measures are those of its kind."""
+    """A solid; `subject_checks` checks that its measures are those of its kind."""
 
     model_config = ConfigDict(json_schema_extra=_measures_by_solid)
 

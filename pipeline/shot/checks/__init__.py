@@ -1,1 +1,0 @@
-"""Checks of raw shot data beyond the form of single values."""
