@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 from typing import Any, Literal
 
@@ -19,7 +20,6 @@ from pipeline.resample import Curvature, DistanceToCamera, Thresholds
 from pipeline.resample.creases import Region
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 from pipeline.shot.clock import Clock
-from pipeline.shot.data import as_data
 from pipeline.shot.subject import Solid, Subject
 
 
@@ -225,3 +225,26 @@ class Motion:
         if self.begins_rest_interval(frame):
             changes["renewed"] = True
         return {"flow": data, **changes} if changes else data
+
+
+def as_data(value: Any) -> Any:
+    """Return a value as JSON-able data, which keys are hashed from.
+
+    Equal values give equal data on every machine. Dataclasses become dicts with their class under `is`,
+    without fields that they compute from others (`init=False`) and NOT_PLAIN fields; tuples become lists.
+
+    Raises UsageError for a value without such a form, a Python function for one.
+    """
+    if value is None or isinstance(value, str | bool | int | float):
+        return value
+    if isinstance(value, np.integer | np.floating):
+        return value.item()
+    if isinstance(value, FrameRange | FrameRate | Fraction):
+        return str(value)
+    if isinstance(value, tuple | list):
+        return [as_data(item) for item in value]
+    if is_dataclass(value) and not isinstance(value, type):
+        own = [f for f in fields(value) if f.init and f.metadata.get("plain", True)]
+        return {"is": type(value).__name__, **{f.name: as_data(getattr(value, f.name)) for f in own}}
+    kind = "function" if callable(value) else type(value).__name__
+    raise UsageError(f"a {kind} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")

@@ -15,8 +15,8 @@ from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
 from pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
-from pipeline.shot.data import NOT_DATA
 from pipeline.shot.subject import Measure, Solid, Subject, measure
+from render.base.serialise import NOT_PLAIN
 
 RADIUS = "radius"
 """The vertex attribute (V,), scene units, that makes points into spheres."""
@@ -85,7 +85,7 @@ class CloudOfFile(Cloud):
     digest: str
     radius: float | str
     scale: float = 1.0
-    path: Path = field(default=Path(), metadata=NOT_DATA)
+    path: Path = field(default=Path(), metadata=NOT_PLAIN)
 
     def points(self) -> tuple[Points, Floats]:
         """Return positions and radii. Raises what `read_points` and `radii_of` raise."""
@@ -207,7 +207,7 @@ class NetOfFile(ControlNet):
     columns: int | None = None
     closed: tuple[bool, bool] = (False, False)
     scale: float = 1.0
-    path: Path = field(default=Path(), metadata=NOT_DATA)
+    path: Path = field(default=Path(), metadata=NOT_PLAIN)
 
     def net(self) -> Net:
         """Return points and layout. Raises what `read_net` raises, and MeshError for too few points."""

@@ -12,8 +12,8 @@ from typing import Any
 
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot.camera import CameraPath, Shutter
-from pipeline.shot.data import NOT_DATA
 from pipeline.shot.motion import Motion
+from render.base.serialise import NOT_PLAIN
 from render.post.view import ACES, ColourView
 from render.scene.aovs import AOVS, EXTRA
 from render.scene.lights import LightRig
@@ -84,8 +84,8 @@ class Shot:
     motion: Motion
     picture: Picture
     intent: str = ""
-    path: Path | None = field(default=None, metadata=NOT_DATA)
-    files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_DATA)
+    path: Path | None = field(default=None, metadata=NOT_PLAIN)
+    files: tuple[tuple[Path, str], ...] = field(default=(), metadata=NOT_PLAIN)
 
     @property
     def frames(self) -> FrameRange:
@@ -136,7 +136,7 @@ class SoundTrack:
     fade_in, fade_out  seconds
     """
 
-    file: Path = field(metadata=NOT_DATA)
+    file: Path = field(metadata=NOT_PLAIN)
     digest: str
     start: float = 0.0
     gain: float = 0.0
@@ -159,7 +159,7 @@ class Film:
     title_seconds: float = 3.0
     credits_seconds: float = 3.0
     sound: SoundTrack | None = None
-    path: Path | None = field(default=None, metadata=NOT_DATA)
+    path: Path | None = field(default=None, metadata=NOT_PLAIN)
 
     @property
     def clips(self) -> tuple[Clip, ...]:

@@ -34,7 +34,7 @@ from pipeline.mesh.analytic_surfaces import (
 from pipeline.mesh.bars import BarLattice, lattice
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.solids import one_sided_sheet, six_sided_box
-from pipeline.shot.data import NOT_DATA
+from render.base.serialise import NOT_PLAIN
 
 Measure = float | str | tuple[float, ...]
 
@@ -172,7 +172,7 @@ class Model(Subject):
 
     digest: str
     scale: float = 1.0
-    path: Path = field(default=Path(), metadata=NOT_DATA)
+    path: Path = field(default=Path(), metadata=NOT_PLAIN)
 
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
         mesh = read_mesh(self.path)

@@ -12,7 +12,7 @@ from pipeline.flow import Function, Streamlines, keyed
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.frames import FrameRate
 from pipeline.shot import Model
-from pipeline.shot.data import as_data
+from pipeline.shot.motion import as_data
 
 
 def test_a_flow_is_its_class_and_its_parameters() -> None:

@@ -37,7 +37,7 @@ def mesh_keys(motion: Motion) -> dict[int, Key]:
 
 def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
     """Return keys by frame; `meshes` are the keys of its meshes."""
-    from pipeline.shot.data import as_data
+    from pipeline.shot.motion import as_data
 
     motion, pieces = shot.motion, shot.picture.tessellate
     first = thresholds_at(motion, motion.frames.first).hard_angle
