@@ -125,7 +125,7 @@ def test_an_edit_of_a_source_compiles_the_kernels_that_depend_on_it_and_no_other
 CALLS = [
     ("pipeline.flow.kernels.vortices", "pipeline.flow.kernels.program", "pipeline.flow.kernels.streamlines"),
     ("pipeline.resample.kernels.ring", "pipeline.resample.kernels.collapse"),
-    ("render.raster.kernels.projection", "render.raster.kernels.triangles"),
+    ("render.raster.projection", "render.raster.triangles"),
 ]
 """A module, and kernels that call or use it."""
 
@@ -140,7 +140,7 @@ def test_every_kernel_is_filed_by_its_module_and_its_sources(tmp_path, digest):
 WHERE = """
 from pathlib import Path
 from render.base.kernel_cache import cache_folder
-from render.raster.kernels.triangles import draw_triangles
+from render.raster.triangles import draw_triangles
 print(Path(draw_triangles.stats.cache_path).relative_to(cache_folder()))
 """
 

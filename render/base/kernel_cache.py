@@ -34,6 +34,8 @@ _IMPORT = re.compile(
     r"^(?:from (?P<of>[\w.]+) import (?P<names>\([^)]*\)|.+)|import (?P<module>[\w.]+))", re.M
 )
 
+_KERNEL = re.compile(r"^@(kernel|block_kernel|higher_kernel|compiled|exact|fast)\b", re.M)
+
 
 def compiled(**options: Any) -> Callable[[F], F]:
     """Return `numba.njit` with our cache, without the interpreter's lock and its errors of division."""
@@ -64,15 +66,10 @@ class KernelCacheLocator(UserProvidedCacheLocator):  # type: ignore[misc]  # num
         return f"{module}-{source_digest(file)[:16]}"
 
 
-def is_kernel_module(file: Path) -> bool:
-    """Tell whether a file holds kernels: its folder is called `kernels`, or it is called `_kernels…`."""
-    named = file.parent.name == "kernels" and file.name != "__init__.py"
-    return named or file.name.startswith("_kernels")
-
-
 def kernel_modules(package: str) -> list[str]:
-    """Return the dotted names of all modules of a package that hold kernels."""
-    files = sorted(filter(is_kernel_module, (SOURCES / package).rglob("*.py")))
+    """Return the dotted names of all modules of a package that hold kernels, told by their decorators."""
+    sources = sorted((SOURCES / package).rglob("*.py"))
+    files = [file for file in sources if _KERNEL.search(file.read_text(encoding="utf-8"))]
     return [".".join(file.relative_to(SOURCES).with_suffix("").parts) for file in files]
 
 

@@ -9,11 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
-from render.movie.kernels.planes import to_ycbcr
+from render.base.kernel_cache import compiled
 from render.post.colour import dither_pattern
 
 Frame = NDArray[np.uint8] | NDArray[np.uint16]
 """A display frame (H, W, 3), or (H, W, 4) with coverage; uint8 counts 0 … 255, uint16 0 … 65535."""
+
+_RED, _GREEN, _BLUE = np.float32(0.2126), np.float32(0.7152), np.float32(0.0722)
+"""Weights of luma (ITU-R BT.709-6, 3.2)."""
+
+_CB, _CR = np.float32(224 / 1.8556), np.float32(224 / 1.5748)
+"""Steps of 8 bits per difference of blue, and of red, from luma (ITU-R BT.709-6, 3.3 and 3.4)."""
 
 
 def require_frame(frame: NDArray[Any]) -> None:
@@ -59,7 +65,7 @@ def _ycbcr(frame: Frame, bits: int) -> NDArray[Any]:
     top, scale = np.float32(np.iinfo(frame.dtype).max), np.float32(2 ** (bits - 8))
     noise = dither_pattern(height, width) if frame.dtype == np.uint16 else _half(height, width)
     planes = np.empty((channels, height, width), np.uint8 if bits == 8 else np.uint16)
-    to_ycbcr(np.ascontiguousarray(frame), top, scale, noise, planes)
+    _convert_to_ycbcr(np.ascontiguousarray(frame), top, scale, noise, planes)
     if channels == 4:
         planes[3] = np.rint(frame[..., 3].astype(np.float32) / top * np.float32(2**bits - 1))
     return planes
@@ -87,3 +93,30 @@ def _bgra(frame: Frame) -> NDArray[np.uint8]:
         frame = np.floor(frame.astype(np.float32) * np.float32(255 / 65535) + noise).astype(np.uint8)
     opaque = np.full((height, width, 1), 255, dtype=np.uint8)
     return np.concatenate([frame[..., 2::-1], opaque], axis=2)
+
+
+@compiled()
+def _convert_to_ycbcr(
+    frame: NDArray[Any],
+    white: np.float32,
+    scale: np.float32,
+    dither: NDArray[np.float32],
+    planes: NDArray[Any],
+) -> None:
+    """Convert full-range RGB (H, W, 3 or 4) to limited-range Y, Cb, Cr, in planes (3, H, W).
+
+    white   the frame's value of white
+    scale   steps per step of 8 bits
+    dither  (H, W): a value is rounded up where its fraction is 1 - dither or more
+    """
+    black, middle, luma_range = np.float32(16.0), np.float32(128.0), np.float32(219.0)
+    for i in range(frame.shape[0]):
+        for j in range(frame.shape[1]):
+            red = np.float32(frame[i, j, 0]) / white
+            green = np.float32(frame[i, j, 1]) / white
+            blue = np.float32(frame[i, j, 2]) / white
+            luma = red * _RED + green * _GREEN + blue * _BLUE
+            offset = dither[i, j]
+            planes[0, i, j] = np.int32((black + luma_range * luma) * scale + offset)
+            planes[1, i, j] = np.int32((middle + _CB * (blue - luma)) * scale + offset)
+            planes[2, i, j] = np.int32((middle + _CR * (red - luma)) * scale + offset)

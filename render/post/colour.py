@@ -8,6 +8,7 @@ step of 255. Pure, very bright blues and reds, where the view bends sharply, dif
 from __future__ import annotations
 
 import hashlib
+import math
 from contextlib import suppress
 from functools import cache, lru_cache
 from typing import Any
@@ -19,8 +20,10 @@ from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
 from render.base.errors import BadInputError, MachineError
-from render.post.kernels.view import apply_lut, quantise_dithered
+from render.base.kernel_cache import compiled
 from render.post.view import ACES, ColourView
+
+Floats = NDArray[np.float32]
 
 DISPLAYS = ("rec709", "srgb")
 """The displays for movies and for pictures on a page."""
@@ -32,8 +35,8 @@ _WHITE = 2.0**6
 
 
 def to_display(
-    light: NDArray[np.float32], exposure: float = 0.0, display: str = "rec709", view: ColourView = ACES
-) -> NDArray[np.float32]:
+    light: Floats, exposure: float = 0.0, display: str = "rec709", view: ColourView = ACES
+) -> Floats:
     """Convert linear Rec.709 (H, W, 3) to display values 0 … 1; `exposure` in stops.
 
     Raises BadInputError for a display that is not in DISPLAYS, or a view that cannot be computed.
@@ -45,7 +48,7 @@ def to_display(
     return shown.reshape(light.shape)
 
 
-def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
+def quantise(values: Floats, bits: int = 8) -> NDArray[Any]:
     """Round display values 0 … 1 to uint8, or to uint16 where `bits` is 16.
 
     Rounding is dithered by a fixed pattern of half a step, so a slow gradient shows grain instead of bands.
@@ -59,7 +62,7 @@ def quantise(values: NDArray[np.float32], bits: int = 8) -> NDArray[Any]:
 
 
 @lru_cache(maxsize=4)
-def dither_pattern(height: int, width: int) -> NDArray[np.float32]:
+def dither_pattern(height: int, width: int) -> Floats:
     """Return thresholds (H, W), strictly between 0 and 1, evenly spread among neighbours.
 
     Interleaved gradient noise: J. Jimenez, Next Generation Post Processing in Call of Duty: Advanced
@@ -80,14 +83,12 @@ def prepare() -> None:
             quantise(shown, bits)
 
 
-def view_exactly(
-    light: NDArray[np.float32], display: str = "rec709", view: ColourView = ACES
-) -> NDArray[np.float32]:
+def view_exactly(light: Floats, display: str = "rec709", view: ColourView = ACES) -> Floats:
     """Apply a view with OpenColorIO, exactly and slowly. Tables are baked with it and tested against it."""
     return _ocio_display(light, view, view.display(display))
 
 
-def _ocio_display(light: NDArray[np.float32], view: ColourView, display: str) -> NDArray[np.float32]:
+def _ocio_display(light: Floats, view: ColourView, display: str) -> Floats:
     picture = oiio.ImageBuf(np.ascontiguousarray(light, dtype=np.float32))
     shown = oiio.ImageBufAlgo.ociodisplay(
         picture, display, view.view, fromspace=view.space, colorconfig=view.config
@@ -98,7 +99,7 @@ def _ocio_display(light: NDArray[np.float32], view: ColourView, display: str) ->
 
 
 @cache
-def _lut(view: ColourView, display: str) -> NDArray[np.float32]:
+def _lut(view: ColourView, display: str) -> Floats:
     """Return the table (65, 65, 65, 3) of a view, by red, green, blue; from the user's cache, or baked."""
     recipe = f"{oiio.__version__} {sorted(view.recipe.items())} {display} {_SIDE} {_TOE} {_WHITE}"
     name = hashlib.blake2b(recipe.encode(), digest_size=12).hexdigest()
@@ -115,8 +116,52 @@ def _lut(view: ColourView, display: str) -> NDArray[np.float32]:
     return lut
 
 
-def _bake(view: ColourView, display: str) -> NDArray[np.float32]:
+def _bake(view: ColourView, display: str) -> Floats:
     axis = _TOE * (2.0 ** (np.linspace(0.0, 1.0, _SIDE) * np.log2(1.0 + _WHITE / _TOE)) - 1.0)
     red, green, blue = np.meshgrid(axis, axis, axis, indexing="ij")
     colours = np.stack([red, green, blue], axis=-1).reshape(_SIDE * _SIDE, _SIDE, 3)
     return _ocio_display(colours.astype(np.float32), view, display).reshape(_SIDE, _SIDE, _SIDE, 3)
+
+
+@compiled()
+def apply_lut(light: Floats, gain: float, toe: float, white: float, lut: Floats, shown: Floats) -> None:
+    """Look up colours (N, 3), times `gain`, trilinearly in a table (S, S, S, 3); write to `shown` (N, 3).
+
+    The table's axes run over log2(1 + x/toe) from 0 to `white`. Negative values and NaN count as black.
+    """
+    last = lut.shape[0] - 1
+    steps = last / math.log2(1.0 + white / toe)
+    low = np.zeros(3, np.int64)
+    part = np.zeros(3)
+    for i in range(light.shape[0]):
+        for axis in range(3):
+            x = light[i, axis] * gain
+            x = min(x, white) if x > 0.0 else 0.0
+            place = math.log2(1.0 + x / toe) * steps
+            low[axis] = min(int(place), last - 1)
+            part[axis] = place - low[axis]
+        r, g, b = low
+        for channel in range(3):
+            total = 0.0
+            for corner in range(8):
+                dr, dg, db = corner >> 2, corner >> 1 & 1, corner & 1
+                weight = part[0] if dr else 1.0 - part[0]
+                weight *= part[1] if dg else 1.0 - part[1]
+                weight *= part[2] if db else 1.0 - part[2]
+                total += weight * lut[r + dr, g + dg, b + db, channel]
+            shown[i, channel] = min(max(total, 0.0), 1.0)
+
+
+@compiled()
+def quantise_dithered(values: Floats, dither: Floats, top: np.float32, steps: NDArray[np.integer]) -> None:
+    """Round values (H, W, C), 0 … 1, to steps 0 … `top`: up where the fraction is 1 - dither (H, W) or more.
+
+    NaN counts as black.
+    """
+    zero, one = np.float32(0.0), np.float32(1.0)
+    for i in range(values.shape[0]):
+        for j in range(values.shape[1]):
+            for k in range(values.shape[2]):
+                value = values[i, j, k] if values[i, j, k] > zero else zero
+                value = (value if value < one else one) * top + dither[i, j]
+                steps[i, j, k] = np.int32(value if value < top else top)

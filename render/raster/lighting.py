@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.raster.kernels.shading import shade_vertices
-from render.raster.kernels.shadow_map import (
+from render.raster.projection import Array, fast
+from render.raster.shadow_map import (
     BLOCK,
     block_maxima,
     light_coordinates,
@@ -27,12 +28,17 @@ COAT = 0.05
 SHARPNESS = (6.0, 160.0)
 """Least and greatest exponent of highlights: sharper ones would fall between vertices, and be dots."""
 
+_FAINT = 1e-5
+"""Part of a highlight's brightness below which it is left out."""
+
+_HORIZON_SLOPE = 2.0
+"""Sharpness of the transition from ground to sky in reflections."""
+
 SHADOW_REACH = 2.6
 """Half the width of the shadow map, stage units at the subject."""
 
 SUN_DISTANCE = 60.0
 """Distance from which the sun's shadow map is rendered, stage units."""
-
 
 SHADOW_SIDE = 64 * BLOCK
 """Pixels along each side of the shadow map."""
@@ -58,7 +64,7 @@ class Lighting:
     def of(cls, setup: StageSetup, camera: Camera) -> Lighting:
         """Return the lighting of a stage."""
         sky, eye = setup.lights.sky, np.array(camera.origin)
-        without_stage = cls(sky, np.array(sky.horizon), light_rows(setup), eye)
+        without_stage = cls(sky, np.array(sky.horizon), _light_rows(setup), eye)
         if setup.stage.kind == "none":
             return without_stage
         origin, up = (np.array([v], np.float32) for v in (setup.placement.origin, (0.0, 1.0, 0.0)))
@@ -91,14 +97,14 @@ class Lighting:
         return out
 
 
-def light_rows(setup: StageSetup) -> Floats:
+def _light_rows(setup: StageSetup) -> Floats:
     """Return the lights (L, 10), the key light first, as the kernel `shade_vertices` takes them."""
     rows = [_softbox_row(box, setup) for box in setup.lights.softboxes]
     rows += [_sun_row(sun) for sun in setup.lights.suns]
     return np.array(rows).reshape(-1, 10)
 
 
-def key_camera(setup: StageSetup) -> Camera | None:
+def _key_camera(setup: StageSetup) -> Camera | None:
     """Return a camera at the key light, for a square shadow map, or None where there is no light."""
     rig, size = setup.lights, setup.placement.size
     if not (rig.softboxes or rig.suns):
@@ -165,22 +171,18 @@ class ShadowMap:
     @classmethod
     def of(cls, subject: Shape, setup: StageSetup, side: int) -> ShadowMap:
         """Render a shadow map. side: as in the kernel `render_depth`"""
-        camera, lift = key_camera(setup), SHADOW_LIFT * setup.placement.size
+        camera, lift = _key_camera(setup), SHADOW_LIFT * setup.placement.size
         if camera is None:
             return cls(None, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32), lift)
-        projection = ScreenProjection.of(camera, 1.0)
-        layers = np.zeros((2, SHADOW_SIDE, SHADOW_SIDE), np.float32)
+        projection, square = ScreenProjection.of(camera, 1.0), (SHADOW_SIDE, SHADOW_SIDE)
+        layers = np.zeros((2, *square), np.float32)
         blocks = np.empty((SHADOW_SIDE // BLOCK,) * 2, np.float32)
-        render_depth(
-            projection.project(subject.vertices, SHADOW_SIDE, SHADOW_SIDE), subject.faces, side, layers
-        )
+        render_depth(projection.project(subject.vertices, *square), subject.faces, side, layers)
         if side:
             move_halfway(layers)
         if setup.stage.kind == "plinth":
             plinth = plinth_shape(setup.stage, setup.placement)
-            render_depth(
-                projection.project(plinth.vertices, SHADOW_SIDE, SHADOW_SIDE), plinth.faces, 0, layers
-            )
+            render_depth(projection.project(plinth.vertices, *square), plinth.faces, 0, layers)
         block_maxima(layers[0], blocks)
         return cls(projection, layers[0], blocks, lift)
 
@@ -198,3 +200,92 @@ class ShadowMap:
         fraction = np.empty(coordinates.shape[1], np.float32)
         light_visibility(coordinates, self.nearness, self.blocks, fraction)
         return fraction
+
+
+@fast
+def shade_vertices(
+    points: Array,
+    normals: Array,
+    colours: Array,
+    which: Array,
+    side: int,
+    eye: Array,
+    reflection: Array,
+    sky: Array,
+    lights: Array,
+    out: Array,
+) -> None:
+    """Compute the light of vertices with the first of the lights (3) and without it (3), into out (N, 6).
+
+    points      (V, 3), as normals (V, 3), and colours (V, 3) or (1, 3)
+    which       (N,), the vertices to shade
+    side        0 if both sides may be visible: normals then turn to the eye. For a closed surface 1, or -1 if
+                its normals point inwards; a vertex just behind its outline stays outside
+    reflection  (3,): weights of the colour as a body and as a mirror, and of the reflection
+    sky         (4, 3): radiance of the horizon, of the zenith and of the ground; last the exponent of
+    highlights
+    lights      (L, 10): for a softbox its position, the direction it faces, radiance times area, and half its
+                width; for a sun the direction to it, 0, 0, 0, irradiance, and 0
+    """
+    exponent = sky[3, 0]
+    least = _FAINT ** (1.0 / exponent)
+    for row in range(which.shape[0]):
+        v = which[row]
+        ex, ey, ez = eye[0] - points[v, 0], eye[1] - points[v, 1], eye[2] - points[v, 2]
+        scale = _inverse_length(ex * ex + ey * ey + ez * ez)
+        ex, ey, ez = ex * scale, ey * scale, ez * scale
+        nx, ny, nz = float(normals[v, 0]), float(normals[v, 1]), float(normals[v, 2])
+        facing = nx * ex + ny * ey + nz * ez
+        scale = _inverse_length(nx * nx + ny * ny + nz * nz)
+        if side < 0 or (side == 0 and facing < 0.0):
+            scale = -scale
+        nx, ny, nz, facing = nx * scale, ny * scale, nz * scale, max(facing * scale, 0.0)
+        reflected_y = 2.0 * facing * ny - ey
+        sky_weight = min(max(0.5 + _HORIZON_SLOPE * reflected_y, 0.0), 1.0)
+        index = v if len(colours) > 1 else 0
+        for k in range(3):
+            body = reflection[0] * colours[index, k]
+            mirror = reflection[1] * colours[index, k] + reflection[2]
+            ambient = body * (sky[0, k] * (0.6 + 0.4 * ny) + sky[2, k] * (0.5 - 0.5 * ny))
+            mirrored = sky[1, k] * (0.5 + 0.5 * reflected_y) + sky[0, k] * (0.7 - 0.5 * reflected_y)
+            ambient += mirror * (sky_weight * mirrored + (1.0 - sky_weight) * sky[2, k])
+            out[row, k] = out[row, 3 + k] = ambient
+        for i in range(lights.shape[0]):
+            x, y, z, strength, half_width = lights[i, 0], lights[i, 1], lights[i, 2], 1.0, 0.0
+            if lights[i, 9] > 0.0:
+                x, y, z = x - points[v, 0], y - points[v, 1], z - points[v, 2]
+                squared = x * x + y * y + z * z
+                scale = _inverse_length(squared)
+                x, y, z = x * scale, y * scale, z * scale
+                emitter_cosine = -(x * lights[i, 3] + y * lights[i, 4] + z * lights[i, 5])
+                strength, half_width = max(emitter_cosine, 0.0) / squared, lights[i, 9] * scale
+            cosine = nx * x + ny * y + nz * z
+            if cosine < half_width and half_width > 0.0:  # the softbox crosses the horizon of the surface
+                cosine = max(cosine + half_width, 0.0) ** 2 / (4.0 * half_width)
+            strength *= max(cosine, 0.0)
+            if strength == 0.0:
+                continue
+            x, y, z = x + ex, y + ey, z + ez
+            half = (nx * x + ny * y + nz * z) * _inverse_length(x * x + y * y + z * z)
+            highlight = (exponent + 8.0) / (8.0 * math.pi) * half**exponent if half > least else 0.0
+            for k in range(3):
+                body = reflection[0] * colours[index, k]
+                mirror = reflection[1] * colours[index, k] + reflection[2]
+                sent = strength * lights[i, 6 + k] * (body / math.pi + mirror * highlight)
+                out[row, k] += sent
+                if i > 0:
+                    out[row, 3 + k] += sent
+
+
+@fast
+def _inverse_length(squared: float) -> float:
+    """Return one over the length of a vector."""
+    return 1.0 / math.sqrt(max(squared, 1e-300))
+
+
+@fast
+def apply_shadow(light: Array, visibility: Array, out: Array) -> None:
+    """Mix light (N, 6) of `shade_vertices` by the visible fraction (N,) of the key light, into out (N, 3)."""
+    for n in range(visibility.shape[0]):
+        for k in range(3):
+            out[n, k] = light[n, 3 + k] + visibility[n] * (light[n, k] - light[n, 3 + k])

@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 
 from render.base.serialise import Triple
 from render.post.colour import to_display
-from render.raster.kernels.large_triangles import SUPERSAMPLING, LargeTriangles
-from render.raster.kernels.projection import LARGE, SMALL
-from render.raster.kernels.shading import apply_shadow
-from render.raster.kernels.triangles import average, draw_edges, draw_lines, draw_triangles, pack
-from render.raster.lighting import Lighting, ShadowMap
+from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
+from render.raster.lighting import Lighting, ShadowMap, apply_shadow
+from render.raster.projection import LARGE, SMALL
 from render.raster.shapes import Floats, ScreenProjection, Shape, StageSetup, VisibleFaces, stage_shape
+from render.raster.triangles import average, draw_edges, draw_lines, draw_triangles, pack
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.post.view import ACES, ColourView
-from render.raster.kernels.projection import CLOCKWISE, project, sort_faces
+from render.raster.projection import CLOCKWISE, project, sort_faces
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.materials import Diffuse, Material

@@ -20,10 +20,7 @@ PATTERNS = ("layers", "gradient", "rings", "marble", "speckles")
 TEXELS = 2048
 """Colours in the ramp of a pattern."""
 
-_SEEDS = 2**32
-
 Phases = NDArray[np.float64]
-Vectors = NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -83,8 +80,12 @@ class Pigment:
         local = (np.asarray(points, dtype=np.float64) - self.centre) / self.scale
         axis = np.array(self.axis) / math.hypot(*self.axis)
         if self.turbulence:
+            from render.scene.noise import fractal_noise  # numba is slow to import, and few looks need it
+
             local = local + self.turbulence * fractal_noise(local, self.octaves, self.seed)
         if self.pattern == "speckles":
+            from render.scene.noise import nearest_spot
+
             return nearest_spot(local, self.seed)
         along = local @ axis
         if self.pattern == "rings":
@@ -138,40 +139,3 @@ def _smooth(x: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the smoothstep of x: from 0 at 0 to 1 at 1, with slope 0 at both."""
     x = np.clip(x, 0.0, 1.0)
     return np.asarray(x * x * (3.0 - 2.0 * x))
-
-
-def fractal_noise(points: Vectors, octaves: int, seed: int) -> Vectors:
-    """Return displacements (N, 3) at points (N, 3): value noise with three channels.
-
-    Each octave is twice as fine and half as strong. The displacement is about 0.3 root mean square and never
-    above 1. Interpolates the eight values of a lattice cell (quintic fade of Perlin, *Improving noise*,
-    2002).
-    """
-    from render.scene.kernels.noise import add_value_noise  # numba is slow to import, and few looks need it
-
-    total, strength, rotation = np.zeros((len(points), 3)), 0.5, _rotation()
-    lattice = np.ascontiguousarray(points, dtype=np.float64)
-    for octave in range(octaves):
-        add_value_noise(lattice, (0x9E3779B9 * (octave + 1) + seed) % _SEEDS, strength, total)
-        strength *= 0.5
-        lattice = 2.0 * lattice @ rotation + 17.31  # lattices of two octaves never coincide
-    return total
-
-
-def nearest_spot(points: Vectors, seed: int) -> NDArray[np.float64]:
-    """Return the distance (N,) to the nearest spot, over the spot's size.
-
-    Each unit cell has one spot, of size 0.5 to 1 (Worley, *A cellular texture basis function*, 1996).
-    """
-    from render.scene.kernels.noise import find_spots
-
-    nearest = np.empty(len(points))
-    find_spots(np.ascontiguousarray(points, dtype=np.float64), seed % _SEEDS, nearest)
-    return nearest
-
-
-def _rotation() -> Vectors:
-    """Return a rotation (3, 3) by 1 radian about (1, 1, 1), under which no lattice repeats."""
-    axis, angle = np.full(3, 1.0 / math.sqrt(3.0)), 1.0
-    across = np.cross(np.eye(3), axis)
-    return np.asarray(np.eye(3) + math.sin(angle) * across + (1.0 - math.cos(angle)) * across @ across)

@@ -14,7 +14,8 @@ from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
 from render.scene.aovs import RenderedFrame
 from render.scene.materials import LOOKS, AnyMaterial
-from render.scene.patterns import PATTERNS, TEXELS, Pigment, fractal_noise
+from render.scene.noise import fractal_noise
+from render.scene.patterns import PATTERNS, TEXELS, Pigment
 from render.scene.surface import Surface
 
 Rendered = Callable[..., RenderedFrame]

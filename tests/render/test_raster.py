@@ -9,10 +9,10 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from render.raster import Preview, Shape, StageSetup, preview, with_lines
-from render.raster.kernels.large_triangles import LargeTriangles
-from render.raster.kernels.projection import LARGE, SMALL
-from render.raster.kernels.triangles import draw_triangles
+from render.raster.large_triangles import LargeTriangles
+from render.raster.projection import LARGE, SMALL
 from render.raster.shapes import ScreenProjection, VisibleFaces
+from render.raster.triangles import draw_triangles
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

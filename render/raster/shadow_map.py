@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster.kernels.projection import EDGE, Array, box, corner, exact, fast
+from render.raster.projection import EDGE, Array, box, corner, exact, fast
 
 BLOCK = 8
-"""Pixels along a block of the shadow map that is tested coordinates once."""
+"""Pixels along a block of the shadow map that is tested at once."""
 
 _RADIUS = 3
 _COARSE, _FINE = (-3, 0, 3), (-3, -2, 0, 1, 3)
@@ -16,7 +16,7 @@ _COARSE, _FINE = (-3, 0, 3), (-3, -2, 0, 1, 3)
 
 @exact
 def render_depth(screen: Array, faces: Array, side: int, nearness: Array) -> None:
-    """Write one over the depth of the nearest triangle into nearness (2, S, S), which is 0 coordinates first.
+    """Write one over the depth of the nearest triangle into nearness (2, S, S), which is 0 at first.
 
     side  0 if both sides may be visible. For a closed surface 1 or -1, as triangles that face the light run
           counter-clockwise or clockwise: these go into nearness[0], others into nearness[1]
@@ -57,7 +57,7 @@ def render_depth(screen: Array, faces: Array, side: int, nearness: Array) -> Non
 def move_halfway(nearness: Array) -> None:
     """Move the depth of a closed surface halfway to its far side, in the output of `render_depth`.
 
-    Lit points are then clear of their maxima shadow coordinates every angle (Woo 1992).
+    Lit points are then clear of their own shadow at every angle (Woo 1992).
     """
     for i in range(nearness.shape[1]):
         for j in range(nearness.shape[2]):
@@ -87,7 +87,7 @@ def block_maxima(nearness: Array, blocks: Array) -> None:
 def light_coordinates(
     vertices: Array, normals: Array, which: Array, lift: float, origin: Array, axes: Array, out: Array
 ) -> None:
-    """Write the coordinates of some vertices, point by `lift` along their normals, into out (3, N).
+    """Write the coordinates of some vertices, moved by `lift` along their normals, into out (3, N).
 
     which  (N,), their indices; coordinates as of `projection.corner`
     """
@@ -101,7 +101,7 @@ def light_coordinates(
 
 @fast
 def light_visibility(coordinates: Array, nearness: Array, blocks: Array, fraction: Array) -> None:
-    """Write the visible fraction of the key light, 0 to 1, coordinates coordinates (3, N) into fraction (N,).
+    """Write the visible fraction of the key light, 0 to 1, at coordinates (3, N) into fraction (N,).
 
     nearness  (S, S), one over the depth that the light reaches; empty if there is no key light
     blocks    (S / BLOCK, S / BLOCK), as `block_maxima` computes them
@@ -112,10 +112,8 @@ def light_visibility(coordinates: Array, nearness: Array, blocks: Array, fractio
         if side == 0 or coordinates[2, n] <= 0.0:
             continue
         value = 1.0 / coordinates[2, n]
-        row, column = (
-            int((1.0 - coordinates[1, n] * value) / 2.0 * side),
-            int((coordinates[0, n] * value + 1.0) / 2.0 * side),
-        )
+        row = int((1.0 - coordinates[1, n] * value) / 2.0 * side)
+        column = int((coordinates[0, n] * value + 1.0) / 2.0 * side)
         if not (_RADIUS <= row < side - _RADIUS and _RADIUS <= column < side - _RADIUS):
             continue
         if blocks[row // BLOCK, column // BLOCK] <= value:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from render.raster.kernels.large_triangles import SUPERSAMPLING, WHITE, LargeTriangles, draw_large_triangle
-from render.raster.kernels.projection import EDGE, LARGE_SIZE, Array, box, exact, fast
+from render.raster.large_triangles import SUPERSAMPLING, WHITE, LargeTriangles, draw_large_triangle
+from render.raster.projection import EDGE, LARGE_SIZE, Array, box, exact, fast
 
 
 @exact
@@ -50,11 +50,8 @@ def draw_triangles(
         ux, uy = (by - cy) * scale, (cx - bx) * scale
         vx, vy = (cy - ay) * scale, (ax - cx) * scale
         depth_u, depth_v = depth_a - depth_c, depth_b - depth_c
-        red, green, blue = (
-            WHITE * colours[c, 0] + 0.5,
-            WHITE * colours[c, 1] + 0.5,
-            WHITE * colours[c, 2] + 0.5,
-        )
+        red, green = WHITE * colours[c, 0] + 0.5, WHITE * colours[c, 1] + 0.5
+        blue = WHITE * colours[c, 2] + 0.5
         red_u, red_v = WHITE * (colours[a, 0] - colours[c, 0]), WHITE * (colours[b, 0] - colours[c, 0])
         green_u, green_v = WHITE * (colours[a, 1] - colours[c, 1]), WHITE * (colours[b, 1] - colours[c, 1])
         blue_u, blue_v = WHITE * (colours[a, 2] - colours[c, 2]), WHITE * (colours[b, 2] - colours[c, 2])

@@ -1,4 +1,4 @@
-"""Kernels: draw triangles that cover count pixels or cross the camera plane, with shadows per pixel.
+"""Kernels: draw triangles that cover many pixels or cross the camera plane, with shadows per pixel.
 
 In homogeneous coordinates (Olano and Greer 1997) nothing needs to be clipped: barycentric coordinates over
 the depth are linear across the picture, and so are values of vertices over the depth.
@@ -12,8 +12,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from render.raster.kernels.projection import Array, corner, exact, fast
-from render.raster.kernels.shadow_map import light_visibility
+from render.raster.projection import Array, corner, exact, fast
+from render.raster.shadow_map import light_visibility
 
 SUPERSAMPLING = 2
 """Subsamples along each side of a pixel, against jagged edges."""
@@ -29,10 +29,8 @@ _TOLERANCE = 1e-9
 
 def _middles() -> Array:
     """Return the mean row and column (16, 2) of each set of subsamples, from the middle of the pixel."""
-    bits = (
-        np.arange(2 ** (SUPERSAMPLING * SUPERSAMPLING))[:, None] >> np.arange(SUPERSAMPLING * SUPERSAMPLING)
-        & 1
-    )
+    subsamples = SUPERSAMPLING * SUPERSAMPLING
+    bits = np.arange(2**subsamples)[:, None] >> np.arange(subsamples) & 1
     inside = (np.arange(SUPERSAMPLING) + 0.5) / SUPERSAMPLING - 0.5
     places = np.stack([inside.repeat(SUPERSAMPLING), np.tile(inside, SUPERSAMPLING)], axis=1)
     return np.asarray(bits @ places / np.maximum(bits.sum(axis=1, keepdims=True), 1), dtype=np.float32)
@@ -97,7 +95,7 @@ def draw_large_triangle(
 def _cover(
     planes: Array, left: float, right: float, top: int, bottom: int, nearness: Array, hits: Array
 ) -> int:
-    """Write the depth of a triangle where it is the nearest, and return in how count pixels.
+    """Write the depth of a triangle where it is the nearest, and return in how many pixels.
 
     hits  (4, N), output: their rows and columns, and a bit for each of their subsamples
     """
@@ -122,10 +120,8 @@ def _cover(
             inner = u >= reach[0] and v >= reach[1] and w >= reach[2]
             bits = 0
             for s in range(SUPERSAMPLING * SUPERSAMPLING):
-                y, x = (
-                    (s // SUPERSAMPLING + 0.5) / SUPERSAMPLING - 0.5,
-                    (s % SUPERSAMPLING + 0.5) / SUPERSAMPLING - 0.5,
-                )
+                y = (s // SUPERSAMPLING + 0.5) / SUPERSAMPLING - 0.5
+                x = (s % SUPERSAMPLING + 0.5) / SUPERSAMPLING - 0.5
                 value = u + v + w + row_slope * y + column_slope * x
                 row, column = SUPERSAMPLING * i + s // SUPERSAMPLING, SUPERSAMPLING * j + s % SUPERSAMPLING
                 if value > nearness[row, column] and (
@@ -191,14 +187,7 @@ def _write(hits: Array, at_hits: Array, count: int, face_id: int, colour: Array,
 
 @exact
 def _planes(
-    corners: Array,
-    values: Array,
-    a: int,
-    b: int,
-    c: int,
-    rows: int,
-    columns: int,
-    planes: Array,
+    corners: Array, values: Array, a: int, b: int, c: int, rows: int, columns: int, planes: Array
 ) -> bool:
     """Compute barycentric coordinates and values over the depth as linear functions of row and column.
 

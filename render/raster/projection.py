@@ -1,4 +1,4 @@
-"""Kernels: project vertices to the screen, and sort faces by their side. Decorators of all kernels here."""
+"""Kernels: project vertices to the screen, and sort faces by their side. Decorators of all kernels."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ def project(
     """Project vertices (V, 3) into a picture of so many rows and columns.
 
     axes    (3, 3): right and up, over half of the view at depth 1, and forward
-    screen  (V, 3), output: column and row, is_whole numbers at the middle of subsamples, and one over the
+    screen  (V, 3), output: column and row, whole numbers at the middle of subsamples, and one over the
             depth, 0 nearer than `near`
     """
     for v in range(vertices.shape[0]):
@@ -86,9 +86,8 @@ def sort_faces(
             continue
         ax, ay, bx, by = screen[a, 0], screen[a, 1], screen[b, 0], screen[b, 1]
         cx, cy = screen[c, 0], screen[c, 1]
-        area = (by - ay) * (cx - ax) - (bx - ax) * (
-            cy - ay
-        )  # above 0 if counter-clockwise, since rows go down
+        # above 0 if counter-clockwise, since rows go down
+        area = (by - ay) * (cx - ax) - (bx - ax) * (cy - ay)
         volume += area * (screen[a, 2] + screen[b, 2] + screen[c, 2])
         left, right, top, bottom = box(ax, ay, bx, by, cx, cy, rows, columns)
         if left > right or top > bottom or area == 0.0:
@@ -118,11 +117,11 @@ def box(
 
 
 @exact
-def _ends(a: float, b: float, c: float, many: int) -> tuple[int, int]:
-    """Return the range of three numbers, clipped to 0 … many - 1. `min` and `max` would also check for
+def _ends(a: float, b: float, c: float, count: int) -> tuple[int, int]:
+    """Return the range of three numbers, clipped to 0 … count - 1. `min` and `max` would also check for
     NaN.
     """
     low, high = (a, b) if a < b else (b, a)
     low, high = c if c < low else low, c if c > high else high
     begin, end = int(np.ceil(low)), int(np.floor(high))
-    return begin if begin > 0 else 0, end if end < many else many - 1
+    return begin if begin > 0 else 0, end if end < count else count - 1

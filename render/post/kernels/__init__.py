@@ -1,1 +1,0 @@
-"""Functions compiled by numba."""

@@ -1,0 +1,110 @@
+"""Noise for patterns, by kernels: NumPy would need some four hundred passes over the points per octave."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.base.kernel_cache import compiled
+
+Vectors = NDArray[np.float64]
+
+_SEEDS = 2**32
+
+_WORD = np.uint64(0xFFFFFFFF)
+
+
+def fractal_noise(points: Vectors, octaves: int, seed: int) -> Vectors:
+    """Return displacements (N, 3) at points (N, 3): value noise with three channels.
+
+    Each octave is twice as fine and half as strong. The displacement is about 0.3 root mean square and never
+    above 1. Interpolates the eight values of a lattice cell (quintic fade of Perlin, *Improving noise*,
+    2002).
+    """
+    total, strength, rotation = np.zeros((len(points), 3)), 0.5, _rotation()
+    lattice = np.ascontiguousarray(points, dtype=np.float64)
+    for octave in range(octaves):
+        _add_value_noise(lattice, (0x9E3779B9 * (octave + 1) + seed) % _SEEDS, strength, total)
+        strength *= 0.5
+        lattice = 2.0 * lattice @ rotation + 17.31  # lattices of two octaves never coincide
+    return total
+
+
+def nearest_spot(points: Vectors, seed: int) -> NDArray[np.float64]:
+    """Return the distance (N,) to the nearest spot, over the spot's size.
+
+    Each unit cell has one spot, of size 0.5 to 1 (Worley, *A cellular texture basis function*, 1996).
+    """
+    nearest = np.empty(len(points))
+    _find_spots(np.ascontiguousarray(points, dtype=np.float64), seed % _SEEDS, nearest)
+    return nearest
+
+
+def _rotation() -> Vectors:
+    """Return a rotation (3, 3) by 1 radian about (1, 1, 1), under which no lattice repeats."""
+    axis, angle = np.full(3, 1.0 / math.sqrt(3.0)), 1.0
+    across = np.cross(np.eye(3), axis)
+    return np.asarray(np.eye(3) + math.sin(angle) * across + (1.0 - math.cos(angle)) * across @ across)
+
+
+@compiled()
+def _hash_word(word: np.uint64) -> np.uint64:
+    """Return the finaliser of MurmurHash3 (Appleby, public domain) of 32 bits."""
+    word = (word ^ (word >> np.uint64(16))) * np.uint64(0x85EBCA6B) & _WORD
+    word = (word ^ (word >> np.uint64(13))) * np.uint64(0xC2B2AE35) & _WORD
+    return word ^ (word >> np.uint64(16))
+
+
+@compiled()
+def _cell_numbers(x: int, y: int, z: int, seed: int, numbers: Vectors) -> None:
+    """Write numbers from 0 to 1 into `numbers`, decided by the lattice cell and the seed."""
+    a = np.uint64(x) * np.uint64(0x8DA6B343)
+    b = np.uint64(y) * np.uint64(0xD8163841)
+    c = np.uint64(z) * np.uint64(0xCB1AB31F)
+    word = _hash_word(((a ^ b ^ c) + np.uint64(seed)) & _WORD)
+    for channel in range(len(numbers)):
+        word = _hash_word((word + np.uint64(0x9E3779B9)) & _WORD)
+        numbers[channel] = word / 4294967296.0
+
+
+@compiled()
+def _add_value_noise(points: Vectors, seed: int, strength: float, total: Vectors) -> None:
+    """Add noise of three channels at points (N, 3), between −strength and strength, to `total` (N, 3).
+
+    Interpolates the eight values of the lattice cell, with a quintic fade.
+    """
+    cell, fade, numbers = np.zeros(3, np.int64), np.zeros(3), np.zeros(3)
+    for i in range(len(points)):
+        for axis in range(3):
+            low = math.floor(points[i, axis])
+            t = points[i, axis] - low
+            cell[axis] = int(low)
+            fade[axis] = t * t * t * (t * (t * 6.0 - 15.0) + 10.0)
+        for corner in range(8):
+            dx, dy, dz = corner >> 2, corner >> 1 & 1, corner & 1
+            weight = fade[0] if dx else 1.0 - fade[0]
+            weight *= fade[1] if dy else 1.0 - fade[1]
+            weight *= fade[2] if dz else 1.0 - fade[2]
+            _cell_numbers(cell[0] + dx, cell[1] + dy, cell[2] + dz, seed, numbers)
+            for channel in range(3):
+                total[i, channel] += strength * weight * (2.0 * numbers[channel] - 1.0)
+
+
+@compiled()
+def _find_spots(points: Vectors, seed: int, nearest: Vectors) -> None:
+    """Write the distance from points (N, 3) to the nearest spot, over its size, into `nearest` (N,)."""
+    numbers = np.zeros(4)
+    for i in range(len(points)):
+        x, y, z = points[i]
+        low = math.floor(x), math.floor(y), math.floor(z)
+        best = math.inf
+        for neighbour in range(27):
+            cx, cy = low[0] + neighbour // 9 - 1, low[1] + neighbour // 3 % 3 - 1
+            cz = low[2] + neighbour % 3 - 1
+            _cell_numbers(cx, cy, cz, seed, numbers)
+            dx, dy, dz = x - cx - numbers[0], y - cy - numbers[1], z - cz - numbers[2]
+            distance = math.sqrt(dx * dx + dy * dy + dz * dz)
+            best = min(best, distance / (0.5 + 0.5 * numbers[3]))
+        nearest[i] = best
