@@ -17,8 +17,8 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.mesh.solids import icosphere
-from render.frame.motion_samples import ShutterInterval
 from render.frame.render_frame import render_frame
+from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import choose
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera

@@ -14,13 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from render.frame.checkpoint import Checkpoint
-from render.frame.motion_samples import ShutterInterval, motion_sample_count
-from render.frame.sample_batches import SampleBatches
-from render.frame.vertex_aovs import stage_motion, vertex_attributes
+from render.frame.accumulator import Checkpoint
+from render.frame.sample_batches import SampleBatches, ShutterInterval, motion_sample_count
 from render.mitsuba.engine import Engine
 from render.mitsuba.scene import build_scene
-from render.scene.aovs import Pixels, RenderedFrame
+from render.scene.aovs import Pixels, RenderedFrame, stage_motion, vertex_attributes
 from render.scene.quality import Quality
 from render.scene.scene import MotionSample, Scene
 from render.scene.surface import Surface

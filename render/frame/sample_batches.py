@@ -1,4 +1,6 @@
-"""The sample batches of a frame: their order, and rendering them into an accumulator."""
+"""The sample batches of a frame: the motion samples they belong to, their sizes and order, and rendering them
+into an accumulator.
+"""
 
 from __future__ import annotations
 
@@ -6,24 +8,36 @@ import hashlib
 import math
 from collections.abc import Callable, Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
-from itertools import accumulate
+from itertools import accumulate, pairwise
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from render.frame.accumulator import Accumulator, Picture
-from render.frame.checkpoint import Checkpoint
-from render.frame.motion_samples import batch_sizes, combined_batches, interleaved_batch_sizes
-from render.frame.vertex_aovs import Attributes, render_attributes
+from render.frame.accumulator import Accumulator, Checkpoint, Picture
 from render.mitsuba.scene import VERTEX_AOV, FrameScenes, SceneRenderer
-from render.scene.quality import Quality
+from render.scene.aovs import Attributes
+from render.scene.quality import BATCH_SAMPLES, Quality
+from render.scene.scene import MotionSample
 
 _MOMENT_CHANNELS = [0, 1, 2, 4, 7]
 """Channels of Mitsuba's moments that are radiance, luminance and its square."""
 
 _SEED_WORDS = {"auxiliary": "guides", "beauty": "beauty"}
 """Words that seeds are made from. They never change, or all noise would."""
+
+MAX_STEP = 1.0
+"""Pixels that a point of the subject may move between two motion samples."""
+
+MAX_MOTION_SAMPLES = 16
+
+MIN_SAMPLES = 4
+"""Least samples per pixel of a motion sample, where the frame has at least twice as many. Multijitter spreads
+the samples of a batch evenly, which several emitters need: batches of one or two have three times the
+noise."""
+
+EVEN_COUNTS = (1, 2, 3, 4, 6, 8, 9, 12, 15, 16)
+"""Samples per batch that Mitsuba's multijitter takes exactly; it rounds others up to a rectangle."""
 
 
 def seed_of(*parts: str | int) -> int:
@@ -32,15 +46,43 @@ def seed_of(*parts: str | int) -> int:
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "little")
 
 
+@dataclass(frozen=True, eq=False)
+class ShutterInterval:
+    """The time while the shutter is open.
+
+    opens, closes  frames from the frame's own time; opens < closes
+    at             returns the motion sample at such an offset; always with the same points
+    """
+
+    opens: float
+    closes: float
+    at: Callable[[float], MotionSample]
+
+    def offsets(self, count: int) -> list[float]:
+        """Return the middles of `count` equal parts of the time."""
+        return [self.opens + (i + 0.5) / count * (self.closes - self.opens) for i in range(count)]
+
+    def longest_motion(self, size: tuple[int, int]) -> float:
+        """Return the pixels that the fastest point moves, at the speed of its faster half."""
+        opens, closes = self.opens, self.closes
+        points = [self.at(offset).pixels(size) for offset in (opens, 0.5 * (opens + closes), closes)]
+        reach = 0.55 * np.array(size)  # a little more than the picture
+        seen = [(np.abs(point[:, :2]) < reach).all(axis=1) & (point[:, 2] > 0.0) for point in points]
+        steps = [np.linalg.norm(b[:, :2] - a[:, :2], axis=1) for a, b in pairwise(points)]
+        in_picture = seen[0] | seen[1] | seen[2]
+        in_front = np.all([point[:, 2] > 0.0 for point in points], axis=0)
+        return 2.0 * float(np.max(np.where(in_picture & in_front, np.maximum(*steps), 0.0), initial=0.0))
+
+
 @dataclass(frozen=True)
 class SampleBatch:
     """A few samples per pixel of one motion sample.
 
-    motion_sample  its index
-    kind           "auxiliary" or "beauty"
-    samples        samples per pixel
+    motion_sample    its index
+    kind             "auxiliary" or "beauty"
+    samples          samples per pixel
     has_vertex_aovs  True if vertex AOVs are rendered with the same samples
-    first          samples per pixel of the beauty in all batches before
+    first            samples per pixel of the beauty in all batches before
     """
 
     motion_sample: int
@@ -91,7 +133,7 @@ class SampleBatches:
             self._render_beauty(batch, scenes.beauty, seed)
         else:
             self.accumulator.add("auxiliary", scenes.auxiliary.render(batch.samples, seed))
-            if batch.has_vertex_aovs and scenes.vertex_aov is not None:
+            if batch.has_vertex_aovs and scenes.vertex_aov is not None and attributes:
                 self._render_attributes(scenes.vertex_aov, attributes, batch.samples, seed)
         self._done += 1
         if self._checkpoint is not None:
@@ -116,14 +158,20 @@ class SampleBatches:
     def _render_attributes(
         self, renderer: SceneRenderer, attributes: Attributes, samples: int, seed: int
     ) -> None:
-        """Render vertex AOVs with the samples of the auxiliary AOVs, so that coverage is the same."""
+        """Render means (H, W, 3) of attributes (V, 3) over the pixels, 0 where the subject is not.
+
+        Mitsuba has an AOV for albedo, but none for attributes. A scene with the attribute as its subject's
+        colour is rendered with the samples of the auxiliary AOVs, so that coverage is the same. Minus the
+        scene with the attribute 0, it shows the attribute alone.
+        """
 
         def render(values: NDArray[np.float32]) -> Picture:
             renderer.set_attribute("subject", VERTEX_AOV, values)
             return renderer.render(samples, seed)[..., :3]
 
-        for name, picture in render_attributes(attributes, render).items():
-            self.accumulator.add(name, picture)
+        others = render(np.zeros_like(next(iter(attributes.values()))))
+        for name, values in attributes.items():
+            self.accumulator.add(name, render(values) - others)
 
 
 def batch_schedule(quality: Quality, motion_samples: int) -> list[SampleBatch]:
@@ -159,3 +207,53 @@ def _multijitter_count(samples: int) -> int:
     """Return how many samples multijitter takes when asked for so many."""
     rows = math.isqrt(samples)
     return rows * -(-samples // rows)
+
+
+def motion_sample_count(motion: float, samples: int) -> int:
+    """Return how many motion samples a frame takes.
+
+    motion   pixels that its fastest point moves
+    samples  samples per pixel
+
+    The fewest that keep steps within MAX_STEP, of the counts that divide the samples equally into batches
+    that are not tiny; the largest such count where none is enough.
+    """
+    least = MIN_SAMPLES if samples >= 2 * MIN_SAMPLES else 1
+    divisors = [n for n in range(1, min(MAX_MOTION_SAMPLES, samples // least) + 1) if samples % n == 0]
+    possible = [n for n in divisors if n == 1 or _even_divisor(samples // n) >= least]
+    return next((n for n in possible if n * MAX_STEP >= motion), possible[-1])
+
+
+def batch_sizes(samples: int, motion_samples: int) -> list[int]:
+    """Return the sizes of the batches of one motion sample: equal, and `samples` in total if possible.
+
+    Samples that do not divide are rounded up.
+    """
+    share = -(-samples // motion_samples)
+    if motion_samples == 1:
+        size = min(share, BATCH_SAMPLES)
+        return [size] * (share // size)
+    size = _even_divisor(share)
+    return [size] * (share // size)
+
+
+def interleaved_batch_sizes(samples: int, motion_samples: int) -> list[int]:
+    """Return the sizes of the batches of one motion sample for adaptive sampling.
+
+    Batches of all motion samples take turns. Those of one round have about BATCH_SAMPLES together, so that a
+    frame may stop between rounds.
+    """
+    size = batch_sizes(samples, motion_samples)[0]
+    least = max(MIN_SAMPLES, -(-BATCH_SAMPLES // motion_samples))
+    size = min((n for n in EVEN_COUNTS if size % n == 0 and n >= least), default=size)
+    return [size] * (-(-samples // motion_samples) // size)
+
+
+def combined_batches(batches: int, samples: int) -> int:
+    """Return how many batches of so many samples make one of about BATCH_SAMPLES, with none left over."""
+    most = max(1, BATCH_SAMPLES // samples)
+    return max(n for n in range(1, most + 1) if batches % n == 0)
+
+
+def _even_divisor(samples: int) -> int:
+    return max(n for n in EVEN_COUNTS if samples % n == 0)

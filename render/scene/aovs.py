@@ -1,15 +1,20 @@
-"""AOVs: the table of them, and a rendered frame, which holds them as arrays."""
+"""AOVs: the table of them, a rendered frame, which holds them as arrays, and the values of vertex AOVs."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.errors import BadInputError
+from render.scene.scene import MotionSample
+
 Pixels = NDArray[np.float32]
+Attributes = Mapping[str, NDArray[np.float32]]
+"""Values of a subject's points by name, (N, 3) each."""
 
 
 @dataclass(frozen=True)
@@ -90,3 +95,47 @@ class RenderedFrame:
         """Width and height in pixels."""
         height, width = next(iter(self.arrays.values())).shape[:2]
         return width, height
+
+
+def vertex_attributes(
+    sample: MotionSample, following: MotionSample | None, aovs: Collection[str], size: tuple[int, int]
+) -> dict[str, NDArray[np.float32]]:
+    """Return the values (N, 3) of a sample's points that `aovs` show, by name.
+
+    `motion` is computed, with 0 as its third channel; `rest` are the rest positions; others are attributes.
+
+    following  the same points and camera at the next frame; for motion
+    size       width and height in pixels
+
+    Raises BadInputError where something is missing.
+    """
+    values: dict[str, NDArray[np.float32]] = {}
+    for name in [name for name in aovs if name in VERTEX_AOVS]:
+        if name == "motion" and following is not None:
+            motion = _motion(sample.pixels(size), following.pixels(size))
+            values[name] = np.pad(motion, ((0, 0), (0, 1))).astype(np.float32)
+            continue
+        given = sample.subject.rest if name == "rest" else sample.subject.attributes.get(name)
+        if name == "motion" or given is None:
+            raise BadInputError(f"AOV {name!r} needs {NEEDED_BY_AOV[name]}, which the surface was not given")
+        values[name] = given
+    return values
+
+
+def stage_motion(
+    position: NDArray[np.float64], sample: MotionSample, following: MotionSample, size: tuple[int, int]
+) -> NDArray[np.float64]:
+    """Return the pixels (H, W, 2) that points of the stage, at positions (H, W, 3), move in the picture.
+
+    The stage moves with the subject's placement, and the camera as in `following`.
+    """
+    points = position.reshape(-1, 3)
+    moved = sample.placement.moved(points, following.placement)
+    motion = _motion(sample.pixels(size, points), following.pixels(size, moved))
+    return motion.reshape(*position.shape[:2], 2)
+
+
+def _motion(before: NDArray[np.float64], after: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the motion (N, 2) of projected points (N, 3), 0 for those behind the camera."""
+    in_front = (before[:, 2] > 0.0) & (after[:, 2] > 0.0)
+    return np.where(in_front[:, None], after[:, :2] - before[:, :2], 0.0)

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.frame.accumulator import noise_of
-from render.frame.motion_samples import ShutterInterval
+from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import Engine
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera

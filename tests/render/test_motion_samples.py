@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from render.frame.motion_samples import (
+from render.frame.sample_batches import (
     MAX_MOTION_SAMPLES,
     MAX_STEP,
     MIN_SAMPLES,

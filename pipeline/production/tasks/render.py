@@ -22,9 +22,9 @@ from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.memory_guard import MemoryGuard
 from pipeline.production.tasks.signals import StopRequest, deferred_signals
 from render.base.atomic_write import disk_errors
-from render.frame.checkpoint import Checkpoint
-from render.frame.motion_samples import ShutterInterval
+from render.frame.accumulator import Checkpoint
 from render.frame.render_frame import render_frame
+from render.frame.sample_batches import ShutterInterval
 from render.mitsuba.engine import Engine, choose
 from render.post.image import write_exr
 from render.scene.aovs import RenderedFrame
