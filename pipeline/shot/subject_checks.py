@@ -12,7 +12,6 @@ from pipeline.errors import MeshError, MissingInputError, UsageError, suggestion
 from pipeline.mesh.control_net import LEAST, Lattice
 from pipeline.mesh.points import read_net, read_points
 from pipeline.shot.documents.fields import LARGEST, is_number
-from pipeline.shot.documents.subject import net_form
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from pipeline.shot.subject import SOLIDS, Measure, Solid
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
@@ -30,6 +29,8 @@ _SETTINGS = {
     },
 }
 """Settings of a cloud or net by what it is made from."""
+
+_MADE_FROM: Mapping[type, str] = {str: "a file", list: "rows", dict: "a solid"}
 
 
 def files(source: YamlSource) -> Iterator[Problem]:
@@ -91,8 +92,9 @@ def points(source: YamlSource) -> Iterator[Problem]:
     """Check the settings and the points of a cloud or net."""
     for kind in _SETTINGS:
         written = source.get("subject", kind)
-        if isinstance(written, str | list | dict) and net_form(written) in _SETTINGS[kind]:
-            yield from _foreign_settings(source, kind, net_form(written))
+        made_from = _MADE_FROM.get(type(written), "")
+        if made_from in _SETTINGS[kind]:
+            yield from _foreign_settings(source, kind, made_from)
             yield from _bad_points(source, kind, written)
 
 

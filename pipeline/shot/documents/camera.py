@@ -3,7 +3,7 @@
 import math
 from typing import Annotated, Any
 
-from pydantic import Discriminator, Field, Tag, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_validator
 
 from pipeline.flow.parameters import Number, VectorParameter, vector_at
 from pipeline.shot.camera import FULL_FRAME, CameraPath
@@ -11,6 +11,7 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,
     ANYWHERE,
+    CURVE,
     Bounds,
     KeyDocument,
     Keyed,
@@ -19,12 +20,21 @@ from pipeline.shot.documents.curves import (
     OverTimeTriple,
     PlaceField,
     PositiveField,
-    form,
+    curve_form,
     number,
     place,
     within,
 )
-from pipeline.shot.documents.fields import DEGREE, Document, Positive, Triple, ZeroToOne, one_of, optional
+from pipeline.shot.documents.fields import (
+    DEGREE,
+    ByForm,
+    Document,
+    Positive,
+    Triple,
+    ZeroToOne,
+    one_of,
+    optional,
+)
 from pipeline.shot.yaml.parse_context import finding
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
@@ -32,51 +42,42 @@ SAFE_AREAS = {"action": 0.035, "title": 0.05}
 
 FieldOfView = Annotated[Positive, Field(lt=180)]
 FieldOfViewField = Annotated[
-    Annotated[FieldOfView, Tag("plain")]
-    | Annotated[FieldOfView, Tag("list")]
-    | Annotated[Keyed[FieldOfView], Tag("keyed")]
-    | Annotated[OverTime, Tag("formula")],
-    Discriminator(form),
+    FieldOfView | Keyed[FieldOfView] | OverTime,
+    CURVE,
     within(Bounds(math.ulp(0.0), math.nextafter(180.0, 0.0), "above 0 and below 180")),
 ]
 
 SafeArea = Annotated[str, one_of(SAFE_AREAS, "safe area")]
 Margin = Annotated[float, Field(ge=0, lt=0.5)]
 MarginField = Annotated[
-    Annotated[Margin, Tag("plain")]
-    | Annotated[Margin, Tag("list")]
-    | Annotated[Keyed[Margin], Tag("keyed")]
-    | Annotated[OverTime, Tag("formula")]
-    | Annotated[SafeArea, Tag("named")],
-    Discriminator(lambda value: "named" if isinstance(value, str) else form(value)),
+    Margin | Keyed[Margin] | OverTime | SafeArea,
+    ByForm(lambda value: 3 if isinstance(value, str) else curve_form(value)),
     within(Bounds(0.0, math.nextafter(0.5, 0.0), "at 0 or above and below 0.5")),
 ]
 
 
-def _focus_form(value: Any) -> str:
-    """Return the tag of a focus: `subject`, or a distance or a place, constant or over time."""
+def _focus_form(value: Any) -> int:
+    """Return which member of `FocusField` a focus is: a distance, a place or `subject`."""
     if isinstance(value, str):
-        return "named"
-    kind = form(value)
-    if kind == "keyed":
-        keys = value.get("keys") if isinstance(value, dict) else None
-        first = next(iter(keys.values()), None) if isinstance(keys, dict) else None
-        first = first.get("value") if isinstance(first, dict) else first
-        return "keyed places" if isinstance(first, list) else "keyed"
-    if kind == "formula":
-        return "formulas" if isinstance(value["formula"], list) else "formula"
-    return kind
+        return 6
+    kind = curve_form(value)
+    if kind == 1 and isinstance(value.get("keys"), dict):
+        first = next(iter(value["keys"].values()), None)
+        value = first.get("value") if isinstance(first, dict) else first
+    elif kind == 2:
+        value = value["formula"]
+    return 2 * kind + isinstance(value, list)
 
 
 FocusField = Annotated[
-    Annotated[Positive, Tag("plain")]
-    | Annotated[Triple, Tag("list")]
-    | Annotated[Keyed[Positive], within(ABOVE_0), Tag("keyed")]
-    | Annotated[Keyed[Triple], within(ANYWHERE), Tag("keyed places")]
-    | Annotated[OverTime, within(ABOVE_0), Tag("formula")]
-    | Annotated[OverTimeTriple, within(ANYWHERE), Tag("formulas")]
-    | Annotated[str, one_of(("subject",), "thing to focus on"), Tag("named")],
-    Discriminator(_focus_form),
+    Positive
+    | Triple
+    | Annotated[Keyed[Positive], within(ABOVE_0)]
+    | Annotated[Keyed[Triple], within(ANYWHERE)]
+    | Annotated[OverTime, within(ABOVE_0)]
+    | Annotated[OverTimeTriple, within(ANYWHERE)]
+    | Annotated[str, one_of(("subject",), "thing to focus on")],
+    ByForm(_focus_form),
 ]
 
 

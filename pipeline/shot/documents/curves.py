@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
-from pydantic import AfterValidator, Discriminator, Field, Tag, ValidationInfo
+from pydantic import AfterValidator, Field, ValidationInfo
 
 from pipeline.errors import UsageError
 from pipeline.flow.easing import BEZIER, EASINGS, Handle
@@ -13,7 +13,9 @@ from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
 from pipeline.formula import TIME
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (
+    MAPPING_IS_SECOND,
     NUMBER_OR_TEXT,
+    ByForm,
     Document,
     Positive,
     Real,
@@ -56,10 +58,7 @@ class KeyDocument(Document, Generic[T]):
     right: BezierHandle = optional("handle of a bezier segment: [time, value] from the key")
 
 
-KeyValue = Annotated[
-    Annotated[T, Tag("plain")] | Annotated[T, Tag("list")] | Annotated[KeyDocument[T], Tag("keyed")],
-    Discriminator(lambda value: "keyed" if isinstance(value, dict) else "plain"),
-]
+KeyValue = Annotated[T | KeyDocument[T], MAPPING_IS_SECOND]
 
 
 class Keyed(Document, Generic[T]):
@@ -151,54 +150,18 @@ def _curve_fault(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, bo
 NotNegative = Annotated[Real, Field(ge=0)]
 
 
-def form(value: Any) -> str:
-    """Return the tag of a constant, a list, keys or a formula, for unions of them."""
-    if isinstance(value, dict):
-        return "formula" if "formula" in value else "keyed"
-    return "list" if isinstance(value, list) else "plain"
+def curve_form(value: Any) -> int:
+    """Return which member of a union a value is: 0 a constant, 1 keys, 2 a formula."""
+    return 0 if not isinstance(value, dict) else 2 if "formula" in value else 1
 
 
-# A constant, keys or a formula. Spelt out for each kind: a generic alias would lose the kind within Keyed.
-NumberField = Annotated[
-    Annotated[Real, Tag("plain")]
-    | Annotated[Real, Tag("list")]
-    | Annotated[Keyed[Real], Tag("keyed")]
-    | Annotated[OverTime, Tag("formula")],
-    Discriminator(form),
-    within(ANYWHERE),
-]
-PositiveField = Annotated[
-    Annotated[Positive, Tag("plain")]
-    | Annotated[Positive, Tag("list")]
-    | Annotated[Keyed[Positive], Tag("keyed")]
-    | Annotated[OverTime, Tag("formula")],
-    Discriminator(form),
-    within(ABOVE_0),
-]
-NotNegativeField = Annotated[
-    Annotated[NotNegative, Tag("plain")]
-    | Annotated[NotNegative, Tag("list")]
-    | Annotated[Keyed[NotNegative], Tag("keyed")]
-    | Annotated[OverTime, Tag("formula")],
-    Discriminator(form),
-    within(NOT_BELOW_0),
-]
-WeightField = Annotated[
-    Annotated[ZeroToOne, Tag("plain")]
-    | Annotated[ZeroToOne, Tag("list")]
-    | Annotated[Keyed[ZeroToOne], Tag("keyed")]
-    | Annotated[OverTime, Tag("formula")],
-    Discriminator(form),
-    within(FROM_0_TO_1),
-]
-PlaceField = Annotated[
-    Annotated[Triple, Tag("plain")]
-    | Annotated[Triple, Tag("list")]
-    | Annotated[Keyed[Triple], Tag("keyed")]
-    | Annotated[OverTimeTriple, Tag("formula")],
-    Discriminator(form),
-    within(ANYWHERE),
-]
+CURVE = ByForm(curve_form)
+
+NumberField = Annotated[Real | Keyed[Real] | OverTime, CURVE, within(ANYWHERE)]
+PositiveField = Annotated[Positive | Keyed[Positive] | OverTime, CURVE, within(ABOVE_0)]
+NotNegativeField = Annotated[NotNegative | Keyed[NotNegative] | OverTime, CURVE, within(NOT_BELOW_0)]
+WeightField = Annotated[ZeroToOne | Keyed[ZeroToOne] | OverTime, CURVE, within(FROM_0_TO_1)]
+PlaceField = Annotated[Triple | Keyed[Triple] | OverTimeTriple, CURVE, within(ANYWHERE)]
 
 
 def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:

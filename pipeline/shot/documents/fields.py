@@ -1,9 +1,9 @@
 """Types of values in shot files: strict numbers, names of a registry, vectors, colours and formulas."""
 
 import math
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
-from typing import Annotated, Any
+from typing import Annotated, Any, Union, get_args
 
 from pydantic import (
     AfterValidator,
@@ -12,6 +12,7 @@ from pydantic import (
     ConfigDict,
     Discriminator,
     Field,
+    GetCoreSchemaHandler,
     GetJsonSchemaHandler,
     Tag,
 )
@@ -50,6 +51,25 @@ class SchemaKeywords:
 
     def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
         return {**handler(core), **self.keywords}
+
+
+@dataclass(frozen=True)
+class ByForm:
+    """An annotation of a union: a value is checked, and its mistakes are told, as one of the members only.
+
+    choose  returns the index of the member for a value as the file has it
+    """
+
+    choose: Callable[[Any], int]
+
+    def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        members = [Annotated[member, Tag(f"form {i}")] for i, member in enumerate(get_args(union))]
+        tagged: Any = Union[tuple(members)]  # noqa: UP007  # there is no other way for members of a list
+        return handler(Annotated[tagged, Discriminator(lambda value: f"form {int(self.choose(value))}")])
+
+
+MAPPING_IS_SECOND = ByForm(lambda value: isinstance(value, dict))
+"""Of two members, such as a name and a document: the second is a mapping in the file."""
 
 
 @dataclass(frozen=True)
@@ -109,10 +129,7 @@ Degrees = Annotated[float, Field(ge=-3600, le=3600)]
 Triple = Annotated[list[Real], Field(min_length=3, max_length=3)]
 AxisName = Annotated[str, one_of(("x", "y", "z"), "axis")]
 AxisVector = Annotated[Triple, SchemaKeywords(**{"not": {"const": [0, 0, 0]}})]
-Axis = Annotated[
-    Annotated[AxisName, Tag("plain")] | Annotated[AxisVector, Tag("list")],
-    Discriminator(lambda value: "list" if isinstance(value, list) else "plain"),
-]
+Axis = Annotated[AxisName | AxisVector, ByForm(lambda value: isinstance(value, list))]
 Colour = Annotated[list[ZeroToOne], Field(min_length=3, max_length=3)]
 
 

@@ -4,10 +4,12 @@ import dataclasses
 import math
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from pipeline.shot.documents.fields import (
     DEGREE,
+    MAPPING_IS_SECOND,
+    ByForm,
     Colour,
     Degrees,
     Document,
@@ -27,14 +29,10 @@ from render.scene.stage import STAGES, Stage
 SUBJECT_MIDDLE = [0.0, 1.0, 0.0]
 Intensity = Annotated[float, Field(ge=0, le=1e6)]
 Radiance = Annotated[
-    Annotated[Intensity, Tag("plain")]
-    | Annotated[Annotated[list[Intensity], Field(min_length=3, max_length=3)], Tag("list")],
-    Discriminator(lambda value: "list" if isinstance(value, list) else "plain"),
+    Intensity | Annotated[list[Intensity], Field(min_length=3, max_length=3)],
+    ByForm(lambda value: isinstance(value, list)),
 ]
-Intensities = Annotated[
-    Annotated[Intensity, Tag("of all")] | Annotated[dict[str, Intensity], Tag("by name")],
-    Discriminator(lambda value: "by name" if isinstance(value, dict) else "of all"),
-]
+Intensities = Annotated[Intensity | dict[str, Intensity], MAPPING_IS_SECOND]
 ENVIRONMENTS = ("sun", "sky", "hdri")
 """Lights from all directions; a shot has one of them."""
 

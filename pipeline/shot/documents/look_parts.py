@@ -5,12 +5,13 @@ Colours are linear Rec.709.
 
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Discriminator, Field, PrivateAttr, Tag, ValidationInfo, model_validator
+from pydantic import AfterValidator, Field, PrivateAttr, ValidationInfo, model_validator
 
 from pipeline.shot.documents.fields import (
     DEGREE,
     ORIGIN,
     Axis,
+    ByForm,
     Colour,
     Degrees,
     Document,
@@ -190,21 +191,12 @@ class ReliefDocument(Document):
         return Relief(texture, float(self.height))
 
 
-def _colour_form(value: Any) -> str:
-    if isinstance(value, str):
-        return "by name"
-    return "spelt out" if isinstance(value, dict) else "plain"
-
-
 ColourOrPicture = Annotated[
-    Annotated[Colour, Tag("plain")]
-    | Annotated[str, AfterValidator(_colour_texture), Tag("by name")]
-    | Annotated[PictureDocument, Tag("spelt out")],
-    Discriminator(_colour_form),
+    Colour | Annotated[str, AfterValidator(_colour_texture)] | PictureDocument,
+    ByForm(lambda value: 1 if isinstance(value, str) else 2 if isinstance(value, dict) else 0),
 ]
 NumberOrPicture = Annotated[
-    Annotated[ZeroToOne, Tag("plain")] | Annotated[str, AfterValidator(_data_texture), Tag("by name")],
-    Discriminator(lambda value: "by name" if isinstance(value, str) else "plain"),
+    ZeroToOne | Annotated[str, AfterValidator(_data_texture)], ByForm(lambda value: isinstance(value, str))
 ]
 """Validation turns the names of files into textures."""
 

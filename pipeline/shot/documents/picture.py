@@ -8,9 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import (
     AfterValidator,
     BeforeValidator,
-    Discriminator,
     Field,
-    Tag,
     ValidationInfo,
     model_validator,
 )
@@ -21,7 +19,7 @@ from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number, sampled_frames
-from pipeline.shot.documents.fields import DEGREE, Document, SchemaKeywords, one_of, optional
+from pipeline.shot.documents.fields import DEGREE, ByForm, Document, SchemaKeywords, one_of, optional
 from pipeline.shot.yaml.parse_context import ParseContext, bad_curve, bad_value, finding
 from render.base.errors import BadInputError
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
@@ -107,8 +105,7 @@ AovName = Annotated[str, one_of(AOVS, "AOV")]
 Precision = Literal["half", "float"]
 
 AovsField = Annotated[
-    Annotated[dict[AovName, Precision], Tag("with precision")] | Annotated[list[AovName], Tag("by name")],
-    Discriminator(lambda value: "with precision" if isinstance(value, dict) else "by name"),
+    dict[AovName, Precision] | list[AovName], ByForm(lambda value: not isinstance(value, dict))
 ]
 """`[velocity, noise]`, or `{velocity: half, position: half}`."""
 

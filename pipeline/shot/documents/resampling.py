@@ -6,7 +6,7 @@ Angles are degrees in the file and radians in the code.
 from dataclasses import dataclass, field, fields
 from typing import Annotated, Any, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, model_validator
 
 from pipeline.arrays import AnyArray, Points
 from pipeline.flow.parameters import Curve, Number, VectorParameter, number_at, vector_at
@@ -18,7 +18,9 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import Keyed, NotNegative, PlaceField, PositiveField, number, place
 from pipeline.shot.documents.fields import (
     DEGREE,
+    MAPPING_IS_SECOND,
     NUMBER_OR_TEXT,
+    ByForm,
     Document,
     Positive,
     ZeroToOne,
@@ -136,28 +138,11 @@ class ActiveLengthDocument(Document):
         return self
 
 
-def _form(value: Any) -> str:
-    return "plain" if not isinstance(value, dict) else "keyed" if "keys" in value else "active"
+_FORM = ByForm(lambda value: 0 if not isinstance(value, dict) else 1 if "keys" in value else 2)
 
-
-LengthField = Annotated[
-    Annotated[Positive, Tag("plain")]
-    | Annotated[Keyed[Positive], Tag("keyed")]
-    | Annotated[ActiveLengthDocument, Tag("active")],
-    Discriminator(_form),
-]
-ShortestField = Annotated[
-    Annotated[NotNegative, Tag("plain")]
-    | Annotated[Keyed[NotNegative], Tag("keyed")]
-    | Annotated[ActiveLengthDocument, Tag("active")],
-    Discriminator(_form),
-]
-HardAngleField = Annotated[
-    Annotated[HardAngle, Tag("plain")]
-    | Annotated[Keyed[HardAngle], Tag("keyed")]
-    | Annotated[ActiveAngleDocument, Tag("active")],
-    Discriminator(_form),
-]
+LengthField = Annotated[Positive | Keyed[Positive] | ActiveLengthDocument, _FORM]
+ShortestField = Annotated[NotNegative | Keyed[NotNegative] | ActiveLengthDocument, _FORM]
+HardAngleField = Annotated[HardAngle | Keyed[HardAngle] | ActiveAngleDocument, _FORM]
 
 
 class CreaseRegionDocument(Document):
@@ -169,9 +154,8 @@ class CreaseRegionDocument(Document):
 
 
 CreasesField = Annotated[
-    Annotated[str, one_of(("rest", "model", "none"), "source of creases"), Tag("plain")]
-    | Annotated[CreaseRegionDocument, Tag("active")],
-    Discriminator(lambda value: "active" if isinstance(value, dict) else "plain"),
+    Annotated[str, one_of(("rest", "model", "none"), "source of creases")] | CreaseRegionDocument,
+    MAPPING_IS_SECOND,
 ]
 
 

@@ -2,12 +2,21 @@
 
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, Field
 
 from pipeline.frames import FASTEST, SLOWEST
 from pipeline.shot.documents.camera import CameraDocument
 from pipeline.shot.documents.curves import NumberField
-from pipeline.shot.documents.fields import Count, Document, Positive, SchemaKeywords, one_of, optional
+from pipeline.shot.documents.fields import (
+    MAPPING_IS_SECOND,
+    ByForm,
+    Count,
+    Document,
+    Positive,
+    SchemaKeywords,
+    one_of,
+    optional,
+)
 from pipeline.shot.documents.flows import FlowDocument
 from pipeline.shot.documents.lights_and_stage import LightsDocument, StageDocument
 from pipeline.shot.documents.look import LookDocument
@@ -20,15 +29,10 @@ from render.scene.materials import LOOKS
 from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES
 from render.scene.stage import STAGES
 
-
-def _named_or_spelt_out(value: Any) -> str:
-    return "spelt out" if isinstance(value, dict) else "by name"
-
-
-Resample = Annotated[
-    Annotated[Literal["off"], Tag("by name")] | Annotated[ResampleDocument, Tag("spelt out")],
-    Discriminator(_named_or_spelt_out),
-]
+ResampleField = Annotated[Literal["off"] | ResampleDocument, MAPPING_IS_SECOND]
+LookField = Annotated[Annotated[str, one_of(LOOKS, "look")] | LookDocument, MAPPING_IS_SECOND]
+LightsField = Annotated[Annotated[str, one_of(LIGHTS, "light rig")] | LightsDocument, MAPPING_IS_SECOND]
+StageField = Annotated[Annotated[str, one_of(STAGES, "stage")] | StageDocument, MAPPING_IS_SECOND]
 
 
 def _check_samples(samples: int) -> int:
@@ -95,7 +99,7 @@ class ShotDocument(Document):
     frames: Frames = Field(description="as in 1-96; the first shows the subject at rest")
     rate: Rate = Field(24, description="24, 23.976 or 24000/1001 (frames per second)")
     subject: SubjectDocument = Field(description="a solid by name, a model from a file, a cloud or a net")
-    resample: Resample = Field(
+    resample: ResampleField = Field(
         "off",
         validate_default=False,
         description="thresholds of the surface's edges while it flows; off for comparisons",
@@ -112,21 +116,11 @@ class ShotDocument(Document):
     speed: NumberField = Field(
         1.0, description="rate of the flow's time: 0 stands still, below 0 runs backwards"
     )
-    look: Annotated[
-        Annotated[str, one_of(LOOKS, "look"), Tag("by name")] | Annotated[LookDocument, Tag("spelt out")],
-        Discriminator(_named_or_spelt_out),
-    ] = Field("clay", description="the material, by name or spelt out")
+    look: LookField = Field("clay", description="the material, by name or spelt out")
     smooth: SmoothDocument = Field(default=SmoothDocument(), description="curved patches over the triangles")
     camera: CameraDocument = Field(default=CameraDocument(), description="framing finds distance and target")
-    lights: Annotated[
-        Annotated[str, one_of(LIGHTS, "light rig"), Tag("by name")]
-        | Annotated[LightsDocument, Tag("spelt out")],
-        Discriminator(_named_or_spelt_out),
-    ] = Field("studio", description="the light rig, by name or spelt out")
-    stage: Annotated[
-        Annotated[str, one_of(STAGES, "stage"), Tag("by name")] | Annotated[StageDocument, Tag("spelt out")],
-        Discriminator(_named_or_spelt_out),
-    ] = Field("cyclorama", description="the ground below the subject, by name or spelt out")
+    lights: LightsField = Field("studio", description="the light rig, by name or spelt out")
+    stage: StageField = Field("cyclorama", description="the ground below the subject, by name or spelt out")
     shutter: ShutterDocument | None = optional("exposure of a frame in time: motion blur")
     aovs: AovsField = Field(default_factory=list, description="AOVs by name, or by name with half or float")
     view: ViewDocument = Field(
@@ -172,22 +166,14 @@ class SoundDocument(Document):
     fade_out: Seconds = Field(0.0, description="duration of the fade at its end or the film's (s)")
 
 
-def _entry_form(value: Any) -> str:
-    return ("a card" if "card" in value else "a shot") if isinstance(value, dict) else "by name"
+_ENTRY = ByForm(lambda value: 0 if not isinstance(value, dict) else 2 if "card" in value else 1)
 
 
 class FilmDocument(Document):
     title: str = Field(description="the name of the film, on its first card")
     subtitle: str = Field("", description="below the title")
     credits: list[str] = Field(default_factory=list, description="lines of the last card")
-    shots: list[
-        Annotated[
-            Annotated[str, Tag("by name")]
-            | Annotated[ClipDocument, Tag("a shot")]
-            | Annotated[CardDocument, Tag("a card")],
-            Discriminator(_entry_form),
-        ]
-    ] = Field(
+    shots: list[Annotated[str | ClipDocument | CardDocument, _ENTRY]] = Field(
         min_length=1, description="names of shot files beside this one, and cards, in the order of the edit"
     )
     sound: SoundDocument | None = optional("sound from a file beside this one")

@@ -4,10 +4,18 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import ConfigDict, Discriminator, Field, Tag
+from pydantic import ConfigDict, Field
 
 from pipeline.mesh.control_net import LEAST
-from pipeline.shot.documents.fields import Document, Positive, Triple, one_of, optional
+from pipeline.shot.documents.fields import (
+    MAPPING_IS_SECOND,
+    ByForm,
+    Document,
+    Positive,
+    Triple,
+    one_of,
+    optional,
+)
 from pipeline.shot.point_subjects import (
     MOST_POINTS,
     NETS,
@@ -82,20 +90,13 @@ class NetSolidDocument(Document):
     tube_radius: Positive | None = optional("of the tube of a torus; below its radius (units)")
 
 
-def net_form(value: Any) -> str:
-    """Return what a cloud or net is made from: a solid, rows of points or a file."""
-    return "a solid" if isinstance(value, dict) else "rows" if isinstance(value, list) else "a file"
-
-
 class CloudDocument(Document):
-    cloud: Annotated[
-        Annotated[str, Tag("a file")] | Annotated[SolidDocument, Tag("a solid")],
-        Discriminator(lambda value: "a solid" if isinstance(value, dict) else "a file"),
-    ] = Field(description="points that are drawn as spheres: a file of them, or a solid that they fill")
-    radius: Annotated[
-        Annotated[Positive, Tag("number")] | Annotated[str, Tag("name")],
-        Discriminator(lambda value: "name" if isinstance(value, str) else "number"),
-    ] = Field(description="of the spheres, or the name of an attribute of the file (units)")
+    cloud: Annotated[str | SolidDocument, MAPPING_IS_SECOND] = Field(
+        description="points that are drawn as spheres: a file of them, or a solid that they fill"
+    )
+    radius: Annotated[Positive | str, ByForm(lambda value: isinstance(value, str))] = Field(
+        description="of the spheres, or the name of an attribute of the file (units)"
+    )
     scale: Positive = Field(1.0, description="factor on the coordinates of a file")
     count: Annotated[int, Field(ge=1, le=MOST_POINTS)] = Field(10_000, description="points in a solid")
     fill: Annotated[str, one_of(("volume", "surface"), "way to fill a solid")] = Field(
@@ -115,10 +116,8 @@ class CloudDocument(Document):
 
 class NetDocument(Document):
     net: Annotated[
-        Annotated[str, Tag("a file")]
-        | Annotated[list[list[Triple]], Tag("rows")]
-        | Annotated[NetSolidDocument, Tag("a solid")],
-        Discriminator(net_form),
+        str | list[list[Triple]] | NetSolidDocument,
+        ByForm(lambda value: 2 if isinstance(value, dict) else int(isinstance(value, list))),
     ] = Field(description="control points of a smooth surface: a file, rows of points, or a solid")
     scale: Positive = Field(1.0, description="factor on the coordinates of a file")
     rows: Annotated[int, Field(ge=LEAST, le=1000)] | None = optional("number of rows, of a solid")
@@ -138,19 +137,13 @@ class NetDocument(Document):
         return NetOfSolid.of(self.net.solid, measures, self.rows, self.columns)
 
 
-_FORMS = {"model": "a model file", "cloud": "a cloud", "net": "a net"}
-
-
-def _subject_form(value: Any) -> str:
-    named = [form for name, form in _FORMS.items() if isinstance(value, dict) and name in value]
-    return named[0] if named else "a solid"
+def _subject_form(value: Any) -> int:
+    """Return which member of `SubjectDocument` a subject is, by the name that only it has."""
+    names = value if isinstance(value, dict) else ()
+    return next((i for i, name in enumerate(("model", "cloud", "net"), 1) if name in names), 0)
 
 
 SubjectDocument = Annotated[
-    Annotated[SolidDocument, Tag("a solid")]
-    | Annotated[ModelDocument, Tag("a model file")]
-    | Annotated[CloudDocument, Tag("a cloud")]
-    | Annotated[NetDocument, Tag("a net")],
-    Discriminator(_subject_form),
+    SolidDocument | ModelDocument | CloudDocument | NetDocument, ByForm(_subject_form)
 ]
 """Each has `build(folder)`, with the folder of the shot file."""
