@@ -10,8 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.dailies.delivery.deliver import Delivery, DeliveryOptions
-from pipeline.dailies.delivery.frame_reader import FrameFormat
-from pipeline.dailies.delivery.source import film_source, shot_source
+from pipeline.dailies.delivery.source import FrameFormat, film_source, shot_source
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
 from pipeline.production.request.render_request import RenderRequest

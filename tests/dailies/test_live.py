@@ -13,8 +13,8 @@ from typing import Any
 
 import pytest
 
-from pipeline.dailies.live.server import LiveFeed, serving
-from pipeline.dailies.live.session import LiveSession
+from pipeline.dailies.preview.live_server import LiveFeed, serving
+from pipeline.dailies.preview.live_session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import MachineError

@@ -13,8 +13,7 @@ from pipeline.animation import animate
 from pipeline.dailies.preview import mesh_source
 from pipeline.dailies.preview.animatic import Animatic, framings_of, size_for
 from pipeline.dailies.preview.sketch import Sketch, is_closed
-from pipeline.dailies.preview.spill_cache import SpillCache
-from pipeline.dailies.preview.surface_stream import SurfaceStream
+from pipeline.dailies.preview.surface_stream import SpillCache, SurfaceStream
 from pipeline.errors import FrameError, MachineError
 from pipeline.mesh import box, icosphere, sheet
 from pipeline.production.execution.project import Project

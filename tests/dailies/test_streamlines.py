@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from pipeline.dailies.preview.sketch import line_colours, shape_of
-from pipeline.dailies.preview.streamlines import PIECES, streamlines
+from pipeline.dailies.preview.sketch import PIECES, line_colours, shape_of, streamlines
 from pipeline.shot import Motion, read_shot
 from render.scene.materials import LOOKS
 

@@ -20,9 +20,9 @@ import av
 import llvmlite.binding as llvm
 import numpy as np
 
-from pipeline.dailies.sheets.measures import Measures
-from pipeline.dailies.turntable.request import TurntableRequest
-from pipeline.dailies.turntable.sheets import TurntableSheets
+from pipeline.dailies.measures import Measures
+from pipeline.dailies.turntable import TurntableRequest
+from pipeline.dailies.turntable_sheets import TurntableSheets
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pipeline.cli.options import Common, Plot, Quality, Shot, ShotOptions
 from pipeline.cli.output import print_result
-from pipeline.dailies.sheets.figures import panels
-from pipeline.dailies.sheets.measures import TIMED_STAGES, limits_of, measured
+from pipeline.dailies.measures import TIMED_STAGES, limits_of, measured
+from pipeline.dailies.sheets import panels
 from pipeline.errors import MissingInputError
 from pipeline.production.planning.timings import LatestTimings, render_seconds
 from pipeline.production.request.lookup import find_shot

@@ -14,9 +14,9 @@ import typer
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions
 from pipeline.cli.output import err, make_folder_of, print_error, print_result
 from pipeline.cli.progress import progress_bars
-from pipeline.dailies.live.server import LiveFeed, serving
-from pipeline.dailies.live.session import LiveSession, files_of, stamp, wait_for_edit
 from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
+from pipeline.dailies.preview.live_server import LiveFeed, serving
+from pipeline.dailies.preview.live_session import LiveSession, files_of, stamp, wait_for_edit
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError

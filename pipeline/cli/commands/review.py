@@ -10,9 +10,9 @@ import typer
 from pipeline.cli.options import Common, ShotOptions, Shots
 from pipeline.cli.output import print_result, print_warning
 from pipeline.cli.progress import progress_bars
-from pipeline.dailies.review import three
-from pipeline.dailies.review.discover import Search
 from pipeline.dailies.review.page import ReviewPage
+from pipeline.dailies.review.sequences import Search
+from pipeline.dailies.review.view_3d import HINT, three_js
 from pipeline.errors import UsageError, suggestion
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
@@ -64,12 +64,12 @@ def review(
     title = _title(name, [shot.request.name for shot in material])
     page = ReviewPage(title, project.store, material, form, models, common.cores)
     if common.dry_run:
-        counts = {"sequences": len(page.sequences), "pictures": sum(len(s.found) for s in page.sequences)}
+        counts = {"sequences": len(page.sequences), "pictures": sum(len(s.pictures) for s in page.sequences)}
     else:
         with progress_bars(common.progress) as bar:
             counts = page.write(bar("making the page", page.steps))
-    if three.bundle() is None:
-        print_warning(three.HINT)
+    if three_js() is None:
+        print_warning(HINT)
     verb = " would show" if common.dry_run else ""
     words = f"{page.index}:{verb} {counts['sequences']} sequences, {counts['pictures']} pictures."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}

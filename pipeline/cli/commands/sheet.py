@@ -58,7 +58,7 @@ def sheet(
         return
     if at is not None:
         raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
-    from pipeline.dailies.sheets.sheet import ShotSheet, spread
+    from pipeline.dailies.sheets import ShotSheet, spread
 
     project, name = options.project(common), options.quality(quality)
     request = project.request(find_shot(shot), name, frames)

@@ -10,8 +10,8 @@ import typer
 from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Variant
 from pipeline.cli.progress import progress_bars
-from pipeline.dailies.turntable.request import BOTH, TurntableRequest
-from pipeline.dailies.turntable.sheets import TurntableSheets
+from pipeline.dailies.turntable import BOTH, TurntableRequest
+from pipeline.dailies.turntable_sheets import TurntableSheets
 from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import cropped_name
 

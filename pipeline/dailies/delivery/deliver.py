@@ -11,8 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.dailies.delivery.frame_reader import FrameFormat, LabelledFrame, opaque
-from pipeline.dailies.delivery.source import DeliverySource
+from pipeline.dailies.delivery.source import DeliverySource, FrameFormat, LabelledFrame, opaque
 from pipeline.errors import MachineError
 from pipeline.production.request.edit import AudioTrack
 from pipeline.production.stages import DELIVER
@@ -143,16 +142,16 @@ class Delivery:
 
     def _write(self, encode: Encode, part: str, passed: Callable[[], None], path: Path) -> None:
         source, rate = self.source, self.source.rate.fps
-        wanted = FrameFormat(encode.display, encode.alpha_format is not None and source.has_coverage)
-        frames = self._slates(encode, wanted) if part == "slate" else self._frames(encode, wanted)
+        form = FrameFormat(encode.display, encode.alpha_format is not None and source.has_coverage)
+        frames = self._slates(encode, form) if part == "slate" else self._frames(encode, form)
         first = source.start - (self._slate_frames if part == "slate" else self._leader)
         sound = self._sound() if part == "frames" and encode.container.audio_codec else None
         write_movie(path, _counted(prefetch(frames), passed), rate, encode, timecode(first, rate), sound)
 
-    def _frames(self, encode: Encode, wanted: FrameFormat) -> Iterator[Frame]:
+    def _frames(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         if self._leader:
-            yield from self._slates(encode, wanted)
-        for index, shown in enumerate(self.source.frames(wanted)):
+            yield from self._slates(encode, form)
+        for index, shown in enumerate(self.source.frames(form)):
             yield self._burn_in(shown, index)
 
     def _burn_in(self, shown: LabelledFrame, index: int) -> Frame:
@@ -164,13 +163,13 @@ class Delivery:
         burnt: Frame = np.concatenate([labelled, frame[..., 3:]], axis=2) if frame.shape[2] == 4 else labelled
         return burnt
 
-    def _slates(self, encode: Encode, wanted: FrameFormat) -> Iterator[Frame]:
+    def _slates(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         """Yield the slate SLATE_SECONDS long."""
         source = self.source
-        poster = source.poster(replace(wanted, has_coverage=False))[0].astype(np.float32) / np.float32(65535)
+        poster = source.poster(replace(form, has_coverage=False))[0].astype(np.float32) / np.float32(65535)
         facts = (*source.facts, ("made as", encode.name))
         drawn = Slate(source.title, source.subtitle, facts, poster).draw(source.size)
-        frame = opaque(quantise(drawn, bits=16), wanted)
+        frame = opaque(quantise(drawn, bits=16), form)
         for _ in range(self._slate_frames):
             yield frame
 

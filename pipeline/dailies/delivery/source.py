@@ -1,25 +1,149 @@
-"""Sources of deliverables: the frames of a shot or of a film, and the facts for its slate."""
+"""Sources of deliverables: the frames of a shot or of a film, and the facts for its slate.
+
+Frames are read as display values; cards stand for those that failed.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from math import ceil
 from pathlib import Path
 from typing import Any, TypeVar
 
-from pipeline.dailies.delivery.frame_reader import Failures, FrameFormat, FrameReader, LabelledFrame, opaque
+import numpy as np
+from numpy.typing import NDArray
+
 from pipeline.errors import FrameError
 from pipeline.frames import FrameRange, FrameRate
 from pipeline.production.request.edit import Edit
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.store import paths
+from pipeline.production.store import paths, readers
+from pipeline.production.store.event_log import History
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.movies import cut_together
+from pipeline.production.versions.provenance import Provenance, records
 from render.base.serialise import to_plain
+from render.graphics.slate import failure_card
 from render.movie.planes import Frame
 from render.movie.sequences import FILM_START, dissolve, mix_frames
+from render.post.colour import quantise, to_display
+
+LabelledFrame = tuple[Frame, Mapping[str, str | int]]
+"""A display frame, and the values that can be burnt in."""
+
+Failures = Mapping[tuple[str, int], str]
+"""Messages of the last run by name of a shot and frame number."""
+
+STAGES = ("simulate", "smooth_normals", "frame_camera", "render", "finish")
+
+IN_WORK = "in work"
+"""The version of frames that are not published."""
+
+
+@dataclass(frozen=True)
+class FrameFormat:
+    """The display that frames are converted for, and whether they have coverage as fourth channel."""
+
+    display: str
+    has_coverage: bool
+
+
+class FrameReader:
+    """Reader of the finished frames of a request."""
+
+    def __init__(self, request: RenderRequest, store: Store, failures: Failures) -> None:
+        self.request, self._store = request, store
+        self.keys: PictureKeys | None = request.picture_keys(store)
+        self.version = _version(request, store, self.keys)
+        history = History.of(store.root).failed(request.folders.name, STAGES, request.quality_name)
+        latest = {n: message for (shot, n), message in failures.items() if shot == request.subject}
+        self._reasons = {**history, **latest}
+
+    def is_finished(self, number: int) -> bool:
+        """Tell whether the finished frame is in the store."""
+        return self.keys is not None and self._store.holds("frame", self.keys[number].frame)
+
+    def has_coverage(self, number: int) -> bool:
+        """Tell whether the rendered frame, which has the subject's coverage, is in the store."""
+        return self.keys is not None and self._store.holds("raw", self.keys[number].raw)
+
+    def content(self, numbers: Sequence[int]) -> list[Any]:
+        """Return plain data of everything that frames and cards show."""
+        frames = [self._key(n) if self.is_finished(n) else [n, self.reason(n)] for n in numbers]
+        request = self.request
+        facts = [request.name, request.quality_name, self.version]
+        return [*facts, list(numbers), frames, dict(request.shown_as)]
+
+    def reason(self, number: int) -> str:
+        """Return why a frame is missing: its own failure, or that of a frame before it."""
+        if number in self._reasons:
+            return self._reasons[number].removeprefix(f"frame {number}: ")
+        if not self._reasons:
+            return "it was not made"
+        first = min(self._reasons)
+        return f"not made, as frame {first} failed: {self.reason(first)}"
+
+    def read(self, number: int, form: FrameFormat) -> LabelledFrame:
+        """Read a frame, or draw the card that stands for it.
+
+        A damaged frame raises FrameError and leaves the store, so that the next run makes it again.
+        """
+        if not self.is_finished(number):
+            return self._card(number, self.reason(number), form), self._labels(number, "")
+        return self._picture(number, form), self._labels(number, self._key(number))
+
+    def _picture(self, number: int, form: FrameFormat) -> Frame:
+        picture = self.request.shot.picture
+        light = self._layer("frame", number, self._key(number), "beauty")
+        values = to_display(light, picture.lights.exposure, form.display, picture.view)
+        frame: Frame = quantise(values, bits=16)
+        if not form.has_coverage:
+            return frame
+        assert self.keys is not None, "a finished frame has a key"
+        coverage = self._layer("raw", number, self.keys[number].raw, "matte").reshape(*frame.shape[:2], 1)
+        return np.concatenate([frame, np.rint(coverage.clip(0.0, 1.0) * 65535).astype(np.uint16)], axis=2)
+
+    def _layer(self, kind: str, number: int, key: str, layer: str) -> NDArray[np.float32]:
+        read = readers.picture(key, self.request.quality.rendered_size)
+        return self._store.read(kind, key, self.request.place(kind, number), read)[0][layer]
+
+    def _card(self, number: int, reason: str, form: FrameFormat) -> Frame:
+        size = self.request.quality.rendered_size
+        heading = f"{self.request.name}  frame {number} failed"
+        return opaque(quantise(failure_card(size, heading, reason), bits=16), form)
+
+    def _key(self, number: int) -> str:
+        return self.keys[number].frame if self.keys is not None else ""
+
+    def _labels(self, number: int, key: str) -> Mapping[str, str | int]:
+        name, quality = self.request.name, self.request.quality_name
+        return {"shot": name, "version": self.version, "frame": number, "key": key[:10], "quality": quality}
+
+
+def opaque(frame: NDArray[Any], form: FrameFormat) -> Frame:
+    """Return a frame (H, W, 3) in a format: with full coverage if the format has coverage."""
+    if not form.has_coverage:
+        return frame
+    full = np.full((*frame.shape[:2], 1), np.iinfo(frame.dtype).max, dtype=frame.dtype)
+    return np.concatenate([frame, full], axis=2)
+
+
+def _version(request: RenderRequest, store: Store, keys: PictureKeys | None) -> str:
+    """Return the published version that has exactly these frames, or IN_WORK."""
+    if keys is None or request.turntable is not None:
+        return IN_WORK
+    ours = {n: keys[n].frame for n in request.requested}
+    for _, record in reversed(list(records(store.root / paths.published(request.name)))):
+        if (
+            isinstance(record, Provenance)
+            and ours.items() <= {n: frame.frame for n, frame in record.frames.items()}.items()
+        ):
+            return record.version
+    return IN_WORK
+
 
 T = TypeVar("T")
 
@@ -80,8 +204,8 @@ def shot_source(request: RenderRequest, store: Store, failures: Failures) -> Del
         lost=lost,
         has_coverage=all(reader.has_coverage(n) for n in finished),
         edit=None,
-        frames=lambda wanted: (reader.read(n, wanted) for n in numbers),
-        poster=lambda wanted: reader.read(_middle(finished), wanted),
+        frames=lambda form: (reader.read(n, form) for n in numbers),
+        poster=lambda form: reader.read(_middle(finished), form),
     )
 
 
@@ -97,12 +221,12 @@ def film_source(
     size = requests[0].quality.rendered_size
     opening = edit.items[0]
 
-    def frames(wanted: FrameFormat) -> Iterator[LabelledFrame]:
+    def frames(form: FrameFormat) -> Iterator[LabelledFrame]:
         def clip(index: int) -> Iterator[LabelledFrame]:
-            return (readers[index].read(n, wanted) for n in readers[index].request.requested)
+            return (readers[index].read(n, form) for n in readers[index].request.requested)
 
         def card(frame: Frame) -> LabelledFrame:
-            return opaque(frame, wanted), {"quality": quality_name, "shot": edit.name}
+            return opaque(frame, form), {"quality": quality_name, "shot": edit.name}
 
         return dissolve(list(cut_together(edit, size, clip, card)), _mix)
 
@@ -123,7 +247,7 @@ def film_source(
         has_coverage=all(reader.has_coverage(n) for reader, n in finished),
         edit=edit,
         frames=frames,
-        poster=lambda wanted: poster[0].read(poster[1], wanted),
+        poster=lambda form: poster[0].read(poster[1], form),
     )
 
 

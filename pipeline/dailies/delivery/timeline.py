@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil
 from pathlib import Path
 from typing import Any
@@ -52,11 +53,9 @@ class Timeline:
 
     def build(self) -> Any:
         """Return the timeline as an object of opentimelineio."""
-        import opentimelineio as otio
-
         start = self._time(FILM_START * ceil(self._fps))
-        timeline = otio.schema.Timeline(self.edit.name, global_start_time=start)
-        pictures = otio.schema.Track("pictures", kind=otio.schema.TrackKind.Video)
+        timeline = self._otio.schema.Timeline(self.edit.name, global_start_time=start)
+        pictures = self._otio.schema.Track("pictures", kind=self._otio.schema.TrackKind.Video)
         for part in self._parts():
             pictures.append(part)
         timeline.tracks.append(pictures)
@@ -66,16 +65,14 @@ class Timeline:
 
     def _parts(self) -> Iterator[Any]:
         """Yield clips and cards, with the dissolves between them."""
-        import opentimelineio as otio
-
         items = self.edit.items
         for index, item in enumerate(items):
             after = items[index + 1].dissolve if index + 1 < len(items) else 0
             if item.dissolve:
                 before = item.dissolve // 2
-                yield otio.schema.Transition(
+                yield self._otio.schema.Transition(
                     "dissolve",
-                    otio.schema.TransitionTypes.SMPTE_Dissolve,
+                    self._otio.schema.TransitionTypes.SMPTE_Dissolve,
                     self._time(before),
                     self._time(item.dissolve - before),
                 )
@@ -84,38 +81,36 @@ class Timeline:
 
     def _clips(self, item: EditItem, head: int, tail: int) -> Iterator[Any]:
         """Yield a clip without its handles, in runs of one speed."""
-        import opentimelineio as otio
-
         assert item.clip is not None, "a card has no frames"
         request = self.requests[item.clip]
         numbers = request.requested[head : item.frames - tail]
         for run in _runs(numbers):
             step = run[1] - run[0] if len(run) > 1 else 1
-            clip = otio.schema.Clip(request.name, self._reference(request), self._range(run[0], len(run)))
+            clip = self._otio.schema.Clip(
+                request.name, self._reference(request), self._range(run[0], len(run))
+            )
             if step != 1:
-                clip.effects.append(otio.schema.LinearTimeWarp(time_scalar=float(step)))
+                clip.effects.append(self._otio.schema.LinearTimeWarp(time_scalar=float(step)))
             clip.metadata["flowsculpt"] = {"quality": request.quality_name, "title": request.shot.title}
             yield clip
 
     def _card(self, item: EditItem, head: int, tail: int) -> Iterator[Any]:
-        import opentimelineio as otio
-
         words = {"title": item.title, "subtitle": item.subtitle}
-        card = otio.schema.GeneratorReference("card", "flowsculpt card", self._range(0, item.frames), words)
-        yield otio.schema.Clip(item.title or "card", card, self._range(head, item.frames - head - tail))
+        card = self._otio.schema.GeneratorReference(
+            "card", "flowsculpt card", self._range(0, item.frames), words
+        )
+        yield self._otio.schema.Clip(item.title or "card", card, self._range(head, item.frames - head - tail))
 
     def _reference(self, request: RenderRequest) -> Any:
         """Return a reference to all frames of a shot."""
-        import opentimelineio as otio
-
         frames = sorted(request.angles)
         available = self._range(frames[0], len(frames))
         if self.media in ENCODES:
-            return otio.schema.ExternalReference(
+            return self._otio.schema.ExternalReference(
                 self._url(_delivered(request, ENCODES[self.media])), available
             )
         place = request.place("frame", frames[0])
-        return otio.schema.ImageSequenceReference(
+        return self._otio.schema.ImageSequenceReference(
             target_url_base=f"{self._url(place.parent)}/",
             name_prefix=f"{request.folders.name}.",
             name_suffix=place.suffix,
@@ -128,8 +123,6 @@ class Timeline:
 
     def _sound(self) -> Any:
         """Return a track of the film's sound, at most as long as the film."""
-        import opentimelineio as otio
-
         from render.movie.sound import RATE, require_sound
 
         audio = self.edit.audio
@@ -137,15 +130,16 @@ class Timeline:
         first = round(audio.start * RATE)
         film = round(self.edit.length / self.edit.frame_rate.fps * RATE)
         length = round(require_sound(Path(audio.file)) * RATE)
-        track = otio.schema.Track("sound", kind=otio.schema.TrackKind.Audio)
+        track = self._otio.schema.Track("sound", kind=self._otio.schema.TrackKind.Audio)
         if first > 0:
-            track.append(otio.schema.Gap(duration=otio.opentime.RationalTime(min(first, film), RATE)))
-        left_out = max(0, -first)
-        shown = min(length - left_out, film - max(0, first))
-        if shown > 0:
-            available = _samples(0, length)
-            reference = otio.schema.ExternalReference(self._url(Path(audio.file)), available)
-            clip = otio.schema.Clip(Path(audio.file).stem, reference, _samples(left_out, shown))
+            track.append(self._otio.schema.Gap(duration=self._time(min(first, film), RATE)))
+        skipped = max(0, -first)
+        heard = min(length - skipped, film - max(0, first))
+        if heard > 0:
+            file = self._otio.schema.ExternalReference(
+                self._url(Path(audio.file)), self._range(0, length, RATE)
+            )
+            clip = self._otio.schema.Clip(Path(audio.file).stem, file, self._range(skipped, heard, RATE))
             facts = {"gain": audio.gain, "fade_in": audio.fade_in, "fade_out": audio.fade_out}
             clip.metadata["flowsculpt"] = facts
             track.append(clip)
@@ -160,24 +154,18 @@ class Timeline:
     def _fps(self) -> float:
         return float(self.edit.frame_rate.fps)
 
-    def _time(self, frames: int) -> Any:
-        import opentimelineio as otio
+    @cached_property
+    def _otio(self) -> Any:
+        import opentimelineio  # which takes 0.2 s; `export` reads MEDIA for its help
 
-        return otio.opentime.RationalTime(frames, self._fps)
+        return opentimelineio
 
-    def _range(self, first: int, count: int) -> Any:
-        import opentimelineio as otio
+    def _time(self, count: int, rate: float | None = None) -> Any:
+        """Return a duration in frames, or in units of another rate."""
+        return self._otio.opentime.RationalTime(count, rate or self._fps)
 
-        return otio.opentime.TimeRange(self._time(first), self._time(count))
-
-
-def _samples(first: int, count: int) -> Any:
-    import opentimelineio as otio
-
-    from render.movie.sound import RATE
-
-    time = otio.opentime.RationalTime
-    return otio.opentime.TimeRange(time(first, RATE), time(count, RATE))
+    def _range(self, first: int, count: int, rate: float | None = None) -> Any:
+        return self._otio.opentime.TimeRange(self._time(first, rate), self._time(count, rate))
 
 
 def _delivered(request: RenderRequest, encode: Encode) -> Path:
@@ -186,15 +174,13 @@ def _delivered(request: RenderRequest, encode: Encode) -> Path:
     return request.folders.home / request.quality_name / "deliver" / name
 
 
-def _runs(numbers: Sequence[int]) -> Iterator[Sequence[int]]:
+def _runs(numbers: Sequence[int]) -> Iterator[list[int]]:
     """Split frame numbers into runs of one step each."""
-    start = 0
-    while start < len(numbers):
-        end = start + 1
-        while (
-            end + 1 < len(numbers) and numbers[end + 1] - numbers[end] == numbers[start + 1] - numbers[start]
-        ):
-            end += 1
-        end = min(end, len(numbers) - 1)
-        yield numbers[start : end + 1]
-        start = end + 1
+    run: list[int] = []
+    for number in numbers:
+        if len(run) > 1 and number - run[-1] != run[1] - run[0]:
+            yield run
+            run = []
+        run.append(number)
+    if run:
+        yield run

@@ -20,13 +20,12 @@ from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FrameError
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
-from pipeline.production.store.readers import write_npz
 from pipeline.production.store.store import Key, Store
 
 SLOW = 0.25
 """Core-seconds from which on a simulated frame is stored."""
 
-SHARE = 0.2
+MEMORY_SHARE = 0.2
 """Fraction of the free memory for remembered frames."""
 
 
@@ -34,7 +33,7 @@ SHARE = 0.2
 class MeshCache:
     """Mesh frames by key, from which a simulation can resume; `room` is the memory left, in bytes."""
 
-    room: float = field(default_factory=lambda: SHARE * psutil.virtual_memory().available)
+    room: float = field(default_factory=lambda: MEMORY_SHARE * psutil.virtual_memory().available)
     frames: dict[Key, MeshFrame] = field(default_factory=dict)
 
     def remember(self, key: Key, frame: MeshFrame) -> None:
@@ -93,7 +92,7 @@ class MeshSource:
         self.cache.remember(key, frame)
         if seconds > SLOW:
             arrays = readers.with_key(key, frame.to_arrays())
-            self.store.put("mesh", key, partial(write_npz, named=arrays))
+            self.store.put("mesh", key, partial(readers.write_npz, named=arrays))
 
 
 def _size(frame: MeshFrame) -> int:

@@ -4,16 +4,17 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import AnyArray, Floats
-from pipeline.dailies.preview.streamlines import StreamlineSet, streamlines
+from pipeline.arrays import AnyArray, Floats, Points, Vectors
+from pipeline.flow import checked_displacement
 from pipeline.mesh import icosphere
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.shot import Motion
 from render.graphics.burn_in import BurnIn
 from render.movie.sequences import timecode
 from render.post.colour import quantise
@@ -59,16 +60,16 @@ class Sketch:
     ) -> NDArray[Any]:
         """Draw a frame as uint8 (H, W, 3). Raises FrameError where the flow fails."""
         picture = self.request.shot.picture
-        around = StageSetup(picture.lights, picture.stage, framing.placement, picture.view)
+        setup = StageSetup(picture.lights, picture.stage, framing.placement, picture.view)
         shape = shape_of(arrays, picture.look)._replace(closed=self.closed)
-        shown = preview(shape, around, framing.camera, size, display, Edges() if self.edges else None)
-        light = shown.picture
+        raster = preview(shape, setup, framing.camera, size, display, Edges() if self.edges else None)
+        values = raster.picture
         if self.flow:
             lines = streamlines(self.request.shot.motion, number, arrays["vertices"].astype(np.float64))
             width = max(1.0, LINE * size[0])
-            light = with_lines(shown, lines.points, *line_colours(lines), framing.camera, width)
-        flat: NDArray[Any] = quantise(light)
-        return flat if self.burn_in is None else self.burn_in.over(flat, self._facts(number))
+            values = with_lines(raster, lines.points, *line_colours(lines), framing.camera, width)
+        pixels: NDArray[Any] = quantise(values)
+        return pixels if self.burn_in is None else self.burn_in.over(pixels, self._facts(number))
 
     def _facts(self, number: int) -> dict[str, str | int]:
         rate = self.request.shot.rate
@@ -83,20 +84,20 @@ class Sketch:
 
 def shape_of(arrays: Mapping[str, AnyArray], look: Material) -> Shape:
     """Return the shape of a frame's arrays; of a cloud, a small ball for each point."""
-    brought = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
-    vertices, none = arrays["vertices"], np.empty((0, 3), np.int32)
-    normals, faces = arrays.get("normals", vertices), arrays.get("faces", none)
-    shown = vertex_colours(Surface(vertices, normals, faces, brought, arrays["material"]), look)
+    attributes = {SPEED: arrays[SPEED]} if SPEED in arrays else {}
+    vertices, no_faces = arrays["vertices"], np.empty((0, 3), np.int32)
+    normals, faces = arrays.get("normals", vertices), arrays.get("faces", no_faces)
+    colours = vertex_colours(Surface(vertices, normals, faces, attributes, arrays["material"]), look)
     if "radii" not in arrays:
-        return Shape(vertices, normals, faces, look, shown)
-    every = -(-len(arrays["vertices"]) // MOST_BALLS)
-    points, radii = arrays["vertices"][::every], arrays["radii"][::every] * every ** (1 / 3)
+        return Shape(vertices, normals, faces, look, colours)
+    step = -(-len(vertices) // MOST_BALLS)
+    points, radii = vertices[::step], arrays["radii"][::step] * step ** (1 / 3)
     ball = icosphere(2)
-    around, many = ball.vertices, len(ball.vertices)
-    vertices = (points[:, None] + radii[:, None, None] * around).reshape(-1, 3)
-    faces = (ball.faces + many * np.arange(len(points), dtype=np.int32)[:, None, None]).reshape(-1, 3)
-    shaded = None if shown is None else shown[::every].repeat(many, axis=0)
-    return Shape(vertices, np.tile(around, (len(points), 1)), faces.astype(np.int32), look, shaded)
+    count = len(ball.vertices)
+    vertices = (points[:, None] + radii[:, None, None] * ball.vertices).reshape(-1, 3)
+    faces = (ball.faces + count * np.arange(len(points), dtype=np.int32)[:, None, None]).reshape(-1, 3)
+    colours = None if colours is None else colours[::step].repeat(count, axis=0)
+    return Shape(vertices, np.tile(ball.vertices, (len(points), 1)), faces.astype(np.int32), look, colours)
 
 
 def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
@@ -105,8 +106,8 @@ def is_closed(arrays: Mapping[str, AnyArray]) -> bool:
         return True
     faces = arrays["source_vertex"][arrays["faces"]].astype(np.int64)
     begin, end = faces.ravel(), np.roll(faces, -1, axis=1).ravel()
-    many = int(faces.max()) + 1
-    return np.array_equal(np.sort(begin * many + end), np.sort(end * many + begin))
+    count = int(faces.max()) + 1
+    return np.array_equal(np.sort(begin * count + end), np.sort(end * count + begin))
 
 
 def line_colours(lines: StreamlineSet) -> tuple[Floats, Floats]:
@@ -117,3 +118,79 @@ def line_colours(lines: StreamlineSet) -> tuple[Floats, Floats]:
     colours = np.stack([np.interp(share, (0.0, 0.5, 1.0), stops[:, k]) for k in range(3)], axis=-1)
     along = np.linspace(0.0, np.pi, lines.speeds.shape[1])
     return colours, np.clip(np.sin(along), 0.0, 1.0)[None] ** 0.7 * (0.4 + 0.55 * share)
+
+
+STEP = 1 / 16
+"""Frames over which points are moved to measure velocity, which flows that are maps do not have."""
+
+SEEDS, PIECES = 420, 48
+SEED_BOX = 1.35
+"""Half-size of the box where streamlines begin, over that of the subject."""
+
+LENGTH = 0.6
+"""Length of streamlines of median speed, over the subject's half-size."""
+MOST_SPEED = 2.5
+"""Upper bound of speed along a streamline, over the median speed."""
+
+STILL = 0.02
+"""Fraction of the 95th percentile of speed below which no streamline begins."""
+
+
+class StreamlineSet(NamedTuple):
+    """N polylines: points (N, PIECES + 1, 3) and speeds (N, PIECES + 1), units per second."""
+
+    points: Floats
+    speeds: Floats
+
+
+def streamlines(motion: Motion, frame: int, vertices: Points, seeds: int = SEEDS) -> StreamlineSet:
+    """Trace streamlines of all flows of a shot together, held still at a frame, around vertices (V, 3).
+
+    Raises FrameError where the flow fails.
+    """
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    middle, half = (low + high) / 2, np.maximum((high - low) / 2, 0.15 * float((high - low).max()))
+    begin = middle + SEED_BOX * half * (2.0 * _even_points(seeds) - 1.0)
+    speeds = np.linalg.norm(_velocity(motion, frame, begin), axis=1)
+    fast = float(np.quantile(speeds, 0.95))
+    begin = begin[speeds > STILL * fast]
+    if not len(begin) or fast == 0.0:
+        return StreamlineSet(np.empty((0, PIECES + 1, 3)), np.empty((0, PIECES + 1)))
+    median = float(np.median(speeds[speeds > STILL * fast]))
+    step = LENGTH * float(half.max()) / median / PIECES
+    forward, backward = (_trace(motion, frame, begin, sign * step, MOST_SPEED * median) for sign in (1, -1))
+    points = np.concatenate([backward[:0:-1], forward]).swapaxes(0, 1)
+    points = points[np.isfinite(points).all(axis=(1, 2))]
+    speeds = np.linalg.norm(np.diff(points, axis=1), axis=2) / step
+    return StreamlineSet(points, np.concatenate([speeds[:, :1], speeds], axis=1))
+
+
+def _velocity(motion: Motion, frame: int, points: Points) -> Vectors:
+    """Return velocities (N, 3), units per second of the film's time."""
+    time, dt = motion.clock.between(frame, frame + STEP)
+    moved = checked_displacement(motion.flow, points, time, dt, frame)
+    velocity: Vectors = (moved - points) / motion.rate.seconds(STEP)
+    return velocity
+
+
+def _trace(motion: Motion, frame: int, points: Points, step: float, limit: float) -> Floats:
+    """Trace points by the midpoint method at most at speed `limit`; returns (PIECES / 2 + 1, N, 3)."""
+
+    def velocity(points: Points) -> Vectors:
+        vectors = _velocity(motion, frame, points)
+        speed = np.linalg.norm(vectors, axis=1, keepdims=True)
+        return np.asarray(vectors * np.minimum(1.0, limit / np.maximum(speed, 1e-300)))
+
+    path = [points]
+    for _ in range(PIECES // 2):
+        middle = path[-1] + step / 2 * velocity(path[-1])
+        path.append(path[-1] + step * velocity(middle))
+    return np.stack(path)
+
+
+def _even_points(count: int) -> Floats:
+    """Return points (N, 3) spread evenly over the unit cube: the additive recurrence of Roberts (2018)."""
+    root = 1.2207440846057596  # of x⁴ = x + 1
+    steps = root ** -np.arange(1.0, 4.0)
+    points: Floats = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0
+    return points

@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import math
+import tempfile
 from collections import deque
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Lock
 from types import TracebackType
+
+import psutil
 
 from pipeline.animation import MeshFrame
 from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.mesh_source import MeshCache, MeshSource, stored
-from pipeline.dailies.preview.spill_cache import SpillCache
 from pipeline.errors import FrameError
 from pipeline.mesh.pn_triangles import MOST_PIECES
 from pipeline.production.render_inputs.motion import speeds
@@ -21,13 +25,66 @@ from pipeline.production.request.keys import speed_data, thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key, Store, key_of
+from render.base.atomic_write import atomic_write, disk_errors
 from render.scene.measure import SPEED
+
+MEMORY_SHARE = 0.2
+"""Fraction of the free memory that cached surfaces may take."""
 
 UNSHADED = 4
 """Frames that may wait for normals while others are simulated."""
 
 DICED = 100_000
 """Vertices, about, of a previewed surface that renders dice."""
+
+Arrays = Mapping[str, AnyArray]
+
+
+class SpillCache:
+    """Arrays by key: in memory up to `room` bytes, then in temporary files until `close`."""
+
+    def __init__(self, room: float | None = None) -> None:
+        self._room = MEMORY_SHARE * psutil.virtual_memory().available if room is None else room
+        self._held: dict[Key, Arrays] = {}
+        self._counting = Lock()
+        with disk_errors(Path(tempfile.gettempdir())):
+            self._folder = tempfile.TemporaryDirectory(prefix="flowsculpt-")
+
+    def close(self) -> None:
+        self._held.clear()
+        self._folder.cleanup()
+
+    def __contains__(self, key: Key) -> bool:
+        return key in self._held or self._file(key).exists()
+
+    def put(self, key: Key, arrays: Arrays) -> None:
+        """Keep arrays under a key. Raises MachineError if neither memory nor disk has room."""
+        size = sum(values.nbytes for values in arrays.values())
+        with self._counting:
+            fits = size <= self._room
+            self._room -= size if fits else 0
+        if fits:
+            self._held[key] = arrays
+        else:
+            with atomic_write(self._file(key), flush=False) as draft:
+                readers.write_npz(draft, dict(arrays))
+
+    def get(self, key: Key) -> Arrays:
+        return self._held[key] if key in self._held else readers.read_npz(self._file(key))
+
+    def drop(self, key: Key) -> None:
+        """Forget the arrays of a key."""
+        with self._counting:
+            self._room += sum(values.nbytes for values in self._held.pop(key, {}).values())
+        self._file(key).unlink(missing_ok=True)
+
+    def keep_only(self, keys: set[Key]) -> None:
+        """Forget all arrays but those of these keys."""
+        for key in {*self._held, *(file.stem for file in Path(self._folder.name).iterdir())} - keys:
+            self.drop(key)
+
+    def _file(self, key: Key) -> Path:
+        return Path(self._folder.name) / f"{key}.npz"
 
 
 @dataclass(eq=False)
@@ -68,18 +125,24 @@ class SurfaceStream:
         self.meshes.keep_only({request.mesh_key(n) for n in frames})
         with ThreadPoolExecutor(1) as pool:
             under_way: deque[tuple[int, Future[None]]] = deque()
-            failed = None
+            failure = None
+
+            def oldest() -> int:
+                number, surface = under_way.popleft()
+                surface.result()
+                return number
+
             try:
-                for number, made in self._submitted(request, sorted(numbers), pool):
-                    under_way.append((number, made))
+                for submitted in self._submitted(request, sorted(numbers), pool):
+                    under_way.append(submitted)
                     while len(under_way) > UNSHADED or (under_way and under_way[0][1].done()):
-                        yield _finished(*under_way.popleft())
+                        yield oldest()
             except FrameError as error:
-                failed = error
+                failure = error
             while under_way:
-                yield _finished(*under_way.popleft())
-            if failed is not None:
-                raise failed
+                yield oldest()
+            if failure is not None:
+                raise failure
 
     def arrays(self, request: RenderRequest, number: int) -> dict[str, AnyArray]:
         """Return the arrays of a frame that was played."""
@@ -96,12 +159,12 @@ class SurfaceStream:
         meshes = MeshSource(request, self.store, self.meshes)
         for number in numbers:
             if _key(request, number) in self.surfaces:
-                made = pool.submit(_nothing)
+                surface = pool.submit(lambda: None)
             elif self.store.holds("normals", request.normals_key(number)) and not _needs_mesh(request):
-                made = pool.submit(self._read, request, number)
+                surface = pool.submit(self._read, request, number)
             else:
-                made = pool.submit(self._shade, request, meshes.at(number))
-            yield number, made
+                surface = pool.submit(self._shade, request, meshes.at(number))
+            yield number, surface
 
     def _read(self, request: RenderRequest, number: int) -> None:
         read = readers.arrays(request.normals_key(number))
@@ -117,8 +180,8 @@ class SurfaceStream:
 
 def _key(request: RenderRequest, number: int) -> Key:
     """The key of a previewed frame: its normals, and speeds where colours show them."""
-    measured = speed_data(request, number)
-    return key_of(request.normals_key(number), measured) if measured else request.normals_key(number)
+    speeds_from = speed_data(request, number)
+    return key_of(request.normals_key(number), speeds_from) if speeds_from else request.normals_key(number)
 
 
 def _needs_mesh(request: RenderRequest) -> bool:
@@ -136,12 +199,3 @@ def _pieces(request: RenderRequest, frame: MeshFrame) -> int:
     if picture.dicing is None:
         return picture.tessellate
     return max(1, min(MOST_PIECES, math.isqrt(DICED // max(1, len(frame.mesh.vertices)))))
-
-
-def _nothing() -> None:
-    """Do nothing: the surface is there already."""
-
-
-def _finished(number: int, made: Future[None]) -> int:
-    made.result()
-    return number

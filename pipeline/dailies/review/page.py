@@ -10,18 +10,17 @@ renders/review/<name>/models/…       meshes, by keys
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from pipeline.dailies.review import three
-from pipeline.dailies.review.discover import ShotMaterial
-from pipeline.dailies.review.geometry import PageMeshes
+from pipeline.dailies.measures import TIMED_STAGES, limits_of, measured
+from pipeline.dailies.review import view_3d
 from pipeline.dailies.review.proxies import Proxies, ProxyWriter
-from pipeline.dailies.review.sequence import PictureSequence
-from pipeline.dailies.sheets.measures import TIMED_STAGES, limits_of, measured
+from pipeline.dailies.review.sequences import PictureSequence, ShotMaterial
 from pipeline.production.planning.timings import LatestTimings
 from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write, disk_errors
@@ -45,7 +44,6 @@ class ReviewPage:
     form: str
     models: int
     threads: int
-    _latest: list[LatestTimings] = field(default_factory=list, repr=False)
 
     @property
     def folder(self) -> Path:
@@ -57,14 +55,13 @@ class ReviewPage:
 
     @property
     def sequences(self) -> list[PictureSequence]:
-        return [pictures for material in self.shots for pictures in material.sequences]
+        return [sequence for material in self.shots for sequence in material.sequences]
 
     @property
     def steps(self) -> int:
         """The number of times that `write` calls `tell`."""
-        return sum(len(each.found) for each in self.sequences) + sum(
-            len(s.request.angles) for s in self.shots
-        )
+        pictures = sum(len(sequence.pictures) for sequence in self.sequences)
+        return pictures + sum(len(material.request.angles) for material in self.shots)
 
     def write(self, tell: Tell = lambda: None) -> dict[str, int]:
         """Write missing files, remove those that the page does not show, and return counts by kind.
@@ -75,23 +72,25 @@ class ReviewPage:
             for name in ("pictures", "models", "page"):
                 (self.folder / name).mkdir(parents=True, exist_ok=True)
         shots = {material.request.name: self._shot(material, tell) for material in self.shots}
-        sequences = [self._sequence(pictures, tell) for pictures in self.sequences]
-        text = three.bundle()
+        sequences = [self._sequence(sequence, tell) for sequence in self.sequences]
+        three_js = view_3d.three_js()
         data = {
             "title": self.name,
             "shots": shots,
             "sequences": sequences,
             "wedges": self._wedges(),
-            "three": "three.js" if text else None,
-            "hint": "" if text else three.HINT,
+            "three": "three.js" if three_js else None,
+            "hint": "" if three_js else view_3d.HINT,
         }
-        self._write_sources()
-        if text:
-            _write(self.folder / "three.js", f"window.reviewThree = {_json(text)};\n".encode())
+        for source in SOURCES.iterdir():
+            path = self.index if source.name == self.index.name else self.folder / "page" / source.name
+            _write(path, source.read_bytes())
+        if three_js:
+            _write(self.folder / "three.js", f"window.reviewThree = {_json(three_js)};\n".encode())
         _write(self.folder / "data.js", f"window.reviewData = {_json(data)};\n".encode())
-        pictures = {name for each in sequences for name in each["files"] if name}
+        pictures = {name for sequence in sequences for name in sequence["files"] if name}
         models = {file for shot in shots.values() for _, file in shot["models"]}
-        sheets = {each["sheet"]["file"] for each in sequences if each["sheet"]}
+        sheets = {sequence["sheet"]["file"] for sequence in sequences if sequence["sheet"]}
         _keep(self.folder / "pictures", pictures | sheets)
         _keep(self.folder / "models", models)
         return {"sequences": len(sequences), "pictures": len(pictures), "models": len(models)}
@@ -100,74 +99,74 @@ class ReviewPage:
         """Return data of a shot that all its sequences share."""
         request = material.request
         numbers = sorted(request.angles)
-        found = measured(request, self.store, numbers, self.threads, tell)
-        meshes = PageMeshes(request, self.store, self.folder / "models")
-        written = [(number, meshes.write(number)) for number in meshes.chosen(self.models)]
+        measures = measured(request, self.store, numbers, self.threads, tell)
+        meshes = view_3d.PageMeshes(request, self.store, self.folder / "models")
+        models = [(number, meshes.write(number)) for number in meshes.chosen(self.models)]
         return {
             "title": request.shot.title,
             "fps": float(request.shot.rate.fps),
             "numbers": numbers,
             "limits": list(limits_of(request)),
-            "measures": found,
-            "models": [[number, name] for number, name in written if name],
+            "measures": measures,
+            "models": [[number, name] for number, name in models if name],
         }
 
-    def _sequence(self, pictures: PictureSequence, tell: Tell) -> dict[str, Any]:
+    def _sequence(self, sequence: PictureSequence, tell: Tell) -> dict[str, Any]:
         writer = ProxyWriter(self.store, self.folder / "pictures", self.form, self.threads)
-        proxies = writer.proxies(pictures, tell)
-        states = {**pictures.states(), **{n: ("failed", why) for n, why in proxies.faults.items()}}
-        shown = [number for number in pictures.numbers if number in pictures.found]
+        proxies = writer.proxies(sequence, tell)
+        states = {**sequence.states(), **{n: ("failed", why) for n, why in proxies.faults.items()}}
+        readable = [number for number in sequence.numbers if number in sequence.pictures]
         return {
-            "shot": pictures.shot,
-            "kind": pictures.kind,
-            "label": pictures.label,
-            "quality": pictures.quality,
-            "note": pictures.note,
+            "shot": sequence.shot,
+            "kind": sequence.kind,
+            "label": sequence.label,
+            "quality": sequence.quality,
+            "note": sequence.note,
             "size": list(proxies.size),
-            "numbers": list(pictures.numbers),
-            "files": [proxies.files.get(number) for number in pictures.numbers],
-            "states": {number: list(told) for number, told in states.items()},
+            "numbers": list(sequence.numbers),
+            "files": [proxies.files.get(number) for number in sequence.numbers],
+            "states": {number: list(state) for number, state in states.items()},
             "sheet": writer.sheet(proxies),
-            "facts": {"numbers": shown, **tabled([pictures.found[n].header for n in shown])},
-            "seconds": self._seconds(pictures, proxies),
+            "facts": {"numbers": readable, **tabled([sequence.pictures[n].header for n in readable])},
+            "seconds": self._seconds(sequence, proxies),
         }
 
-    def _seconds(self, pictures: PictureSequence, proxies: Proxies) -> dict[str, dict[int, float]]:
+    def _seconds(self, sequence: PictureSequence, proxies: Proxies) -> dict[str, dict[int, float]]:
         """Return seconds by stage and frame."""
-        if not self._latest:
-            self._latest.append(LatestTimings(self.store.root))
-        told = self._latest[0].by_stage(pictures.subject, pictures.shot, pictures.quality, TIMED_STAGES)
-        if pictures.kind == "version":
-            told.pop("finish", None)  # the logs tell of today's
-        render = {n: round(sum(parts.values()), 3) for n, parts in pictures.seconds.items() if parts}
-        by_stage = {**told, "render": {n: s for n, s in render.items() if n in proxies.files}}
-        return {stage: frames for stage, frames in by_stage.items() if frames}
+        seconds = self._latest.by_stage(sequence.subject, sequence.shot, sequence.quality, TIMED_STAGES)
+        if sequence.kind == "version":
+            seconds.pop("finish", None)  # the logs hold those of the shot's present frames
+        seconds["render"] = {
+            n: round(sum(parts.values()), 3)
+            for n, parts in sequence.seconds.items()
+            if parts and n in proxies.files
+        }
+        return {stage: frames for stage, frames in seconds.items() if frames}
+
+    @cached_property
+    def _latest(self) -> LatestTimings:
+        return LatestTimings(self.store.root)
 
     def _wedges(self) -> list[dict[str, Any]]:
-        places = {id(pictures): index for index, pictures in enumerate(self.sequences)}
+        indices = {id(sequence): index for index, sequence in enumerate(self.sequences)}
         return [
             {
                 "shot": material.request.name,
                 "name": cells.name,
                 "columns": cells.columns,
                 "captions": [[list(line) for line in caption] for caption in cells.captions],
-                "cells": [places[id(pictures)] for pictures in cells.sequences],
+                "cells": [indices[id(sequence)] for sequence in cells.sequences],
             }
             for material in self.shots
             for cells in material.wedges
             if cells.sequences
         ]
 
-    def _write_sources(self) -> None:
-        for source in sorted(SOURCES.iterdir(), key=lambda each: each.name):
-            place = self.index if source.name == self.index.name else self.folder / "page" / source.name
-            _write(place, source.read_bytes())
 
-
-def _write(place: Path, content: bytes) -> None:
+def _write(path: Path, content: bytes) -> None:
     """Write a file unless it has this content."""
-    if not place.exists() or place.read_bytes() != content:
-        with atomic_write(place) as draft:
+    if not path.exists() or path.read_bytes() != content:
+        with atomic_write(path) as draft:
             draft.write_bytes(content)
 
 
@@ -176,11 +175,10 @@ def _json(data: object) -> str:
     return json.dumps(data, separators=(",", ":")).replace("</", "<\\/")
 
 
-def _keep(folder: Path, names: Iterable[str]) -> None:
+def _keep(folder: Path, names: set[str]) -> None:
     """Remove all other files from a folder of the page."""
-    wanted = set(names)
     for path in folder.iterdir():
-        if path.name not in wanted and path.is_file():
+        if path.name not in names and path.is_file():
             path.unlink(missing_ok=True)
 
 
@@ -190,30 +188,29 @@ _OMITTED = frozenset({"frame"})
 
 def tabled(headers: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Return `same`: entries equal in all headers, and `differ`: of the others, a value for each header."""
-    flat = [dict(_flat("", header)) for header in headers]
-    names = sorted({name for each in flat for name in each} - _OMITTED)
-    columns = {name: [each.get(name) for each in flat] for name in names}
-    return {
-        "same": {name: values[0] for name, values in columns.items() if _are_equal(values)},
-        "differ": {name: values for name, values in columns.items() if not _are_equal(values)},
-    }
+    rows = [dict(_flat("", header)) for header in headers]
+    names = sorted({name for row in rows for name in row} - _OMITTED)
+    table: dict[str, Any] = {"same": {}, "differ": {}}
+    for name in names:
+        values = [row.get(name) for row in rows]
+        if all(value == values[0] for value in values):
+            table["same"][name] = values[0]
+        else:
+            table["differ"][name] = values
+    return table
 
 
-def _are_equal(values: Sequence[Any]) -> bool:
-    return all(value == values[0] for value in values)
-
-
-def _flat(place: str, value: Any) -> Iterator[tuple[str, Any]]:
+def _flat(path: str, value: Any) -> Iterator[tuple[str, Any]]:
     """Yield entries with dotted names; lists of numbers stay together, and numbers are rounded."""
     if isinstance(value, Mapping):
         for name, inner in value.items():
-            yield from _flat(f"{place}.{name}" if place else str(name), inner)
+            yield from _flat(f"{path}.{name}" if path else str(name), inner)
     elif isinstance(value, list) and any(isinstance(inner, Mapping | list) for inner in value):
         for index, inner in enumerate(value):
             name = inner.get("name") if isinstance(inner, Mapping) else None
-            yield from _flat(f"{place}.{name or index}", inner)
+            yield from _flat(f"{path}.{name or index}", inner)
     else:
-        yield place, _rounded(value)
+        yield path, _rounded(value)
 
 
 def _rounded(value: Any) -> Any:

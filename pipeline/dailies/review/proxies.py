@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.dailies.review.sequence import PictureSequence
-from pipeline.production.store.store import SUFFIXES, Key, Store, key_of
+from pipeline.dailies.review.sequences import PictureSequence
+from pipeline.production.store.store import SUFFIXES, Store, key_of
 from render.base.errors import RenderError
 from render.graphics.contact_sheet import reduced
 from render.post.colour import quantise, to_display
@@ -25,6 +25,9 @@ MOST_THUMBS = 400
 """Most thumbnails on a sheet; longer shots show every second frame, or every third."""
 
 SHEET_COLUMNS = 20
+
+EMPTY_SIZE = (16, 9)
+"""Size of a sequence without pictures, pixels: its aspect on the page."""
 
 
 @dataclass(frozen=True)
@@ -50,30 +53,32 @@ class ProxyWriter:
     form: str
     threads: int
 
-    def proxies(self, pictures: PictureSequence, tell: Callable[[], None]) -> Proxies:
+    def proxies(self, sequence: PictureSequence, tell: Callable[[], None]) -> Proxies:
         """Write proxies of all readable pictures; call `tell` after each. Raises MachineError."""
         files: dict[int, str] = {}
         faults: dict[int, str] = {}
         with ThreadPoolExecutor(self.threads) as pool:
-            for number, name in pool.map(lambda n: (n, self._proxy(pictures, n)), pictures.found):
+            for number, name in pool.map(lambda n: (n, self._proxy(sequence, n)), sequence.pictures):
                 if name is None:
                     faults[number] = "it cannot be read to its end; flowsculpt verify repairs it"
                 else:
                     files[number] = name
                 tell()
-        settings = next(iter(pictures.found.values())).header.get("settings", {}) if files else {}
-        size = self._size(files) or (settings.get("width", 16), settings.get("height", 9))
-        return Proxies(files, faults, size)
+        if not files:
+            return Proxies(files, faults, EMPTY_SIZE)
+        height, width = read_png(self.folder / next(iter(files.values()))).shape[:2]
+        return Proxies(files, faults, (width, height))
 
-    def _proxy(self, pictures: PictureSequence, number: int) -> str | None:
-        found, key = pictures.found[number], pictures.still_key(self.form, number)
-        display = pictures.display
+    def _proxy(self, sequence: PictureSequence, number: int) -> str | None:
+        """Write one proxy, and return its file's name; None if the picture is damaged."""
+        picture, key = sequence.pictures[number], sequence.still_key(self.form, number)
+        display = sequence.display
 
         def write(path: Path) -> None:
-            light = read_exr(found.path)[0]["beauty"]
-            shown = quantise(to_display(light, display.exposure, "srgb", display.view))
-            header = {"shot": pictures.shot, "frame": number, "key": key}
-            (write_jpeg if self.form == "jpeg" else write_png)(path, shown, header)
+            light = read_exr(picture.path)[0]["beauty"]
+            pixels = quantise(to_display(light, display.exposure, "srgb", display.view))
+            header = {"shot": sequence.shot, "frame": number, "key": key}
+            (write_jpeg if self.form == "jpeg" else write_png)(path, pixels, header)
 
         try:
             self.store.put(self.form, key, write)
@@ -82,12 +87,6 @@ class ProxyWriter:
         name = f"{key}{SUFFIXES[self.form]}"
         self.store.link(self.form, key, (self.folder / name).relative_to(self.store.root))
         return name
-
-    def _size(self, files: dict[int, str]) -> tuple[int, int] | None:
-        for name in files.values():
-            height, width = read_png(self.folder / name).shape[:2]
-            return width, height
-        return None
 
     def sheet(self, proxies: Proxies) -> dict[str, Any] | None:
         """Write a sheet of thumbnails in rows; return its file, layout and frames."""
@@ -99,7 +98,7 @@ class ProxyWriter:
         columns = min(SHEET_COLUMNS, len(numbers))
         width, height = (max(1, side // factor) for side in proxies.size)
         names = [proxies.files[number] for number in numbers]
-        name = f"{sheet_key(names, factor, columns)}.jpg"
+        name = f"{key_of('thumbs', names, factor, columns)}.jpg"
         if not (self.folder / name).exists():
             write_jpeg(self.folder / name, self._laid_out(names, factor, columns, (width, height)))
         return {"file": name, "columns": columns, "size": [width, height], "frames": numbers}
@@ -118,10 +117,6 @@ class ProxyWriter:
             for index, thumb in enumerate(pool.map(small, names)):
                 row, column = divmod(index, columns)
                 thumb = thumb[:height, :width]
-                place = sheet[row * height :, column * width :]
-                place[: thumb.shape[0], : thumb.shape[1]] = thumb
+                cell = sheet[row * height :, column * width :]
+                cell[: thumb.shape[0], : thumb.shape[1]] = thumb
         return sheet
-
-
-def sheet_key(names: Sequence[str], factor: int, columns: int) -> Key:
-    return key_of("thumbs", list(names), factor, columns)

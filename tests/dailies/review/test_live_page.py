@@ -12,8 +12,8 @@ import pytest
 from playwright.sync_api import Browser
 from playwright.sync_api import Page as Tab
 
-from pipeline.dailies.live.server import LiveFeed, serving
-from pipeline.dailies.live.session import LiveSession
+from pipeline.dailies.preview.live_server import LiveFeed, serving
+from pipeline.dailies.preview.live_session import LiveSession
 from pipeline.dailies.preview.sketch import Sketch
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.production.execution.project import Project

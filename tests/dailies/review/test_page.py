@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from playwright.sync_api import Browser
 from playwright.sync_api import Page as Tab
 
-from pipeline.dailies.review import three
+from pipeline.dailies.review import view_3d
 from render.post.image import read_png
 from tests.dailies.review.studio import FAILED, LAST, MISSING, Desk, number_in
 
@@ -263,7 +263,7 @@ def test_a_click_in_the_grid_makes_a_cell_a_and_with_shift_b(opened: Opened) -> 
     assert look.number == 3 and look.picture()[-8].min() > 235
 
 
-@pytest.mark.skipif(three.bundle() is None, reason="three.js is not set up here")
+@pytest.mark.skipif(view_3d.three_js() is None, reason="three.js is not set up here")
 def test_the_mesh_nearest_to_the_playhead_is_drawn(opened: Opened) -> None:
     look = opened(frame=LAST)
     look.press("m")
@@ -281,11 +281,11 @@ def test_a_page_without_three_works_and_says_how_to_get_it(
 ) -> None:
     folder = Path(shutil.copytree(desk.page().parent, tmp_path / "page"))
     data = json.loads((folder / "data.js").read_text().removeprefix("window.reviewData = ").rstrip(";\n"))
-    told = {**data, "three": None, "hint": three.HINT}
+    told = {**data, "three": None, "hint": view_3d.HINT}
     (folder / "data.js").write_text(f"window.reviewData = {json.dumps(told)};")
     look = opened(folder / "index.html", frame=2)
     look.press("m", "ArrowRight")
-    assert "pipeline.dailies.review.three fetches it" in look.tab.inner_text("#panel-mesh")
+    assert "pipeline.dailies.review.view_3d fetches it" in look.tab.inner_text("#panel-mesh")
     assert look.number == 3
 
 

@@ -15,9 +15,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.dailies.review.geometry import as_script
+from pipeline.dailies.measures import BINS, edge_lengths, roundness_of, volume_of
 from pipeline.dailies.review.page import tabled
-from pipeline.dailies.sheets.measures import BINS, edge_lengths, roundness_of, volume_of
+from pipeline.dailies.review.view_3d import as_script
 from pipeline.mesh import TriangleMesh, box, icosphere
 from render.post.image import read_png
 from tests.dailies.review.studio import FAILED, LAST, MISSING, NAME, Desk, number_in
@@ -153,7 +153,7 @@ def test_a_shot_that_is_not_rendered_says_what_renders_it(copy: Desk) -> None:
     text = (copy.root / "shots" / f"{NAME}.yaml").read_text()
     (copy.root / "shots" / "T020_new.yaml").write_text(text.replace("[2, 2, 2]", "[3, 2, 2]"))
     code, said = copy.command("review", "T020_new")
-    assert code == 3 and "flowsculpt render T020_new -q preview makes them" in said
+    assert code == 3 and "flowsculpt render T020_new -q draft makes them" in said
     code, said = copy.command("figures", "T020_new")
     assert code == 3 and "flowsculpt simulate T020_new makes them" in said
 

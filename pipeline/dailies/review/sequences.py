@@ -1,12 +1,14 @@
-"""Find the sequences of a shot: rendered frames, published versions, and cells of wedges."""
+"""The sequences of a shot on a page: rendered frames, published versions, and cells of wedges."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
+from typing import Any
 
-from pipeline.dailies.review.sequence import PLAIN, PictureDisplay, PictureSequence
 from pipeline.errors import FlowsculptError, MissingInputError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import PICTURE_STAGES, picture_states
@@ -14,16 +16,99 @@ from pipeline.production.planning.timings import render_seconds
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import History
 from pipeline.production.store.paths import Folders, published
 from pipeline.production.store.paths import wedge as wedge_folder
+from pipeline.production.store.store import Key, key_of
 from pipeline.production.versions.grid import Grid
 from pipeline.production.versions.provenance import Provenance, records, restored
 from pipeline.production.versions.wedge import Wedge
 from render.base.errors import RenderError
 from render.post.image import read_header
+from render.post.view import ACES, ColourView
+
+
+@dataclass(frozen=True)
+class PictureDisplay:
+    """The exposure (stops) and view transform of a page's pictures.
+
+    shown_as   both as plain data, for the keys of stills
+    """
+
+    exposure: float
+    view: ColourView
+    shown_as: Mapping[str, Any]
+
+
+PLAIN = PictureDisplay(0.0, ACES, {"exposure": 0.0, "view": ACES.recipe})
+"""The display of pictures whose shot cannot be read."""
 
 STALE = "the shot has changed since it was rendered; flowsculpt why says how"
+
+
+@dataclass(frozen=True)
+class PictureFile:
+    """A readable picture: its file, its key, and its header."""
+
+    path: Path
+    key: Key
+    header: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class PictureSequence:
+    """A sequence of pictures of one shot, by frame.
+
+    kind      render, version or wedge
+    label     distinguishes it from other sequences of the shot
+    subject   its name in event logs
+    numbers   all frames of the sequence
+    files     frames that are rendered
+    faults    frames that failed or are stale: the state and the reason
+    seconds   seconds of rendering by frame and part, where they are known
+    note      the note of a published version
+    """
+
+    shot: str
+    kind: str
+    label: str
+    quality: str
+    subject: str
+    numbers: tuple[int, ...]
+    files: Mapping[int, Path]
+    display: PictureDisplay
+    faults: Mapping[int, tuple[str, str]]
+    seconds: Mapping[int, Mapping[str, float]]
+    note: str = ""
+
+    @cached_property
+    def pictures(self) -> Mapping[int, PictureFile]:
+        """The pictures that can be read, by frame."""
+        pictures = {}
+        for number, path in self.files.items():
+            with suppress(RenderError, KeyError):
+                header = read_header(path)
+                pictures[number] = PictureFile(path, str(header["key"]), header)
+        return pictures
+
+    def states(self) -> dict[int, tuple[str, str]]:
+        """Return by frame the state and the reason of frames that are missing, failed or stale."""
+        states: dict[int, tuple[str, str]] = {}
+        for number in self.numbers:
+            state, why = self.faults.get(number, ("", ""))
+            if number in self.pictures:
+                if state == "stale":
+                    states[number] = state, why
+            elif number in self.files:
+                states[number] = "failed", "it cannot be read; flowsculpt verify repairs it"
+            else:
+                states[number] = ("failed", why) if state == "failed" else ("missing", "it is not rendered")
+        return states
+
+    def still_key(self, form: str, number: int) -> Key:
+        """The key of a still, the same as `RenderRequest.still_key`, so that both share their files."""
+        return key_of(STAGES[form].recipe, self.pictures[number].key, self.display.shown_as)
 
 
 @dataclass(frozen=True)
@@ -47,7 +132,7 @@ class ShotMaterial:
 
 @dataclass(frozen=True)
 class Search:
-    """Finds material in a project, at these qualities, or at all if there are none."""
+    """Finds material in a project, at these qualities; at all qualities if there are none."""
 
     project: Project
     qualities: tuple[str, ...]
@@ -59,10 +144,10 @@ class Search:
         renders = list(self._renders(path))
         versions = list(self._versions(path.stem))
         wedges = tuple(self._wedges(path))
-        cells = [each for wedge in wedges for each in wedge.sequences]
-        sequences = tuple(each for each in (*renders, *versions, *cells) if each.files)
-        quality = self.qualities[0] if self.qualities else "preview"
+        cells = [sequence for wedge in wedges for sequence in wedge.sequences]
+        sequences = tuple(sequence for sequence in (*renders, *versions, *cells) if sequence.files)
         if not sequences:
+            quality = self.qualities[0] if self.qualities else "draft"
             at = f" at {', '.join(self.qualities)}" if self.qualities else ""
             raise MissingInputError(
                 f"{path.stem} has no rendered frames{at}, and a review page shows such; flowsculpt render "
@@ -70,23 +155,21 @@ class Search:
             )
         return ShotMaterial(self.project.request(path, "draft", variant="none"), sequences, wedges)
 
-    def _wanted(self, quality: str) -> bool:
+    def _includes(self, quality: str) -> bool:
         return not self.qualities or quality in self.qualities
 
     def _renders(self, path: Path) -> Iterator[PictureSequence]:
         home = self.project.root / Folders.of_shot(path.stem).home
-        names = sorted(place.parent.name for place in home.glob("*/frames") if is_quality(place.parent.name))
-        for quality in names if home.is_dir() else ():
-            if self._wanted(quality):
-                request = self.project.request(path, quality)
-                yield self._of_take(request, "render", quality)
+        for quality in sorted(place.parent.name for place in home.glob("*/frames")):
+            if is_quality(quality) and self._includes(quality):
+                yield self._sequence(self.project.request(path, quality), "render", quality)
 
-    def _of_take(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
+    def _sequence(self, request: RenderRequest, kind: str, label: str) -> PictureSequence:
         """Return the frames of a request that are rendered, and the faults of the others."""
         failed = self.history.failed(request.subject, PICTURE_STAGES, request.quality_name)
-        stale = set(picture_states(request, self.project.store, self.history).stale)
-        told = {number: ("failed", message) for number, message in failed.items()}
-        told |= dict.fromkeys(stale, ("stale", STALE))
+        stale = picture_states(request, self.project.store, self.history).stale
+        faults = {number: ("failed", message) for number, message in failed.items()}
+        faults |= dict.fromkeys(stale, ("stale", STALE))
         places = {n: self.project.root / request.place("frame", n) for n in request.angles}
         return PictureSequence(
             shot=request.name,
@@ -97,13 +180,13 @@ class Search:
             numbers=tuple(sorted(request.requested)),
             files={number: path for number, path in places.items() if path.is_file()},
             display=_display(request),
-            told=told,
+            faults=faults,
             seconds=render_seconds(request, self.project.root),
         )
 
     def _versions(self, name: str) -> Iterator[PictureSequence]:
         for place, record in records(self.project.root / published(name)):
-            if isinstance(record, Provenance) and self._wanted(record.quality):
+            if isinstance(record, Provenance) and self._includes(record.quality):
                 files = {number: place / frame.file for number, frame in record.frames.items()}
                 yield PictureSequence(
                     shot=name,
@@ -114,7 +197,7 @@ class Search:
                     numbers=tuple(sorted(record.frames)),
                     files={number: path for number, path in files.items() if path.is_file()},
                     display=self._display_of(record),
-                    told={},
+                    faults={},
                     seconds={number: frame.seconds for number, frame in record.frames.items()},
                     note=record.note,
                 )
@@ -133,39 +216,31 @@ class Search:
         seen: set[tuple[str, str]] = set()
         for sheet in sorted(home.glob("*.png")):
             try:
-                grid = Grid.parse(_varied(sheet), many=True)
+                variations = [str(variation) for variation in read_header(sheet).get("wedge", [])]
+                grid = Grid.parse(variations, many=True)
                 quality = sheet.stem.rpartition(".")[0].removeprefix(f"{grid.name}.")
-                if (grid.name, quality) not in seen and self._wanted(quality):
+                if (grid.name, quality) not in seen and self._includes(quality):
                     seen.add((grid.name, quality))
                     yield self._cells(Wedge(self.project, path, grid, quality))
             except FlowsculptError:
                 continue  # it is another picture, or the shot has no such value any more
 
     def _cells(self, wedge: Wedge) -> Cells:
-        found = []
+        rendered = []
         for cell, request in wedge.requests:
             label = ", ".join(f"{name} {value}" for name, value in cell.caption)
-            found.append(
-                (cell.caption, self._of_take(request.whole(), "wedge", f"{label} · {wedge.quality}"))
-            )
-        there = [(caption, each) for caption, each in found if each.files]
-        together = tuple(sorted({number for _, each in there for number in each.files}))
+            sequence = self._sequence(request.whole(), "wedge", f"{label} · {wedge.quality}")
+            if sequence.files:
+                rendered.append((cell.caption, sequence))
+        numbers = tuple(sorted({number for _, sequence in rendered for number in sequence.files}))
         return Cells(
             wedge.grid.name,
             wedge.grid.columns,
-            tuple(caption for caption, _ in there),
-            tuple(replace(each, numbers=together) for _, each in there),  # cells are seldom rendered whole
+            tuple(caption for caption, _ in rendered),
+            tuple(replace(sequence, numbers=numbers) for _, sequence in rendered),  # cells are seldom whole
         )
 
 
 def _display(request: RenderRequest) -> PictureDisplay:
     picture = request.shot.picture
     return PictureDisplay(picture.lights.exposure, picture.view, request.shown_as)
-
-
-def _varied(path: Path) -> list[str]:
-    """Return what was varied on a contact sheet; nothing if the picture is none."""
-    try:
-        return [str(said) for said in read_header(path).get("wedge", [])]
-    except RenderError:
-        return []

@@ -8,8 +8,8 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.dailies.live.server import LiveFeed
 from pipeline.dailies.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
+from pipeline.dailies.preview.live_server import LiveFeed
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError

@@ -1,0 +1,161 @@
+"""The 3-D view of the page: three.js, which draws meshes and which set-up fetches, and the meshes.
+
+    python -m pipeline.dailies.review.view_3d    fetch three.js, unless it is installed
+
+The package `nicegui` ships it as one file, with its controls; `requirements.txt` beside this module pins the
+release by its hash. Only this file of the package is kept.
+
+A page may load scripts but no data: meshes are scripts, with positions in 16 bits and normals in 8.
+"""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.arrays import AnyArray
+from pipeline.dailies.measures import simulated
+from pipeline.errors import MachineError
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store import readers
+from pipeline.production.store.store import CorruptFileError, Key, Store, key_of
+from render.base.atomic_write import atomic_write
+
+REQUIREMENTS = Path(__file__).with_name("requirements.txt")
+
+PACKED = Path("nicegui", "elements", "scene", "dist", "index.js")
+"""The path of three.js in the package."""
+
+HINT = (
+    "three.js is not installed, so the page has no 3-D view; "
+    f"{Path(sys.executable).name} -m pipeline.dailies.review.view_3d fetches it"
+)
+
+FORMAT = 1
+
+BUDGET = 64_000_000
+"""Bytes, about, of the meshes of a shot on a page; large meshes come in fewer frames."""
+
+
+@dataclass(frozen=True)
+class PageMeshes:
+    """The mesh frames of a shot on a page; `folder` is the page's folder of their scripts."""
+
+    request: RenderRequest
+    store: Store
+    folder: Path
+
+    def chosen(self, most: int) -> list[int]:
+        """Return at most so many simulated frames, evenly spaced, with the first and the last."""
+        files = {n: file[0] for n in sorted(self.request.angles) if (file := self._file(n))}
+        if not files or most < 1:
+            return []
+        numbers = list(files)
+        largest = max(files[number].stat().st_size for number in numbers[-3:])
+        count = max(1, min(most, len(numbers), BUDGET // max(1, largest)))
+        indices = np.linspace(0, len(numbers) - 1, count).round().astype(int)
+        return [numbers[index] for index in dict.fromkeys(indices.tolist())]
+
+    def write(self, number: int) -> str | None:
+        """Write one frame unless it is there, and return its file's name; None if it cannot be read."""
+        file = self._file(number)
+        if file is None:
+            return None
+        path, key = file
+        name = f"{key_of('model', FORMAT, key)}.js"
+        if not (self.folder / name).exists():
+            try:
+                arrays = readers.arrays(key)(path)
+            except (CorruptFileError, OSError):
+                return None
+            with atomic_write(self.folder / name) as draft:
+                draft.write_text(as_script(name, arrays))
+        return name
+
+    def _file(self, number: int) -> tuple[Path, Key] | None:
+        """Return path and key of the normals of a frame, if it is simulated."""
+        return simulated(self.request, self.store, number, "normals")
+
+
+def as_script(name: str, arrays: dict[str, AnyArray]) -> str:
+    """Return a call of the page's `reviewModel` with the arrays of a frame in base64, little-endian.
+
+    positions  uint16 (V, 3), over the box from `low` to `high`, scene units
+    normals    int8 (V, 3), of a surface;  radii  float32 (V,), of a cloud
+    faces      uint16 or uint32 (F, 3), as `wide` says
+    """
+    vertices = np.asarray(arrays["vertices"], np.float64)
+    low, high = vertices.min(axis=0), vertices.max(axis=0)
+    extent = np.where(high > low, high - low, 1.0)
+    wide = len(vertices) > 2**16
+    data: dict[str, Any] = {
+        "vertices": len(vertices),
+        "low": [round(float(x), 6) for x in low],
+        "high": [round(float(x), 6) for x in low + extent],
+        "positions": _encoded(np.rint((vertices - low) / extent * 65535.0), "<u2"),
+    }
+    if "radii" in arrays:
+        data["radii"] = _encoded(arrays["radii"], "<f4")
+    else:
+        data |= {
+            "triangles": len(arrays["faces"]),
+            "wide": wide,
+            "normals": _encoded(np.rint(np.asarray(arrays["normals"]) * 127.0), "i1"),
+            "faces": _encoded(arrays["faces"], "<u4" if wide else "<u2"),
+        }
+    return f"reviewModel({json.dumps(name)}, {json.dumps(data)});\n"
+
+
+def _encoded(values: AnyArray | Sequence[float], kind: str) -> str:
+    return base64.b64encode(np.ascontiguousarray(values).astype(kind).tobytes()).decode("ascii")
+
+
+def three_js() -> str | None:
+    """Return the text of three.js; None if it is not installed.
+
+    Browsers load no modules from local folders: the page makes the module from this text.
+    """
+    try:
+        text = _installed().read_text(encoding="utf-8")
+    except OSError:
+        return None
+    return re.sub(r"\n//# sourceMappingURL=\S+\s*$", "\n", text)
+
+
+def fetch() -> None:
+    """Fetch three.js unless it is installed. Raises MachineError."""
+    if _installed().exists():
+        return
+    with tempfile.TemporaryDirectory() as work:
+        words = ["install", "--quiet", "--no-deps", "--no-compile", "--require-hashes", "--target", work]
+        done = subprocess.run([sys.executable, "-m", "pip", *words, "-r", str(REQUIREMENTS)])
+        if done.returncode or not (Path(work) / PACKED).exists():
+            raise MachineError("three.js cannot be fetched, and pip says why; review pages have no 3-D view")
+        with atomic_write(_installed()) as draft:
+            shutil.copyfile(Path(work) / PACKED, draft)
+
+
+def _installed() -> Path:
+    """Return the path of three.js in the environment, named by its release."""
+    release = re.search(r"^nicegui==(\S+)", REQUIREMENTS.read_text(), re.MULTILINE)
+    assert release, "the requirement names one release"
+    return Path(sys.prefix) / "web" / f"three.nicegui-{release[1]}.js"
+
+
+if __name__ == "__main__":
+    try:
+        fetch()
+    except MachineError as error:
+        print(error, file=sys.stderr)
+        sys.exit(error.exit_code)

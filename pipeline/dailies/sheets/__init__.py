@@ -1,1 +1,0 @@
-"""A shot on one page: its frames in rows, or its measures as figures."""
