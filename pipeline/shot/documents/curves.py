@@ -14,9 +14,9 @@ from pipeline.formula import TIME
 from pipeline.shot.clock import TIME_PATTERN, Clock
 from pipeline.shot.documents.fields import (
     MAPPING_IS_SECOND,
-    NUMBER_OR_TEXT,
     ByForm,
     Document,
+    NumberOrText,
     Positive,
     Real,
     SchemaKeywords,
@@ -72,7 +72,7 @@ class Keyed(Document, Generic[T]):
     after: Extrapolation = Field("hold", description="values after the last key")
 
 
-FormulaText = Annotated[str, NUMBER_OR_TEXT, formula_over(TIME)]
+FormulaText = Annotated[NumberOrText, formula_over(TIME)]
 
 
 class OverTime(Document):

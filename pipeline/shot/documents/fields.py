@@ -176,12 +176,5 @@ def _as_text(value: Any) -> Any:
     return repr(value)
 
 
-class _NumberAsText(BeforeValidator):
-    """A validator that turns numbers into text, and says so in the JSON Schema."""
-
-    def __get_pydantic_json_schema__(self, core: CoreSchema, handler: GetJsonSchemaHandler) -> dict[str, Any]:
-        return {**handler(core), "type": ["string", "number"]}
-
-
-NUMBER_OR_TEXT = _NumberAsText(_as_text)
-"""Lets `0` and `0.5` stand for formulas."""
+NumberOrText = Annotated[str, BeforeValidator(_as_text), SchemaKeywords(type=["string", "number"])]
+"""Text of a formula, which may be a number."""

@@ -20,8 +20,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, finding
-from render.base.errors import RenderError
+from pipeline.shot.yaml.parse_context import ParseContext, as_finding, finding
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
 from render.scene.sky import Daylight, Environment, read_map, sun_position
 from render.scene.stage import STAGES, Stage
@@ -41,10 +40,7 @@ def _check_map(name: str, info: ValidationInfo) -> str:
     """Check that a file holds an environment map, and note its digest."""
     context = ParseContext.of(info)
     path = context.file(name)
-    try:
-        read_map(str(path), context.digests[path])
-    except RenderError as error:
-        raise finding(str(error)) from None
+    as_finding(lambda: read_map(str(path), context.digests[path]))
     return name
 
 

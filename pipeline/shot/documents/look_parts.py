@@ -25,7 +25,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, bad_value, finding
+from pipeline.shot.yaml.parse_context import ParseContext, as_finding, bad_value, finding
 from render.base.errors import RenderError
 from render.scene.materials import Absorption, Relief
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure
@@ -146,10 +146,7 @@ def _texture(name: str, space: str | None, info: ValidationInfo) -> Texture:
     context = ParseContext.of(info)
     path = context.file(name)
     digest = context.digests[path]
-    try:
-        read_picture(str(path), digest, space)
-    except RenderError as error:
-        raise finding(str(error)) from None
+    as_finding(lambda: read_picture(str(path), digest, space))
     return Texture(digest, space, str(path))
 
 

@@ -20,8 +20,7 @@ from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number, sampled_frames
 from pipeline.shot.documents.fields import DEGREE, ByForm, Document, SchemaKeywords, one_of, optional
-from pipeline.shot.yaml.parse_context import ParseContext, bad_curve, bad_value, finding
-from render.base.errors import BadInputError
+from pipeline.shot.yaml.parse_context import ParseContext, as_finding, bad_curve, bad_value, finding
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
 
@@ -129,11 +128,8 @@ class ViewDocument(Document):
     def _is_there(self, info: ValidationInfo) -> Self:
         if not self.model_fields_set:  # the default needs no OpenColorIO, which takes time to import
             return self
-        try:
-            config, digest = self._locate(ParseContext.of(info))
-            self._view = view_of(config, self.view, self.display, self.space, digest)
-        except BadInputError as error:
-            raise finding(str(error)) from None
+        config, digest = self._locate(ParseContext.of(info))
+        self._view = as_finding(lambda: view_of(config, self.view, self.display, self.space, digest))
         return self
 
     def build(self) -> ColourView:

@@ -19,9 +19,9 @@ from pipeline.shot.documents.curves import Keyed, NotNegative, PlaceField, Posit
 from pipeline.shot.documents.fields import (
     DEGREE,
     MAPPING_IS_SECOND,
-    NUMBER_OR_TEXT,
     ByForm,
     Document,
+    NumberOrText,
     Positive,
     ZeroToOne,
     exactly_one,
@@ -33,7 +33,7 @@ from pipeline.shot.motion import Resampling
 from pipeline.shot.yaml.parse_context import bad_value
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]
-ThresholdText = Annotated[str, NUMBER_OR_TEXT, formula_over(FORMULA_NAMES)]
+ThresholdText = Annotated[NumberOrText, formula_over(FORMULA_NAMES)]
 
 
 @dataclass(frozen=True)
@@ -148,7 +148,7 @@ HardAngleField = Annotated[HardAngle | Keyed[HardAngle] | ActiveAngleDocument, _
 class CreaseRegionDocument(Document):
     """Edges that stay hard by their place at rest, whatever the time."""
 
-    formula: Annotated[str, NUMBER_OR_TEXT, formula_over(PLACE)] = Field(
+    formula: Annotated[NumberOrText, formula_over(PLACE)] = Field(
         description="over x, y and z: edges stay hard where it holds at rest"
     )
 

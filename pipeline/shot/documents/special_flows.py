@@ -30,7 +30,7 @@ from pipeline.mesh.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.fields import (
-    NUMBER_OR_TEXT,
+    NumberOrText,
     Positive,
     Triple,
     exactly_one,
@@ -53,7 +53,7 @@ def _check_formula(text: str, info: ValidationInfo) -> str:
     return parsed_formula(text, (*NAMES, *info.data["numbers"]))
 
 
-Text = Annotated[str, NUMBER_OR_TEXT, AfterValidator(_check_formula)]
+Text = Annotated[NumberOrText, AfterValidator(_check_formula)]
 
 
 class FormulaDocument(FlowParameters):

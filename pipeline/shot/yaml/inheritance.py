@@ -1,4 +1,4 @@
-"""Shots that inherit: a shot file over the shots that it extends, and these over the defaults.
+"""Inheritance: a shot file over the shots that it extends, these over the defaults, and settings on top.
 
 Mappings merge. Everything else replaces, also a mapping that defines another kind of thing: other keys, a
 formula, another subject. Every value keeps its position.
@@ -6,17 +6,26 @@ formula, another subject. Every value keeps its position.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+import copy
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from pipeline.errors import MissingInputError, ShotError, suggestion
+from pipeline.errors import MissingInputError, ShotError, UsageError, suggestion
+from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.yaml.lookup import DEFAULTS, shown
-from pipeline.shot.yaml.overrides import with_settings
 from pipeline.shot.yaml.source import Where, YamlSource
 
 KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
 """Names that define the kind of their mapping: one that has any of them replaces the inherited mapping."""
+
+OPTION = "--set"
+
+_FORM = re.compile(r"\s*([^=\s]+?)\s*=(.*)", re.DOTALL)
+_FRAME = re.compile(r"[+-]?\d+(\.\d+)?")
+_TIME = re.compile(r"[+-]?\d+\.\d+s?")
 
 ReadText = Callable[[str], str | None]
 """Returns the text of a file beside the shot by its name; None if there is none."""
@@ -86,10 +95,10 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
     replaced: list[Where] = []
     data = _merged(source.data, base.data, (), replaced)
 
-    def is_kept(where: Where) -> bool:
-        return where not in source.places and not any(where[: len(r)] == r for r in replaced)
-
-    others = {where: base.others.get(where, str(base.path)) for where in base.places if is_kept(where)}
+    kept = base.without_places(
+        lambda where: where in source.places or any(where[: len(r)] == r for r in replaced)
+    )
+    others = {where: kept.others.get(where, str(base.path)) for where in kept.places}
     problems = []
     for i, (where, problem) in enumerate(base.problems):  # reported even where their values are replaced
         file, line, column = base.spot_of(where)
@@ -98,9 +107,9 @@ def over(source: YamlSource, base: YamlSource) -> YamlSource:
     return YamlSource(
         source.path,
         data,
-        {**{where: place for where, place in base.places.items() if is_kept(where)}, **source.places},
+        {**kept.places, **source.places},
         [*source.problems, *problems],
-        {**{where: place for where, place in base.texts.items() if is_kept(where)}, **source.texts},
+        {**kept.texts, **source.texts},
         {**others, **source.others},
     )
 
@@ -130,3 +139,117 @@ def _text(path: Path) -> str | None:
         return path.read_text(encoding="utf-8")
     except (OSError, ValueError):  # not there, not UTF-8, or a name that no file can have
         return None
+
+
+def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
+    """Return the source with settings that replace or add values; later ones win.
+
+    A value is YAML, as in the file. New names may be the last of a path, or stand at the top of the shot.
+    Under `keys` a time is one name, also with a decimal point: `keys.0.5s=2`; a new one is sorted in. Raises
+    ShotError, with the setting in place of a line, where one has no form or no place in the shot; the
+    document checks its value.
+    """
+    for setting in settings:
+        source = _set(source, setting)
+    return source
+
+
+def _set(source: YamlSource, setting: str) -> YamlSource:
+    place = f"{OPTION} {setting}"
+    match = _FORM.fullmatch(setting)
+    if not match:
+        raise ShotError(f"{place}: this is no setting. Write name=value, such as flows.0.twist.amount=90.")
+    if match[1].split(".")[0] == "extends":
+        raise ShotError(
+            f"{place}: only a file can say what its shot extends; settings come on top of both. "
+            "Write extends there, or set the values themselves."
+        )
+    try:
+        value = YamlSource.read(Path(OPTION), match[2] if match[2].strip() else "null").data
+    except ShotError:
+        raise ShotError(
+            f"{place}: {match[2]!r} is not YAML. Quote it for the shell, and look at its brackets."
+        ) from None
+    data = copy.deepcopy(source.data)
+    where = _put(data, match[1].split("."), value, place)
+    _sort_keys(source, data, where)
+    new = [where[:i] for i in range(1, len(where) + 1) if i == len(where) or where[:i] not in source.places]
+    kept = source.without_places(lambda path: path[: len(where)] == where)
+    places = {**kept.places, **dict.fromkeys(new, (0, 0))}
+    return replace(kept, data=data, places=places, others={**kept.others, **dict.fromkeys(new, place)})
+
+
+def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
+    """Put a value where the steps lead, and return its path with the keys as they are in the data."""
+    where: Where = ()
+    holder, steps = data, list(steps)
+    while steps:
+        name = ".".join(map(str, where)) or "the shot"
+        step = _take(steps, holder, in_keys=where[-1:] == ("keys",))
+        if isinstance(holder, list):
+            if not step.isdigit() or int(step) >= len(holder):
+                items = f"it has {len(holder)} items, 0 to {len(holder) - 1}" if holder else "it is empty"
+                raise ShotError(f"{place}: {name} has no item {step}; {items}. Name one of them.")
+            key: Any = int(step)
+        elif isinstance(holder, dict):
+            key = _key(holder, step)
+            if steps and key not in holder:
+                if where:
+                    raise ShotError(f"{place}: {name} has no {step}. {_hint(where, step, holder)}")
+                holder[key] = {}
+            if steps and holder[key] is None:
+                holder[key] = {}
+        else:
+            raise ShotError(f"{place}: {name} is {holder!r}, which holds no {step}. Set {name} as a whole.")
+        where = (*where, key)
+        if not steps:
+            holder[key] = value
+        else:
+            holder = holder[key]
+    return where
+
+
+def _hint(where: Where, step: str, holder: dict[Any, Any]) -> str:
+    """Return the names that exist; times get no did-you-mean."""
+    if where[-1] == "keys":
+        return f"There are: {', '.join(map(str, holder))}. Set a new key as a whole."
+    return suggestion(step, map(str, holder))
+
+
+def _take(steps: list[str], holder: Any, in_keys: bool) -> str:
+    """Remove the next name from the steps and return it: under `keys` two steps, if together they are a time.
+
+    `keys.17.1` is the second number of key 17 if that is a list, and otherwise key 17.1.
+    """
+    joined = ".".join(steps[:2])
+    if in_keys and isinstance(holder, dict) and len(steps) > 1 and _TIME.fullmatch(joined):
+        item = holder.get(_key(holder, steps[0]))
+        if _key(holder, joined) in holder or not isinstance(item, list | dict):
+            del steps[:2]
+            return joined
+    return steps.pop(0)
+
+
+def _key(holder: dict[Any, Any], step: str) -> Any:
+    """Return the key of a mapping that is written like a step, or else a new one."""
+    new: Any = step
+    if _FRAME.fullmatch(step):
+        new = float(step) if "." in step else int(step)
+    return next((name for name in holder if str(name) == step), new)
+
+
+def _sort_keys(source: YamlSource, data: Any, where: Where) -> None:
+    """Sort a new key in among the others, if those ascend and all are times."""
+    if "keys" not in where[:-1]:
+        return
+    holder = data
+    for step in where[: where.index("keys")]:
+        holder = holder[step]
+    try:
+        clock = Clock(parse_frames(data["frames"]), parse_rate(data.get("rate")))
+    except (UsageError, KeyError, TypeError):
+        return  # the file's own checks report these
+    times = {key: clock.seconds(key) for key in holder["keys"]}
+    known = [time for time in times.values() if time is not None]
+    if len(known) == len(times) and known[:-1] == sorted(known[:-1]):
+        holder["keys"] = dict(sorted(holder["keys"].items(), key=lambda item: times[item[0]] or 0.0))

@@ -7,8 +7,8 @@ and column, and every duplicate key reported instead of the first only.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -119,6 +119,14 @@ class YamlSource:
             except (KeyError, IndexError, TypeError):
                 return None
         return value
+
+    def without_places(self, is_dropped: Callable[[Where], bool]) -> YamlSource:
+        """Return the same data without the positions of some paths."""
+
+        def kept(spots: dict[Where, Any]) -> dict[Where, Any]:
+            return {where: spot for where, spot in spots.items() if not is_dropped(where)}
+
+        return replace(self, places=kept(self.places), texts=kept(self.texts), others=kept(self.others))
 
     def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:
         """Yield all mappings of the file with their paths, from the top down."""
