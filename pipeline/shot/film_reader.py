@@ -13,8 +13,8 @@ from pipeline.shot.documents.shot import FilmDocument, SoundDocument
 from pipeline.shot.shot import Card, Clip, Film, Shot, SoundTrack
 from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file, is_edit, is_there, shown
-from pipeline.shot.yaml.messages import validated
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from pipeline.shot.yaml.validation import validated
 
 SOUNDS = (".wav", ".flac", ".aif", ".aiff", ".mp3", ".m4a", ".ogg", ".opus")
 """Usual endings of sound files, for suggestions; any file that FFmpeg reads will do."""

@@ -20,7 +20,7 @@ from pipeline.shot.documents.fields import vector
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.shot_reader import read_shot
 from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.parse_context import ParseContext
+from pipeline.shot.yaml.validation import ParseContext
 
 SAMPLES = 16
 """Samples of a curve in a frame."""

@@ -28,9 +28,8 @@ from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot
 from pipeline.shot.subject import Model, Subject
 from pipeline.shot.yaml.inheritance import inherited
-from pipeline.shot.yaml.messages import validated
-from pipeline.shot.yaml.parse_context import ParseContext
 from pipeline.shot.yaml.source import Problem, YamlSource
+from pipeline.shot.yaml.validation import ParseContext, validated
 from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
 

@@ -15,8 +15,8 @@ from pipeline.shot.documents.fields import LARGEST, is_number
 from pipeline.shot.point_subjects import NETS, NetOfSolid, radii_of
 from pipeline.shot.subject import SOLIDS, Measure, Solid
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
-from pipeline.shot.yaml.parse_context import missing_file
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from pipeline.shot.yaml.validation import missing_file
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
 

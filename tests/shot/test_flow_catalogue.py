@@ -21,7 +21,7 @@ from pipeline.frames import FrameRange, FrameRate
 from pipeline.shot import read_shot
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.flow_catalogue import BEGIN, DOCUMENTS, END, default_text, facts, markdown
-from pipeline.shot.yaml.parse_context import ParseContext
+from pipeline.shot.yaml.validation import ParseContext
 
 CLOCK = Clock(FrameRange.parse("1-24"), FrameRate.of(24))
 DOCS = Path(__file__).parents[2] / "docs"

@@ -35,7 +35,7 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
-from pipeline.shot.yaml.parse_context import finding
+from pipeline.shot.yaml.validation import finding
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
 """Margins by name: the fractions at each side outside the safe areas of SMPTE ST 2046-1."""

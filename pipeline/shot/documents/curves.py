@@ -27,7 +27,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.yaml.parse_context import bad_curve
+from pipeline.shot.yaml.validation import bad_curve
 
 T = TypeVar("T")
 

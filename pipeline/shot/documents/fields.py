@@ -22,7 +22,7 @@ from pipeline.errors import suggestion
 from pipeline.flow.parameters import Vector, X, Y, Z
 from pipeline.flow.streamlines import MAX_SUBSTEPS
 from pipeline.formula import Expression, FormulaError
-from pipeline.shot.yaml.parse_context import bad_value
+from pipeline.shot.yaml.validation import bad_value
 
 DEGREE = math.radians(1.0)
 

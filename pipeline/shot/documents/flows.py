@@ -42,7 +42,7 @@ from pipeline.shot.documents.fields import (
 )
 from pipeline.shot.documents.flow_catalogue import BARE, entries
 from pipeline.shot.documents.regions import RegionDocument
-from pipeline.shot.yaml.parse_context import bad_value, finding
+from pipeline.shot.yaml.validation import bad_value, finding
 
 E = TypeVar("E", bound=Document)
 

@@ -20,7 +20,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, as_finding, finding
+from pipeline.shot.yaml.validation import ParseContext, as_finding, finding
 from render.scene.lights import LIGHTS, LightRig, Sky, Softbox
 from render.scene.sky import Daylight, Environment, read_map, sun_position
 from render.scene.stage import STAGES, Stage

@@ -27,7 +27,7 @@ from pipeline.shot.documents.look_parts import (
     ReliefDocument,
     WireframeDocument,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, finding
+from pipeline.shot.yaml.validation import ParseContext, finding
 from render.base.errors import RenderError
 from render.scene.materials import LOOKS, Material, MitsubaMaterial, PatternedMaterial
 from render.scene.materials.mitsuba_bsdf import BSDFS, Bsdf

@@ -25,7 +25,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, as_finding, bad_value, finding
+from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value, finding
 from render.base.errors import RenderError
 from render.scene.materials import Absorption, Relief
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure

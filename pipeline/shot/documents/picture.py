@@ -20,7 +20,7 @@ from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number, sampled_frames
 from pipeline.shot.documents.fields import DEGREE, ByForm, Document, SchemaKeywords, one_of, optional
-from pipeline.shot.yaml.parse_context import ParseContext, as_finding, bad_curve, bad_value, finding
+from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_curve, bad_value, finding
 from render.post.view import ACES, BUILT_IN, ColourView, view_of
 from render.scene.aovs import AOVS
 

@@ -30,7 +30,7 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
-from pipeline.shot.yaml.parse_context import ParseContext, as_finding, bad_value
+from pipeline.shot.yaml.validation import ParseContext, as_finding, bad_value
 
 SHAPES = ("sphere", "box", "half_space", "capsule", "cylinder", "mesh")
 

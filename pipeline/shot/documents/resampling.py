@@ -30,7 +30,7 @@ from pipeline.shot.documents.fields import (
     optional,
 )
 from pipeline.shot.motion import Resampling
-from pipeline.shot.yaml.parse_context import bad_value
+from pipeline.shot.yaml.validation import bad_value
 
 HardAngle = Annotated[float, Field(gt=0, lt=180)]
 ThresholdText = Annotated[NumberOrText, formula_over(FORMULA_NAMES)]

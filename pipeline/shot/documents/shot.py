@@ -23,7 +23,7 @@ from pipeline.shot.documents.look import LookDocument
 from pipeline.shot.documents.picture import AovsField, ShutterDocument, SmoothDocument, ViewDocument
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.subject import SubjectDocument
-from pipeline.shot.yaml.parse_context import bad_value
+from pipeline.shot.yaml.validation import bad_value
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import BATCH_SAMPLES, MOST_TEMPORAL_FRAMES

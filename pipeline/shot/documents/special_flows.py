@@ -38,7 +38,7 @@ from pipeline.shot.documents.fields import (
     vector,
 )
 from pipeline.shot.documents.flow_parameters import FlowParameters
-from pipeline.shot.yaml.parse_context import ParseContext, as_finding, finding
+from pipeline.shot.yaml.validation import ParseContext, as_finding, finding
 
 
 def _check_name(word: str) -> str:
