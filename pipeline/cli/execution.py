@@ -13,8 +13,8 @@ import typer
 from pipeline.cli.options import Common
 from pipeline.cli.output import duration, print_error, print_result, print_warning, size
 from pipeline.cli.progress import StageBars
+from pipeline.production.execution.recovery import PATIENCE
 from pipeline.production.execution.run import Outcome, run
-from pipeline.production.execution.watchdog import PATIENCE
 from pipeline.production.maintenance.run_report import RunReport
 from pipeline.production.planning.estimate import Estimate, estimate
 from pipeline.production.planning.plan import Plan

@@ -102,7 +102,7 @@ ASSEMBLE = PipelineStage(
     packages=("av", "OpenImageIO"),
     doing="encoding",
     makes="movie",
-    module="movies",
+    module="encode",
 )
 FILM = PipelineStage(
     "film",
@@ -110,7 +110,7 @@ FILM = PipelineStage(
     packages=("av", "OpenImageIO"),
     doing="encoding the film",
     makes="movie",
-    module="movies",
+    module="encode",
 )
 STILLS = tuple(
     PipelineStage(
@@ -119,7 +119,7 @@ STILLS = tuple(
         packages=("OpenImageIO",),
         doing=doing,
         makes=form,
-        module="stills",
+        module="encode",
         per_frame=True,
     )
     for form, doing in (("png", "writing PNG"), ("png16", "writing PNG"), ("jpeg", "writing JPEG"))

@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.cli import commands
 from pipeline.cli.app import COMMANDS
-from pipeline.production.execution.watchdog import PATIENCE
+from pipeline.production.execution.recovery import PATIENCE
 from render.movie.probe import probe_movie
 from render.post.image import read_png
 

@@ -20,10 +20,16 @@ from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.store.event_log import EventLog, EventReader
 from pipeline.production.store.paths import CHECKPOINTS, EVENTS
 from pipeline.production.store.store import Store
-from pipeline.production.tasks import memory_guard
+from pipeline.production.tasks import supervisor
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.memory_guard import RESTART_WORKER, VARIABLE, MemoryGuard, RestartWorker
-from pipeline.production.tasks.supervisor import Supervisor, _verdict
+from pipeline.production.tasks.supervisor import (
+    RESTART_WORKER,
+    VARIABLE,
+    MemoryGuard,
+    RestartWorker,
+    Supervisor,
+    _verdict,
+)
 from pipeline.production.tasks.worker import task_of
 from render.frame import sample_batches as passes
 from render.post.image import read_exr
@@ -168,11 +174,11 @@ def test_a_renderer_that_has_grown_leaves_its_other_frames_to_a_fresh_one(
 
 def test_a_renderer_may_grow_by_half_and_to_a_gibibyte(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.delenv(VARIABLE, raising=False)
-    monkeypatch.setattr(memory_guard.gc, "collect", lambda: 0)
+    monkeypatch.setattr(supervisor.gc, "collect", lambda: 0)
     cases = ((200, 1000, False), (200, 1100, True), (2000, 2900, False), (2000, 3100, True))
     for first, grown, worn in cases:
         held = iter([first, *[grown] * 2])
-        monkeypatch.setattr(memory_guard, "_resident_mib", lambda held=held: float(next(held)))
+        monkeypatch.setattr(supervisor, "_resident_mib", lambda held=held: float(next(held)))
         process = MemoryGuard()
         process.measure()
         process.check()

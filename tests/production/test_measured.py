@@ -11,8 +11,7 @@ import pytest
 from pipeline.animation import animate
 from pipeline.dailies.preview.sketch import shape_of
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.motion import speeds
-from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.render_inputs.shading import Shading, speeds
 from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource

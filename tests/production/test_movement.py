@@ -12,8 +12,13 @@ import pytest
 from pipeline.animation import MeshFrame, animate, mesh_at_subframe
 from pipeline.mesh.normals import split_at_creases
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.motion import SurfaceMotion, flow_motion, framing_at, turntable_motion
-from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.render_inputs.shading import (
+    Shading,
+    SurfaceMotion,
+    flow_motion,
+    framing_at,
+    turntable_motion,
+)
 from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.shot_source import ShotSource

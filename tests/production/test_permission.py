@@ -60,7 +60,7 @@ def test_a_shot_that_no_file_can_be_called_is_not_there() -> None:
 def job_of(plan: Plan, root: Path) -> subprocess.CompletedProcess[str]:
     """The first job of a plan in a process of its own, as a run starts it."""
     frozen = plan.freeze(root)
-    command = [sys.executable, "-m", "pipeline.production.tasks", str(frozen), plan.jobs[0].name]
+    command = [sys.executable, "-m", "pipeline.production.tasks.worker", str(frozen), plan.jobs[0].name]
     return subprocess.run(command, cwd=root, capture_output=True, text=True, check=False)
 
 

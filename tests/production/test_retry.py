@@ -14,8 +14,7 @@ from typing import Any
 import psutil
 import pytest
 
-from pipeline.production.execution.retry import ROUNDS, RetryPolicy
-from pipeline.production.execution.watchdog import watched
+from pipeline.production.execution.recovery import ROUNDS, RetryPolicy, watched
 from pipeline.production.store.event_log import EventLog, EventReader
 
 pytestmark = pytest.mark.quick

@@ -14,7 +14,6 @@ from pipeline.production.request import variants
 from pipeline.production.request.variants import ON_GPU, avoid, variant_for
 from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.paths import EVENTS
-from pipeline.production.tasks import __main__ as process
 from pipeline.production.tasks import render, worker
 from render.mitsuba.engine import DEFAULT_ORDER, Engine
 
@@ -95,7 +94,7 @@ def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
     monkeypatch.setattr(worker, "_limit_kernels", lambda threads: None)
     plan = Project(project.path, 1, ON_GPU).pictures([NAME], "preview")
     (job,) = [job for job in plan.jobs if job.stage == "render"]
-    assert process.main(plan.freeze(project.path).as_posix(), job.name, 0) == 1
+    assert worker.main(plan.freeze(project.path).as_posix(), job.name, 0) == 1
     events = list(EventReader(project.path / EVENTS / f"{plan.name}.jsonl").new())
     assert [event["event"] for event in events] == ["begin", "healed"]
     assert "cuda_ad_rgb failed (out of memory) while rendering T010_tiny" in events[1]["message"]

@@ -23,7 +23,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import paths, readers
 from pipeline.production.store.event_log import History
 from pipeline.production.store.store import Store
-from pipeline.production.tasks.movies import cut_together
+from pipeline.production.tasks.encode import cut_together
 from pipeline.production.versions.provenance import Provenance, records
 from render.base.serialise import to_plain
 from render.graphics.slate import failure_card

@@ -14,7 +14,7 @@ from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.render_inputs.motion import STEP, flow_cache_data
+from pipeline.production.render_inputs.shading import STEP, flow_cache_data
 from pipeline.production.request.keys import speed_data
 from pipeline.production.request.shot_source import ShotSource
 from render.post.image import jpeg_bytes

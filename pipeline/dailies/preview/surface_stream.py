@@ -19,8 +19,7 @@ from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.mesh_source import MeshCache, MeshSource, stored
 from pipeline.errors import FrameError
 from pipeline.mesh.pn_triangles import MOST_PIECES
-from pipeline.production.render_inputs.motion import speeds
-from pipeline.production.render_inputs.shading import Shading
+from pipeline.production.render_inputs.shading import Shading, speeds
 from pipeline.production.request.keys import speed_data, thresholds_at
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers

@@ -112,7 +112,7 @@ def _written(numbers: Iterable[int]) -> str:
 
 def main(root: str, plan: str, *jobs: str) -> int:
     """Do jobs of a plan in a root, one after the other until one fails."""
-    from pipeline.production.tasks.__main__ import main as do
+    from pipeline.production.tasks.worker import main as do
 
     plan_file = Path(plan).absolute()
     try:

@@ -9,8 +9,7 @@ from pathlib import Path
 
 from pipeline.errors import FrameError, MachineError
 from pipeline.production.execution import snakemake
-from pipeline.production.execution.retry import RetryPolicy
-from pipeline.production.execution.watchdog import PATIENCE, watched
+from pipeline.production.execution.recovery import PATIENCE, RetryPolicy, watched
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.store.event_log import Event, EventLog, EventReader

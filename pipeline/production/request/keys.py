@@ -109,7 +109,7 @@ def _motion_data(request: RenderRequest, number: int, framings: Mapping[int, Fra
     turn = request.turntable.step(number) if request.turntable else None
     flow: list[Any] = []
     if request.turntable is None and offsets:
-        from pipeline.production.render_inputs.motion import flow_cache_data
+        from pipeline.production.render_inputs.shading import flow_cache_data
 
         flow = flow_cache_data(request.shot.motion, number, offsets)
     return [list(map(list, precision)), request.open_at(number), flow, turn, around if offsets else []]
@@ -119,7 +119,7 @@ def speed_data(request: RenderRequest, number: int) -> list[Any]:
     """Return what decides the colours of a picture that shows speeds; nothing of others."""
     if not request.measures_speed:
         return []
-    from pipeline.production.render_inputs.motion import STEP, flow_cache_data
+    from pipeline.production.render_inputs.shading import STEP, flow_cache_data
     from render.scene.measure import SPEED
 
     return [[SPEED, flow_cache_data(request.shot.motion, request.angles[number].mesh, (-STEP, STEP))]]

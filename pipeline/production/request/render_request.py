@@ -221,7 +221,7 @@ class RenderRequest:
 
     @cached_property
     def _offsets_of_aovs(self) -> tuple[float, ...]:
-        from pipeline.production.render_inputs.motion import STEP
+        from pipeline.production.render_inputs.shading import STEP
 
         steps = {"velocity": (-STEP, STEP), "motion": (1.0,), "after": (1.0,), "before": (-1.0,)}
         return tuple(offset for name in self.aovs.extra for offset in steps.get(name, ()))

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
 from pipeline.production.request.keys import PictureKeys
-from pipeline.production.store import readers
 from pipeline.production.tasks.job import Context
 from render.post.denoise import denoise
 from render.post.image import write_exr
@@ -23,23 +22,22 @@ if TYPE_CHECKING:
 def finish(context: Context) -> bool:
     """Finish the pictures of a batch: noise removed, the beauty alone, ready for the view.
 
-    Those that could not be rendered are left out; that was told when they were.
+    Pictures that could not be rendered are left out; their failure is reported already.
     """
     request = context.request
     keys = context.picture_keys(request)
-    desk = _Desk(context, keys, request.framings(context.store) or {})
+    denoiser = _Denoiser(context, keys, request.framings(context.store) or {})
 
     def work(number: int) -> bool:
         def write(path: Path) -> None:
-            light, header = desk.finished(number)
+            light, header = denoiser.finished(number)
             write_exr(path, light, {**header, "key": keys[number].frame}, dict(request.precision))
 
-        target = request.place("frame", number)
-        return context.make("frame", keys[number].frame, target, write)
+        return context.make("frame", keys[number].frame, request.place("frame", number), write)
 
     lost = context.failed("render")
     ready = [n for n in context.job.frames if not lost & {*keys[n].window}]
-    well = context.each(ready, work)
+    well = context.for_each(ready, work)
     for number in {*context.job.frames} - {*ready} - lost:
         others = ", ".join(str(n) for n in sorted(lost & {*keys[number].window}))
         context.fail(FrameError(f"frame {number} takes in light of frame {others}, which failed"), number)
@@ -47,39 +45,34 @@ def finish(context: Context) -> bool:
 
 
 @dataclass(eq=False)
-class _Desk:
-    """The raw pictures that a batch needs; those that more than one takes light from are denoised once."""
+class _Denoiser:
+    """Denoises the raw pictures of a batch; one that several frames take light from, once."""
 
     context: Context
     keys: PictureKeys
     framings: Mapping[int, Framing]
-    _moments: dict[int, DenoisedFrame] = field(default_factory=dict)
+    _denoised: dict[int, DenoisedFrame] = field(default_factory=dict)
 
     def finished(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
-        """The beauty of a picture without noise, and the header of the raw one."""
+        """Return the beauty of a picture without noise, and the header of the raw one."""
+        quality, window = self.context.request.quality, self.keys[number].window
         layers, header = self._read(number)
-        window = self.keys[number].window
         if len(window) == 1:
-            effort = self.context.request.quality.denoise
-            light = layers["beauty"] if effort == "off" else denoise(layers, effort)
+            light = layers["beauty"] if quality.denoise == "off" else denoise(layers, quality.denoise)
         else:
             from render.post.temporal_denoise import temporal_denoise
 
-            kept = {n: moment for n, moment in self._moments.items() if n in window}
-            self._moments = {n: kept[n] if n in kept else self._moment(n) for n in window}
-            quality = self.context.request.quality
+            self._denoised = {n: self._denoised.get(n) or self._single(n) for n in window}
             corner = quality.crop[:2] if quality.crop else (0, 0)
-            light = temporal_denoise(self._moments, number, (quality.width, quality.height), corner)
+            light = temporal_denoise(self._denoised, number, (quality.width, quality.height), corner)
             header = {**header, "steadied_with": [n for n in window if n != number]}
         return RenderedFrame({"beauty": light}, layers.facts), header
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
-        request = self.context.request
-        place = request.place("raw", number)
-        key = self.keys[number].raw
-        return self.context.read("raw", key, place, readers.picture(key, request.quality.rendered_size))
+        return self.context.read_picture(self.context.request, "raw", number, self.keys[number].raw)
 
-    def _moment(self, number: int) -> DenoisedFrame:
+    def _single(self, number: int) -> DenoisedFrame:
+        """Return a picture denoised by itself, with what the temporal denoiser needs of it."""
         from render.post.temporal_denoise import DenoisedFrame, residual_noise
 
         layers, _ = self._read(number)

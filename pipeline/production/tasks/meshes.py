@@ -34,14 +34,14 @@ def simulate(context: Context) -> bool:
     try:
         for frame in animate(request.shot, resume=_last_before(context, number)):
             number = frame.number
-            key, target = request.mesh_key(number), request.place("mesh", number)
+            key = request.mesh_key(number)
             found = context.has("mesh", key)
             if not found:
                 write = partial(write_npz, named=readers.with_key(key, frame.to_arrays()))
                 store.put("mesh", key, write, replace=context.is_forced)
             if number in missing:
-                store.link("mesh", key, target)
-                context.tell(number, found, time.perf_counter() - started)
+                store.link("mesh", key, request.place("mesh", number), replace=context.is_forced)
+                context.report(number, found, time.perf_counter() - started)
                 missing.discard(number)
             if not missing:
                 break
@@ -58,39 +58,48 @@ def _shown_again(context: Context, number: int) -> bool:
     if not context.has("mesh", key):
         return False
     context.store.link("mesh", key, context.request.place("mesh", number))
-    context.tell(number, True, 0.0)
+    context.report(number, True, 0.0)
     return True
+
+
+def _last_before(context: Context, number: int) -> MeshFrame | None:
+    """Return the latest readable mesh frame before `number`, to go on from."""
+    request = context.request
+    for earlier in sorted((n for n in request.shot.motion.frames if n < number), reverse=True):
+        if context.has("mesh", request.mesh_key(earlier)):
+            with suppress(FrameError):
+                return read_mesh_frame(context, earlier)
+    return None
 
 
 def smooth_normals(context: Context) -> bool:
     """Give mesh frames their normals, vertices split at the creases, and cut their curved patches.
 
-    Of control nets the smooth surface is made; points stay points, for spheres need no normals.
+    Control nets become their smooth surface; points stay points, for spheres need no normals.
     """
     request = context.request
 
     def work(number: int) -> bool:
-        key, target = request.normals_key(number), request.place("normals", number)
+        key = request.normals_key(number)
 
         def write(path: Path) -> None:
             write_npz(path, readers.with_key(key, shading_of(context, number).arrays()))
 
-        return context.make("normals", key, target, write)
+        return context.make("normals", key, request.place("normals", number), write)
 
-    return context.each(context.job.frames, work)
+    return context.for_each(context.job.frames, work)
 
 
 def frame_camera(context: Context) -> bool:
-    """Look at all the mesh frames of a take and find each picture's camera and stage."""
+    """Find each picture's camera and stage from all the mesh frames of a request."""
     request = context.request
-    angles = list(request.angles.items())
-    stands = {
-        (angle.mesh, angle.spin): number for number, angle in reversed(angles)
-    }  # its lights move no camera
-    shown = sorted(stands.values())
+    angles = request.angles
+    # Pictures of one mesh and spin share a camera: lights move none.
+    firsts = {(angle.mesh, angle.spin): number for number, angle in reversed(angles.items())}
+    framed = sorted(firsts.values())
 
     def points_of(index: int) -> BoundingSpheres:
-        angle = request.angles[shown[index]]
+        angle = angles[framed[index]]
         frame = read_mesh_frame(context, angle.mesh)
         points, around = frame.mesh.vertices, radii(frame)
         if frame.lattice is not None:
@@ -99,59 +108,45 @@ def frame_camera(context: Context) -> bool:
         return BoundingSpheres(rotate_y(points, angle.spin), around)
 
     def write(path: Path) -> None:
-        views = [request.view(number) for number in shown]
+        views = [request.view(number) for number in framed]
         framings = frame_all(views, points_of, request.aspect, request.follow)
         framings = [with_stage_in_view(framing, request.shot.picture.stage) for framing in framings]
-        found = {number: to_plain(framing) for number, framing in zip(shown, framings, strict=True)}
-        data = {str(number): found[stands[angle.mesh, angle.spin]] for number, angle in angles}
+        plain = {number: to_plain(framing) for number, framing in zip(framed, framings, strict=True)}
+        data = {str(number): plain[firsts[angle.mesh, angle.spin]] for number, angle in angles.items()}
         path.write_text(json.dumps(data))
 
     started = time.perf_counter()
     try:
         found = context.make("cameras", request.cameras_key, request.folders.cameras(), write)
     except FlowsculptError as error:
-        context.survey({angle.mesh for _, angle in angles}, lambda number: read_mesh_frame(context, number))
+        context.survey(
+            {angle.mesh for angle in angles.values()}, lambda number: read_mesh_frame(context, number)
+        )
         context.fail(error)
         return False
-    _note_keys(context)
-    each = (time.perf_counter() - started) / len(angles)
-    for number, _ in angles:
-        context.tell(number, found, each)
+    _remember_keys(context)
+    seconds = (time.perf_counter() - started) / len(angles)
+    for number in angles:
+        context.report(number, found, seconds)
     return True
 
 
-def _note_keys(context: Context) -> None:
-    """Find the keys of the pictures asked for, now that their cameras are known: who makes them need not."""
+def _remember_keys(context: Context) -> None:
+    """Cache the keys of the pictures asked for, now that their cameras are known, for who makes them."""
     keys = context.picture_keys(context.request)
     for number in context.request.requested:
-        with suppress(FlowsculptError):  # whoever makes that picture tells
+        with suppress(FlowsculptError):  # whoever makes that picture reports it
             keys[number]
     keys.remember()
 
 
 def shading_of(context: Context, number: int) -> Shading:
     """Return how a mesh frame is shaded. Raises what `read_mesh_frame` raises."""
-    request = context.request
-    return Shading.of(
-        read_mesh_frame(context, number),
-        thresholds_at(request.shot.motion, number),
-        request.shot.picture.tessellate,
-    )
+    request, frame = context.request, read_mesh_frame(context, number)
+    return Shading.of(frame, thresholds_at(request.shot.motion, number), request.shot.picture.tessellate)
 
 
 def read_mesh_frame(context: Context, number: int) -> MeshFrame:
-    """A mesh frame from the store. Raises FrameError where it is missing or corrupt."""
+    """Read a mesh frame from the store. Raises FrameError where it is missing or corrupt."""
     request, key = context.request, context.request.mesh_key(number)
     return context.read("mesh", key, request.place("mesh", number), readers.mesh_frame(key))
-
-
-def _last_before(context: Context, number: int) -> MeshFrame | None:
-    """The latest readable mesh frame before `number`, to go on from."""
-    request = context.request
-    for earlier in sorted((n for n in request.shot.motion.frames if n < number), reverse=True):
-        if context.has("mesh", request.mesh_key(earlier)):
-            try:
-                return read_mesh_frame(context, earlier)
-            except FrameError:
-                continue
-    return None

@@ -1,25 +1,53 @@
-"""Rendering processes, watched by one that renders nothing: what becomes of a job when one of them ends."""
+"""Supervise rendering processes: what ends one before its job is done, and what then becomes of the job.
+
+A signal ends a rendering process between two sample batches, so that its work is kept. Memory that renderers
+lose from frame to frame comes back only when their process ends, so one that has grown too large ends too,
+and the supervisor starts a fresh one. The supervisor itself renders nothing: a crash takes only the renderer.
+"""
 
 from __future__ import annotations
 
+import gc
+import math
+import os
 import signal
 import subprocess
 import sys
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from types import FrameType
 
+import psutil
+
+from pipeline.errors import UsageError
 from pipeline.production.planning.plan import Job
+from pipeline.production.request.variants import avoid
 from pipeline.production.store.event_log import Event, EventReader
 from pipeline.production.tasks.job import ENVIRONMENT, Context
-from pipeline.production.tasks.memory_guard import RESTART_WORKER
-from pipeline.production.tasks.signals import SIGNALS, handled
 
 CRASHES = {signal.SIGABRT, signal.SIGSEGV, signal.SIGILL, signal.SIGBUS, signal.SIGFPE}
 
+SIGNALS = (signal.SIGINT, signal.SIGTERM)
+
 INTERRUPTED = 130
+
+RESTART_WORKER = 75
+"""The exit code of a rendering process that wants a fresh one to render the rest of its frames."""
+
+GROWTH = 1.5
+"""Limit on the memory of a process, as a multiple of what it holds after its first frame."""
+
+LEAST_MIB = 1024
+"""Memory that a process may hold in any case."""
+
+VARIABLE = "FLOWSCULPT_WORKER_MIB"
+"""The environment variable that sets the memory limit of a process, in MiB."""
 
 Start = Callable[[int], "subprocess.Popen[bytes]"]
 """Starts a process that renders a job's frames but for so many of the first."""
+
+# The supervisor
 
 
 @dataclass
@@ -30,16 +58,16 @@ class Supervisor:
     start: Start
 
     def run(self) -> int:
-        """The exit code of the job. Where its renderer crashes its shot is rendered by another variant."""
-        told = EventReader(self.context.log.path)
-        told.skip()  # a whole film's log takes seconds to read
+        """Return the exit code of the job. If its renderer crashes, another variant renders its shot."""
+        reader = EventReader(self.context.log.path)
+        reader.skip()  # a whole film's log takes seconds to read
         settled: list[Event] = []
         while True:
-            code, asked_to_end = self._run_one(sum(event["frame"] is not None for event in settled))
+            code, interrupted = self._run_one(sum(event["frame"] is not None for event in settled))
             name = self.context.job.name
-            news = [event for event in told.new(name) if event["job"] == name]
+            news = [event for event in reader.new(name) if event["job"] == name]
             settled += [event for event in news if event["event"] in ("frame", "fail")]
-            if asked_to_end:
+            if interrupted:
                 return INTERRUPTED
             if code == RESTART_WORKER:
                 continue
@@ -51,33 +79,35 @@ class Supervisor:
 
     def _run_one(self, settled: int) -> tuple[int, bool]:
         """Run one process; return its exit code and whether a signal ended it, which is passed on."""
-        asked: list[int] = []
+        received: list[int] = []
         processes: list[subprocess.Popen[bytes]] = []
 
         def pass_on(number: int) -> None:
-            asked.append(number)
+            received.append(number)
             for process in processes:
                 process.send_signal(number)
 
         with handled(pass_on):
             processes.append(self.start(settled))
-            for number in asked:  # while it was being started
+            for number in received:  # while it was being started
                 processes[0].send_signal(number)
-            return processes[0].wait(), bool(asked)
+            return processes[0].wait(), bool(received)
 
     def _ended_by(self, number: signal.Signals) -> int:
         if number in SIGNALS:
             return int(number)
         context = self.context
-        if number in CRASHES and fall_back_to_other_variant(context, f"crashed ({number.name})"):
-            return 1
-        context.killed(number.name)
+        if not (number in CRASHES and fall_back_to_other_variant(context, f"crashed ({number.name})")):
+            message = f"{context.job.stage} of {context.subject} was ended by {number.name}"
+            context.write("killed", message=message)  # as the system does where memory runs out
         return 1
 
 
 def _verdict(code: int, settled: Sequence[Event]) -> int:
-    """The exit code of a job by what it told: where some frames were made, those are to be finished though
-    others failed; but what the machine refused ends all."""
+    """Return the exit code of a job by its events.
+
+    Frames that were made are finished though others failed, but what the machine refused ends all.
+    """
     faults = [event.get("exit_code") for event in settled if event["event"] == "fail"]
     if not faults:
         return code
@@ -85,12 +115,10 @@ def _verdict(code: int, settled: Sequence[Event]) -> int:
 
 
 def fall_back_to_other_variant(context: Context, fact: str) -> bool:
-    """Have the shot of a job rendered from the start by another variant; whether there is one.
+    """Have the shot of a job rendered from the start by another variant; return whether there is one.
 
     fact  what its variant did, such as "crashed (SIGABRT)"
     """
-    from pipeline.production.request.variants import avoid  # who only watches must be there at once
-
     request = context.request
     reason = f"{request.variant} {fact} while rendering {context.subject}"
     left = avoid(context.root, request.name, request.variant, reason)
@@ -100,11 +128,109 @@ def fall_back_to_other_variant(context: Context, fact: str) -> bool:
 
 
 def renderer(plan_path: str, job: Job) -> Start:
-    """Start `python -m pipeline.production.tasks` as a child that renders."""
+    """Start this package's `worker` as a child that renders."""
 
     def start(settled: int) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "pipeline.production.tasks", plan_path, job.name]
+        command = [sys.executable, "-m", "pipeline.production.tasks.worker", plan_path, job.name]
         words = ["--threads", str(job.threads), "--child", str(settled)]
         return subprocess.Popen([*command, *words], stdin=subprocess.DEVNULL)
 
     return start
+
+
+# Signals
+
+
+@contextmanager
+def handled(handle: Callable[[int], None]) -> Iterator[None]:
+    """Have `handle` called for SIGNALS. A signal that is ignored stays so, as in a shell's background."""
+
+    def handler(number: int, frame: FrameType | None) -> None:
+        handle(number)
+
+    before = {number: signal.getsignal(number) for number in SIGNALS}
+    ours = [number for number in SIGNALS if before[number] != signal.SIG_IGN]
+    for number in ours:
+        signal.signal(number, handler)
+    try:
+        yield
+    finally:
+        for number in ours:
+            signal.signal(number, before[number])
+
+
+@dataclass
+class StopRequest:
+    """Notes that a signal asked this process to end."""
+
+    received: bool = False
+
+    def receive(self, number: int) -> None:
+        self.received = True
+
+    def check(self) -> None:
+        """Raise KeyboardInterrupt if a signal was received."""
+        if self.received:
+            raise KeyboardInterrupt
+
+
+@contextmanager
+def deferred_signals() -> Iterator[StopRequest]:
+    """Note signals instead of obeying them; the process ends where it calls `check`."""
+    stop = StopRequest()
+    with handled(stop.receive):
+        yield stop
+
+
+# Memory
+
+
+class RestartWorker(Exception):  # noqa: N818 - a request, not an error
+    """Raised when resident memory exceeds the limit; the supervisor starts a new worker.
+
+    held, limit  MiB
+    """
+
+    def __init__(self, held: float, limit: float | None) -> None:
+        super().__init__(held, limit)
+        self.held, self.limit = held, limit
+
+
+@dataclass
+class MemoryGuard:
+    """Watches the memory of this process. Raises UsageError where VARIABLE is no size."""
+
+    _limit: float | None = field(default_factory=lambda: _limit_from_environment())
+    _excess: float | None = None
+
+    def measure(self) -> None:
+        """Measure what this process holds after a frame; the first one sets the limit."""
+        held = _resident_mib()
+        if self._limit is None:
+            self._limit = max(float(LEAST_MIB), GROWTH * held)
+        if held > self._limit:
+            gc.collect()
+            held = _resident_mib()
+        self._excess = held if held > self._limit else None
+
+    def check(self) -> None:
+        """Raise RestartWorker if the last measurement exceeded the limit."""
+        if self._excess is not None:
+            raise RestartWorker(self._excess, self._limit)
+
+
+def _resident_mib() -> float:
+    return float(psutil.Process().memory_info().rss) / 2**20
+
+
+def _limit_from_environment() -> float | None:
+    text = os.environ.get(VARIABLE)
+    if not text:
+        return None
+    try:
+        limit = float(text)
+    except ValueError:
+        limit = math.nan
+    if not (math.isfinite(limit) and limit > 0.0):
+        raise UsageError(f"{VARIABLE} is {text!r}; it must be a size in MiB, such as 4096")
+    return limit

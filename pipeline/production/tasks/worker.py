@@ -1,20 +1,85 @@
-"""Do one job, and report what it raises."""
+"""The process of one job: `python -m pipeline.production.tasks.worker PLAN JOB`, and options.
+
+Rendering happens in children: a renderer that crashes takes only itself along. What a job needs is imported
+by the process that does it alone, so that who watches is there at once.
+"""
 
 from __future__ import annotations
 
 import os
+import signal
 import sys
 import traceback
+from argparse import ArgumentParser
 from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import replace
 from importlib import import_module
+from pathlib import Path
+from typing import Any
 
 from pipeline.errors import FlowsculptError, FrameError
+from pipeline.production.planning.plan import Plan, write_manifest
 from pipeline.production.request.variants import ON_GPU
 from pipeline.production.stages import STAGES
+from pipeline.production.store.locks import of_key, writing
 from pipeline.production.tasks.job import Context
-from pipeline.production.tasks.memory_guard import RESTART_WORKER, RestartWorker
-from pipeline.production.tasks.supervisor import fall_back_to_other_variant
+from pipeline.production.tasks.supervisor import (
+    RESTART_WORKER,
+    RestartWorker,
+    Supervisor,
+    fall_back_to_other_variant,
+    renderer,
+)
 from render.mitsuba.engine import available_cores
+
+
+def main(
+    plan_path: str,
+    job_name: str,
+    settled: int | None = None,
+    insist: bool = False,
+    threads: int | None = None,
+    key: str | None = None,
+) -> int:
+    """Do one job; return 0 if all of it went well, 1 if something failed and the event log says what.
+
+    settled  for a process that renders: how many of the job's frames others before it have made, or failed
+             at; None has such processes started. One that has grown returns RESTART_WORKER
+    insist   do it again though an earlier attempt has said why it failed
+    threads  the threads that Snakemake gave the job, by default those of the plan
+    key      the key by which Snakemake knows a movie
+    """
+    root = Path.cwd()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # what a farm sends first
+    context = Context.of(root, Plan.thaw(root / plan_path), job_name)
+    job = context.job
+    context = whole = replace(context, job=replace(job, threads=threads or job.threads, key=key or job.key))
+    if settled is not None:
+        context.begin()
+        context = replace(context, job=replace(context.job, frames=context.job.frames[settled:]))
+        return _finished(context, whole)
+    if not insist and context.failed_for_good():
+        return 1
+    context.begin()
+    with writing(root, wait=True), ExitStack() as stack:
+        if not STAGES[job.stage].per_quality:
+            stack.enter_context(of_key(root, job.key, context.waits))
+        context.bring_inputs_to_now()
+        if job.stage != "render":
+            return _finished(context, whole)
+        code = Supervisor(context, renderer(plan_path, context.job)).run()
+        if code == 0 and job.output and not (root / job.output).exists():
+            write_manifest(root / job.output, "raw", ())  # some frames failed, others go on
+        return code
+
+
+def _finished(context: Context, whole: Context) -> int:
+    """Do a job, or the rest of one, in this process; write the done-file of the whole job."""
+    code = work(context)
+    if code == 0:
+        whole.write_done_file()
+    return code
 
 
 def work(context: Context) -> int:
@@ -24,21 +89,21 @@ def work(context: Context) -> int:
     """
     job = context.job
     _limit_kernels(job.threads)
+    well = False
     try:
         well = task_of(job.stage)(context)
     except RestartWorker as restart:
-        context.renewed(restart.held, restart.limit)
+        message = f"the renderer grew to {restart.held:.0f} MiB; a fresh one goes on"
+        context.write("renewed", message=message, held_mib=restart.held, most_mib=restart.limit)
         return RESTART_WORKER
     except FlowsculptError as error:
         context.fail(error)
-        well = False
     except Exception as error:
         traceback.print_exc()
         on_gpu = job.stage == "render" and context.request.variant == ON_GPU
         if on_gpu and fall_back_to_other_variant(context, f"failed ({str(error).partition(chr(10))[0]})"):
             return 1  # its memory may be too small, its driver too old: nothing that another frame would mend
         context.fail(FrameError(f"{job.name}: {type(error).__name__}: {error}; this is a bug in flowsculpt"))
-        well = False
     context.log.write("end", stage=job.stage)
     return 0 if well else 1
 
@@ -51,9 +116,10 @@ def task_of(stage: str) -> Callable[[Context], bool]:
 
 
 def _limit_kernels(threads: int) -> None:
-    """A kernel on more threads than a job was given waits for them, busily, while others have the cores.
+    """Limit the threads of kernels to those of the job.
 
-    numba looks at the environment when it is first imported, which many jobs never do.
+    A kernel on more threads waits for them, busily, while other jobs have the cores. numba looks at the
+    environment when it is first imported, which many jobs never do.
     """
     if "numba" not in sys.modules:
         os.environ["NUMBA_NUM_THREADS"] = str(min(threads, available_cores()))
@@ -61,3 +127,20 @@ def _limit_kernels(threads: int) -> None:
     import numba
 
     numba.set_num_threads(min(threads, numba.config.NUMBA_NUM_THREADS))
+
+
+def _words() -> dict[str, Any]:
+    parser = ArgumentParser(prog="python -m pipeline.production.tasks.worker")
+    parser.add_argument("plan_path")
+    parser.add_argument("job_name")
+    parser.add_argument("--threads", type=int)
+    parser.add_argument("--key")
+    parser.add_argument("--child", type=int, dest="settled")
+    return vars(parser.parse_args())
+
+
+if __name__ == "__main__":
+    try:
+        sys.exit(main(**_words()))
+    except KeyboardInterrupt:
+        sys.exit(130)

@@ -1,0 +1,144 @@
+"""From finished frames to stills, movies and films, as a display shows them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import TypeVar
+
+from pipeline.errors import FlowsculptError, FrameError
+from pipeline.frames import FrameRate
+from pipeline.production.planning.planner import film_key
+from pipeline.production.request.crop_and_scale import movie_bits
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.keys import PictureKeys
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.store.store import Key
+from pipeline.production.tasks.job import Context
+from render.base.serialise import from_plain
+from render.graphics.titles import TitleCard, title_frames
+from render.movie.codecs import movie_encode
+from render.movie.encode import write_movie
+from render.movie.planes import Frame
+from render.movie.sequences import ClipFrames, dissolve, mix_frames, prefetch
+from render.movie.sound import Samples, blocks
+from render.post.colour import quantise, to_display
+from render.post.image import write_jpeg, write_png
+
+T = TypeVar("T")
+
+
+def assemble(context: Context) -> bool:
+    """Encode the finished frames of one request, in ascending order."""
+    request = context.request
+    keys, numbers = context.picture_keys(request), sorted(request.requested)
+    key = request.movie_key([keys[n].frame for n in numbers])
+    rate = FrameRate.of(request.source.summary.rate)
+    return _movie(context, key, request.movie_path, _shown(context, request, keys, numbers), rate)
+
+
+def film(context: Context) -> bool:
+    """Encode the film: title, shots in the order of the edit, credits."""
+    requests = context.requests
+    edit = from_plain(Edit, context.plan.film or {})
+    keys = [context.picture_keys(request) for request in requests]
+    first, rate = requests[0], edit.frame_rate
+
+    def shown(clip: int) -> Iterator[Frame]:
+        return _shown(context, requests[clip], keys[clip], list(requests[clip].requested))
+
+    size = first.quality.width, first.quality.height
+    frames = dissolve(list(cut_together(edit, size, shown, lambda frame: frame)), mix_frames)
+    sound = None if edit.audio is None else blocks(edit.audio.sound(), edit.length / rate.fps)
+    target = edit.path(first.quality_name)
+    return _movie(context, film_key(edit, requests, keys), target, frames, rate, sound)
+
+
+def _movie(
+    context: Context,
+    key: Key,
+    target: Path,
+    frames: Iterator[Frame],
+    rate: FrameRate,
+    sound: Iterator[Samples] | None = None,
+) -> bool:
+    reported = _reported(context, prefetch(frames))
+    encode = movie_encode(movie_bits(context.request.quality_name))
+    try:
+        context.make("movie", key, target, lambda p: write_movie(p, reported, rate.fps, encode, sound=sound))
+    except FlowsculptError as error:
+        context.fail(error)
+        return False
+    return True
+
+
+def _reported(context: Context, frames: Iterator[Frame]) -> Iterator[Frame]:
+    """Yield the frames as they are, and report each."""
+    started = time.perf_counter()
+    for number, frame in enumerate(frames, 1):
+        yield frame
+        context.report(number, False, time.perf_counter() - started)
+        started = time.perf_counter()
+
+
+def cut_together(
+    edit: Edit, size: tuple[int, int], shown: Callable[[int], Iterator[T]], card: Callable[[Frame], T]
+) -> Iterator[ClipFrames[T]]:
+    """Yield the clips of a film for `render.movie.sequences.dissolve`.
+
+    size   width and height of cards
+    shown  the frames of the film's request in a place
+    card   a card's frame as one of these
+    """
+    for item in edit.items:
+        words = TitleCard(item.title, item.subtitle)
+        frames = map(card, _card(words, size, item.frames)) if item.clip is None else shown(item.clip)
+        yield item.frames, item.dissolve, frames
+
+
+def _card(card: TitleCard, size: tuple[int, int], count: int) -> Iterator[Frame]:
+    """Yield a card's frames; the words take a quarter of its time to come, and another to go."""
+    for picture in title_frames(card, size, count, fade=count // 4):
+        yield quantise(picture, bits=16)
+
+
+def _shown(
+    context: Context, request: RenderRequest, keys: PictureKeys, numbers: list[int]
+) -> Iterator[Frame]:
+    """Yield finished frames as a display shows them. One that cannot be read to its end is evicted."""
+    picture = request.shot.picture
+
+    def read(number: int) -> Frame:
+        layers, _ = context.read_picture(request, "frame", number, keys[number].frame)
+        return quantise(to_display(layers["beauty"], picture.lights.exposure, view=picture.view), bits=16)
+
+    try:
+        yield from map(read, numbers)
+    except FrameError:
+        context.survey(numbers, read)
+        raise
+
+
+def _stills(form: str, bits: int, write_still: Callable[..., None], context: Context) -> bool:
+    """Write finished frames as files that any program shows."""
+    request = context.request
+    keys, picture = context.picture_keys(request), request.shot.picture
+
+    def work(number: int) -> bool:
+        key = request.still_key(form, keys[number].frame)
+
+        def write(path: Path) -> None:
+            layers, _ = context.read_picture(request, "frame", number, keys[number].frame)
+            shown = to_display(layers["beauty"], picture.lights.exposure, "srgb", picture.view)
+            write_still(path, quantise(shown, bits), {"shot": request.name, "frame": number, "key": key})
+
+        return context.make(form, key, request.place(form, number), write)
+
+    return context.for_each(context.job.frames, work)
+
+
+png = partial(_stills, "png", 8, write_png)
+png16 = partial(_stills, "png16", 16, write_png)
+jpeg = partial(_stills, "jpeg", 8, write_jpeg)
