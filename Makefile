@@ -58,7 +58,7 @@ setup: .venv/ready
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
 	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	$(BIN)/python -m render.mitsuba.setup
+	$(BIN)/python -m render.mitsuba.engine
 	-$(BIN)/python -m pipeline.dailies.review.view_3d
 	$(BIN)/python -m compileall -q pipeline render
 	$(BIN)/flowsculpt doctor --prepare

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import platform
+import shutil
 import signal
 import subprocess
 import sys
@@ -108,6 +109,24 @@ def working_llvm() -> LibLlvm | None:
     return next((library for library in llvm.candidates() if works("llvm_ad_rgb", library)), None)
 
 
+def provide_llvm() -> None:
+    """Fetch a libLLVM where none works and one can be had. Never fails: rendering works without.
+
+    Set-up runs it: ``python -m render.mitsuba.engine``.
+    """
+    folder = llvm.provisioned_folder()
+    try:
+        if working_llvm() is None:
+            package = llvm.provision(folder)
+            library = working_llvm()
+            if library is None:
+                shutil.rmtree(folder, ignore_errors=True)
+                raise MachineError(f"{package} does not work here")
+            print(f"libLLVM {library.version or ''} unpacked from {package}: fast rendering on this machine")
+    except MachineError as error:
+        print(f"No libLLVM fetched ({error}): rendering works without, at about half the speed")
+
+
 def works(variant: str, library: LibLlvm | None = None) -> bool:
     """Tell whether one sample renders, in a process of its own. Cached by machine, version and library."""
     cached = _cache_file(variant, library)
@@ -157,8 +176,8 @@ def _faster(variant: str) -> str:
     if variant != "scalar_rgb":
         return ""
     return (
-        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: `python -m render.mitsuba.setup` "
-        f"on Debian and Ubuntu, else install it and set {llvm.ENVIRONMENT_NAME}"
+        f"a libLLVM of version {llvm.OLDEST_VERSION} or later, about twice: `python -m "
+        f"render.mitsuba.engine` on Debian and Ubuntu, else install it and set {llvm.ENVIRONMENT_NAME}"
     )
 
 
@@ -224,8 +243,8 @@ def _render_one_sample(variant: str, library: LibLlvm | None) -> bool:
     return float(np.array(mi.render(scene, spp=1, seed=1)).mean()) > 0.0
 
 
-def main(arguments: Sequence[str]) -> int:
-    """Run the probe: VARIANT [LIBRARY DEPENDENCY…]. Return 0 if a sample renders brighter than black."""
+def probe(arguments: Sequence[str]) -> int:
+    """Probe in this process: VARIANT [LIBRARY DEPENDENCY…]. Return 0 if a sample is brighter than black."""
     variant, *files = arguments
     paths = [Path(file) for file in files]
     library = LibLlvm(paths[0], tuple(paths[1:])) if paths else None
@@ -233,5 +252,7 @@ def main(arguments: Sequence[str]) -> int:
 
 
 if __name__ == "__main__":
-    # os._exit: a crash in a library's clean-up must not count as a failed render.
-    os._exit(main(sys.argv[1:]))
+    if sys.argv[1:]:
+        # os._exit: a crash in a library's clean-up must not count as a failed render.
+        os._exit(probe(sys.argv[1:]))
+    provide_llvm()

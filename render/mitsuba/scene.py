@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
@@ -9,14 +10,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from render.base.errors import BadInputError
 from render.integrator.light_sampler import LightSampler, SampledEmitter, sampled_emitters
-from render.mitsuba import absorption, emitters, gouraud, materials
-from render.mitsuba.sensor import sensor
-from render.mitsuba.shapes import auxiliary_stage_shapes, mesh, stage_shapes
+from render.mitsuba import absorption, emitters, materials
+from render.mitsuba.shapes import auxiliary_stage_shapes, gouraud_shapes, mesh, stage_shapes
 from render.mitsuba.texture_coordinates import SUBJECT, texture_coordinates
 from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
-from render.scene.quality import Quality
+from render.scene.quality import Crop, Quality
 from render.scene.scene import Scene
 from render.scene.surface import Surface, require_camera_outside
 from render.scene.wireframe import Wireframe, ribbons
@@ -30,6 +31,8 @@ _CHANGING = (
 BLOCK_SIZE = 16
 """Pixels along a block of the scalar variant. Each block has its own random numbers; by default Mitsuba cuts
 the picture by the number of threads."""
+
+_AUXILIARY = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
 
 VERTEX_AOV = "dye"
 """Name of the vertex attribute (V, 3) that `FrameScenes.vertex_aov` shows. `set_attribute` changes it."""
@@ -120,7 +123,7 @@ def _lit(
     tracer = _path_tracer(lit, integrator, path, sampled_emitters(lights, to_scene))
     return FrameScenes(
         SceneRenderer(lit, integrator, tracer),
-        SceneRenderer(auxiliary, _auxiliary_integrator()),
+        SceneRenderer(auxiliary, _load_part(_aovs(_AUXILIARY))),
         _vertex_aov(unlit, surface, aovs),
     )
 
@@ -129,15 +132,14 @@ def _drawn(
     scene: Scene, surface: Surface, size: tuple[int, int], quality: Quality, aovs: Collection[str]
 ) -> FrameScenes:
     """Build the scenes of a material that brings its own light and background."""
-    shapes = gouraud.shapes(surface, scene.material, scene.placement, scene.camera, size)
+    shapes = gouraud_shapes(surface, scene.material, scene.placement, scene.camera, size)
     if scene.material.wireframe:
         shapes["wireframe"] = _wireframe(surface, scene.material.wireframe, scene.camera, size)
     unlit = {"type": "scene", "sensor": sensor(scene.camera, size, quality.crop), **shapes}
     loaded = _load(unlit)
-    albedo = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
     return FrameScenes(
-        SceneRenderer(loaded, _beauty_integrator(albedo, aovs)),
-        SceneRenderer(loaded, _auxiliary_integrator()),
+        SceneRenderer(loaded, _beauty_integrator(_aovs("albedo:albedo"), aovs)),
+        SceneRenderer(loaded, _load_part(_aovs(_AUXILIARY))),
         _vertex_aov(unlit, surface, aovs),
     )
 
@@ -160,9 +162,8 @@ def _beauty_integrator(description: dict[str, Any], aovs: Collection[str]) -> An
     return _load_part(description)
 
 
-def _auxiliary_integrator() -> Any:
-    wanted = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
-    return _load_part({"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE})
+def _aovs(wanted: str) -> dict[str, Any]:
+    return {"type": "aov", "aovs": wanted, "block_size": BLOCK_SIZE}
 
 
 def _vertex_aov(unlit: dict[str, Any], surface: Surface, aovs: Collection[str]) -> SceneRenderer | None:
@@ -172,8 +173,7 @@ def _vertex_aov(unlit: dict[str, Any], surface: Surface, aovs: Collection[str]) 
     attributes = {VERTEX_AOV: np.zeros_like(surface.vertices)}
     plain = Surface(surface.vertices, surface.normals, surface.faces, attributes)
     subject = mesh("subject", plain, materials.vertex_attribute(VERTEX_AOV), np.array([0.0, SUBJECT]))
-    albedo = {"type": "aov", "aovs": "albedo:albedo", "block_size": BLOCK_SIZE}
-    return SceneRenderer(_load({**unlit, "subject": subject}), _load_part(albedo))
+    return SceneRenderer(_load({**unlit, "subject": subject}), _load_part(_aovs("albedo:albedo")))
 
 
 def _wireframe(surface: Surface, wireframe: Wireframe, camera: Camera, size: tuple[int, int]) -> Any:
@@ -226,3 +226,48 @@ def _make_opaque(part: Any) -> None:
         dr.make_opaque(values[name])
         values[name] = values[name]
     values.update()
+
+
+def sensor(camera: Camera, size: tuple[int, int], crop: Crop | None = None) -> dict[str, Any]:
+    """Return the sensor: lens, film and Mitsuba's sampler.
+
+    size  width and height of the picture in pixels
+    crop  rendered part of it, or None for all
+
+    Raises BadInputError where the focus is not in front of the lens.
+    """
+    import mitsuba as mi
+
+    film = {"type": "hdrfilm", "width": size[0], "height": size[1], "rfilter": {"type": "box"}}
+    film |= {"pixel_format": "rgb", "component_format": "float32"}
+    if crop is not None:
+        x0, y0, x1, y1 = crop
+        film |= {"crop_offset_x": x0, "crop_offset_y": y0, "crop_width": x1 - x0, "crop_height": y1 - y0}
+    return {
+        **_lens(camera),
+        "to_world": mi.ScalarTransform4f().look_at(
+            origin=list(camera.origin), target=list(camera.target), up=list(camera.up)
+        ),
+        "fov": math.degrees(camera.field_of_view),
+        "fov_axis": "x",
+        "near_clip": camera.near,
+        "far_clip": camera.far,
+        "film": film,
+        "sampler": {"type": "multijitter"},
+    }
+
+
+def _lens(camera: Camera) -> dict[str, Any]:
+    """Return a pinhole, or a thin lens with one plane in focus."""
+    if not camera.has_depth_of_field:
+        return {"type": "perspective"}
+    if camera.focus_distance <= camera.near:
+        where = f"{-camera.focus_distance:.4g} units behind" if camera.focus_distance < 0.0 else "within"
+        raise BadInputError(
+            f"the camera's focus lies {where} the lens; it must lie before it. Move it, or leave focus out"
+        )
+    return {
+        "type": "thinlens",
+        "aperture_radius": camera.lens_radius,
+        "focus_distance": camera.focus_distance,
+    }

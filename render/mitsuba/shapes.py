@@ -2,21 +2,28 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.mitsuba.materials import diffuse, rough_conductor, rough_plastic, two_sided, vertex_attribute
-from render.mitsuba.texture_coordinates import SURROUNDINGS
+from render.mitsuba.texture_coordinates import SUBJECT, SURROUNDINGS
 from render.scene import reference_objects
 from render.scene.camera import Camera
+from render.scene.materials import Material
 from render.scene.reference_objects import CHROME, GREY
-from render.scene.stage import Mesh, Stage, StagePlacement
+from render.scene.stage import Stage, StagePlacement
 from render.scene.surface import Surface
+from render.scene.vertex_colours import shaded_colours
 
 PLINTH = (0.56, 0.555, 0.545)
 """Reflectance of a plinth: a white one would outshine the subject."""
+
+BACKGROUND = ((0.012, 0.016, 0.10), (0.05, 0.05, 0.22), (0.42, 0.20, 0.34))
+"""Colours behind the subject, from the top of the picture to the bottom."""
 
 _UV = np.array([0.0, SURROUNDINGS])
 
@@ -70,9 +77,9 @@ def stage_shapes(
     if stage.kind == "none":
         return {}
     floor = diffuse(stage.colour) if stage.roughness is None else _coated(stage, stage.roughness)
-    made = {"stage": mesh("stage", _placed(stage.backdrop(), placement), floor, _UV)}
+    made = {"stage": mesh("stage", Surface(*placement.placed(stage.backdrop())), floor, _UV)}
     if stage.kind == "plinth":
-        made["plinth"] = mesh("plinth", _placed(stage.plinth(), placement), diffuse(PLINTH), _UV)
+        made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), diffuse(PLINTH), _UV)
     if stage.kind == "turntable":
         grey, chrome, chart = reference_objects.positions(camera, placement, size[0] / size[1])
         mirror = two_sided(rough_conductor({"type": "rgb", "value": CHROME}, 0.02))
@@ -93,14 +100,33 @@ def auxiliary_stage_shapes(
     return {"chrome": mesh("chrome", reference_objects.ball(chrome), diffuse((CHROME,) * 3), _UV)}
 
 
-def _placed(stage_mesh: Mesh, placement: StagePlacement) -> Surface:
-    vertices, normals, faces = stage_mesh
-    to_scene = placement.matrix()
-    linear = to_scene[:3, :3]
-    moved = (vertices.astype(np.float64) @ linear.T + to_scene[:3, 3]).astype(np.float32)
-    turned = (normals.astype(np.float64) @ linear.T / np.linalg.norm(linear[:, 1])).astype(np.float32)
-    return Surface(moved, turned, faces)
-
-
 def _coated(stage: Stage, roughness: float) -> dict[str, Any]:
     return two_sided(rough_plastic({"type": "rgb", "value": list(stage.colour)}, max(roughness, 1e-2)))
+
+
+def gouraud_shapes(
+    surface: Surface, material: Material, placement: StagePlacement, camera: Camera, size: tuple[int, int]
+) -> dict[str, Any]:
+    """Return the subject and a background, whose albedo is the picture: vertex colours (Gouraud 1971)."""
+    shaded = replace(surface, attributes={"shaded": shaded_colours(surface, material, placement, camera)})
+    background, colour = _gouraud_backdrop(placement, camera, size), vertex_attribute("shaded")
+    return {
+        "subject": mesh("subject", shaded, colour, np.array([0.0, SUBJECT])),
+        "stage": mesh("stage", background, colour, _UV),
+    }
+
+
+def _gouraud_backdrop(placement: StagePlacement, camera: Camera, size: tuple[int, int]) -> Surface:
+    """Return a wall across the view, behind everything and larger than the picture."""
+    right, up, forward = camera.axes()
+    distance = 4.0 * (math.dist(camera.origin, camera.target) + placement.size)
+    wide = 1.02 * distance * math.tan(camera.field_of_view / 2.0)
+    rows = np.linspace(1.0, -1.0, len(BACKGROUND)) * wide * size[1] / size[0]
+    middle = camera.origin + distance * forward
+    left_right = wide * np.stack([-right, right])
+    vertices = (middle + rows[:, None, None] * up + left_right).reshape(-1, 3).astype(np.float32)
+    first = 2 * np.arange(len(BACKGROUND) - 1, dtype=np.int32)[:, None]
+    faces = np.concatenate([first + np.array([0, 2, 1]), first + np.array([1, 2, 3])]).astype(np.int32)
+    colours = np.repeat(np.array(BACKGROUND, dtype=np.float32), 2, axis=0)
+    normals = np.broadcast_to(-forward, vertices.shape).astype(np.float32)
+    return Surface(vertices, normals, faces, {"shaded": colours})

@@ -15,7 +15,7 @@ from render.raster.projection import CLOCKWISE, project, sort_faces
 from render.scene.camera import Camera
 from render.scene.lights import LightRig
 from render.scene.materials import Diffuse, Material
-from render.scene.stage import Mesh, Stage, StagePlacement
+from render.scene.stage import Stage, StagePlacement
 
 Floats = NDArray[np.float64]
 
@@ -76,21 +76,13 @@ class ScreenProjection(NamedTuple):
 @lru_cache(maxsize=4)
 def stage_shape(stage: Stage, placement: StagePlacement) -> Shape:
     """Return the whole stage in scene units."""
-    return _placed(stage.mesh(), stage, placement)
+    return Shape(*placement.placed(stage.mesh()), Diffuse(stage.colour)).for_kernels()
 
 
 @lru_cache(maxsize=4)
 def plinth_shape(stage: Stage, placement: StagePlacement) -> Shape:
     """Return the plinth in scene units."""
-    return _placed(stage.plinth(), stage, placement)
-
-
-def _placed(mesh: Mesh, stage: Stage, placement: StagePlacement) -> Shape:
-    vertices, normals, faces = mesh
-    matrix = placement.matrix()
-    turned = normals @ matrix[:3, :3].T / placement.size
-    placed = vertices @ matrix[:3, :3].T + matrix[:3, 3]
-    return Shape(placed, turned, faces, Diffuse(stage.colour)).for_kernels()
+    return Shape(*placement.placed(stage.plinth()), Diffuse(stage.colour)).for_kernels()
 
 
 @dataclass(frozen=True, eq=False)

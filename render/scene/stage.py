@@ -58,6 +58,14 @@ class StagePlacement:
         transform[:3, 3] = self.origin
         return transform
 
+    def placed(self, mesh: Mesh) -> Mesh:
+        """Return a mesh of the stage in scene units."""
+        vertices, normals, faces = mesh
+        matrix = self.matrix()
+        points = vertices @ matrix[:3, :3].T + matrix[:3, 3]
+        turned = normals @ matrix[:3, :3].T / self.size
+        return points.astype(np.float32), turned.astype(np.float32), faces
+
     def moved(self, points: NDArray[np.floating], to: StagePlacement) -> NDArray[np.float64]:
         """Return points (…, 3) of the stage after the stage has moved from this placement to `to`."""
         change = to.matrix() @ np.linalg.inv(self.matrix())

@@ -1,4 +1,4 @@
-"""Colours of vertices, from a pattern's phases or from a texture, for pictures without a path tracer.
+"""Colours of vertices, for pictures without a path tracer: the material's, and shaded ones as in 1990.
 
 The path tracer interpolates phases and looks up the colour ramp per sample (`render.mitsuba.materials`).
 """
@@ -8,12 +8,20 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from render.scene.camera import Camera
 from render.scene.materials import Material, PatternedMaterial
 from render.scene.measure import Measure
+from render.scene.stage import StagePlacement
 from render.scene.surface import Surface
 from render.scene.textures import Texture
 
 Floats = NDArray[np.float64]
+
+LIGHT = (-0.55, 0.62, 0.56)
+"""Direction to the light, stage axes."""
+
+AMBIENT, DIFFUSE, HIGHLIGHT = 0.10, 0.95, 0.75
+"""Strengths of the three terms."""
 
 
 def vertex_phases(surface: Surface, material: Material) -> Floats | None:
@@ -62,3 +70,27 @@ def _texture_colours(surface: Surface, material: PatternedMaterial, texture: Tex
         for place, count in ((down, height), (across, width))
     )
     return np.asarray(pixels[rows, columns], dtype=np.float64)
+
+
+def shaded_colours(
+    surface: Surface, material: Material, placement: StagePlacement, camera: Camera
+) -> NDArray[np.float32]:
+    """Return linear Rec.709 colours (V, 3), 0 … 1: Lambert's law and Blinn's highlight (SIGGRAPH 1977).
+
+    One hard light without shadows, and a white highlight. There is no light transport, so there is no noise.
+    """
+    light = placement.matrix()[:3, :3] @ np.array(LIGHT)
+    light /= np.linalg.norm(light)
+    eye = np.array(camera.origin) - surface.vertices
+    eye /= np.linalg.norm(eye, axis=1, keepdims=True)
+    normals = surface.normals.astype(np.float64)
+    normals *= np.where((normals * eye).sum(axis=1) < 0.0, -1.0, 1.0)[:, None]  # both sides are lit
+    lit = np.clip(normals @ light, 0.0, 1.0)
+    halfway = eye + light
+    halfway /= np.maximum(np.linalg.norm(halfway, axis=1, keepdims=True), 1e-9)
+    exponent = 2.0 / max(material.roughness, 0.05) ** 2
+    shine = np.where(lit > 0.0, np.clip((normals * halfway).sum(axis=1), 0.0, 1.0) ** exponent, 0.0)
+    colours = vertex_colours(surface, material)
+    body = np.array([material.colour]) if colours is None else colours
+    body = body * (AMBIENT + DIFFUSE * lit)[:, None]
+    return np.asarray(np.clip(body + HIGHLIGHT * shine[:, None], 0.0, 1.0), dtype=np.float32)

@@ -83,7 +83,7 @@ def test_a_library_that_cannot_render_is_passed_over(
     chosen = choose()
     assert chosen.variant == "scalar_rgb"
     assert "llvm_ad_rgb did not" in chosen.why
-    assert "about twice: `python -m render.mitsuba.setup`" in chosen.faster
+    assert "about twice: `python -m render.mitsuba.engine`" in chosen.faster
 
 
 def test_a_cache_that_cannot_be_written_only_costs_a_probe(
@@ -193,10 +193,10 @@ def test_set_up_goes_on_where_nothing_can_be_fetched(tmp_path: Path) -> None:
     environment = _fake_apt(tmp_path / "bin", "exit 1")
     environment |= {"XDG_CACHE_HOME": str(tmp_path), llvm.ENVIRONMENT_NAME: ""}
     code = (
-        "from pathlib import Path; from render.mitsuba import llvm, setup\n"
+        "from pathlib import Path; from render.mitsuba import engine, llvm\n"
         f"llvm.provisioned_folder = lambda: Path({str(tmp_path / 'lib')!r})\n"
         "llvm._SYSTEM_FOLDERS = ()\n"
-        "setup.main()"
+        "engine.provide_llvm()"
     )
     done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr

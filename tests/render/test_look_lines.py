@@ -15,7 +15,7 @@ from pipeline.mesh.normals import split_at_creases
 from pipeline.mesh.pn_triangles import tessellate
 from pipeline.mesh.solids import box
 from render.base.errors import BadInputError
-from render.mitsuba import gouraud
+from render.mitsuba.shapes import BACKGROUND
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -24,6 +24,7 @@ from render.scene.patterns import Pigment
 from render.scene.quality import Quality
 from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
+from render.scene.vertex_colours import shaded_colours
 from render.scene.wireframe import Wireframe, outlines, ribbons
 
 Rendered = Callable[..., RenderedFrame]
@@ -118,7 +119,7 @@ def test_a_drawn_picture_has_the_colours_of_its_vertices_and_no_noise(
     drawn = rendered(look=HOMAGE, seed=1)
     inside = drawn["matte"] == 1.0
     camera = Camera((3.2, 2.9, 8.8), (0.0, 0.95, 0.0))
-    colours = gouraud.shaded_colours(sphere, HOMAGE, StagePlacement(), camera)
+    colours = shaded_colours(sphere, HOMAGE, StagePlacement(), camera)
     assert np.abs(drawn["beauty"] - drawn["albedo"])[inside].mean() < 0.01
     assert drawn["beauty"][inside].max() <= colours.max() + 1e-3
     assert drawn["beauty"][inside].min() >= colours.min() - 1e-3
@@ -135,16 +136,14 @@ def test_a_drawn_picture_heeds_neither_lamps_nor_stage(rendered: Rendered) -> No
 def test_the_ground_fills_the_picture_and_goes_from_its_top_to_its_bottom(rendered: Rendered) -> None:
     drawn = rendered(look=HOMAGE, quality=Quality(48, 27, samples=4, depth=3, auxiliary_samples=4))
     assert (drawn["depth"] > 0.0).all()
-    assert drawn["beauty"][0].mean(axis=0) == pytest.approx(np.array(gouraud.BACKGROUND[0]), abs=0.02)
-    assert drawn["beauty"][-1].mean(axis=0) == pytest.approx(np.array(gouraud.BACKGROUND[-1]), abs=0.05)
+    assert drawn["beauty"][0].mean(axis=0) == pytest.approx(np.array(BACKGROUND[0]), abs=0.02)
+    assert drawn["beauty"][-1].mean(axis=0) == pytest.approx(np.array(BACKGROUND[-1]), abs=0.05)
 
 
 def test_both_sides_of_an_open_sheet_are_drawn() -> None:
-    front = gouraud.shaded_colours(
-        TRIANGLE, HOMAGE, StagePlacement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0))
-    )
+    front = shaded_colours(TRIANGLE, HOMAGE, StagePlacement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0)))
     back = replace(TRIANGLE, normals=-TRIANGLE.normals)
-    turned = gouraud.shaded_colours(back, HOMAGE, StagePlacement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0)))
+    turned = shaded_colours(back, HOMAGE, StagePlacement(), Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0)))
     assert np.array_equal(front, turned)
 
 
@@ -152,8 +151,6 @@ def test_a_drawn_look_takes_a_pigment() -> None:
     pigment = Pigment("gradient", ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0)), scale=2.0)
     there = replace(TRIANGLE, rest=np.float32([[0, -1, 0], [0, 1, 0], [0, -1, 0]]))
     camera = Camera((0.0, 0.7, 9.0), (0.0, 0.7, 0.0))
-    red, blue, again = gouraud.shaded_colours(
-        there, replace(HOMAGE, pigment=pigment), StagePlacement(), camera
-    )
+    red, blue, again = shaded_colours(there, replace(HOMAGE, pigment=pigment), StagePlacement(), camera)
     assert red[0] > 2.0 * red[2] and blue[2] > 2.0 * blue[0]
     assert again[0] > 2.0 * again[2]

@@ -159,8 +159,7 @@ class Smoke(Material):
 
 @dataclass(frozen=True)
 class Gouraud(PatternedMaterial):
-    """A surface drawn as in 1990, by vertex colours, without light transport: see
-    `render.mitsuba.gouraud`."""
+    """A surface drawn as in 1990, by vertex colours, without light transport (`scene.vertex_colours`)."""
 
     is_lit: ClassVar[bool] = False
 
