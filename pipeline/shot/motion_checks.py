@@ -11,7 +11,7 @@ from pipeline.frames import FrameRange, FrameRate, shortened
 from pipeline.resample.thresholds import DEFAULT_RATIO, HIGHEST_RATIO
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.fields import is_number
-from pipeline.shot.documents.flow_catalogue import DOCUMENTS
+from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 
 AXIAL = {

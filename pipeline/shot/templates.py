@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.shot.documents.flow_catalogue import default_text, facts
+from pipeline.shot.documents.reference import default_text, facts
 from pipeline.shot.subject import SOLIDS
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS

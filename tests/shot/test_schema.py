@@ -12,8 +12,8 @@ import pytest
 
 from pipeline.errors import ShotError
 from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_catalogue import DOCUMENTS
-from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
+from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.documents.reference import defaults_schema, film_schema, shot_schema
 from pipeline.shot.yaml.source import YamlSource
 
 HOME = Path(__file__).parents[2]

@@ -10,7 +10,8 @@ import pytest
 from pipeline.animation import animate
 from pipeline.errors import UsageError
 from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_catalogue import DOCUMENTS, facts
+from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.documents.reference import facts
 from pipeline.shot.templates import (
     FLOW_FILES,
     FRAMES,

@@ -8,7 +8,8 @@ import typer
 
 from pipeline.cli.options import Common
 from pipeline.cli.output import out, print_result, table
-from pipeline.shot.documents.flow_catalogue import DOCUMENTS, default_text, facts, markdown
+from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.documents.reference import default_text, facts, markdown
 
 
 def flows(

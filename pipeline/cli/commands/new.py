@@ -15,7 +15,7 @@ from pipeline.cli.output import print_result
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
-from pipeline.shot.documents.flow_catalogue import DOCUMENTS
+from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.templates import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
 from pipeline.shot.yaml.lookup import DEFAULTS
 from render.base.atomic_write import disk_errors

@@ -12,7 +12,7 @@ from pipeline.cli.options import Common
 from pipeline.cli.output import print_result
 from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.request.lookup import SHOTS
-from pipeline.shot.documents.schema import defaults_schema, film_schema, shot_schema
+from pipeline.shot.documents.reference import defaults_schema, film_schema, shot_schema
 from pipeline.shot.yaml.lookup import DEFAULTS
 from pipeline.shot.yaml.source import YamlSource
 from render.base.atomic_write import disk_errors

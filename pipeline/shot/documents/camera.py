@@ -1,12 +1,13 @@
-"""The entry `camera` of a shot file. Angles are degrees there, lenses in millimetres."""
+"""The entries `camera` and `shutter` of a shot file. Angles are degrees there, lenses in millimetres."""
 
 import math
 from typing import Annotated, Any
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import AfterValidator, Field, ValidationInfo, field_validator
 
-from pipeline.flow.parameters import Number, VectorParameter, vector_at
-from pipeline.shot.camera import FULL_FRAME, CameraPath
+from pipeline.errors import UsageError
+from pipeline.flow.parameters import Number, VectorParameter, number_at, vector_at
+from pipeline.shot.camera import FULL_FRAME, CameraPath, Shutter
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import (
     ABOVE_0,
@@ -23,6 +24,7 @@ from pipeline.shot.documents.curves import (
     curve_form,
     number,
     place,
+    sampled_frames,
     within,
 )
 from pipeline.shot.documents.fields import (
@@ -35,7 +37,7 @@ from pipeline.shot.documents.fields import (
     one_of,
     optional,
 )
-from pipeline.shot.yaml.validation import finding
+from pipeline.shot.yaml.validation import bad_curve, finding
 
 SAFE_AREAS = {"action": 0.035, "title": 0.05}
 """Margins by name: the fractions at each side outside the safe areas of SMPTE ST 2046-1."""
@@ -175,3 +177,37 @@ def _focus(value: Any, clock: Clock) -> Number | VectorParameter | None:
 def _has_times(clock: Clock, *values: Any) -> bool:
     """Tell whether all keys are times; `motion_checks.keys` reports those that are none."""
     return all(None not in map(clock.seconds, value.keys) for value in values if isinstance(value, Keyed))
+
+
+def _degrees(low: float, high: float, usual: str) -> AfterValidator:
+    """Return a validator: degrees that stay within bounds at every half frame of the shot."""
+    rule = f"it must stay from {low:g} to {high:g} degrees. Write {usual}."
+
+    def check(value: Any, info: ValidationInfo) -> Any:
+        clock: Clock | None = (info.context or {}).get("clock")
+        if clock is None:
+            return value
+        try:
+            curve = number(value, clock)
+            for frame in sampled_frames(clock):
+                if not low <= (degrees := number_at(curve, clock.time(frame))) <= high:
+                    fault = f"is {degrees:.4g} at frame {frame:g}; {rule}"
+                    raise bad_curve(fault)
+        except (UsageError, AssertionError):  # other checks report these
+            return value
+        return value
+
+    return AfterValidator(check)
+
+
+class ShutterDocument(Document):
+    angle: Annotated[NumberField, _degrees(0.0, 360.0, "180, which film cameras have")] = Field(
+        default=180.0, description="opening of the shutter; 360 is a whole frame, 0 no blur (degrees)"
+    )
+    phase: Annotated[NumberField, _degrees(-360.0, 0.0, "-90")] | None = optional(
+        "when it opens, before the frame; by default half the angle (degrees)"
+    )
+
+    def build(self, clock: Clock) -> Shutter:
+        phase = None if self.phase is None else number(self.phase, clock, DEGREE)
+        return Shutter(number(self.angle, clock, DEGREE), phase)

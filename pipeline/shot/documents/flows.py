@@ -40,7 +40,7 @@ from pipeline.shot.documents.fields import (
     optional,
     vector,
 )
-from pipeline.shot.documents.flow_catalogue import BARE, entries
+from pipeline.shot.documents.flow_documents import BARE, entries
 from pipeline.shot.documents.regions import RegionDocument
 from pipeline.shot.yaml.validation import bad_value, finding
 

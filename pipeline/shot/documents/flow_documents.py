@@ -1,4 +1,8 @@
-"""Documents of flows that need more than parameters: formulas, targets, curves, samples and Python files."""
+"""The document of each flow that a shot can name.
+
+Written out are those of flows that need more than parameters: formulas, targets, curves, samples and Python
+files.
+"""
 
 import ast
 from itertools import pairwise
@@ -8,6 +12,7 @@ from typing import Annotated, Any, Self
 import numpy as np
 from pydantic import (
     AfterValidator,
+    BeforeValidator,
     Field,
     GetJsonSchemaHandler,
     PrivateAttr,
@@ -17,12 +22,13 @@ from pydantic import (
 )
 from pydantic_core import CoreSchema
 
+from pipeline.flow import catalogue
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
 from pipeline.flow.catalogue.formula import MAX_NUMBERS, FormulaField
 from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
 from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.flow import PythonFlow
-from pipeline.flow.parameters import ParameterDoc
+from pipeline.flow.parameters import ParameterDoc, shot_name
 from pipeline.formula import FUNCTIONS
 from pipeline.formula.compiled import NAMES
 from pipeline.formula.syntax import CONSTANTS
@@ -37,7 +43,7 @@ from pipeline.shot.documents.fields import (
     parsed_formula,
     vector,
 )
-from pipeline.shot.documents.flow_parameters import FlowParameters
+from pipeline.shot.documents.flow_parameters import FlowParameters, document_of
 from pipeline.shot.yaml.validation import ParseContext, as_finding, finding
 
 
@@ -226,7 +232,7 @@ class PythonDocument(FlowParameters):
         return {"function": self.function, **file}
 
 
-OWN: dict[str, type[FlowParameters]] = {
+_WRITTEN_OUT: dict[str, type[FlowParameters]] = {
     "formula": FormulaDocument,
     "curl_noise": CurlNoiseDocument,
     "attraction": AttractionDocument,
@@ -234,4 +240,21 @@ OWN: dict[str, type[FlowParameters]] = {
     "sampled": SampledDocument,
     "python": PythonDocument,
 }
-"""Their documents by name, in the order of the docs."""
+
+DOCUMENTS: dict[str, type[FlowParameters]] = {
+    **{shot_name(flow): document_of(flow) for flow in catalogue.FLOWS},
+    **{name: document_of(base.flow, base) for name, base in _WRITTEN_OUT.items()},
+}
+"""The flows that a shot can name, in the order of the docs."""
+
+BARE = BeforeValidator(lambda value: {} if value is None else value)
+"""`- enright:` is the same as `- enright: {}`."""
+
+
+def entries(base: type) -> dict[str, Any]:
+    """Return optional fields of a document, one for each flow that is a `base`."""
+    return {
+        name: (Annotated[document | None, BARE], Field(None, validate_default=False))
+        for name, document in DOCUMENTS.items()
+        if issubclass(document.flow, base)
+    }

@@ -1,8 +1,8 @@
-"""JSON Schemas (draft 2020-12) of shot and film files, by which editors complete and check them.
+"""The reference of shot files, from their documents: JSON Schemas for editors, and flows for people.
 
-pydantic writes most of them; `fields.SchemaKeywords` adds the rules of validators. A schema sees the form of
-one file. Whether keys lie within the shot, what a formula means and what a shot extends is for
-`flowsculpt validate`.
+Editors complete and check files by the schemas (draft 2020-12). pydantic writes most of them;
+`fields.SchemaKeywords` adds the rules of validators. A schema sees the form of one file. Whether keys lie
+within the shot, what a formula means and what a shot extends is for `flowsculpt validate`.
 """
 
 from __future__ import annotations
@@ -15,11 +15,19 @@ from pydantic import BaseModel
 from pydantic.json_schema import GenerateJsonSchema, JsonSchemaValue
 from pydantic_core import core_schema
 
+from pipeline.errors import UsageError, suggestion
+from pipeline.flow import VelocityField
+from pipeline.flow.flow import PythonFlow
+from pipeline.flow.parameters import Parameter, summary
+from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.documents.flow_parameters import FlowParameters, description_of
 from pipeline.shot.documents.flows import FlowDocument, VelocityDocument
 from pipeline.shot.documents.shot import FilmDocument, ShotDocument
 
 DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+BEGIN, END = "<!-- from the code: flowsculpt flows --markdown -->", "<!-- to here -->"
+"""The lines before and after the table in the docs."""
 
 Schema = dict[str, Any]
 
@@ -140,3 +148,69 @@ def _mappings(value: Any) -> Iterator[Schema]:
         value = list(value.values())
     for inner in value if isinstance(value, list) else ():
         yield from _mappings(inner)
+
+
+def facts(name: str) -> dict[str, Any]:
+    """Describe a flow of the catalogue as JSON-able data, in the units of shot files.
+
+    Raises UsageError for an unknown name.
+    """
+    if name not in DOCUMENTS:
+        raise UsageError(f"there is no flow {name!r} in the catalogue. {suggestion(name, DOCUMENTS)}")
+    document = DOCUMENTS[name]
+    return {
+        "name": name,
+        "kind": _kind(document.flow),
+        "description": summary(document.flow),
+        "parameters": [_fact(parameter) for parameter in (*document.own, *document.parameters)],
+    }
+
+
+def _kind(flow: type) -> str:
+    if issubclass(flow, VelocityField):
+        return "velocity"
+    return "function" if issubclass(flow, PythonFlow) else "map"
+
+
+def _fact(parameter: Parameter) -> dict[str, Any]:
+    return {
+        "name": parameter.name,
+        "form": parameter.form,
+        "keyed": parameter.form in ("number", "vector"),
+        "positive": parameter.positive,
+        "choices": list(parameter.choices),
+        "unit": parameter.doc.unit,
+        "required": parameter.needed,
+        "default": parameter.default_in_file,
+        "description": parameter.doc.text,
+    }
+
+
+def default_text(fact: dict[str, Any]) -> str:
+    """Return the default of a parameter as a shot file writes it, or that it is needed."""
+    value = fact["default"]
+    if fact["required"]:
+        return "needed"
+    if value is None or value == {}:
+        return "none"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, list):
+        return f"[{', '.join(f'{part:g}' for part in value)}]"
+    return value if isinstance(value, str) else f"{value:.6g}"
+
+
+def markdown() -> str:
+    """Return the table of the docs, one line a flow."""
+    lines = [BEGIN, "| | in a shot | what it does | parameters |", "|---|---|---|---|"]
+    for name in DOCUMENTS:
+        fact = facts(name)
+        parameters = ", ".join(_short(parameter) for parameter in fact["parameters"])
+        picture = f"![{name}](pictures/flows/{name}.png)" if fact["kind"] != "function" else ""
+        lines.append(f"| {picture} | `{name}` | {fact['description']} | {parameters} |")
+    return "\n".join([*lines, END])
+
+
+def _short(fact: dict[str, Any]) -> str:
+    unit = f" {fact['unit']}" if fact["unit"] else ""
+    return f"`{fact['name']}` {default_text(fact)}{unit}"
