@@ -32,8 +32,7 @@ from render.scene.measure import SPEED
 from render.scene.quality import QUALITIES
 from render.scene.scene import Scene
 from render.scene.stage import STAGES
-from render.scene.surface import Surface
-from render.scene.wireframe import outlines
+from render.scene.surface import Surface, outlines
 
 HERE = Path(__file__).parent
 QUALITY = dataclasses.replace(QUALITIES["final"], width=480, height=405)

@@ -19,8 +19,7 @@ from render.scene.aovs import VERTEX_AOVS
 from render.scene.camera import Camera
 from render.scene.quality import Crop, Quality
 from render.scene.scene import Scene
-from render.scene.surface import Surface, require_camera_outside
-from render.scene.wireframe import Wireframe, ribbons
+from render.scene.surface import Surface, Wireframe, require_camera_outside, ribbons
 
 _CHANGING = (
     *("to_world", "medium.scale", absorption.RATE, "aperture_radius", "focus_distance"),

@@ -23,9 +23,8 @@ from render.scene.materials import LOOKS
 from render.scene.patterns import Pigment
 from render.scene.quality import Quality
 from render.scene.stage import STAGES, StagePlacement
-from render.scene.surface import Surface
+from render.scene.surface import Surface, Wireframe, outlines, ribbons
 from render.scene.vertex_colours import shaded_colours
-from render.scene.wireframe import Wireframe, outlines, ribbons
 
 Rendered = Callable[..., RenderedFrame]
 

@@ -30,8 +30,7 @@ from render.scene.aovs import RenderedFrame
 from render.scene.measure import SPEED
 from render.scene.scene import MotionSample, Scene
 from render.scene.spheres import Spheres
-from render.scene.surface import Surface
-from render.scene.wireframe import outlines
+from render.scene.surface import Surface, outlines
 
 if TYPE_CHECKING:  # what only some pictures need takes half a second
     from pipeline.production.render_inputs.shading import Shading, Shown, SurfaceMotion

@@ -30,9 +30,9 @@ from render.base.errors import RenderError
 from render.scene.materials import Absorption, Relief
 from render.scene.measure import COLOUR_MAPS, KINDS, Measure
 from render.scene.patterns import PATTERNS, Pigment
+from render.scene.surface import Wireframe
 from render.scene.texture_projection import PROJECTIONS, Projection
 from render.scene.textures import Texture, read_picture
-from render.scene.wireframe import Wireframe
 
 _PROJECTIONS_WITH = {
     "axis": ("planar", "cylindrical", "spherical"),

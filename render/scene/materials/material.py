@@ -13,9 +13,9 @@ from render.base.errors import BadInputError
 from render.base.serialise import Triple
 from render.scene.measure import Measure
 from render.scene.patterns import Pigment
+from render.scene.surface import Wireframe
 from render.scene.texture_projection import Projection
 from render.scene.textures import Texture
-from render.scene.wireframe import Wireframe
 
 M = TypeVar("M", bound="Material")
 

@@ -8,7 +8,7 @@ import pytest
 
 SCRIPT = """
 import resource
-from render.base.heap import keep_freed_memory
+from pipeline.cli.app import keep_freed_memory
 
 def faults():
     return resource.getrusage(resource.RUSAGE_SELF).ru_minflt
