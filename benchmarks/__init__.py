@@ -1,1 +1,1 @@
-"""How fast and how good resampler, flows and pictures are, against the machine and against their peers."""
+"""Benchmarks of the resampler, flows, pictures and the production, against the machine and other programs."""

@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: everything there is to measure."""
+"""Run all benchmarks: `python -m benchmarks`."""
 
 from benchmarks import flows, orchestration, pictures, polyhedra, preview, renewal, resampling
 

@@ -1,10 +1,10 @@
-"""Blender's Cycles in a process of its own, which speaks lines of JSON: a frame to show, a picture to render.
+"""Blender's Cycles in a process of its own, driven by lines of JSON: show a frame, render a picture.
 
     python -P benchmarks/blender.py SCENE.json
 
-It is given what Mitsuba is given: the same triangles and normals, lamps of the same size and radiance, the
-same sky, lens, box filter and number of bounces. Its y axis points up as ours does. It needs bpy, and of this
-project nothing.
+It gets the same input as Mitsuba: the triangles and normals, emitters of the same size and radiance, the
+same sky, lens, box filter and number of bounces. The y axis points up in both. It needs bpy, and no module
+of this project.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ ROOM = Path(sys.argv[1]).parent
 
 
 def main() -> None:
-    """Serve until the input ends."""
+    """Answer requests until the input ends."""
     told = json.loads(Path(sys.argv[1]).read_text())
     bpy.ops.wm.read_factory_settings(use_empty=True)
     _settings(told)
@@ -57,7 +57,7 @@ def _settings(told: dict[str, Any]) -> None:
     cycles.use_adaptive_sampling = False
     cycles.pixel_filter_type = "BOX"
     cycles.sample_clamp_direct = cycles.sample_clamp_indirect = 0.0
-    cycles.max_bounces = told["depth"] - 2  # bounces after the first surface, lamps not counted
+    cycles.max_bounces = told["depth"] - 2  # bounces after the first surface, emitters not counted
     cycles.diffuse_bounces = cycles.glossy_bounces = cycles.max_bounces
     cycles.denoiser = "OPENIMAGEDENOISE"
     lens = bpy.data.cameras.new("lens")
@@ -79,7 +79,7 @@ def _sky(radiance: list[float]) -> None:
 
 
 def _lamp(told: dict[str, Any]) -> None:
-    """A rectangle that shines to one side, seen in reflections alone."""
+    """Add a rectangular emitter, one-sided and visible in reflections only."""
     light = bpy.data.lights.new("lamp", "AREA")
     light.shape = "RECTANGLE"
     light.size, light.size_y = told["width"], told["height"]
@@ -93,7 +93,7 @@ def _lamp(told: dict[str, Any]) -> None:
 
 
 def _power(radiance: float, area: float) -> float:
-    """Watts of a lamp that shines by Lambert's law."""
+    """Return the power, watts, of a Lambertian emitter of this size and radiance."""
     return math.pi * area * radiance
 
 
@@ -109,7 +109,7 @@ def _paint(name: str, colour: list[float]) -> Any:
 
 
 def _show(name: str, arrays: Any, paint: Any) -> None:
-    """Put a mesh on the stage in place of the one that had its name."""
+    """Put a mesh on the stage, and remove the mesh that had its name."""
     old = bpy.data.objects.get(name)
     if old is not None:
         bpy.data.meshes.remove(old.data)
@@ -129,7 +129,7 @@ def _show(name: str, arrays: Any, paint: Any) -> None:
 
 
 def _render(samples: int, denoised: bool, seed: int, to: str) -> list[float]:
-    """Render, and write the picture; seconds of the first, by the clock and of all threads."""
+    """Render and write the picture; return its seconds by the clock, and of all threads."""
     scene = bpy.context.scene
     scene.cycles.samples, scene.cycles.seed = samples, seed
     scene.cycles.use_denoising = denoised

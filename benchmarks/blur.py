@@ -1,11 +1,11 @@
-"""What motion blur costs: the same frame with the same samples, in sub-frames and in one.
+"""Cost of motion blur: the same frame with the same samples, with and without motion samples.
 
     python -m benchmarks.blur 70 daily
 
-A geodesic sphere, its edges cut into so many parts, slides through the picture ever faster, so that it takes
-1, 2, 4, 8 and 16 sub-frames where the samples can be divided so. One line each: pixels that it moves while
-the shutter is open, sub-frames, seconds, and how many times those of the frame that stands still, which is
-rendered before and after.
+A geodesic sphere of the given frequency slides through the picture at growing speeds, which need 1, 2, 4, 8
+and 16 motion samples where the samples can be divided by as many. Prints a line for each speed: pixels moved
+while the shutter is open, motion samples, seconds, and their ratio to a still frame, which is rendered before
+and after.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ from render.scene.surface import Surface
 CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 
 PIXELS = (0.8, 1.6, 3.2, 6.4, 12.8)
-"""While the shutter is open."""
+"""Pixels that the sphere moves while the shutter is open."""
 
 
 def main(frequency: int, quality: str) -> None:
@@ -47,7 +47,7 @@ def main(frequency: int, quality: str) -> None:
         layers = render_frame(scene, QUALITIES[quality], 1, engine, shutter=shutter)
         return time.perf_counter() - begun, layers
 
-    rendered(None)  # what is compiled is compiled now
+    rendered(None)  # compiles
     before = rendered(None)[0]
     blurred = {pixels: rendered(_sliding(surface, pixels, QUALITIES[quality].width)) for pixels in PIXELS}
     still = min(before, rendered(None)[0])
@@ -60,7 +60,7 @@ def main(frequency: int, quality: str) -> None:
 
 
 def _sliding(surface: Surface, pixels: float, width: int) -> ShutterInterval:
-    """A shutter of half a frame, in which the nearest point moves so many pixels."""
+    """Return a shutter of half a frame in which the nearest point moves by so many pixels."""
     right = CAMERA.axes()[0]
 
     def at(offset: float) -> MotionSample:

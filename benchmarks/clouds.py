@@ -1,8 +1,8 @@
-"""What clouds cost: spheres as triangles, built into a scene and rendered.
+"""Cost of clouds: spheres as triangles, built into a scene and rendered.
 
     python -m benchmarks.clouds 20000 preview
 
-One line: spheres, quality, triangles, seconds of building and of rendering, peak memory of the process.
+Prints spheres, quality, triangles, seconds of building and of rendering, and the peak memory of the process.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ CAMERA = Camera((0.0, 2.0, 9.0), (0.0, 1.0, 0.0))
 
 
 def main(count: int, quality: str) -> None:
-    """Render one frame of a normally distributed cloud, its spheres the smaller the more there are."""
+    """Render one frame of a normally distributed cloud; radii shrink as the count grows."""
     centres = 0.4 * np.random.default_rng(1).normal(size=(count, 3)) + (0.0, 1.0, 0.0)
     cloud = Spheres(centres.astype(np.float32), np.full(count, 0.2 * count ** (-1 / 3), np.float32))
     scene = Scene(cloud, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)

@@ -1,15 +1,19 @@
-"""`python -m benchmarks.cycles [WIDTH] [REFERENCE]`: time to the same error, against Blender's Cycles.
+"""`python -m benchmarks.cycles [WIDTH] [REFERENCE]`: time to equal error, against Blender's Cycles.
 
-A clay torus in the studio that turns by half a degree a frame, 256 pixels wide unless WIDTH says otherwise.
-Both get the same triangles, stage, lamps, sky and lens, both six vertices to a path, a box filter and
-Intel's denoiser (`benchmarks/blender.py` says what is set). Three frames are made by each in turn: raw,
-denoised, and by us denoised over time with two frames to either side; building the scene is part of the
-time, and so are the guides. Each is held against what it itself comes to with REFERENCE samples (1024), so
-that it does not matter which of the two is right; how far the two are apart is told. The noise left in the
-reference is known from its halves, and taken out. Errors are root mean squares on a display. Cycles's time
-is found between powers of two of samples, as in `benchmarks.equal_quality`. Wanted: half the time, and a
-quarter by denoising over time; by the clock, and in CPU seconds, which other work does not lengthen. Writes
-`benchmarks/out/cycles.json` and PNGs. Needs `benchmarks/requirements-cycles.txt`.
+The scene is a clay torus in the studio that turns by half a degree a frame, WIDTH pixels wide (256). Both
+renderers get the same triangles, stage, emitters, sky and lens, six vertices to a path, a box filter and
+Intel's denoiser (`benchmarks/blender.py` has the settings). Each renders three frames in turn: raw, denoised,
+and, here only, denoised over time with two frames to either side. Seconds include building the scene and the
+auxiliary features.
+
+Each renderer is compared with its own reference of REFERENCE samples (1024), so that it does not matter which
+of the two is right; the distance between the references is printed. The references' noise is estimated from
+their halves, and subtracted. Errors are root mean squares of display values. The time of Cycles is
+interpolated between powers of two of samples, as in `benchmarks.equal_quality`.
+
+Targets: half the time, and a quarter with denoising over time; by the clock, and in CPU seconds, which other
+work does not lengthen. Writes `benchmarks/out/cycles.json` and PNGs. Needs
+`benchmarks/requirements-cycles.txt`.
 """
 
 from __future__ import annotations
@@ -53,11 +57,11 @@ RAW, DENOISED = (16, 64, 256), (16, 64, 256)
 """Samples of Cycles."""
 
 LEAST, LEAST_OVER_TIME = 2.0, 4.0
-"""What is wanted: times less time."""
+"""Targets: the time of Cycles over ours."""
 
 
 Spent = AnyArray
-"""(2,): seconds by the clock, and of all threads of the process, which a busy machine does not lengthen."""
+"""(2,): seconds by the clock, and CPU seconds of all threads, which other work does not lengthen."""
 
 
 def now() -> Spent:
@@ -78,7 +82,7 @@ class Cycles:
         return self.heard()
 
     def heard(self) -> dict[str, Any]:
-        """The next line that is an answer: Blender talks too."""
+        """Return the next line of JSON; Blender prints other lines too."""
         for line in self.process.stdout:
             if line.startswith("{"):
                 return dict(json.loads(line))
@@ -101,7 +105,7 @@ class Cycles:
 
 @contextmanager
 def cycles(room: Path, size: tuple[int, int]) -> Iterator[Cycles]:
-    """Blender with stage, lamps and lens, and nothing on the stage yet."""
+    """Start Blender with stage, emitters and lens, without a subject."""
     vertices, normals, faces = STAGE.mesh()
     np.savez(room / "stage.npz", vertices=vertices, normals=normals, faces=faces)
     axes = CAMERA.axes()
@@ -138,7 +142,7 @@ def cycles(room: Path, size: tuple[int, int]) -> Iterator[Cycles]:
 
 
 def _lamp(box: Softbox) -> dict[str, Any]:
-    """It shines along its -z axis; its y axis is as near to the vertical as can be."""
+    """Return an emitter's data; it shines along its -z axis, its y axis as vertical as possible."""
     back = np.subtract(box.position, box.target)
     back = back / np.linalg.norm(back)
     up = (0.0, 1.0, 0.0) if math.hypot(back[0], back[2]) > 1e-3 else (0.0, 0.0, -1.0)
@@ -156,7 +160,7 @@ def _lamp(box: Softbox) -> dict[str, Any]:
 
 @dataclass(eq=False)
 class Truth:
-    """What pictures come to, as two halves that know nothing of each other."""
+    """A reference picture as two independent halves."""
 
     one: AnyArray
     two: AnyArray
@@ -166,7 +170,7 @@ class Truth:
         return np.asarray((self.one + self.two) / 2.0)
 
     def error(self, picture: AnyArray) -> float:
-        """Root mean square on a display, steps of 255, without what is the truth's own."""
+        """Return the rms difference of display values, steps of 255, without the reference's own noise."""
         own = float(((shown(self.one) - shown(self.two)) ** 2).mean()) / 4.0
         square = float(((shown(picture) - shown(self.mean)) ** 2).mean()) - own
         return 255.0 * math.sqrt(max(square, 1e-10))
@@ -174,7 +178,7 @@ class Truth:
 
 @dataclass(eq=False)
 class Tries:
-    """What one way to make pictures takes, and its errors, by samples; means over the frames."""
+    """Seconds and errors of one method by number of samples; means over the frames."""
 
     spent: dict[int, list[Spent]] = field(default_factory=dict)
     squares: dict[int, list[float]] = field(default_factory=dict)
@@ -187,7 +191,7 @@ class Tries:
         return np.mean(self.spent[samples], axis=0), math.sqrt(float(np.mean(self.squares[samples])))
 
     def until(self, wanted: float) -> Spent:
-        """Seconds until the error is `wanted`."""
+        """Return the seconds until the error is `wanted`."""
         known = sorted(self.spent)
         errors = [np.array(self.of(samples)[1]) for samples in known]
         by_clock = ([float(self.of(samples)[0][clock]) for samples in known] for clock in (0, 1))
@@ -201,7 +205,7 @@ def ours(surface: Surface, size: tuple[int, int], samples: int, seed: int, engin
 
 
 def main(width: int = 256, reference: int = 1024) -> list[Target]:
-    """Measure three frames, and say what is met."""
+    """Measure three frames; return the targets."""
     if not HOME.is_dir():
         print("Cycles is not installed; benchmarks/requirements-cycles.txt says how")
         return []
@@ -212,14 +216,14 @@ def main(width: int = 256, reference: int = 1024) -> list[Target]:
     tries = {name: Tries() for name in ("ours, raw", "ours, denoised", "ours, over time")}
     tries |= {"Cycles, raw": Tries(), "Cycles, denoised": Tries()}
     apart: list[float] = []
-    ours(surfaces[1], size, 16, 1, engine)  # what is compiled is compiled now
+    ours(surfaces[1], size, 16, 1, engine)  # compiles
     moments: dict[int, DenoisedFrame] = {}
     made: dict[int, Spent] = {}
     for number in numbers:
         begun = now()
         moments[number] = moment_of(ours(surfaces[number], size, 16, number + 10, engine))
         made[number] = now() - begun
-    temporal_denoise(moments, 1)  # what is compiled is compiled now
+    temporal_denoise(moments, 1)  # compiles
     with tempfile.TemporaryDirectory() as folder, cycles(Path(folder), size) as blender:
         blender.show(surfaces[1])
         blender.rendered(1, True, 1)
@@ -287,7 +291,7 @@ def _targets(tries: dict[str, Tries], who: str, samples: int, whom: str, least: 
 
 
 def _ours_at_last(surface: Surface, size: tuple[int, int], samples: int, engine: Engine) -> Truth:
-    """Without the guard against sparkles, which takes light away."""
+    """Return our reference, without firefly clamping, which removes light."""
     return Truth(*(_unguarded(surface, size, samples // 2, 7000 + i) for i in (0, 1)))
 
 

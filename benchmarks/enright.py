@@ -1,8 +1,8 @@
-"""`python -m benchmarks.enright`: a sphere drawn out to a thin sheet and put together again, 150 frames.
+"""`python -m benchmarks.enright`: a sphere stretched to a thin sheet and back, 150 frames.
 
-Each line is the film with one placement, and with the remeshers that are installed, at half time and at the
-end. Distances are rms in maximum edges, of the vertices and of vertices and face centres together; seconds
-are of all frames up to there.
+Each row is the film with one placement, or with one of the installed remeshers, at half time and at the end.
+Distances are rms in maximum edge lengths, of the vertices, and of vertices and face centres together; seconds
+are of all frames so far.
 """
 
 from __future__ import annotations
@@ -20,15 +20,14 @@ from pipeline.mesh import TriangleMesh, require
 from pipeline.resample import Curvature, Thresholds
 
 DENSITY = Thresholds(Curvature(4e-4, 0.0115, 0.05, hard_angle=math.pi), gradation=1.0)
-"""Edges by curvature, nearly half as long at the rims as in the other runs and longer where it is flat: at
-most 9,500 vertices."""
+"""Edge lengths by curvature, nearly half as long at the rims as in the other runs; at most 9,500 vertices."""
 
 LOOKS = (25, 75, 125, 150)
 ALL = 1 << 30
 
 
 def main() -> list[Target]:
-    """Measure all placements and peers; answers the targets."""
+    """Measure all placements and remeshers; return the targets."""
     warm()
     film, rows = enright(), []
     for placement in PLACEMENTS:
@@ -42,7 +41,7 @@ def main() -> list[Target]:
 
 
 def measure(film: Film, name: str, moments: Iterator[Moment]) -> list[Row]:
-    """One run to its end, looked at a few times."""
+    """Run the film with one placement; measure it at half time and at the end."""
     rows: list[Row] = []
     peak, on_chord, splits = len(film.subject.vertices), 0, 0
     for moment in moments:
@@ -65,7 +64,7 @@ def measure(film: Film, name: str, moments: Iterator[Moment]) -> list[Row]:
 
 
 def measure_peer(film: Film, name: str, remesh: peers.Remesher) -> list[Row]:
-    """The same by a remesher that is called once a frame; as far as it comes."""
+    """Run the film with another remesher, called once a frame, until it fails or ends."""
     rows: list[Row] = []
     mesh, seconds, peak = film.subject, 0.0, 0
     for number in range(1, film.frames + 1):
@@ -97,7 +96,7 @@ def _look(film: Film, name: str, number: int, mesh: TriangleMesh, peak: int) -> 
 
 
 def targets(rows: list[Row]) -> list[Target]:
-    """What was wanted of this film."""
+    """Return the targets of this film."""
     found = {(row["placement"], row["frame"]): row for row in rows}
 
     def of(placement: str, what: str, *frames: int) -> float:

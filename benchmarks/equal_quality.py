@@ -1,11 +1,11 @@
-"""`python -m benchmarks.equal_quality [WIDTH] [REFERENCE]`: how long until a picture is as good.
+"""`python -m benchmarks.equal_quality [WIDTH] [REFERENCE]`: time to equal error, against Mitsuba alone.
 
-A glazed and a clay torus in the studio, 320 pixels wide unless WIDTH says otherwise. Ours: `render_frame`
-with 16 samples and the guides, and the denoiser; building the scene is part of the time, the median of
-five. Raw: the same scene rendered by Mitsuba alone, with its default sampler (`independent`) and nothing
-else, until the error is the same: as PSNR on a display, and as FLIP. Its time is found between powers of
-two of samples, where the logarithm of the error falls along a line. The truth has REFERENCE samples (4096)
-by our sampler. Wanted: 8 times less time. Writes `benchmarks/out/equal_quality.json` and PNGs.
+A glazed and a clay torus in the studio, WIDTH pixels wide (320). Ours: `render_frame` with 16 samples and the
+auxiliary features, and the denoiser; the median of five, with building the scene. Raw: the same scene by
+Mitsuba alone, with its default sampler (`independent`), until the error is the same: PSNR of display values,
+and FLIP. The time is interpolated between powers of two of samples, where the logarithm of the error is
+nearly linear. The reference has REFERENCE samples (4096) of our sampler. Target: 8 times less time. Writes
+`benchmarks/out/equal_quality.json` and PNGs.
 """
 
 from __future__ import annotations
@@ -36,20 +36,22 @@ SHOWN = ("glaze", "clay")
 DEPTH, PASS, REPEATS = 6, 16, 5
 MOST_SAMPLES = 1024
 LEAST = 8.0
-"""What is wanted: times less time."""
+"""Target: the time of Mitsuba over ours."""
 
 
 @dataclass(frozen=True)
 class Best:
-    """What can be had by rendering on: samples, seconds and a picture, at powers of two."""
+    """Samples, seconds and pictures of a growing number of samples, at powers of two."""
 
     samples: list[int]
     seconds: list[float]
     pictures: list[AnyArray]
 
     def until(self, error_of: Callable[[AnyArray], float], wanted: float) -> float:
-        """Seconds until an error that falls is `wanted`: between two pictures along a line of logarithms,
-        and beyond the last one by the slope of the whole."""
+        """Return the seconds until an error that falls is `wanted`.
+
+        Linear in logarithms between two pictures, and extrapolated by the overall slope beyond the last one.
+        """
         times, errors = np.log(self.seconds), np.log([error_of(each) for each in self.pictures])
         if errors[-1] <= np.log(wanted):
             return float(np.exp(np.interp(-np.log(wanted), -errors, times)))
@@ -58,7 +60,7 @@ class Best:
 
 
 def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) -> Row:
-    """Seconds of both to the same error."""
+    """Return the seconds of both to equal errors."""
     surface = subject(0.3)
     quality = Quality(*size, samples=16, depth=DEPTH, auxiliary_samples=16)
 
@@ -70,7 +72,7 @@ def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) ->
     def ours() -> AnyArray:
         return denoise(render_frame(described, quality, 1, engine))
 
-    picture = ours()  # what is compiled is compiled now
+    picture = ours()  # compiles
     took = []
     for _ in range(REPEATS):
         begun = time.perf_counter()
@@ -99,7 +101,7 @@ def measure(look: str, size: tuple[int, int], reference: int, engine: Engine) ->
 
 
 def rendered_on(scene: Callable[[], SceneRenderer], size: tuple[int, int]) -> Best:
-    """Passes of Mitsuba's default sampler, their mean kept whenever the samples have doubled."""
+    """Accumulate passes of Mitsuba's default sampler; keep their mean at each power of two."""
     import mitsuba as mi
 
     begun = time.perf_counter()
@@ -134,7 +136,7 @@ def one_pass(rendering: SceneRenderer, seed: int, **by: Any) -> AnyArray:
 
 
 def main(width: int = 320, reference: int = 4096) -> list[Target]:
-    """Measure both looks, and say what is met."""
+    """Measure both looks; return the targets."""
     engine = choose()
     engine.start()
     rows = [measure(look, (width, width * 9 // 16), reference, engine) for look in SHOWN]

@@ -1,4 +1,4 @@
-"""How far a picture is from the truth, as it is seen on a display; and pictures beside each other."""
+"""Errors of a picture against a reference, in display values; and pictures side by side."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from render.post.image import write_png
 
 
 def shown(light: AnyArray) -> AnyArray:
-    """(H, W, 3) linear light as a display shows it, 0 … 1, not rounded."""
+    """Convert linear light (H, W, 3) to display values, 0 … 1, not rounded."""
     return np.asarray(to_display(light.astype(np.float32), display="srgb"), dtype=np.float64)
 
 
 def psnr(light: AnyArray, truth: AnyArray) -> float:
-    """Decibels, as seen on a display."""
+    """Return the peak signal-to-noise ratio of display values, dB."""
     return -10.0 * math.log10(float(((shown(light) - shown(truth)) ** 2).mean()))
 
 
 def flip(light: AnyArray, truth: AnyArray) -> float | None:
-    """Mean FLIP (Andersson et al. 2020), 0 for what no eye tells apart; None where it is not installed.
+    """Return mean FLIP (Andersson et al. 2020), 0 where no difference is visible; None if it is missing.
 
-    As seen on a display of 0.7 m at a distance of 0.7 m, which is FLIP's own default.
+    The viewing conditions are FLIP's defaults: a display 0.7 m wide at a distance of 0.7 m.
     """
     if not found("flip_evaluator"):
         return None
@@ -39,7 +39,7 @@ def flip(light: AnyArray, truth: AnyArray) -> float | None:
 
 
 def put(name: str, pictures: Mapping[str, AnyArray]) -> Path:
-    """Pictures (H, W, 3) of linear light side by side, `benchmarks/out/<name>.png`, to be looked at."""
+    """Write pictures (H, W, 3) of linear light side by side to `benchmarks/out/<name>.png`."""
     OUT.mkdir(exist_ok=True)
     row = np.concatenate([shown(each) for each in pictures.values()], axis=1).astype(np.float32)
     path = OUT / f"{name}.png"

@@ -1,7 +1,7 @@
 """`python -m benchmarks.films`: two films with every placement, against the exact surface.
 
-Each line is a film resampled in every frame. `resampling` and `carrying` are seconds for all frames;
-distances are rms over vertices and face centres of the last frame, in maximum edges.
+Each row is a film resampled in every frame. `resampling` and `carrying` are seconds of all frames; distances
+are rms over vertices and face centres of the last frame, in maximum edge lengths.
 """
 
 from __future__ import annotations
@@ -20,16 +20,16 @@ from pipeline.resample import Curvature, Thresholds
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS
 
 EVERY = 8
-"""Frames between those whose pop is measured."""
+"""Frames between measurements of pop."""
 
 STRONGER = 0.85
 
 BY_CURVATURE = "exact, curvature"
-"""Edges of the Lorenz film by curvature, a quarter as long at the rims: at most 28 thousand vertices."""
+"""The row of the Lorenz film with edge lengths by curvature, a quarter as long at the rims."""
 
 
 def main() -> list[Target]:
-    """Measure both films; answers the targets."""
+    """Measure both films; return the targets."""
     warm()
     rows = [measure(film, placement, placement) for film in (cube(), lorenz()) for placement in PLACEMENTS]
     rows.append(measure(cube(), "exact", f"exact, shape {STRONGER:g}", min_roundness=STRONGER))
@@ -41,7 +41,7 @@ def main() -> list[Target]:
 
 
 def density(longest: float) -> Thresholds:
-    """Edges by curvature, the longest as long as those of the other runs."""
+    """Return edge lengths by curvature, the longest as in the other runs."""
     lengths = Curvature(0.004 * longest, 0.25 * longest, longest, hard_angle=math.pi)
     return Thresholds(lengths, gradation=1.0)
 
@@ -53,7 +53,7 @@ def measure(
     thresholds: Thresholds | None = None,
     min_roundness: float = DEFAULT_ROUNDNESS,
 ) -> Row:
-    """One film to its end; the row goes by the name."""
+    """Run one film to its end; return its row, named `name`."""
     nearest = peers.nearest()
     edges = out = unexplained = relaxed = on_chord = splits = 0
     pops = []
@@ -82,7 +82,7 @@ def measure(
         "volume %": 100 * (kept - 1),
         **exactness(film, mesh, film.frames),
         "quality 1%": float(np.quantile(quality(mesh), 0.01)),
-        "% in bracket": 100 * (1 - out / edges),
+        "% within limits": 100 * (1 - out / edges),
         "too long": report.too_long,
         "unexplained": unexplained,
         "relaxed": relaxed,
@@ -96,7 +96,7 @@ def measure(
 
 
 def targets(rows: list[Row]) -> list[Target]:
-    """What was wanted of these films."""
+    """Return the targets of these films."""
     found = {(row["film"], row["placement"]): row for row in rows}
 
     def target(
@@ -125,7 +125,7 @@ def targets(rows: list[Row]) -> list[Target]:
     ]
     for film in ("cube", "lorenz"):
         wanted.append(target(film, "exact", "too long", most=0))
-        wanted.append(target(film, "exact", "% in bracket", least=99.5))
+        wanted.append(target(film, "exact", "% within limits", least=99.5))
         wanted.append(target(film, "exact", "unexplained", most=0))
     return [line for lines in wanted for line in lines]
 

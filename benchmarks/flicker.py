@@ -1,12 +1,14 @@
-"""`python -m benchmarks.flicker [WIDTH] [REFERENCE]`: how much a film boils.
+"""`python -m benchmarks.flicker [WIDTH] [REFERENCE]`: flicker of films.
 
-A glazed torus in the studio, 480 × 270 pixels unless WIDTH says otherwise, eight frames: one that stands
-still, one that turns by half a degree a frame. Frames are rendered raw with 256 samples, by us and by Mitsuba
-alone (its path tracer and multijitter, in passes of 16), and with 16 that are denoised, alone and with two
-frames to either side; those that have these are measured. The truth is the mean of REFERENCE samples (1024
-unless said otherwise). Flicker is the standard deviation over time of the difference from it, in steps of an
-8-bit display, its mean over pixels; the error is its root mean square. Wanted: 16 samples flicker at most
-half as much as 256 of Mitsuba, raw. Writes `benchmarks/out/flicker.json` and PNGs.
+A glazed torus in the studio, WIDTH × 9/16 WIDTH pixels (480), eight frames: one film that stands still, one
+that turns by half a degree a frame. Frames are rendered raw with 256 samples, here and by Mitsuba alone (its
+path tracer and multijitter sampler, in passes of 16), and with 16 samples that are denoised, alone and with
+two frames to either side. Frames that have two neighbours on both sides are measured. The reference is the
+mean of REFERENCE samples (1024).
+
+Flicker is the standard deviation over time of the difference from the reference, steps of an 8-bit display,
+its mean over pixels; the error is the root mean square of the difference. Target: 16 samples flicker at most
+half as much as 256 raw samples of Mitsuba. Writes `benchmarks/out/flicker.json` and PNGs.
 """
 
 from __future__ import annotations
@@ -43,11 +45,11 @@ CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.75, 0.0))
 QUALITY = Quality(480, 270, samples=16, depth=6, auxiliary_samples=16)
 PASS = 16
 MOST = 0.5
-"""What is wanted: of the flicker of 256 raw samples."""
+"""Target: flicker over that of 256 raw samples."""
 
 
 def subject(angle: float) -> Surface:
-    """The torus on edge, turned about the vertical, with the ways to where it is a frame away."""
+    """Return the torus on edge, turned about the vertical, with its vertices one frame before and after."""
     shaded = split_at_creases(torus(1.0, 0.4, 0.05), math.radians(40))
     upright = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 
@@ -79,7 +81,7 @@ def rendered(surface: Surface, samples: int, seed: int, engine: Engine, width: i
 
 
 def by_mitsuba(surface: Surface, samples: int, seed: int, width: int) -> AnyArray:
-    """What Mitsuba's own paths come to, nothing held back."""
+    """Render with Mitsuba's own path tracer, without clamping."""
     quality = replace(QUALITY, width=width, height=width * 9 // 16)
     described = Scene(
         surface, LOOKS["glaze"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA
@@ -98,7 +100,7 @@ def moment_of(layers: RenderedFrame) -> DenoisedFrame:
 
 
 def measure(name: str, angles: list[float], width: int, reference: int, engine: Engine) -> list[Row]:
-    """Flicker and error of each way to make the frames that have two others to either side."""
+    """Measure flicker and error of each method over the frames that have two neighbours on both sides."""
     surfaces = [subject(angle) for angle in angles]
     inner = range(2, len(angles) - 2)
 
@@ -136,7 +138,7 @@ def _shown(light: AnyArray) -> AnyArray:
 
 
 def main(width: int = 480, reference: int = 1024) -> list[Target]:
-    """Measure both films, and say what is met."""
+    """Measure both films; return the targets."""
     engine = choose()
     rows = measure("still", [0.0] * FRAMES, width, reference, engine)
     rows += measure("turning", [TURN * (i + 1) for i in range(FRAMES)], width, reference, engine)

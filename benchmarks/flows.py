@@ -1,10 +1,10 @@
-"""`python -m benchmarks.flows`: following each velocity field, against kernels written for that field alone.
+"""`python -m benchmarks.flows`: each velocity field, against a kernel written for that field alone.
 
-640 000 points are carried through one frame of four sub-steps, by one thread and by all. What it is measured
-against has the equation, its numbers and the Runge-Kutta step in one loop over the points, in registers; the
-last row is a composition: a vortex and a strain with half their strength within a ball, and a rotation. A
-uniform velocity is shown but not judged: written for it alone, all stages are one addition.
-Ratios travel between machines, times do not. Writes `benchmarks/out/flows.json`.
+640,000 points are carried through one frame of four sub-steps, by one thread and by all. The kernel compared
+with has the equation, its numbers and the Runge-Kutta step in one loop over the points. The last row is a
+composition: a vortex, a strain at half strength within a ball, and a rotation. A uniform velocity is shown
+without a target: its own kernel is one addition for all stages. Ratios are comparable between machines, times
+are not. Writes `benchmarks/out/flows.json`.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, ta
 POINTS, SUBSTEPS, STEP, REPEATS = 640_000, 4, 0.01, 5
 FRAME, TOLERANCES = 1 / 24, (1e-5, 1e-9, 1e-11)
 MOST = 1.3
-"""What is wanted: times the kernel written for the field."""
+"""Target: the time over that of the kernel written for the field."""
 
 EQUATIONS = {
     code: getattr(family, name.lower())
@@ -50,7 +50,7 @@ IN_A_BALL = (0.0, 0.0, 0.0, 0.8, 0.0, 0.0, 0.5, 0.5, 0.0)
 
 
 def fields() -> dict[str, Program]:
-    """One of every opcode of a field, by its name."""
+    """Return one field of every opcode, by name."""
     flows = [flow() for flow in FLOWS if issubclass(flow, VelocityField)]
     flows += [Vortex(profile="gaussian"), Vortex(profile="rankine")]
     flows += [Expansion("disc")]
@@ -68,7 +68,7 @@ def composition() -> Program:
 
 
 def by_hand(program: Program) -> Any:
-    """The equation of one field, or of the composition, for a tuple of its numbers."""
+    """Return the equation of one field, or of the composition, for a tuple of its numbers."""
     if len(program) == 1:
         return numba.njit(EQUATIONS[program[0].opcode].py_func)
     swirl, stretch, turn, weigh = (
@@ -87,7 +87,7 @@ def by_hand(program: Program) -> Any:
 
 
 def fused(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
-    """A kernel for this program alone; its numbers are arguments, so that it serves any of them."""
+    """Compile a kernel for this program alone; its numbers are arguments."""
     equation, numbers = by_hand(program), tuple(table_of(program).ravel().tolist())
 
     @numba.njit(parallel=parallel)  # type: ignore[untyped-decorator]  # numba has no types
@@ -108,7 +108,7 @@ def fused(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
 
 
 def ours(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
-    """The kernel that runs any program."""
+    """Return the kernel that runs any program."""
     kinds, tables = opcodes_of(program), np.tile(table_of(program).ravel(), 3)
     steps, spans = np.zeros((SUBSTEPS, 6), np.int64), np.full((SUBSTEPS, 3), np.inf)
     steps[:, 1], spans[:, 0] = len(kinds), STEP
@@ -117,9 +117,9 @@ def ours(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
 
 
 def by_error(points: Points) -> list[Row]:
-    """A frame by sub-steps of a fixed number and by those of a tolerance: milliseconds, and the error.
+    """Measure a frame with fixed sub-steps and with those of a tolerance: milliseconds and the error.
 
-    Four vortices of which each is steep in a small core alone; what is exact has 32 times the sub-steps.
+    The flow is four vortices, each steep only in a small core; the reference has 32 times the sub-steps.
     """
     cores = [(x, y, 0.0) for x in (-0.6, 0.6) for y in (-0.6, 0.6)]
     field = Sum(tuple(Vortex(centre=core, radius=0.05, strength=0.5) for core in cores))
@@ -144,7 +144,7 @@ def by_error(points: Points) -> list[Row]:
 
 
 def measure(name: str, program: Program, points: Points) -> Row:
-    """Milliseconds of both, in turn, the quickest of some; and that they come to the same."""
+    """Return the least milliseconds of both kernels, run in turn; check that their results agree."""
     row: Row = {"flow": name}
     for threads, parallel in (("1 thread", False), ("all", True)):
         works = {"ours": ours(program, parallel), "by hand": fused(program, parallel)}
@@ -167,7 +167,7 @@ def _clocked(work: Callable[[], None]) -> float:
 
 
 def main() -> list[Target]:
-    """Measure every field and the composition, and say what is met."""
+    """Measure every field and the composition; return the targets."""
     points = 0.4 * np.random.default_rng(1).normal(size=(POINTS, 3))
     programs = {**fields(), "composition": composition()}
     rows = [measure(name, program, points) for name, program in programs.items()]

@@ -1,6 +1,6 @@
-"""`python -m benchmarks.frames`: one frame against the memory-bound pass over its edges, and the peers.
+"""`python -m benchmarks.frames`: one frame, against a memory-bound pass over its edges, and other remeshers.
 
-Every size is measured in a process of its own for each number of threads; the edge pass, always of one
+Every size is measured in a process of its own for each number of threads. The edge pass, always of one
 thread, is measured in the same process, before and after.
 """
 
@@ -28,7 +28,7 @@ MOST_PASSES = {"40k": 12.0, "160k": 12.0, "640k": 8.0}
 
 
 def main() -> list[Target]:
-    """Measure all sizes; answers the targets."""
+    """Measure all sizes; return the targets."""
     rows = [
         _apart(size, kind, threads)
         for kind in works.KINDS
@@ -38,13 +38,13 @@ def main() -> list[Target]:
     against = compare()
     keep("frames", rows)
     keep("peers", against)
-    show("One frame, 5% of its edges out of the bracket", rows)
+    show("One frame, 5% of its edges outside the length limits", rows)
     show(f"The same at {PEER_SIZE} by others, one iteration", against)
     return targets(rows, against)
 
 
 def measure(size: str, kind: str, threads: int) -> Row:
-    """One resampling of a frame and the edge pass, in this process."""
+    """Measure one resampling of a frame and the edge pass, in this process."""
     mesh, longest = works.frame(size, kind)
     edges = edges_of(mesh.faces)
     warm()
@@ -65,7 +65,7 @@ def measure(size: str, kind: str, threads: int) -> Row:
 
 
 def once(mesh: TriangleMesh, longest: float) -> tuple[float, int]:
-    """Seconds of one resampling, and its splits, collapses and flips; connectivity is there before."""
+    """Return the seconds of one resampling, its splits, collapses and flips. Connectivity is built before."""
     resampler = Resampler(mesh, Thresholds(longest))
     start = time.perf_counter()
     report = resampler.resample()
@@ -73,7 +73,7 @@ def once(mesh: TriangleMesh, longest: float) -> tuple[float, int]:
 
 
 def compare() -> list[Row]:
-    """Those peers that are installed, and how many times longer they take."""
+    """Return the installed remeshers, and their times over ours."""
     mesh, longest = works.frame(PEER_SIZE, "too long")
     ours = min(once(mesh, longest)[0] for _ in range(REPEATS))
     rows: list[Row] = [{"remesher": "flowsculpt", "ms": 1e3 * ours, "times ours": 1.0}]
@@ -84,7 +84,7 @@ def compare() -> list[Row]:
 
 
 def targets(rows: list[Row], against: list[Row]) -> list[Target]:
-    """What was wanted of single frames."""
+    """Return the targets of single frames."""
     found = {(row["vertices"], row["5% of edges"], row["threads"]): row for row in rows}
     wanted = []
     for kind in works.KINDS:
@@ -101,7 +101,7 @@ def targets(rows: list[Row], against: list[Row]) -> list[Target]:
 
 
 def _apart(size: str, kind: str, threads: int) -> Row:
-    """`measure` in a process with that many threads."""
+    """Run `measure` in a process with so many threads."""
     done = subprocess.run(
         [sys.executable, "-m", "benchmarks.frames", size, kind, str(threads)],
         env={**os.environ, "NUMBA_NUM_THREADS": str(threads)},

@@ -1,4 +1,4 @@
-"""What memory allows: one pass over all edges that computes their squared lengths, one thread."""
+"""The memory-bound limit: one pass over all edges that computes their squared lengths, one thread."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ F = TypeVar("F", bound=Callable[..., object])
 
 
 def compiled(function: F) -> F:
-    """By numba, in this process only: what is measured against needs no cache."""
+    """Compile with numba for this process only; a baseline needs no cache."""
     return cast(F, numba.njit(fastmath=True)(function))
 
 
 @compiled
 def edge_pass(points: Points, edges: Indices, bound: float) -> int:
-    """How many edges have a squared length over the bound."""
+    """Count the edges whose squared length exceeds the bound."""
     count = 0
     for i in range(len(edges)):
         a, b = edges[i, 0], edges[i, 1]
@@ -32,7 +32,7 @@ def edge_pass(points: Points, edges: Indices, bound: float) -> int:
 
 
 def best_of(work: Callable[[], object], repeats: int) -> float:
-    """Seconds of the quickest of `repeats` runs, after one to warm up."""
+    """Return the seconds of the quickest of `repeats` runs, after one to warm up."""
     work()
     seconds = []
     for _ in range(repeats):

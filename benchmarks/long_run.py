@@ -1,9 +1,9 @@
-"""`python -m benchmarks.long_run [FRAMES]`: does a process that renders and renders grow?
+"""`python -m benchmarks.long_run [FRAMES]`: memory of a process that renders many frames.
 
-A box that is wrung and resampled for 500 frames, 96 × 54 pixels, its light taken in from a frame to either
-side. All frames are rendered by one process, and finished by another; the production itself has a new process
-every few dozen frames, which would hide what leaks. Resident memory is noted after every frame; wanted at the
-end, and at most after frame 50: within 5% of its value at frame 50. Writes `benchmarks/out/long_run.json`.
+A box is twisted and resampled for 500 frames, 96 × 54 pixels, denoised over time with one frame to either
+side. One process renders all frames, another finishes them; the production starts a new process every few
+dozen frames, which would hide leaks. Resident memory is recorded after every frame. Target: within 5% of its
+value at frame 50 at the end, and at most so much above it before. Writes `benchmarks/out/long_run.json`.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ TASKS = ("render", "finish")
 
 @dataclass
 class Memory(EventLog):
-    """An event log that notes how large the process is whenever a frame is told of."""
+    """An event log that records the resident memory of the process at each frame."""
 
     sizes: list[float] = field(default_factory=list)
 
@@ -56,7 +56,7 @@ class Memory(EventLog):
 
 
 def main(frames: int = 500) -> list[Target]:
-    """Make all frames, and say how far memory went from where it had settled."""
+    """Make all frames; return the targets, the growth of memory after it has settled."""
     engine = choose(threads=1)
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
@@ -80,7 +80,7 @@ def _watched(root: Path, task: str) -> list[float]:
 
 
 def child(root: Path, task: str) -> None:
-    """All frames of a task by this process, which then says how large it was after each."""
+    """Make all frames of a task in this process, and print its resident memory after each."""
     shot = Sitting(root, Plan.thaw(root / PLANS / f"{PLAN}.json"))
     log = Memory(root / f"{task}.jsonl", task)
     shot.do(shot.merged(task), log)

@@ -1,4 +1,4 @@
-"""What is measured of a surface: its edges, triangles, volume, and how far it is from the exact one."""
+"""Measures of a surface: edges, triangles, volume, and its distance from the exact surface."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ if TYPE_CHECKING:
     from benchmarks.works import Film
 
 SAMPLES = 4000
-"""Vertices, and faces, whose distance is measured; all where there are fewer."""
+"""Vertices, and faces, whose distance is measured; all if there are fewer."""
 
 _HARD = math.radians(30)
 _NEAR = 0.1  # maximum edges: how far a crease may be from where it belongs
 
 
 def edges_of(faces: Faces) -> Indices:
-    """(E, 2), each edge once."""
+    """Return the edges (E, 2), each once."""
     pairs = np.sort(np.concatenate([faces[:, [i, (i + 1) % 3]] for i in range(3)]), axis=1)
     return np.unique(pairs.astype(np.int64) @ (1 << 32, 1)).view(np.int32).reshape(-1, 2)[:, ::-1].copy()
 
@@ -39,7 +39,7 @@ def volume(mesh: TriangleMesh) -> float:
 
 
 def quality(mesh: TriangleMesh) -> Floats:
-    """(F,) twice the inradius over the circumradius: 1 for an equilateral triangle, 0 for a needle."""
+    """Return twice the inradius over the circumradius (F,): 1 for an equilateral triangle, 0 for a needle."""
     ends = mesh.vertices[mesh.faces]
     a, b, c = np.linalg.norm(np.roll(ends, 1, axis=1) - ends, axis=2).T
     shape: Floats = (b + c - a) * (c + a - b) * (a + b - c) / np.maximum(a * b * c, 1e-300)
@@ -47,7 +47,7 @@ def quality(mesh: TriangleMesh) -> Floats:
 
 
 def facets(mesh: TriangleMesh) -> Vectors:
-    """(F, 3) unit normals; zero where a face has no area."""
+    """Return unit normals (F, 3); zero if a face has no area."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     across = np.cross(b - a, c - a)
     normals: Vectors = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
@@ -59,10 +59,10 @@ def rms(values: Floats) -> float:
 
 
 def exactness(film: Film, mesh: TriangleMesh, frame: int, samples: int = SAMPLES) -> dict[str, float]:
-    """Of vertices and face centres: distance from the exact surface, in maximum edges; angle of the faces.
+    """Return distances of vertices and face centres from the exact surface, and angles of the faces.
 
-    A point is followed back to the rest, where its height above the true surface is known; divided by the
-    steepness with which that grows around the point, it is the distance now, to first order.
+    Distances are in maximum edge lengths. A point is followed back to rest, where its height above the true
+    surface is known; the height over its gradient at the point is the distance, to first order.
     """
     rng = np.random.default_rng(1)
     few = rng.permutation(len(mesh.vertices))[:samples]
@@ -86,8 +86,10 @@ def exactness(film: Film, mesh: TriangleMesh, frame: int, samples: int = SAMPLES
 
 
 def creases_kept(film: Film, mesh: TriangleMesh, frame: int) -> float:
-    """Share of points of the cube's twelve edges, carried exactly, that have a crease of the mesh within a
-    tenth of the maximum edge."""
+    """Return the share of the cube's edges that the mesh still has as creases.
+
+    Points of the twelve edges are carried exactly; each needs a crease within 0.1 maximum edge lengths.
+    """
     ends = mesh.vertices[_hard_edges(mesh)]
     if not len(ends):
         return 0.0
@@ -106,14 +108,14 @@ def creases_kept(film: Film, mesh: TriangleMesh, frame: int) -> float:
 
 
 def _to_segments(point: Points, start: Points, side: Vectors) -> float:
-    """Distance of one point from the nearest of line segments."""
+    """Return the distance of one point from the nearest line segment."""
     away = point - start
     share = np.clip(np.einsum("ij,ij->i", away, side) / np.einsum("ij,ij->i", side, side), 0, 1)
     return float(np.linalg.norm(away - share[:, None] * side, axis=1).min())
 
 
 def _hard_edges(mesh: TriangleMesh) -> Indices:
-    """(K, 2) edges that turn by more than 30 degrees."""
+    """Return the edges (K, 2) that turn by more than 30 degrees."""
     ends = np.stack([mesh.faces, np.roll(mesh.faces, -1, axis=1)], axis=2).reshape(-1, 2)
     keys = np.sort(ends, axis=1).astype(np.int64) @ (1 << 32, 1)
     order = np.argsort(keys, kind="stable")
@@ -126,11 +128,11 @@ def _hard_edges(mesh: TriangleMesh) -> Indices:
 
 
 Nearest = Callable[[Points, Points, Faces], AnyArray]
-"""(points (N, 3), vertices, faces) -> (N,) the face that each point is nearest to."""
+"""(points (N, 3), vertices, faces) -> (N,) the nearest face of each point."""
 
 
 def pop(before: TriangleMesh, after: TriangleMesh, nearest: Nearest, samples: int = 3000) -> float:
-    """Degrees rms: how the facet seen at random places jumps when a surface is resampled."""
+    """Return the rms angle, degrees, by which facets at random points turn when a surface is resampled."""
     rng = np.random.default_rng(2)
     faces = rng.integers(0, len(after.faces), samples)
     weights = rng.dirichlet([1, 1, 1], samples)
@@ -141,7 +143,7 @@ def pop(before: TriangleMesh, after: TriangleMesh, nearest: Nearest, samples: in
 
 
 def told(row: Mapping[str, float | str], name: str) -> float:
-    """A number of a row."""
+    """Return a number of a row."""
     value = row[name]
     assert isinstance(value, int | float)
     return float(value)

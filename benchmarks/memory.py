@@ -1,7 +1,7 @@
-"""`python -m benchmarks.memory`: five million vertices in one frame, and the memory at its peak.
+"""`python -m benchmarks.memory`: peak memory of resampling five million vertices in one frame.
 
-A process of its own loads the mesh from a file, after noting its size, resamples it and notes the largest
-size it had. What the mesh and the resampler need together is the difference, by vertices.
+A process of its own records its size, loads the mesh from a file, resamples it and records its peak size. The
+difference over the vertices is what mesh and resampler need together.
 """
 
 from __future__ import annotations
@@ -25,13 +25,13 @@ from pipeline.mesh import TriangleMesh, icosphere
 from pipeline.resample import Resampler, Thresholds
 
 FREQUENCY = 708
-"""Of the geodesic sphere: 10 n² + 2 vertices, 5,012,642."""
+"""Frequency of the geodesic sphere: 10 n² + 2 vertices, 5,012,642."""
 
 MOST_BYTES = 250.0
 
 
 def main(frequency: int = FREQUENCY) -> list[Target]:
-    """Measure it; answers the target."""
+    """Measure peak memory; return the target."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "frame.npz"
         subprocess.run(
@@ -50,7 +50,7 @@ def main(frequency: int = FREQUENCY) -> list[Target]:
 
 
 def write(file: Path, frequency: int) -> None:
-    """A geodesic sphere, stretched around its equator until edges there are too long."""
+    """Write a geodesic sphere, stretched around its equator until edges there are too long."""
     ball = icosphere(frequency)
     longest = float(lengths_of(ball.vertices, edges_of(ball.faces)).mean()) / math.sqrt(0.4)
     points = np.array(ball.vertices)
@@ -59,7 +59,7 @@ def write(file: Path, frequency: int) -> None:
 
 
 def measure(file: Path) -> Row:
-    """In this process, which must be a fresh one."""
+    """Measure in this process, which must be a fresh one."""
     warm()
     process = psutil.Process()
     before = process.memory_info().rss
@@ -83,7 +83,7 @@ def measure(file: Path) -> Row:
 
 
 class _Peak:
-    """The largest resident size while it is entered, looked at a thousand times a second."""
+    """Peak resident memory within the context, sampled a thousand times a second."""
 
     def __init__(self, process: psutil.Process) -> None:
         self._process, self.most, self._over = process, 0, threading.Event()

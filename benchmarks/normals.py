@@ -1,8 +1,8 @@
-"""`python -m benchmarks.normals`: shading normals against the exact ones, and what resampling does to them.
+"""`python -m benchmarks.normals`: shading normals against exact ones, and their change by resampling.
 
-Two films that are hard on normals, made by the frame loop itself with exact placement: the Enright
-deformation, there and back, and a ball in the Lorenz attractor. The exact normal at a vertex is that of the
-ball at rest, pulled back along the flow. Prints a table; writes `benchmarks/out/normals.json`.
+Two films that are hard on normals run through the frame loop with exact placement: the Enright deformation,
+there and back, and a ball in the Lorenz attractor. The exact normal at a vertex is that of the ball at rest,
+pulled back along the flow. Prints a table; writes `benchmarks/out/normals.json`.
 """
 
 from __future__ import annotations
@@ -33,10 +33,10 @@ from pipeline.statistics import sizzle, surviving, undivided
 
 OUT = Path(__file__).parent / "out"
 EVERY = 10
-"""Frames between those whose normals are compared with the exact ones: the pull-back is the slow part."""
+"""Frames between comparisons with exact normals, whose pull-back is slow."""
 
 GLOSS = 200
-"""Exponent of the highlight (Blinn 1977): half as bright 4.8° off its middle."""
+"""Exponent of the highlight (Blinn 1977): half as bright at 4.8° off its middle."""
 
 Row = dict[str, float | str]
 
@@ -69,7 +69,7 @@ class Ball(Subject, AnalyticSurface):
 
 
 def films() -> dict[str, Motion]:
-    """What resamplers are compared by: 150 frames of 1/50 s, and 120 of 1/240 s."""
+    """Return the films: 150 frames of 1/50 s, and 120 of 1/240 s."""
     enright = Streamlines(Enright((0.5, 0.5, 0.5), scale=1.0, period=3.0))
     lorenz = Streamlines(Lorenz(scale=1.0, time_scale=1.0))
     return {
@@ -84,7 +84,7 @@ def _film(ball: Ball, flow: Flow, frames: int, rate: int, longest: float) -> Mot
 
 
 def main() -> None:
-    """Measure both films and keep the numbers."""
+    """Measure both films; write the numbers."""
     rows = [measure(name, motion) for name, motion in films().items()]
     OUT.mkdir(exist_ok=True)
     (OUT / "normals.json").write_text(json.dumps(rows, indent=1) + "\n")
@@ -96,8 +96,10 @@ def main() -> None:
 
 
 def step_error(motion: Motion, step: float) -> float:
-    """Degrees: the largest error of the ball's normals after one frame, of which the Jacobian is found by
-    two-sided differences at two distances (Richardson 1911)."""
+    """Return the largest error, degrees, of the ball's normals after one frame.
+
+    The Jacobian is found by two-sided differences at two distances (Richardson 1911).
+    """
     ball, (time, dt) = motion.mesh_at_rest(), motion.clock.step(motion.frames.first + 1)
     assert isinstance(motion.subject, Ball)
     points, normals = ball.vertices, motion.subject.normals(ball.vertices)
@@ -116,7 +118,7 @@ def step_error(motion: Motion, step: float) -> float:
 
 
 def measure(name: str, motion: Motion) -> Row:
-    """Errors at every EVERY-th frame together, jumps at every resample; degrees."""
+    """Return the errors at every EVERY-th frame together, and the jumps of every resample; degrees."""
     carried, weighted, overruled, vertices = [], [], 0, 0
     jumps: list[tuple[float, ...]] = []
     for before, frame in resamples(motion):
@@ -150,7 +152,7 @@ def measure(name: str, motion: Motion) -> Row:
 
 
 def resamples(motion: Motion) -> Iterator[tuple[TriangleMesh, MeshFrame]]:
-    """Every frame but the first, and before it the surface moved into it and not resampled yet."""
+    """Yield every frame but the first, with the surface moved into it before it is resampled."""
     last = None
     for frame in animate(motion):
         if last is not None:
@@ -162,8 +164,11 @@ def resamples(motion: Motion) -> Iterator[tuple[TriangleMesh, MeshFrame]]:
 
 
 def _jumps(before: TriangleMesh, after: TriangleMesh) -> tuple[float, ...]:
-    """Rms over the vertices that stay: of the normals (radians) shaded with, the surface's, area-weighted
-    ones; and of a highlight's brightness, shaded with the first and the last."""
+    """Return rms jumps over the vertices that stay.
+
+    Radians of shading normals, of the surface's and of area-weighted ones; then of a highlight's brightness,
+    shaded with the first and the last.
+    """
     shaded = [split_at_creases(mesh) for mesh in (before, after)]
     told = sizzle(before, shaded[0], after, shaded[1])
     plain = [
@@ -183,7 +188,7 @@ def _jumps(before: TriangleMesh, after: TriangleMesh) -> tuple[float, ...]:
 
 
 def _flicker(before: TriangleMesh, after: TriangleMesh, shaded: list[ShadedMesh]) -> float:
-    """Rms jump of a highlight's brightness at the vertices that stay, over the rms of its brightness."""
+    """Return the rms jump of a highlight's brightness over its rms brightness, at the vertices that stay."""
     old, new = surviving(before, after)
     whole = undivided(shaded[0])[old] & undivided(shaded[1])[new]
     old, new = old[whole], new[whole]
@@ -192,7 +197,7 @@ def _flicker(before: TriangleMesh, after: TriangleMesh, shaded: list[ShadedMesh]
 
 
 def highlight(normals: Vectors) -> Floats:
-    """Brightness (N,) of a glossy surface under a ring of eight lights, so that some always glint."""
+    """Return the brightness (N,) of a glossy surface under a ring of eight lights: some always glint."""
     turn = 2 * np.pi * np.arange(8) / 8
     halves = unit(np.column_stack([np.cos(turn), np.sin(turn), np.full(8, 1.5)]))
     glints: Floats = (np.maximum(normals @ halves.T, 0.0) ** GLOSS).sum(axis=1)
@@ -200,9 +205,9 @@ def highlight(normals: Vectors) -> Floats:
 
 
 def exact_normals(motion: Motion, frame: MeshFrame) -> Vectors:
-    """(V, 3) the normals of the ball at rest, pulled back: Bᵀ n with B the Jacobian of the way back.
+    """Return the normals (V, 3) of the ball at rest, pulled back along the flow.
 
-    Two-sided differences over a ten-thousandth of an edge find it.
+    They are Bᵀ n with B the Jacobian of the inverse flow, by two-sided differences over 1e-4 of an edge.
     """
     assert isinstance(motion.subject, Ball) and motion.resampling is not None
     points, longest = frame.mesh.vertices, motion.resampling.thresholds.max_edge_length
@@ -216,7 +221,7 @@ def exact_normals(motion: Motion, frame: MeshFrame) -> Vectors:
 
 
 def back(motion: Motion, number: int, points: Points) -> Points:
-    """Where points (N, 3) of a frame came from."""
+    """Return the rest positions of points (N, 3) of a frame."""
     for frame in range(number, motion.frames.first, -1):
         start, dt = motion.clock.step(frame)
         points = motion.flow.displace(points, start + dt, -dt)
@@ -224,7 +229,7 @@ def back(motion: Motion, number: int, points: Points) -> Points:
 
 
 def area_weighted(mesh: TriangleMesh) -> Vectors:
-    """(V, 3) the usual vertex normals: the mean of the faces around, weighted by their areas."""
+    """Return vertex normals (V, 3): the mean of the adjacent faces' normals, weighted by area."""
     a, b, c = (mesh.vertices[mesh.faces[:, i]] for i in range(3))
     doubled = np.cross(b - a, c - a)
     corners = mesh.faces.reshape(-1)
@@ -233,7 +238,7 @@ def area_weighted(mesh: TriangleMesh) -> Vectors:
 
 
 def angles(one: Vectors, other: Vectors) -> Floats:
-    """(N,) between vectors, radians."""
+    """Return the angles (N,) between vectors, radians."""
     sine, cosine = np.linalg.norm(np.cross(one, other), axis=1), np.einsum("ij,ij->i", one, other)
     between: Floats = np.arctan2(sine, cosine)
     return between

@@ -1,13 +1,13 @@
-"""`python -m benchmarks.orchestration [FRAMES]`: what a run costs beyond the work that it is about.
+"""`python -m benchmarks.orchestration [FRAMES]`: the cost of planning and running jobs, without their work.
 
-Shots of a box that is twisted, 1000 frames each, in a folder of their own. Where something is to be there
-already the store is filled with dummies under the right keys, and nothing is rendered. Orchestration is a run
-of a plan that was made for an empty store while the store holds everything: Snakemake runs every job, in
-processes of its own, and each job finds its frames there and links them. Only simulation is left out, which
-has nothing to find beyond the frame that it goes on from.
+Shots of a twisted box, 1000 frames each, in a folder of their own. Where files should exist already, the
+store is filled with dummies under the right keys, and nothing is rendered. Orchestration is a run of a plan
+that was made for an empty store while the store holds everything: Snakemake runs every job, in processes of
+its own, and each job finds its frames and links them. Simulation is left out: it has only its last frame to
+find.
 
-Targets are held against the seconds of all cores together, of a run on two cores against half of them: the
-clock of a busy machine says more.
+Targets are compared with the CPU seconds of all cores together; for a run on two cores with half of them,
+because the clock of a busy machine says more.
 """
 
 from __future__ import annotations
@@ -54,14 +54,14 @@ camera: {{azimuth: {{keys: {{1: -30, {frames}: 30}}}}, elevation: 14}}
 
 
 class Spent(NamedTuple):
-    """Seconds: of all cores together, and by the clock."""
+    """CPU seconds of all cores together, and seconds by the clock."""
 
     cpu: float
     clock: float
 
 
 def main(frames: int = 1000) -> list[Target]:
-    """Measure all, print the table and keep the numbers; answers the targets."""
+    """Measure everything, print the table and write the numbers; return the targets."""
     os.environ.pop("PYTHONDONTWRITEBYTECODE", None)  # each process would compile us anew, as no user's does
     with tempfile.TemporaryDirectory() as folder, chdir(folder):
         names = write_shots(MANY, frames)
@@ -74,7 +74,7 @@ def main(frames: int = 1000) -> list[Target]:
 
 
 def planning(names: list[str], frames: int, most: float) -> Iterator[Target]:
-    """From the command to the plan, once with nothing known and once again, and Snakemake's part."""
+    """Measure planning with empty and with filled caches, and Snakemake's part."""
     work, words = f"{len(names)} × {frames} frames", ("render", *names, "-q", "preview")
     for when, bound in (("first plan", most), ("planned again", most)):
         spent = timed(lambda: command("--dry-run", *words))
@@ -86,7 +86,7 @@ def planning(names: list[str], frames: int, most: float) -> Iterator[Target]:
 
 
 def running(name: str, frames: int) -> Iterator[Target]:
-    """A run of jobs that find all that they would make, and a run that has nothing to do."""
+    """Measure a run of jobs that find all their outputs, and a run that has nothing to do."""
     plan = Project(Path.cwd(), CORES).pictures([name], "preview")
     fill(plan)
     work, spent = f"{frames} frames", timed(lambda: carry_out(plan))
@@ -99,7 +99,7 @@ def running(name: str, frames: int) -> Iterator[Target]:
 
 
 def write_shots(count: int, frames: int) -> list[str]:
-    """Shots in `shots/` of the working folder that no two meshes are shared by; their names."""
+    """Write shots to `shots/` of the working folder, no two of which share meshes; return their names."""
     Path("shots").mkdir()
     STATE.mkdir()  # as of a root in which work has begun: there keys are remembered
     names = [f"P{number:03d}_box" for number in range(1, count + 1)]
@@ -109,7 +109,7 @@ def write_shots(count: int, frames: int) -> list[str]:
 
 
 def fill(plan: Plan) -> None:
-    """Put dummies into the store for every file of a plan's takes, and cameras that stand still."""
+    """Put dummies into the store for every file of a plan's requests, and cameras that stand still."""
     framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), StagePlacement((0.0, -1.0, 0.0), 1.0, 0.0))
     store = Project(Path.cwd(), CORES).store
     for data in plan.requests:
@@ -135,7 +135,7 @@ def carry_out(plan: Plan) -> None:
 
 
 def snakemake_looks_at(plan: Plan) -> None:
-    """Have Snakemake find out what a plan's jobs are and in which order they run, and run none."""
+    """Have Snakemake build the graph of a plan's jobs, and run none."""
     words = [
         sys.executable,
         "-m",
@@ -156,7 +156,7 @@ def command(*words: str) -> None:
 
 
 def timed(work: Callable[[], None]) -> Spent:
-    """What the processes that `work` starts take, and it itself."""
+    """Measure this process and the processes that `work` starts."""
     before, begun = _cpu(), time.perf_counter()
     work()
     return Spent(_cpu() - before, time.perf_counter() - begun)

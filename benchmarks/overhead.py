@@ -1,15 +1,15 @@
-"""`python -m benchmarks.overhead [FRAMES] [SCALE] [STEADY …]`: what a frame takes beyond rendering it.
+"""`python -m benchmarks.overhead [FRAMES] [SCALE] [STEADY …]`: the seconds of a frame beside rendering it.
 
-A sculpture of some 67,000 vertices is made by the production's own jobs, as two cores do it: one job of one
-thread a core, of which one is watched here. 1280 × 720 pixels unless SCALE (per cent of 1920 × 1080) says
-otherwise, 64 samples of light and of the guides. Seconds inside of `mi.render` and of our own paths, until
-the picture is there, and inside of the denoiser are told apart from all others; so both sides of the ratio
-come from the same frames and the same moments of a busy machine. Then the light of the last frame is rendered
-in one call of 64 samples, which says what cutting it into passes costs. Writes
+A sculpture of some 67,000 vertices is made by the production's own jobs as on two cores: one job with one
+thread for each core, of which one is measured. 1280 × 720 pixels unless SCALE (per cent of 1920 × 1080) says
+otherwise, 64 samples of light and of the auxiliary features. Seconds within `mi.render` and our path tracer,
+until the picture is there, and within the denoiser are counted apart from all others; so both sides of the
+ratio come from the same frames and the same moments of a busy machine. Then the light of the last frame is
+rendered in one call of 64 samples, which measures the cost of sample batches. Writes
 `benchmarks/out/overhead.json`.
 
-Twice unless STEADY says otherwise: without and with light of 2 frames to either side, whose layers take
-passes of their own. Neither simulating nor starting Python and Snakemake is part of a frame.
+Runs twice unless STEADY says otherwise: without temporal denoising, and with 2 frames to either side, whose
+AOVs take batches of their own. A frame includes neither simulation nor the start of Python and Snakemake.
 """
 
 from __future__ import annotations
@@ -49,16 +49,16 @@ quality: {{final: {{samples: 64, auxiliary_samples: 64, depth: 6, temporal_denoi
 
 BEFORE, WATCHED = ("simulate", "frame_camera"), ("smooth_normals", "render", "finish", "assemble")
 MOST = 0.08
-"""What is wanted: everything else, of rendering and denoising."""
+"""Target: all other seconds over those of rendering and denoising."""
 
 
 @dataclass
 class Watch:
-    """Seconds by what they were spent on."""
+    """Seconds by activity."""
 
     seconds: dict[str, float] = field(default_factory=dict)
     light: Callable[[], Any] | None = None
-    """Renders what light was rendered last, in one call."""
+    """Renders the last rendered light again, in one call."""
 
     def timed(self, what: str, work: Callable[[], Any]) -> Any:
         begun = time.perf_counter()
@@ -68,7 +68,7 @@ class Watch:
 
     @contextmanager
     def over(self) -> Iterator[None]:
-        """While it is entered, `mi.render`, paths of our own and the denoiser tell how long they took."""
+        """Record within the context how long `mi.render`, our path tracer and the denoiser take."""
         import drjit as dr
         import mitsuba as mi
 
@@ -103,12 +103,12 @@ class Watch:
 
 
 def _layer(integrator: Any) -> str:
-    """Guides ask for more than the albedo; what vertices bring along is looked at by it alone."""
-    return "guides" if "position" in str(integrator) else "vertices' layers"
+    """Return the activity of a render of AOVs: auxiliary features read positions, vertex AOVs do not."""
+    return "auxiliary features" if "position" in str(integrator) else "vertex AOVs"
 
 
 def measure(frames: int, scale: str, steady: int, engine: Engine) -> Row:
-    """Where the time of a frame goes, its mean over the frames; seconds."""
+    """Return the mean seconds of a frame by activity."""
     quality, numbers = f"final.scale{scale}", range(9 - frames, 9)
     watch, spent = Watch(), dict[str, float]()
     with tempfile.TemporaryDirectory() as folder:
@@ -143,7 +143,7 @@ def measure(frames: int, scale: str, steady: int, engine: Engine) -> Row:
         **{what: each / frames for what, each in seconds.items()},
         "light in one call": once,
         "everything else, share": total / calls - 1.0,
-        "the same, guides and passes as ours": total / (once * frames + inside["denoiser"]) - 1.0,
+        "auxiliary features and batches as ours": total / (once * frames + inside["denoiser"]) - 1.0,
     }
 
 
@@ -155,7 +155,7 @@ def _in_one_call(watch: Watch) -> float:
 
 
 def main(frames: int = 2, scale: str = "66.67", *steady: int) -> list[Target]:
-    """Measure it, and say what is met."""
+    """Measure the overhead; return the target."""
     prepare()
     engine = choose(threads=1)
     engine.start()

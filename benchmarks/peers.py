@@ -1,4 +1,4 @@
-"""Other remeshers, one iteration each, aiming at the middle of the bracket; those not installed are left out.
+"""Other remeshers, one iteration each, for the middle of the length limits; missing ones are left out.
 
 `make bench` installs them beside the project's own packages, under `peers` in the environment.
 """
@@ -25,18 +25,18 @@ _AIM = 0.75  # target edge length over the maximum edge length
 
 
 def installed() -> dict[str, Remesher]:
-    """By name."""
+    """Return the installed remeshers, by name."""
     known: dict[str, Remesher] = {"pymeshlab": _pymeshlab, "gpytoolbox": _gpytoolbox}
     return {name: run for name, run in known.items() if found(name)}
 
 
 def nearest() -> Nearest | None:
-    """libigl's search for the nearest face, where it is installed."""
+    """Return libigl's search for the nearest face, if it is installed."""
     return _nearest if found("igl") and found("scipy") else None
 
 
 def found(name: str) -> bool:
-    """Whether a package is there, with the project's own or beside them."""
+    """Tell whether a package is installed, in the environment or among the peers."""
     beside = str(Path(sys.prefix) / "peers")
     if beside not in sys.path:
         sys.path.append(beside)

@@ -1,4 +1,4 @@
-"""`python -m benchmarks.pictures`: everything that is wanted of pictures, and whether it is met.
+"""`python -m benchmarks.pictures`: all targets of pictures.
 
 Each part can be run alone, and most of them smaller, by a first number. Writes
 `benchmarks/out/targets_pictures.json`.
@@ -11,7 +11,7 @@ from benchmarks.report import keep, show
 
 
 def main() -> None:
-    """Measure everything and say what is met."""
+    """Measure everything; print and write the targets."""
     parts = (scenes, overhead, equal_quality, cycles, flicker, sizzle, long_run)
     found = [target for part in parts for target in part.main()]
     rows = [target.row for target in found]

@@ -1,4 +1,4 @@
-"""A film of `benchmarks.works`, resampled frame after frame, with the clock on the resampling alone."""
+"""A film of `benchmarks.works`, resampled frame after frame; only the resampling is timed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ PLACEMENTS = ("chord", "curved", "exact")
 
 @dataclass(frozen=True)
 class Moment:
-    """One frame: the surface moved but not resampled, and how to have it resampled.
+    """One frame: the surface moved but not resampled, and a function that resamples it.
 
     seconds, carrying  of all frames so far; carrying is not part of the seconds
     """
@@ -40,9 +40,9 @@ def play(
     min_roundness: float = DEFAULT_ROUNDNESS,
     looks: Callable[[int], bool] = lambda number: False,
 ) -> Iterator[Moment]:
-    """Every frame of a film. `looks` says of which the surface before resampling is wanted.
+    """Yield every frame of a film; `looks` tells for which frames the surface before resampling is needed.
 
-    Where the subject has a normal at each vertex, normals go with the flow.
+    If the subject has vertex normals, the flow moves normals too.
     """
     carrier = _Carrier(film)
     how: dict[str, Placement] = {
@@ -63,7 +63,7 @@ def play(
 
 
 def _move(film: Film, resampler: Resampler, number: int) -> None:
-    """Into a frame: the vertices, and their normals where they have any."""
+    """Move the mesh into a frame: its vertices, and their normals if it has any."""
 
     def step(points: Points) -> Points:
         return film.follow(points, number - 1, number)
@@ -75,7 +75,7 @@ def _move(film: Film, resampler: Resampler, number: int) -> None:
 
 
 class _Carrier:
-    """Follows points from rest to now, and knows how long that took."""
+    """Carries points from rest to the present frame, and counts the seconds of that."""
 
     def __init__(self, film: Film) -> None:
         self._film, self.frame, self.seconds = film, 0, 0.0
@@ -88,7 +88,7 @@ class _Carrier:
 
 
 def with_normals(film: Film) -> Film:
-    """The film with exact normals, which curvature is then taken from."""
+    """Return the film with exact normals, from which curvature is taken."""
     h, rest = 1e-6 * film.max_edge_length, film.subject.vertices
     rise = [film.height(rest + h * axis) - film.height(rest - h * axis) for axis in np.eye(3)]
     normals = np.column_stack(rise)
@@ -97,7 +97,7 @@ def with_normals(film: Film) -> Film:
 
 
 def warm() -> None:
-    """Load all kernels, so that no clock sees it."""
+    """Load all kernels, so that no measurement includes it."""
     ball = icosphere(6)
     for placement in (Chord(), Curved(), Exact(_drawn_out, _onto), Exact(_turned, _onto)):
         for min_roundness in (0.6, 0.85):

@@ -29,7 +29,7 @@ CUBE = PolygonMesh(
 
 
 def flow(points: Points) -> Points:
-    """A 24th of a second of a twist around y and two waves."""
+    """Return the flow of a 24th of a second: a twist around y and two waves."""
     x, y, z = points.T
     turn = 0.05 * y * np.exp(-(x * x + z * z))
     return np.column_stack(
@@ -42,7 +42,7 @@ def flow(points: Points) -> Points:
 
 
 def film(resampler: Resampler | PolyhedralResampler) -> Iterator[tuple[Report, float]]:
-    """Each frame's report, and the seconds of its resampling; the first is the subject at rest."""
+    """Yield the report of each frame and the seconds of its resampling; the first is the subject at rest."""
     for frame in range(FRAMES + 1):
         if frame:
             resampler.vertices[:] = flow(resampler.vertices)
@@ -52,7 +52,7 @@ def film(resampler: Resampler | PolyhedralResampler) -> Iterator[tuple[Report, f
 
 
 def quality(mesh: TriangleMesh) -> float:
-    """The first percentile of 2r/R over all triangles: 1 is equilateral."""
+    """Return the first percentile of 2r/R over all triangles: 1 is equilateral."""
     corners = mesh.vertices[mesh.faces]
     sides = np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2)
     half = sides.sum(axis=1) / 2
@@ -61,7 +61,7 @@ def quality(mesh: TriangleMesh) -> float:
 
 
 def row(name: str, resampler: Resampler | PolyhedralResampler) -> list[str]:
-    """One film as the table has it."""
+    """Return the row of one film."""
     frames = list(film(resampler))
     reports = [report for report, _ in frames]
     mesh = resampler.mesh
@@ -85,7 +85,7 @@ def row(name: str, resampler: Resampler | PolyhedralResampler) -> list[str]:
 
 
 def table(longest: float, ways: list[tuple[str, str]]) -> Table:
-    """All ways at one maximum edge length."""
+    """Return the rows of all options at one maximum edge length."""
     shown = Table(title=f"max_edge_length {longest}")
     heads = [
         "way",
@@ -93,7 +93,7 @@ def table(longest: float, ways: list[tuple[str, str]]) -> Table:
         "last: vertices, faces",
         f"sides a face, frames {SHOWN}",
         "splits, cuts, collapses a frame",
-        "in bracket",
+        "within limits",
         "1% quality",
         "ms a frame",
     ]

@@ -1,10 +1,10 @@
-"""`python -m benchmarks.preview`: how soon a shot is seen, and how fast it is drawn.
+"""`python -m benchmarks.preview`: the speed of previews.
 
 Raster: a geodesic sphere of 50 thousand vertices with bumps, on its stage, 480 × 270, by two threads.
 Animatic: `flowsculpt preview` of 240 frames of a ball of about 25 thousand vertices between two vortices,
 nothing simulated before, from the start of the process to its end. Edit: from the moment the file of that
-shot is saved to the first picture that the edit changed, for the live page; what changes is the last key of
-the vortices. Seconds by the clock, and of all cores together, which other work does not lengthen.
+shot is saved to the first picture on the live page that the edit changed; the edit is the last key of the
+vortices. Seconds by the clock, and CPU seconds of all cores, which other work does not lengthen.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ PICTURES = 120
 
 
 def main() -> list[Target]:
-    """Measure all three; answers the targets."""
+    """Measure all three; return the targets."""
     per_second, each = raster()
     with tempfile.TemporaryDirectory() as folder:
         root = Path(folder)
@@ -75,7 +75,7 @@ def main() -> list[Target]:
 
 
 def raster() -> tuple[float, float]:
-    """Pictures a second by two threads, and what one takes of a core, ms."""
+    """Return the pictures a second of two threads, and the milliseconds of a core for one."""
     ball = icosphere(71)
     x, y, z = ball.vertices.T
     points = ball.vertices * (1.0 + 0.25 * np.sin(5 * x + 3 * y) * np.cos(4 * z))[:, None]
@@ -98,7 +98,7 @@ def raster() -> tuple[float, float]:
 
 
 def animatic(root: Path) -> tuple[float, float]:
-    """Seconds by the clock, and of all cores together."""
+    """Return the seconds by the clock, and of all cores together."""
     before, started = _spent(), time.perf_counter()
     command = [sys.executable, "-m", "pipeline.cli", "--no-progress", "preview", "ball"]
     subprocess.run(command, cwd=root, check=True, capture_output=True, env={**os.environ})
@@ -106,7 +106,7 @@ def animatic(root: Path) -> tuple[float, float]:
 
 
 def edited(root: Path) -> tuple[float, int]:
-    """Seconds from an edit to the first picture that it changed, and how many vertices that shows."""
+    """Return the seconds from an edit to the first picture that it changed, and its vertices."""
     shot, feed = root / "shots" / "ball.yaml", LiveFeed()
     heard = feed.subscribe()
     with SurfaceStream(Project(root, 2).store) as stream:
@@ -128,7 +128,7 @@ def edited(root: Path) -> tuple[float, int]:
 
 
 def _hear(heard: SimpleQueue[Message], name: str, value: str | int) -> None:
-    """Wait for it."""
+    """Wait for a message."""
     while heard.get(timeout=600.0).get(name) != value:
         pass
 

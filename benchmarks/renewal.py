@@ -1,7 +1,7 @@
-"""`python -m benchmarks.renewal`: what a renewed surface at rest costs in exactness, and saves in time.
+"""`python -m benchmarks.renewal`: error and time of exact placement by rest interval.
 
-The films of `benchmarks.normals`, with a new surface at rest every so many frames. Distances are from the
-exact surface at the last frame, in maximum edges; normals are compared with the exact ones there.
+The films of `benchmarks.normals`, with a new rest surface every so many frames. Distances are from the exact
+surface at the last frame, in maximum edge lengths; normals are compared with the exact ones there.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ PERIODS = (NEVER, 60, 30, 15)
 
 
 def main() -> None:
-    """Measure both films with every period and keep the numbers."""
+    """Measure both films with every interval; write the numbers."""
     rows = [measure(name, motion, interval) for name, motion in films().items() for interval in PERIODS]
     OUT.mkdir(exist_ok=True)
     (OUT / "renewal.json").write_text(json.dumps(rows, indent=1) + "\n")
@@ -36,7 +36,7 @@ def main() -> None:
 
 
 def measure(name: str, motion: Motion, interval: int) -> Row:
-    """One film to its end."""
+    """Run one film to its end; return its row."""
     assert motion.resampling is not None
     motion = replace(motion, resampling=replace(motion.resampling, rest_interval=interval))
     start = time.perf_counter()
@@ -56,9 +56,9 @@ def measure(name: str, motion: Motion, interval: int) -> Row:
 
 
 def distances(motion: Motion, frame: MeshFrame) -> Floats:
-    """(V,) signed distance of the vertices from the exact surface, in maximum edges, to first order.
+    """Return signed distances (V,) of the vertices from the exact surface, in maximum edge lengths.
 
-    It is the height above the ball at rest over the steepness with which that grows at the vertex.
+    To first order: the height above the ball at rest over its gradient at the vertex.
     """
     assert isinstance(motion.subject, Ball) and motion.resampling is not None
     longest = motion.resampling.thresholds.max_edge_length

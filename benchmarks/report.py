@@ -1,4 +1,4 @@
-"""Tables of what was measured, what was wanted, and both kept as JSON."""
+"""Tables of measurements and targets, and both as JSON."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ Row = dict[str, float | str]
 
 @dataclass(frozen=True)
 class Target:
-    """One line of the table: of which work, what, how much at most or at least, and what was measured."""
+    """One row of the table: a work, a quantity, its measured value, and bounds (at most, at least)."""
 
     work: str
     what: str
@@ -41,7 +41,7 @@ class Target:
 
 
 def show(title: str, rows: Sequence[Row]) -> None:
-    """Print a table whose columns are as wide as they must be."""
+    """Print a table with aligned columns."""
     columns = list(dict.fromkeys(name for row in rows for name in row))
     cells = [[*columns], *([_cell(row.get(name, "")) for name in columns] for row in rows)]
     widths = [max(len(line[i]) for line in cells) for i in range(len(columns))]

@@ -1,7 +1,7 @@
-"""`python -m benchmarks.resampling`: everything that is wanted of the resampler, and whether it is met.
+"""`python -m benchmarks.resampling`: all targets of the resampler.
 
 Runs frames, films, the Enright deformation, shading normals and the memory of five million vertices; each
-can be run alone. Ratios travel between machines, times do not. Writes `benchmarks/out/targets.json`.
+can be run alone. Ratios are comparable between machines, times are not. Writes `benchmarks/out/targets.json`.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from benchmarks.report import Target, keep, show
 
 
 def main() -> None:
-    """Measure everything and say what is met."""
+    """Measure everything; print and write the targets."""
     found = [*frames.main(), *films.main(), *enright.main(), *_normals(), *memory.main()]
     rows = [target.row for target in found]
     keep("targets", rows)

@@ -1,8 +1,8 @@
-"""How fast a review page is: to write, to open, to step and to play in: `python -m benchmarks.review`.
+"""The speed of a review page, to write, open, step and play it: `python -m benchmarks.review`.
 
-`python -m benchmarks.review final` takes minutes to lay its pictures. Chromium is the one that tests use:
-`python tests/dailies/review/chromium.py fetch` unpacks it.
-It draws on the processor; graphics cards are faster.
+`python -m benchmarks.review final` takes minutes to write its pictures. Chromium is the one of the tests:
+`python tests/dailies/review/chromium.py fetch` unpacks it. It draws on the processor; graphics cards are
+faster.
 """
 
 from __future__ import annotations
@@ -24,13 +24,13 @@ from tests.dailies.review.studio import NAME, SHOT, Desk, Picture, hang, simulat
 FRAMES = 240
 QUALITIES = {"preview": (480, 270), "daily": (960, 540), "final": (1920, 1080)}
 PLAYED = 4.0
-"""Seconds."""
+"""Seconds of playback."""
 
 STEPS = 40
 
 
 def painted(number: int, size: tuple[int, int]) -> Picture:
-    """Something like a render: shading, an edge that moves, and what noise a denoiser leaves."""
+    """Return a picture like a render: shading, an edge that moves, and the noise that a denoiser leaves."""
     width, height = size
     y, x = np.mgrid[:height, :width] / np.float32(height)
     ball = np.hypot(x - 0.9 - 0.3 * np.sin(number / 20.0), y - 0.5) < 0.3
@@ -92,7 +92,7 @@ _STEPPING = f"""async () => {{
 
 
 def _played(tab: Tab) -> dict[str, float]:
-    """Frames a second over some seconds, begun with nothing decoded ahead, and the longest wait for one."""
+    """Return frames a second over some seconds, with nothing decoded before, and the longest wait for one."""
     tab.evaluate(
         "() => { window.shownAt = []; const changed = review.transport.changed;"
         "review.transport.changed = (what) => { if (what === 'frame') shownAt.push(performance.now());"

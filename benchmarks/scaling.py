@@ -1,9 +1,9 @@
-"""`python -m benchmarks.scaling [ROOT [RUN]]`: how long a job takes on more nodes.
+"""`python -m benchmarks.scaling [ROOT [RUN]]`: the time of a run on more nodes.
 
-With a ROOT a run that was recorded there is replayed: a small simulation of discrete events, in which workers
-take jobs whose predecessors are done, the most urgent first, and hold them for as long as the event log says.
-By as many workers as the run had it must come to what the clock said then. Without one the model of
-docs/scaling.md is evaluated: shots as plans have them, on a farm whose jobs each wait for its queue.
+With a ROOT, a run that was recorded there is replayed: a small simulation of discrete events, in which
+workers take jobs whose predecessors are done, the most urgent first, and hold them for as long as the event
+log says. With as many workers as the run had, the result must equal the recorded time. Without a ROOT the
+model of docs/scaling.md is evaluated: planned shots on a farm whose jobs each wait for its queue.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pipeline.production.store.event_log import EventReader
 from pipeline.production.store.paths import EVENTS, PLANS
 
 HOP = 14.0
-"""Seconds that a job of a farm waits for its queue, its start and its end being seen (measured: 13 to 15)."""
+"""Seconds that a job of a farm waits: queue, start, and until its end is noticed (measured: 13 to 15)."""
 
 START = 2.0
 """Seconds until a process makes its first frame."""
@@ -33,7 +33,7 @@ SECONDS = {"motion": 1.0, "render": 85.0, "finish": 3.4, "movie": 1.0}
 
 @dataclass(frozen=True)
 class Task:
-    """A job of the simulation: what it waits for, and how long it holds a worker."""
+    """A job of the simulation: its predecessors, and how long it holds a worker."""
 
     name: str
     after: tuple[str, ...]
@@ -42,7 +42,7 @@ class Task:
 
 
 def replayed(tasks: Sequence[Task], workers: int, hop: float = 0.0) -> float:
-    """Seconds until all tasks are done by so many workers; `hop` is what passes before each can begin."""
+    """Return the seconds until all tasks are done by so many workers; each begins after a delay of `hop`."""
     waiting = {task.name: len(task.after) for task in tasks}
     followers: dict[str, list[Task]] = defaultdict(list)
     for task in tasks:
@@ -68,10 +68,9 @@ def replayed(tasks: Sequence[Task], workers: int, hop: float = 0.0) -> float:
 
 
 def recorded(root: Path, run: str) -> tuple[list[Task], int, float]:
-    """The jobs of a run with the seconds that they held a worker, how many workers it had, and its length.
+    """Return the jobs of a run with the seconds that they held a worker, its workers, and its length.
 
-    A job holds its worker from the end of the one before it, or from the beginning: what passes until it says
-    so is its start.
+    A job holds its worker from the end of the job before it, or from the beginning of the run.
     """
     events = list(EventReader(root / EVENTS / f"{run}.jsonl").new())
     jobs = {job.name: job for job in Plan.thaw(root / PLANS / f"{run}.json").jobs}
@@ -87,7 +86,7 @@ def recorded(root: Path, run: str) -> tuple[list[Task], int, float]:
 
 
 def shot(number: int, frames: int, nodes: int) -> list[Task]:
-    """A shot's jobs as plans have them, dealt out to so many nodes."""
+    """Return the planned jobs of a shot, distributed over so many nodes."""
     motion = f"motion{number}"
     tasks = [Task(motion, (), START + frames * SECONDS["motion"], urgency=1)]
     finished = []
@@ -115,7 +114,7 @@ def check(root: Path, run: str) -> None:
 
 
 def model() -> None:
-    """Shots of 100 frames, 1 to 1000 of them, on 1 to 1000 nodes."""
+    """Evaluate 1 to 1000 shots of 100 frames on 1 to 1000 nodes."""
     rows: list[Row] = []
     for shots in (1, 10, 100, 1000):
         for nodes in (1, 10, 100, 1000):

@@ -1,9 +1,9 @@
 """`python -m benchmarks.scenes [REPEATS]`: from arrays to a scene to render, against Mitsuba alone.
 
-Geodesic spheres of 50 thousand and of a million vertices in the studio. Ours is `build_scene`: it looks for
-what cannot be rendered, makes stage, lamps and materials, and hands all over. Mitsuba alone gets the very
-same arrays, stage and lamps as shapes made before the clock starts, so that loading them is building their
-bounding volumes. Both in turn, the quickest of some. Writes `benchmarks/out/scenes.json`.
+Geodesic spheres of 50 thousand and of a million vertices in the studio. Ours is `build_scene`: it checks the
+arrays, makes stage, emitters and materials, and passes all to Mitsuba. Mitsuba alone gets the same arrays,
+stage and emitters as shapes made before the clock starts, so that its time is that of the bounding volumes.
+Both run in turn, the least of several counts. Writes `benchmarks/out/scenes.json`.
 """
 
 from __future__ import annotations
@@ -32,12 +32,12 @@ from render.scene.stage import STAGES, StagePlacement
 from render.scene.surface import Surface
 
 FREQUENCIES = {"50k": 71, "1M": 316}
-"""Of the spheres: 10 n² + 2 vertices."""
+"""Frequencies of the spheres: 10 n² + 2 vertices."""
 
 CAMERA = Camera((2.2, 2.6, 6.0), (0.0, 0.9, 0.0))
 SIZE = (1280, 720)
 MOST_MS, MOST_TIMES = 40.0, 1.1
-"""What is wanted: milliseconds at 50k, and times Mitsuba's own at 1M."""
+"""Targets: milliseconds at 50k, and the time over Mitsuba's own at 1M."""
 
 
 def ball(frequency: int) -> Surface:
@@ -47,7 +47,7 @@ def ball(frequency: int) -> Surface:
 
 
 def measure(size: str, repeats: int) -> Row:
-    """Milliseconds of both."""
+    """Return the milliseconds of both."""
     surface = ball(FREQUENCIES[size])
 
     scene = Scene(surface, LOOKS["clay"], LIGHTS["studio"], STAGES["cyclorama"], StagePlacement(), CAMERA)
@@ -57,7 +57,7 @@ def measure(size: str, repeats: int) -> Row:
         build_scene(scene, quality)
 
     seconds: dict[str, list[float]] = {"ours": [], "Mitsuba's": []}
-    ours()  # what is compiled is compiled now
+    ours()  # compiles
     for _ in range(repeats):
         seconds["ours"].append(_clocked(ours))
         shapes = _shapes(surface)
@@ -83,7 +83,7 @@ def _loaded(shapes: dict[str, Any]) -> None:
 
 
 def _settled() -> None:
-    """Whatever has been asked for and not been done yet is done now."""
+    """Wait until all queued work of Dr.Jit is done."""
     import drjit as dr
 
     dr.eval()
@@ -98,7 +98,7 @@ def _clocked(work: Callable[[], None]) -> float:
 
 
 def main(repeats: int = 7) -> list[Target]:
-    """Measure both sizes, and say what is met."""
+    """Measure both sizes; return the targets."""
     choose().start()
     rows = {size: measure(size, repeats) for size in FREQUENCIES}
     show("From arrays to a scene, milliseconds", list(rows.values()))

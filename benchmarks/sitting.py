@@ -1,4 +1,4 @@
-"""A shot made by the production's own jobs, in this process, so that they can be watched."""
+"""A shot made by the production's own jobs, in this process, so that they can be measured."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ NAME, PLAN = "T010_sitting", "sitting"
 
 @dataclass(frozen=True)
 class Sitting:
-    """The jobs of a shot at a quality, none of which has been done yet.
+    """The jobs of a shot at a quality, none of them done yet.
 
     root  the folder that everything is written to
     """
@@ -37,7 +37,11 @@ class Sitting:
     def of(
         cls, root: Path, text: str, quality: str, engine: Engine, cores: int, frames: Sequence[int] = ()
     ) -> Sitting:
-        """text: the shot file's; of its frames these are asked for, or all, and their movie"""
+        """Plan the jobs of a shot.
+
+        text    of the shot file
+        frames  the requested frames; by default all, and their movie
+        """
         path = root / "shots" / f"{NAME}.yaml"
         path.parent.mkdir(parents=True)
         path.write_text(text)
@@ -51,7 +55,7 @@ class Sitting:
         return cls(root, plan)
 
     def statistics(self, quality: str, number: int) -> dict[str, float]:
-        """Seconds of a picture by what they were spent on, as the production tells them."""
+        """Return the seconds of a picture by activity, as the production records them."""
         folders = Folders.of_shot(NAME)
         told = json.loads((self.root / folders.numbered("statistics", quality, (number,))[0]).read_text())
         return {**told["seconds"], "vertices": told["vertices"]}
@@ -60,12 +64,12 @@ class Sitting:
         return (job for job in self.plan.jobs if job.stage == task)
 
     def merged(self, task: str) -> Job:
-        """All jobs of a task as one, by one process."""
+        """Return all jobs of a task as one job of one process."""
         first, *others = self.jobs(task)
         return replace(first, frames=first.frames + tuple(n for job in others for n in job.frames))
 
     def do(self, job: Job, log: EventLog | None = None) -> None:
-        """Raises RuntimeError where a frame could not be made."""
+        """Run a job. Raises RuntimeError if a frame fails."""
         numba.set_num_threads(min(job.threads, numba.config.NUMBA_NUM_THREADS))
         log = log or EventLog(self.root / "events.jsonl", job.name)
         if not task_of(job.stage)(Context(self.root, self.plan, job, log)):

@@ -1,11 +1,11 @@
-"""`python -m benchmarks.sizzle [WIDTH]`: what resampling does to a mirror, against the exact picture.
+"""`python -m benchmarks.sizzle [WIDTH]`: the effect of resampling on a mirror, against the exact picture.
 
 A chrome sphere among long lamps, so near that it fills the picture, turns by 2.5° a frame and is resampled
-in each: its longest edge is a formula of the place, so that triangles that turn towards +x merge and others
-are cut. The exact picture is of Mitsuba's own sphere, which looks the same however it is turned. All
-pictures, 240 pixels wide unless WIDTH says otherwise, are made with the same random numbers, so that what
-differs is the surface and not the noise. By placement, normals and pieces (`smooth: {tessellate}`): how far
-normals are off, degrees rms; how far pictures are, rms; and their standard deviation over time, the mean
+in each: its maximum edge length is a formula of the position, so that triangles that turn towards +x merge
+and others are split. The exact picture is of Mitsuba's own sphere, which looks the same at every angle. All
+pictures, WIDTH pixels wide (240), use the same random numbers, so that differences come from the surface and
+not from noise. Each row is a placement, normals and a tessellation (`smooth: {tessellate}`) with the error of
+normals, degrees rms; the error of pictures, rms; and the standard deviation of pictures over time, its mean
 over pixels: sizzle. Pictures are measured in steps of a display. Writes `benchmarks/out/sizzle.json` and a
 PNG.
 """
@@ -54,10 +54,10 @@ MODES: dict[str, tuple[Way, Normals, int]] = {
     "exact, carried, 3 pieces": ("exact", "carried", 3),
 }
 LAST, LOOKED_AT = 12, 6
-"""Frames, and how many of them pictures are made of."""
+"""Frames, and the number of frames that pictures are made of."""
 
 TURN = np.radians(60.0)
-"""A second, of 24 frames."""
+"""Radians a second, of 24 frames."""
 
 LOOK, RIG, STAGE, PLACEMENT = LOOKS["chrome"], LIGHTS["gallery"], STAGES["cyclorama"], StagePlacement()
 CAMERA = Camera((1.4, 1.9, 3.6), (0.0, 1.0, 0.0), field_of_view=np.radians(19.0))
@@ -65,7 +65,7 @@ DEPTH, SEED, PASSES = 6, 5, 2
 
 
 def film(placement: Way, normals: Normals) -> Motion:
-    """Of a sphere of radius 1 about the origin, its edges between 0.07 and 0.13."""
+    """Return the shot of a sphere of radius 1 about the origin, its edges between 0.07 and 0.13."""
     resampling = Resampling(
         Thresholds(ThresholdFormula("0.1 + 0.03 * x")), placement=placement, normals=normals
     )
@@ -76,7 +76,7 @@ def film(placement: Way, normals: Normals) -> Motion:
 
 
 def measure(name: str, size: tuple[int, int], truth: AnyArray) -> tuple[Row, AnyArray]:
-    """Of one mode; and its last picture."""
+    """Measure one mode; return its row and its last picture."""
     placement, normals, pieces = MODES[name]
     motion = film(placement, normals)
     assert motion.resampling is not None
@@ -115,7 +115,7 @@ def _rendered(made: SceneRenderer) -> AnyArray:
 
 
 def exact(size: tuple[int, int]) -> AnyArray:
-    """The picture of a sphere that is one."""
+    """Return the picture of a true sphere."""
     import mitsuba as mi
 
     of_metal = materials.surface_bsdf(LOOK, (), TextureCoordinates(np.zeros((1, 2))), PLACEMENT.size)
@@ -132,7 +132,7 @@ def exact(size: tuple[int, int]) -> AnyArray:
 
 
 def main(width: int = 240) -> list[Target]:
-    """Measure all modes; what carried normals are worth is what is wanted."""
+    """Measure all modes; return the target, the gain of carried normals."""
     choose().start()
     size = (width, width * 9 // 16)
     truth, rows = exact(size), []

@@ -14,14 +14,14 @@ from pipeline.arrays import Points
 F = TypeVar("F", bound=Callable[..., object])
 
 Follow = Callable[[Points, int, int], Points]
-"""(points (N, 3), from frame, to frame) -> where they are then."""
+"""(points (N, 3), from frame, to frame) -> their positions at the second frame."""
 
 Velocity = Callable[[float, float, float, float], tuple[float, float, float]]
 """(x, y, z, t) -> velocity, in scene units per second."""
 
 
 def compiled(function: F) -> F:
-    """By numba, in this process only."""
+    """Compile with numba for this process only."""
     return cast(F, numba.njit(function))
 
 
@@ -35,13 +35,13 @@ def stir(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
 
 @compiled
 def lorenz(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
-    """With σ = 10, ρ = 28, β = 8/3."""
+    """Lorenz's velocity with σ = 10, ρ = 28, β = 8/3."""
     return 10.0 * (y - x), x * (28.0 - z) - y, x * y - 8.0 / 3.0 * z
 
 
 @compiled
 def enright(x: float, y: float, z: float, t: float) -> tuple[float, float, float]:
-    """LeVeque (1996), with a period of 3."""
+    """LeVeque's velocity (1996), with a period of 3."""
     fade, pi = math.cos(math.pi * t / 3.0), math.pi
     u, v, w = math.sin(2 * pi * x), math.sin(2 * pi * y), math.sin(2 * pi * z)
     return (
@@ -52,7 +52,7 @@ def enright(x: float, y: float, z: float, t: float) -> tuple[float, float, float
 
 
 def following(velocity: Velocity, seconds: float) -> Follow:
-    """The flow of a velocity over frames of that many seconds."""
+    """Return the flow of a velocity over frames of so many seconds."""
 
     @compiled
     def trace(points: Points, time: float, h: float, steps: int, out: Points) -> None:

@@ -1,7 +1,7 @@
-"""The works that are measured: single frames of growing size, two films, and the Enright deformation.
+"""The measured works: single frames of growing size, two films, and the Enright deformation.
 
-A frame is a geodesic sphere after one motion that takes 5% of its edges out of the bracket, over it or under
-it. A film is a flow over many frames, known well enough to be followed backwards.
+A frame is a geodesic sphere after one motion that takes 5% of its edges out of the length limits, above or
+below. A film is a flow over many frames that is known backwards too.
 """
 
 from __future__ import annotations
@@ -24,10 +24,10 @@ KINDS = ("too long", "too short")
 
 
 def frame(size: str, kind: str) -> tuple[TriangleMesh, float]:
-    """A mesh with 5% of its edges out of the bracket, and the maximum edge length.
+    """Return a mesh with 5% of its edges outside the length limits, and the maximum edge length.
 
-    Too long: meshed in the geometric middle of the bracket and turned by a vortex pair. Too short: meshed
-    finer, and drawn together around twelve places.
+    Too long: edges in the geometric middle of the limits, turned by a vortex pair. Too short: finer edges,
+    drawn together around twelve points.
     """
     ball = icosphere(FREQUENCIES[size])
     edges = edges_of(ball.faces)
@@ -43,7 +43,7 @@ def frame(size: str, kind: str) -> tuple[TriangleMesh, float]:
 
 
 def _vortex_pair(points: Points, angle: float) -> Points:
-    """Two opposite swirls about axes along z, one after the other; each keeps volume exactly."""
+    """Apply two opposite swirls about axes along z, one after the other; each keeps volume exactly."""
     moved = points.copy()
     for centre, sign in ((0.75, 1.0), (-0.75, -1.0)):
         x, y = moved[:, 0] - centre, moved[:, 1].copy()
@@ -54,7 +54,7 @@ def _vortex_pair(points: Points, angle: float) -> Points:
 
 
 def _contraction(points: Points, share: float) -> Points:
-    """Towards the corners of an icosahedron, by that share of the way where it is strongest."""
+    """Move points towards the corners of an icosahedron, by at most `share` of the distance."""
     moved = points.copy()
     for sink in icosphere(1).vertices:
         away = moved - sink
@@ -66,10 +66,10 @@ def _contraction(points: Points, share: float) -> Points:
 class Film:
     """A subject in a flow that can be followed both ways.
 
-    follow           (points (N, 3), from frame, to frame) -> where they are then
-    swells           by how much the logarithm of the volume grows over all frames
+    follow           (points (N, 3), from frame, to frame) -> their positions at the second frame
+    swells           the growth of the logarithm of the volume over all frames
     height           (N, 3) -> (N,) signed distance from the true surface at rest
-    project          (N, 3) -> (N, 3) nearest points of it, where placement is told
+    project          (N, 3) -> (N, 3) nearest points of the true surface, if placement gets it
     """
 
     name: str
@@ -83,8 +83,10 @@ class Film:
 
 
 def cube() -> Film:
-    """A cube of 10,088 vertices in two vortices and a twist; free of divergence. Placement is not told what
-    it is: its flat sides and straight creases must be found."""
+    """A cube of 10,088 vertices in two vortices and a twist; free of divergence.
+
+    Placement gets no true surface: it must find flat sides and straight creases.
+    """
     follow = streams.following(streams.stir, 1 / 120)
     return Film("cube", box(edge_length=2 / 41), follow, 120, 2 / 41 * 1.4143, 0.0, _above_cube, None)
 
@@ -98,7 +100,7 @@ def lorenz() -> Film:
 
 
 def enright() -> Film:
-    """A ball of 2562 vertices drawn out to a thin curled sheet until half time, and put together again.
+    """A ball of 2562 vertices stretched to a thin curled sheet until half time, and back.
 
     Source: `pipeline.flow.catalogue.cellular`.
     """
