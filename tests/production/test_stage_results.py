@@ -141,7 +141,7 @@ def test_a_package_that_decides_results_counts_and_others_do_not(
 def test_an_edit_of_our_sources_that_changes_no_result_makes_nothing_again(
     made: tuple[Path, dict[str, Arrays]], tmp_path: Path
 ) -> None:
-    project = Path(stages.__file__).parents[3]
+    project = Path(stages.__file__).parents[2]
     for folder in ("pipeline", "render", "profiles"):
         shutil.copytree(project / folder, tmp_path / folder, ignore=shutil.ignore_patterns("__pycache__"))
     sources = sorted(tmp_path.rglob("*.py"))
