@@ -19,7 +19,7 @@ from pipeline.production.request.variants import avoid
 from pipeline.production.store.locks import exclusive
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.worker import task_of
-from pipeline.production.versions import published_files
+from pipeline.production.versions import publish
 from pipeline.production.versions.provenance import FILE, Provenance, pixels_of
 from pipeline.production.versions.publish import Release
 from pipeline.production.versions.reproduce import Reproduction
@@ -182,13 +182,13 @@ def test_a_version_is_there_whole_or_not_at_all(desk: Desk, monkeypatch: pytest.
         raise OSError(28, "No space left on device")
 
     with monkeypatch.context() as patch:
-        patch.setattr(published_files, "_link", full)
+        patch.setattr(publish, "_link", full)
         with pytest.raises(MachineError, match="the disk is full"):
             desk.release().publish()
     assert list(desk.home.iterdir()) == []
     with exclusive(desk.root), pytest.raises(MachineError, match="another flowsculpt run"):
         desk.release().publish()
-    monkeypatch.setattr(published_files.os, "link", full)  # a file system without links
+    monkeypatch.setattr(publish.os, "link", full)  # a file system without links
     assert desk.release().publish().folder.is_dir()
     assert desk.repetition().record.frames[1].sha256 == digest_of_file(
         desk.home / f"v001/frames/{NAME}.0001.exr"

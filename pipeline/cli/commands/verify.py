@@ -12,11 +12,18 @@ from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
 from pipeline.cli.output import print_error, print_result, print_warning
 from pipeline.cli.progress import progress_bars
-from pipeline.production.maintenance.verify import StoredFile, damages, repairs
+from pipeline.production.maintenance.verify import (
+    PublishedFile,
+    StoredFile,
+    checked,
+    damages,
+    published_files,
+    remedies,
+    repairs,
+)
 from pipeline.production.maintenance.verify import verify as verify_store
 from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store
-from pipeline.production.versions.published_files import PublishedFile, checked, published_files, remedies
 
 File = TypeVar("File", StoredFile, PublishedFile)
 

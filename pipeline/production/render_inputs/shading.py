@@ -1,4 +1,8 @@
-"""Rendered surfaces of mesh frames: split at creases, diced, and moved within the shutter."""
+"""Rendered surfaces of mesh frames: split at creases, diced, and moved within the shutter.
+
+Times are offsets in frames. Within the shot the flow moves the points. Before its first frame and after its
+last they move on in a straight line, at the velocity of that end.
+"""
 
 from __future__ import annotations
 
@@ -113,6 +117,8 @@ def radii(frame: MeshFrame) -> Floats:
     return frame.mesh.attributes[RADIUS] if is_cloud(frame) else np.zeros(len(frame.mesh.vertices))
 
 
+# Dicing
+
 MOST_FACES = 4_000_000
 """The most faces of a diced frame."""
 
@@ -150,6 +156,8 @@ def _longest_edge(points: AnyArray, faces: AnyArray, camera: Camera, quality: Qu
             longest = max(longest, float(np.hypot(*(pixels[a] - pixels[b])[counted].T).max()))
     return longest
 
+
+# Motion within the shutter
 
 Shown = tuple[Points, Vectors | None]
 
@@ -251,15 +259,15 @@ def framing_at(framings: Mapping[int, Framing], number: int, offset: float) -> F
         ahead, share = -ahead, -share
     if number + ahead not in framings:
         return framings[number]
-    here, there = to_plain(framings[number]), to_plain(framings[number + ahead])
-    return from_plain(Framing, _mixed(here, there, share))
+    one, other = to_plain(framings[number]), to_plain(framings[number + ahead])
+    return from_plain(Framing, _mixed(one, other, share))
 
 
-def _mixed(here: Any, there: Any, share: float) -> Any:
+def _mixed(one: Any, other: Any, share: float) -> Any:
     """Interpolate the numbers in two pieces of plain data of one form; the rest stays that of the first."""
-    if isinstance(here, dict):
-        return {name: _mixed(value, there[name], share) for name, value in here.items()}
-    if isinstance(here, list | tuple):
-        return [_mixed(a, b, share) for a, b in zip(here, there, strict=True)]
-    is_number = isinstance(here, float) and isinstance(there, float)
-    return here + share * (there - here) if is_number else here
+    if isinstance(one, dict):
+        return {name: _mixed(value, other[name], share) for name, value in one.items()}
+    if isinstance(one, list | tuple):
+        return [_mixed(a, b, share) for a, b in zip(one, other, strict=True)]
+    is_number = isinstance(one, float) and isinstance(other, float)
+    return one + share * (other - one) if is_number else one

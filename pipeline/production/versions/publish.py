@@ -11,8 +11,12 @@ from __future__ import annotations
 
 import contextlib
 import getpass
+import json
+import os
 import re
+import shutil
 import time
+import uuid
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -26,6 +30,7 @@ from pipeline.production.store.locks import lock_name, making, writing
 from pipeline.production.store.paths import published
 from pipeline.production.store.store import Key, Store
 from pipeline.production.versions.provenance import (
+    FILE,
     VERSION,
     FrameRecord,
     Provenance,
@@ -36,10 +41,12 @@ from pipeline.production.versions.provenance import (
     records,
     stage_versions,
 )
-from pipeline.production.versions.published_files import freeze, sweep
 from pipeline.shot.yaml.lookup import digest_of_file
+from render.base.atomic_write import disk_errors
 from render.base.errors import CorruptImageError, MissingImageError
 from render.movie.probe import probe_movie
+
+_DRAFT = ".draft."
 
 
 @dataclass(frozen=True)
@@ -219,3 +226,54 @@ def _user() -> str:
     with contextlib.suppress(OSError, KeyError, ImportError):
         return getpass.getuser()
     return ""
+
+
+def freeze(store: Store, record: Provenance, final: Path, copy: bool = False) -> None:
+    """Lay the frames and the movie of a version at `final`, and its provenance beside them.
+
+    Frames are links to the files of the store, which take no space. They are copies where links fail, and
+    with `copy`. The movie is a copy: the store's stays writable, for Snakemake makes no protected file again.
+
+    Raises MachineError where the disk refuses; then nothing is left of it.
+    """
+    draft = final.with_name(f"{_DRAFT}{final.name}.{uuid.uuid4().hex[:8]}")
+    freeze_frame = _copy if copy else _link
+    with disk_errors(final):
+        try:
+            for frame in record.frames.values():
+                freeze_frame(store.path("frame", frame.frame), draft / frame.file)
+            _copy(store.path("movie", record.movie["key"]), draft / record.movie["file"])
+            text = json.dumps(record.as_data(), indent=1, ensure_ascii=False)
+            (draft / FILE).write_text(text + "\n", encoding="utf-8")
+            _settle(draft / FILE)
+            draft.rename(final)
+        finally:
+            shutil.rmtree(draft, ignore_errors=True)
+
+
+def sweep(home: Path) -> None:
+    """Remove drafts of killed processes. Only the holder of the lock may call this."""
+    for draft in home.glob(f"{_DRAFT}*"):
+        shutil.rmtree(draft, ignore_errors=True)
+
+
+def _link(source: Path, place: Path) -> None:
+    """Link a file, which is read-only as the store's is."""
+    place.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        os.link(source, place)
+    except OSError:
+        _copy(source, place)
+
+
+def _copy(source: Path, place: Path) -> None:
+    place.parent.mkdir(parents=True, exist_ok=True)
+    shutil.copy2(source, place)
+    _settle(place)
+
+
+def _settle(place: Path) -> None:
+    """Make a file read-only and flush it to the disk."""
+    place.chmod(0o444)
+    with place.open("rb") as file:
+        os.fsync(file.fileno())
