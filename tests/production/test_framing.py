@@ -5,8 +5,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, rotate_y, smooth
-from pipeline.production.render_inputs.framing_geometry import BoundingSpheres, fitting_distance
+from pipeline.production.render_inputs.framing import (
+    AHEAD,
+    BoundingSpheres,
+    Framer,
+    envelope,
+    fitting_distance,
+    frame_all,
+    rotate_y,
+    smooth,
+)
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
 

@@ -1,35 +1,27 @@
 """Automatic framing: the camera and the stage follow the sculpture, calmly.
 
-For each frame the centre of the sculpture, the height of its lowest
-point and the distance from which it just fits the safe area are found; the three tracks are smoothed so that
-the camera never jumps, and so that nothing leaves the picture: the distance is smoothed from above, the
-floor from below. A frame's camera depends on frames at most `3 * STEADINESS` away, so an edit late in
-a shot leaves early pictures alone, and cameras can be found while frames still come.
+For each frame the centre of the sculpture, the height of its lowest point and the distance from which it just
+fits the safe area are found. The three tracks are smoothed so that the camera never jumps and nothing leaves
+the picture: the distance from above, the floor from below. A frame's camera depends on frames at most
+`3 * STEADINESS` away, so an edit late in a shot leaves early pictures alone, and cameras can be found while
+frames still come.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
+from functools import partial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.production.render_inputs.framing_geometry import (
-    BoundingSpheres,
-    axes_of,
-    bearing,
-    bounds,
-    camera_of,
-    fitting_distance,
-    triple,
-)
 from render.scene.camera import Camera
 from render.scene.stage import Stage, StagePlacement
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera import View
+    from pipeline.shot.camera import Lens, View
 
 STEADINESS = 10
 """Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""
@@ -43,6 +35,22 @@ AHEAD = 3 * STEADINESS
 STAGE_HALF_WIDTH = 1.5
 """Half the width of what the lens sees at its target, in stage units: a sculpture of half-size 1, and air."""
 
+HALF_A_SCULPTURE = 100.0
+"""Millimetres that count as the sculpture's half-size, where a shot does not say what a unit is: lenses then
+blur a small one and its enlarged copy alike."""
+
+UPRIGHT = 1e-6
+"""The cosine of an elevation from which on the vertical does not tell which way is up in the picture."""
+
+NEAR, FAR = 1e-2, 1e4
+"""Where cameras begin and cease to see, scene units; in scenes that are too small or too large for these, a
+tenth of the distance of the target, and a hundred times that."""
+
+DOWN = (0.0, -1.0, 0.0)
+
+BLOCK = 4096
+"""Points that are projected together, so that results stay in a core's cache."""
+
 
 @dataclass(frozen=True)
 class Framing:
@@ -52,15 +60,21 @@ class Framing:
     placement: StagePlacement
 
 
-def frame_all(
-    views: Sequence[View],
-    points_of: Callable[[int], AnyArray | BoundingSpheres],
-    aspect: float,
-    follow: float = 1.0,
-) -> list[Framing]:
-    """Frame a sequence: `points_of(i)` gives (N, 3) vertices, or balls, that `views[i]` sees.
+class BoundingSpheres(NamedTuple):
+    """Spheres: centres (N, 3) of any float type, and radii (N,), scene units."""
 
-    Points may be of any float type, and are reckoned with as float64.
+    points: AnyArray
+    radii: AnyArray
+
+
+Extent = AnyArray | BoundingSpheres
+"""What a picture must hold: points (N, 3) of any float type, or spheres."""
+
+
+def frame_all(
+    views: Sequence[View], points_of: Callable[[int], Extent], aspect: float, follow: float = 1.0
+) -> list[Framing]:
+    """Frame a sequence: `points_of(i)` gives what `views[i]` sees; it is computed with as float64.
 
     aspect  width to height
     follow  1 goes along with the sculpture; 0 holds the distance, the aim and the floor for the whole
@@ -76,11 +90,7 @@ class Framer:
     """The cameras of a sequence while its frames come; arguments as of `frame_all`."""
 
     def __init__(
-        self,
-        views: Sequence[View],
-        points_of: Callable[[int], AnyArray | BoundingSpheres],
-        aspect: float,
-        follow: float = 1.0,
+        self, views: Sequence[View], points_of: Callable[[int], Extent], aspect: float, follow: float = 1.0
     ) -> None:
         many = len(views)
         self._views, self._points_of, self._aspect, self._follow = views, points_of, aspect, follow
@@ -111,7 +121,7 @@ class Framer:
         """Find the look-at points up to frame `last`, and the least distances to them."""
         first = self._aimed
         last = self._aimed = max(first, last)
-        moving = _part(self._centres[: self._surveyed], first, last, STEADINESS, _calmly)
+        moving = _part(self._centres[: self._surveyed], first, last, STEADINESS, _calm)
         self._middles[first:last] = _between(self._centres.mean(axis=0), moving, self._follow)
         for i in range(first, last):
             view, middle, points = self._views[i], self._middles[i], self._points_of(i)
@@ -149,15 +159,7 @@ def with_stage_in_view(framing: Framing, stage: Stage) -> Framing:
     return replace(framing, camera=stage.adjusted_camera(framing.camera, framing.placement))
 
 
-def rotate_y(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
-    """Turn (N, 3) points about the vertical axis of their bounds, or directions about y."""
-    if angle == 0.0:
-        return points
-    low, high = points.min(axis=0), points.max(axis=0)
-    pivot = np.zeros(3) if about_origin else (low + high) / 2
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    return np.asarray((points - pivot) @ turn.T + pivot)
+# Tracks
 
 
 def envelope(track: Floats, radius: int, extreme: Callable[[Floats], float]) -> Floats:
@@ -182,8 +184,7 @@ def _part(track: Floats, first: int, last: int, around: int, made: Callable[[Flo
     return made(track[begin:])[first - begin : last - begin]
 
 
-def _calmly(track: Floats) -> Floats:
-    return smooth(track, STEADINESS)
+_calm = partial(smooth, radius=STEADINESS)
 
 
 def _beyond(track: Floats) -> Floats:
@@ -201,3 +202,123 @@ def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
     if follow == 1.0:
         return moving
     return np.asarray(held + follow * (moving - held))
+
+
+# Geometry of a view
+
+
+def rotate_y(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
+    """Turn (N, 3) points about the vertical axis of their bounds, or directions about y."""
+    if angle == 0.0:
+        return points
+    low, high = points.min(axis=0), points.max(axis=0)
+    pivot = np.zeros(3) if about_origin else (low + high) / 2
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+    return np.asarray((points - pivot) @ turn.T + pivot)
+
+
+def bounds(points: Extent, view: View) -> tuple[Floats, float]:
+    """Return the centre (3,) of the bounds of points along the axes of a view, and their lowest height."""
+    axes = _axes(view.azimuth + view.orbit, view.elevation)
+    reach = _extents(points, np.vstack([axes, -axes, DOWN]), np.ones(7))
+    return (reach[:3] - reach[3:6]) / 2 @ axes, float(-reach[6])
+
+
+def fitting_distance(points: Extent, target: Floats, axes: Floats, view: View, aspect: float) -> float:
+    """Return the least distance from `target` at which all points or spheres lie within the margins.
+
+    axes  (3, 3): rows right, up and back, the camera's
+
+    A sphere lies beside a plane through the lens if its centre is its radius away from it.
+    """
+    right, up, back = axes
+    wide = np.tan(view.field_of_view / 2) * (1 - 2 * view.margin)
+    high = wide / aspect
+    sides = np.stack([back + right / wide, back - right / wide, back + up / high, back - up / high])
+    slant = np.repeat([np.hypot(1.0, wide) / wide, np.hypot(1.0, high) / high], 2)
+    return float((_extents(points, sides, slant) - sides @ target).max())
+
+
+def _extents(points: Extent, directions: Floats, slant: Floats) -> Floats:
+    """Return (K,) the extents of points or spheres along directions (K, 3); radii count `slant` (K,) times.
+
+    Planes bound a picture, so framing needs nothing else.
+    """
+    centres, radii = points if isinstance(points, BoundingSpheres) else (points, None)
+    reach = np.full(len(directions), -np.inf)
+    for some in (slice(i, i + BLOCK) for i in range(0, len(centres), BLOCK)):
+        along = directions @ centres[some].T
+        if radii is not None:
+            along += slant[:, None] * radii[some]
+        np.maximum(reach, along.max(axis=1), out=reach)
+    return reach
+
+
+def bearing(view: View, aim: Floats) -> tuple[float, float]:
+    """Return azimuth and elevation of the camera seen from its look-at point, radians."""
+    if view.position is None:
+        return view.azimuth + view.orbit, view.elevation
+    x, y, z = np.subtract(view.position, aim)
+    return float(np.arctan2(x, z)), float(np.arctan2(y, np.hypot(x, z)))
+
+
+def _axes(azimuth: float, elevation: float) -> Floats:
+    """Return (3, 3): rows right, up and back of a camera without roll."""
+    sin_a, cos_a = np.sin(azimuth), np.cos(azimuth)
+    sin_e, cos_e = np.sin(elevation), np.cos(elevation)
+    return np.array(
+        [
+            [cos_a, 0.0, -sin_a],
+            [-sin_e * sin_a, cos_e, -sin_e * cos_a],
+            [cos_e * sin_a, sin_e, cos_e * cos_a],
+        ]
+    )
+
+
+def axes_of(view: View, aim: Floats) -> Floats:
+    """Return (3, 3): the axes of a view's camera, with roll."""
+    right, up, back = _axes(*bearing(view, aim))
+    if view.roll == 0.0:
+        return np.stack([right, up, back])
+    cos, sin = np.cos(view.roll), np.sin(view.roll)
+    return np.stack([cos * right - sin * up, cos * up + sin * right, back])
+
+
+def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera:
+    """Return the camera of a view at a distance; `size` is the half-size of the sculpture."""
+    if view.position is None:
+        away = distance * view.dolly if view.distance is None else view.distance
+        origin = aim + away * axes[2]
+    else:
+        origin = np.array(view.position)
+        away = float(np.linalg.norm(origin - aim))
+    is_upright = view.roll == 0.0 and np.hypot(axes[2][0], axes[2][2]) > UPRIGHT
+    return Camera(
+        origin=triple(origin),
+        target=triple(aim if away > 0.0 else origin - axes[2]),
+        up=(0.0, 1.0, 0.0) if is_upright else triple(axes[1]),
+        field_of_view=view.field_of_view,
+        near=min(NEAR, away / 10.0) if away > 0.0 else NEAR,
+        far=max(FAR, 100.0 * away),
+        **_blur(view.lens, origin, axes[2], away, size),
+    )
+
+
+def _blur(lens: Lens | None, origin: Floats, back: Floats, away: float, size: float) -> dict[str, float]:
+    """Return the lens radius and the focus distance, scene units; nothing for a pinhole camera."""
+    if lens is None:
+        return {}
+    unit = HALF_A_SCULPTURE / size if lens.unit is None else lens.unit
+    if lens.focus is None:
+        sharp = away
+    elif isinstance(lens.focus, float):
+        sharp = lens.focus
+    else:
+        sharp = float((origin - lens.focus) @ back)
+    return {"lens_radius": float(lens.focal_length / lens.aperture / 2.0 / unit), "focus_distance": sharp}
+
+
+def triple(values: Iterable[float]) -> tuple[float, float, float]:
+    x, y, z = (float(v) for v in values)
+    return x, y, z
