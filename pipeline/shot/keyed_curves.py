@@ -16,7 +16,6 @@ from pipeline.flow.keyframes import Keyframes
 from pipeline.flow.parameters import Curve
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import Keyed, OverTime, OverTimeTriple, curve_of
-from pipeline.shot.documents.fields import vector
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.shot_reader import read_shot
 from pipeline.shot.yaml.inheritance import inherited
@@ -83,7 +82,7 @@ def _unit_of(description: str | None) -> str:
 
 
 def _curve(names: tuple[str, ...], unit: str, value: Any, clock: Clock) -> KeyedCurve:
-    curve = curve_of(value, clock, lambda item: vector(item) if isinstance(item, list) else (float(item),))
+    curve = curve_of(value, clock)
     first, last = clock.frames.first, clock.frames.last
     frames = np.linspace(first, last, SAMPLES * (last - first) + 1)
     time_of = clock.flow_time if names[0] == "flows" else clock.time

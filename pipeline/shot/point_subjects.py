@@ -15,7 +15,7 @@ from pipeline.errors import MeshError, UsageError, suggestion
 from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import Lattice, Net, sheet_net, torus_net, tube_net
 from pipeline.mesh.points import PointSet, on_surface, read_net, read_points, within
-from pipeline.shot.subject import Measure, Solid, Subject, measure
+from pipeline.shot.subject import Measure, Solid, Subject, measures_of
 from render.base.serialise import NOT_PLAIN
 
 RADIUS = "radius"
@@ -175,9 +175,7 @@ class NetOfSolid(ControlNet):
     ) -> NetOfSolid:
         """Return a net from measures, e.g. `NetOfSolid.of("tube", {"length": 4})`; others take defaults."""
         kind = NETS[solid]
-        values = {**kind.measures, **given}
-        measures = tuple((name, measure(values[name])) for name in kind.measures)
-        return cls(solid, measures, rows or kind.rows, columns or kind.columns)
+        return cls(solid, measures_of(kind.measures, given), rows or kind.rows, columns or kind.columns)
 
     def net(self) -> Net:
         return NETS[self.solid].make(*(value for _, value in self.measures), self.rows, self.columns)

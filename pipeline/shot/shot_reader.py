@@ -20,7 +20,6 @@ from pipeline.shot.camera import Shutter
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.documents.bsdf import bsdf_problems
 from pipeline.shot.documents.curves import NumberField, number
-from pipeline.shot.documents.lights_and_stage import lights_of, stage_of
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
 from pipeline.shot.motion import DEFAULT_MAX_STEP, Motion
@@ -30,8 +29,10 @@ from pipeline.shot.subject import Model, Subject
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.source import Problem, YamlSource
 from pipeline.shot.yaml.validation import ParseContext, validated
+from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
 from render.scene.quality import QUALITIES
+from render.scene.stage import STAGES
 
 CHECKS = (
     motion_checks.directions,
@@ -156,11 +157,12 @@ def _tolerance(document: ShotDocument) -> float | None:
 
 
 def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
+    look, lights, stage = document.look, document.lights, document.stage
     return Picture(
-        look=LOOKS[document.look] if isinstance(document.look, str) else document.look.build(),
+        look=LOOKS[look] if isinstance(look, str) else look.build(),
         camera=document.camera.build(clock),
-        lights=lights_of(document.lights),
-        stage=stage_of(document.stage),
+        lights=LIGHTS[lights] if isinstance(lights, str) else lights.build(),
+        stage=STAGES[stage] if isinstance(stage, str) else stage.build(),
         view=document.view.build(),
         tessellate=document.smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
         dicing=document.smooth.dicing,

@@ -142,8 +142,7 @@ class Solid(Subject):
     @classmethod
     def of(cls, solid: str, given: Mapping[str, Any]) -> Solid:
         """Return a solid from measures, e.g. `Solid.of("box", {"size": [2, 2, 1]})`; others take defaults."""
-        values = {**SOLIDS[solid].measures, **given}
-        return cls(solid, tuple((name, measure(values[name])) for name in SOLIDS[solid].measures))
+        return cls(solid, measures_of(SOLIDS[solid].measures, given))
 
     @property
     def project(self) -> AnalyticSurface:
@@ -183,8 +182,12 @@ class Model(Subject):
         return mesh.with_vertices(self.scale * mesh.vertices)
 
 
-def measure(value: Any) -> Measure:
-    """Convert a measure of a shot file to a value."""
-    if isinstance(value, list | tuple):
-        return tuple(float(x) for x in value)
-    return value if isinstance(value, str) else float(value)
+def measures_of(defaults: Mapping[str, Measure], given: Mapping[str, Any]) -> tuple[tuple[str, Measure], ...]:
+    """Return all measures by name: those of a shot file, and the defaults of others."""
+
+    def converted(value: Any) -> Measure:
+        if isinstance(value, list | tuple):
+            return tuple(float(x) for x in value)
+        return value if isinstance(value, str) else float(value)
+
+    return tuple((name, converted(given.get(name, default))) for name, default in defaults.items())

@@ -33,7 +33,7 @@ def bsdf_problems(source: YamlSource) -> Iterator[Problem]:
     if bsdf is None:
         return
     where: Where = ("look", "bsdf")
-    problems = list(_material(bsdf, where, folder))
+    problems = list(_plugin(bsdf, where, folder))
     yield from problems
     if problems:
         return
@@ -64,14 +64,12 @@ def bsdf_of(bsdf: dict[str, Any], context: ParseContext) -> Bsdf:
 
 def is_valid(bsdf: dict[str, Any], folder: Path) -> bool:
     """Tell whether a material has no problem that shows without Mitsuba."""
-    return next(_material(bsdf, (), folder), None) is None
+    return next(_plugin(bsdf, (), folder), None) is None
 
 
-def _material(bsdf: Any, where: Where, folder: Path) -> Iterator[Problem]:
-    yield from _plugin(bsdf, where, folder, "material", tuple(BSDFS))
-
-
-def _plugin(plugin: Any, where: Where, folder: Path, role: str, known: tuple[str, ...]) -> Iterator[Problem]:
+def _plugin(
+    plugin: Any, where: Where, folder: Path, role: str = "material", known: tuple[str, ...] = tuple(BSDFS)
+) -> Iterator[Problem]:
     if not isinstance(plugin, dict) or not isinstance(plugin.get("type"), str):
         yield (
             where,

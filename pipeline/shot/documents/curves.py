@@ -1,7 +1,6 @@
 """Values that change over time in a shot file: a constant, keys, or a formula."""
 
 import math
-from collections.abc import Callable
 from typing import Annotated, Any, Generic, NamedTuple, TypeVar
 
 from pydantic import AfterValidator, Field, ValidationInfo
@@ -132,7 +131,7 @@ def _curve_fault(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, bo
     if isinstance(value, Keyed) and (bounds is ANYWHERE or None in map(clock.seconds, value.keys)):
         return None
     times = [clock.time(frame) for frame in sampled_frames(clock)]
-    curve = curve_of(value, clock, lambda item: (item,) if not isinstance(item, list) else tuple(item))
+    curve = curve_of(value, clock)
     try:
         rows = curve.over(times).tolist() if isinstance(curve, FormulaCurve) else map(curve.at, times)
         for time, row in zip(times, rows, strict=True):
@@ -167,7 +166,7 @@ PlaceField = Annotated[Triple | Keyed[Triple] | OverTimeTriple, CURVE, within(AN
 def number(parameter: float | Keyed[Any] | OverTime, clock: Clock, unit: float = 1.0) -> Number:
     """Return a parsed scalar as flows take it; `unit` converts the file's unit to the code's."""
     if isinstance(parameter, Keyed | OverTime):
-        return curve_of(parameter, clock, lambda value: (float(value) * unit,), unit)
+        return curve_of(parameter, clock, unit)
     return float(parameter) * unit
 
 
@@ -176,47 +175,36 @@ def place(
 ) -> VectorParameter:
     """Return a parsed vector as flows take it."""
     if isinstance(parameter, Keyed | OverTimeTriple):
-        return curve_of(parameter, clock, lambda value: tuple(unit * part for part in vector(value)), unit)
+        return curve_of(parameter, clock, unit)
     x, y, z = vector(parameter)
     return unit * x, unit * y, unit * z
 
 
-def curve_of(
-    value: Keyed[Any] | OverTime | OverTimeTriple,
-    clock: Clock,
-    convert: Callable[[Any], Values],
-    unit: float = 1.0,
-) -> Curve:
-    """Return keys or a formula as a curve.
-
-    convert  turns the value of a key into the code's
-    unit     factor that turns the value of a formula into the code's
-    """
+def curve_of(value: Keyed[Any] | OverTime | OverTimeTriple, clock: Clock, unit: float = 1.0) -> Curve:
+    """Return keys or a formula as a curve; `unit` converts the file's unit to the code's."""
     if isinstance(value, Keyed):
-        return _keyframes(value, clock, convert)
+        return _keyframes(value, clock, unit)
     texts = [value.formula] if isinstance(value, OverTime) else value.formula
     return FormulaCurve(tuple(texts), float(clock.rate.fps), clock.frames.first, unit)
 
 
-def _keyframes(keyed: Keyed[Any], clock: Clock, convert: Callable[[Any], Values]) -> Keyframes:
-    def handle(offset: list[Any] | None) -> Handle | None:
-        return None if offset is None else Handle(_known(clock.length(offset[0])), convert(offset[1]))
+def _keyframes(keyed: Keyed[Any], clock: Clock, unit: float) -> Keyframes:
+    def values(item: float | list[float]) -> Values:
+        return tuple(unit * float(part) for part in (item if isinstance(item, list) else [item]))
 
-    times, values, eases, left, right = [], [], [], [], []
-    for time, item in keyed.keys.items():
-        key = item if isinstance(item, KeyDocument) else KeyDocument(value=item)
-        times.append(_known(clock.seconds(time)))
-        values.append(convert(key.value))
-        eases.append(key.ease or (BEZIER if key.right else keyed.ease))
-        left.append(handle(key.left))
-        right.append(handle(key.right))
-    with_handles = any(left) or any(right)
+    def handle(offset: list[Any] | None) -> Handle | None:
+        return None if offset is None else Handle(_known(clock.length(offset[0])), values(offset[1]))
+
+    keys = [
+        item if isinstance(item, KeyDocument) else KeyDocument(value=item) for item in keyed.keys.values()
+    ]
+    with_handles = any(key.left or key.right for key in keys)
     return Keyframes(
-        tuple(times),
-        tuple(values),
-        tuple(eases),
-        tuple(left) if with_handles else (),
-        tuple(right) if with_handles else (),
+        tuple(_known(clock.seconds(time)) for time in keyed.keys),
+        tuple(values(key.value) for key in keys),
+        tuple(key.ease or (BEZIER if key.right else keyed.ease) for key in keys),
+        tuple(handle(key.left) for key in keys) if with_handles else (),
+        tuple(handle(key.right) for key in keys) if with_handles else (),
         keyed.before,  # type: ignore[arg-type]  # one of them, as its validator says
         keyed.after,  # type: ignore[arg-type]  # likewise
     )

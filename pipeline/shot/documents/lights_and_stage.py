@@ -258,13 +258,5 @@ class StageDocument(Document):
         return dataclasses.replace(STAGES[self.kind], **given)
 
 
-def lights_of(written: str | LightsDocument) -> LightRig:
-    return LIGHTS[written] if isinstance(written, str) else written.build()
-
-
-def stage_of(written: str | StageDocument) -> Stage:
-    return STAGES[written] if isinstance(written, str) else written.build()
-
-
 def _radiance(value: float | list[float]) -> tuple[float, float, float]:
     return vector(value) if isinstance(value, list) else (float(value), float(value), float(value))

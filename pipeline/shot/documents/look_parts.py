@@ -141,7 +141,7 @@ class MeasureDocument(Document):
         return (scale or ScaleDocument()).build(of)
 
 
-def _texture(name: str, space: str | None, info: ValidationInfo) -> Texture:
+def _read_texture(name: str, space: str | None, info: ValidationInfo) -> Texture:
     """Return a picture that can be read, and note its digest. Raises a finding for others."""
     context = ParseContext.of(info)
     path = context.file(name)
@@ -150,12 +150,9 @@ def _texture(name: str, space: str | None, info: ValidationInfo) -> Texture:
     return Texture(digest, space, str(path))
 
 
-def _colour_texture(name: str, info: ValidationInfo) -> Any:
-    return _texture(name, None, info)
-
-
-def _data_texture(name: str, info: ValidationInfo) -> Any:
-    return _texture(name, "data", info)
+def _texture(space: str | None) -> AfterValidator:
+    """Return a validator that turns the name of a file into a texture."""
+    return AfterValidator(lambda name, info: _read_texture(name, space, info))
 
 
 class PictureDocument(Document):
@@ -170,7 +167,7 @@ class PictureDocument(Document):
 
     @model_validator(mode="after")
     def _is_there(self, info: ValidationInfo) -> Self:
-        self._texture = _texture(self.file, self.space, info)
+        self._texture = _read_texture(self.file, self.space, info)
         return self
 
     def build(self) -> Texture:
@@ -178,7 +175,7 @@ class PictureDocument(Document):
 
 
 class ReliefDocument(Document):
-    file: Annotated[str, AfterValidator(_data_texture)] = Field(
+    file: Annotated[str, _texture("data")] = Field(
         description="an EXR, PNG, JPEG or TIFF beside the shot file"
     )
     height: Real = Field(0.02, description="of white over black; below 0 dark parts stand out (units)")
@@ -189,13 +186,12 @@ class ReliefDocument(Document):
 
 
 ColourOrPicture = Annotated[
-    Colour | Annotated[str, AfterValidator(_colour_texture)] | PictureDocument,
+    Colour | Annotated[str, _texture(None)] | PictureDocument,
     ByForm(lambda value: 1 if isinstance(value, str) else 2 if isinstance(value, dict) else 0),
 ]
 NumberOrPicture = Annotated[
-    ZeroToOne | Annotated[str, AfterValidator(_data_texture)], ByForm(lambda value: isinstance(value, str))
+    ZeroToOne | Annotated[str, _texture("data")], ByForm(lambda value: isinstance(value, str))
 ]
-"""Validation turns the names of files into textures."""
 
 
 class ProjectionDocument(Document):

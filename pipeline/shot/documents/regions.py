@@ -1,6 +1,6 @@
 """The entry `region` of a flow, and the region it becomes."""
 
-from typing import Annotated, Any, Self
+from typing import Annotated, Any, ClassVar, Self
 
 from pydantic import Field, GetJsonSchemaHandler, PrivateAttr, ValidationInfo, model_validator
 from pydantic_core import CoreSchema
@@ -62,31 +62,27 @@ class HalfSpaceDocument(Document):
         return HalfSpaceRegion(place(self.centre, clock), axis(self.normal), **falloff)
 
 
-class RoundDocument(Document):
+class CapsuleDocument(Document):
     """A segment of a line with a radius."""
+
+    region: ClassVar[type[CapsuleRegion | CylinderRegion]] = CapsuleRegion
 
     axis: Axis = Field("y", description="direction of its segment: x, y, z or a vector")
     centre: PlaceField = Field(ORIGIN, description="its middle (units)")
     length: PositiveField = Field(description="of its segment (units)")
     radius: PositiveField = Field(description="around the segment (units)")
 
-    def measures(self, clock: Clock) -> dict[str, Any]:
-        return {
-            "axis": axis(self.axis),
-            "centre": place(self.centre, clock),
-            "length": number(self.length, clock),
-            "radius": number(self.radius, clock),
-        }
-
-
-class CapsuleDocument(RoundDocument):
     def build(self, clock: Clock, **falloff: Any) -> Region:
-        return CapsuleRegion(**self.measures(clock), **falloff)
+        centre, length, radius = (
+            place(self.centre, clock),
+            number(self.length, clock),
+            number(self.radius, clock),
+        )
+        return self.region(axis=axis(self.axis), centre=centre, length=length, radius=radius, **falloff)
 
 
-class CylinderDocument(RoundDocument):
-    def build(self, clock: Clock, **falloff: Any) -> Region:
-        return CylinderRegion(**self.measures(clock), **falloff)
+class CylinderDocument(CapsuleDocument):
+    region = CylinderRegion
 
 
 class MeshDocument(Document):
