@@ -31,8 +31,6 @@ from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.planning.profile import Profile
 from pipeline.production.render_inputs.framing import Framing
-from pipeline.production.request.planning_cache import PlanningCache
-from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.paths import STATE
 from render.base.serialise import to_plain
 from render.scene.camera import Camera
@@ -112,8 +110,7 @@ def fill(plan: Plan) -> None:
     """Put dummies into the store for every file of a plan's requests, and cameras that stand still."""
     framing = Framing(Camera((0.0, 1.0, 8.0), (0.0, 0.0, 0.0)), StagePlacement((0.0, -1.0, 0.0), 1.0, 0.0))
     store = Project(Path.cwd(), CORES).store
-    for data in plan.requests:
-        request = RenderRequest.from_data(data, PlanningCache(Path.cwd()))
+    for request in plan.requests:
         cameras = {str(number): to_plain(framing) for number in request.angles}
         store.put("cameras", request.cameras_key, lambda path, data=cameras: _write(path, json.dumps(data)))
         keys = request.picture_keys(store)

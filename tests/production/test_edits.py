@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import wave
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -11,6 +13,7 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, Usage
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import PlannedWorkflow
 from pipeline.production.request.edit import Edit
+from pipeline.production.request.keys import FrameKeys
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
 from pipeline.shot import read_film
 from pipeline.shot.yaml.lookup import is_edit
@@ -78,7 +81,7 @@ def test_each_edit_has_a_film_of_its_own(there):
     assert "renders/film/preview/reel.mp4" in reel.targets
     assert "renders/film/preview/film.mp4" not in reel.targets
     (film,) = [job for job in reel.jobs if job.stage == "film"]
-    shown = [number for place in film.requests for number in reel.requests[place]["requested"]]
+    shown = [number for place in film.requests for number in reel.requests[place].requested]
     assert shown == [2, 3, 4, 1, 2, 3, 4, 5, 6, 6, 5]
     finished = [job for job in reel.jobs if job.output in reel.all_inputs(film)]
     assert {number for job in finished for number in job.frames} == set(shown)
@@ -94,8 +97,10 @@ def test_only_the_part_that_an_edit_shows_is_rendered(there):
 def test_an_edit_of_another_name_and_the_same_cut_has_the_same_key(there):
     Path("shots/other.yaml").write_text(Path("shots/film.yaml").read_text())
     films = [read_film(path) for path in ("shots/film.yaml", "shots/other.yaml")]
-    keys = {Edit.of(film, name).key("draft", ["a"], [0.0]) for film, name in zip(films, "ab", strict=True)}
-    assert len(keys) == 1
+    clip: Any = SimpleNamespace(requested=[1], quality_name="draft", shown_as=0.0)
+    keys = {1: FrameKeys(raw="", frame="a", window=(1,))}
+    found = {Edit.of(film, name).key([clip], [keys]) for film, name in zip(films, "ab", strict=True)}
+    assert len(found) == 1
 
 
 def never(*arguments: object, **others: object) -> None:
@@ -135,7 +140,7 @@ def test_an_edit_of_whole_shots_shows_what_they_have_by_now(there):
     before = project.film("preview", find_edit("film"))
     shot.write_text(shot.read_text().replace("frames: 1-6", "frames: 1-7"))
     after = Project(there.path, cores=2).film("preview", find_edit("film"))
-    assert [len(plan.requests[0]["requested"]) for plan in (before, after)] == [6, 7]
+    assert [len(plan.requests[0].requested) for plan in (before, after)] == [6, 7]
 
 
 def test_the_length_of_a_film_is_that_of_its_clips_and_cards(there):
@@ -167,7 +172,7 @@ def test_a_clip_of_a_shot_that_is_not_there_is_a_missing_input(there):
 
 def test_plain_snakemake_plans_the_edit_that_it_is_given(there):
     plan = PlannedWorkflow(workflow(), {"edit": "reel", "quality": "preview"}).plan
-    assert plan.film is not None and plan.film["name"] == "reel"
+    assert plan.film is not None and plan.film.name == "reel"
 
 
 def test_the_command_makes_the_film_of_an_edit_beside_the_main_one(finished):

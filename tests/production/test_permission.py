@@ -19,6 +19,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.readers import read_npz
+from render.base.serialise import from_plain, to_plain
 from tests.production.snakemake import snakemake
 
 SHOT = (
@@ -42,7 +43,7 @@ def test_without_permission_nothing_is_planned(shot: str, tmp_path: Path) -> Non
 def test_the_permission_is_in_the_frozen_plan_and_changes_no_key(shot: str, tmp_path: Path) -> None:
     plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
     thawed = Plan.thaw(tmp_path / plan.freeze(tmp_path))
-    (request,) = (RenderRequest.from_data(data) for data in json.loads(json.dumps(thawed.requests)))
+    (request,) = thawed.requests
     frames = list(animate(request.shot))
     lifted = frames[-1].mesh.vertices - frames[0].mesh.vertices
     np.testing.assert_allclose(lifted, np.tile([0.0, 2 / 24, 0.0], (len(lifted), 1)), atol=1e-12)
@@ -74,12 +75,8 @@ def test_a_job_has_the_permission(shot: str, tmp_path: Path) -> None:
 
 def test_a_job_without_the_permission_runs_nothing(shot: str, tmp_path: Path) -> None:
     plan = Project(tmp_path, 1, allow_code=True).meshes([shot])
-    forbidden = replace(
-        plan,
-        requests=tuple(
-            {**request, "source": {**request["source"], "allow_code": False}} for request in plan.requests
-        ),
-    )
+    (request,) = plan.requests
+    forbidden = replace(plan, requests=(replace(request, source=replace(request.source, allow_code=False)),))
     done = job_of(forbidden, tmp_path)
     assert done.returncode == 1 and "that needs permission" in done.stderr, done.stderr
     assert not (tmp_path / plan.targets[-1]).exists()
@@ -113,7 +110,7 @@ def test_a_file_that_was_changed_since_is_told_by_the_job(changed: str, shot: st
     wanted = f"{tmp_path / changed}: it was changed since the work was planned; run again"
     assert done.stderr.strip() == wanted
     (tmp_path / changed).write_bytes(before)
-    (request,) = (RenderRequest.from_data(data) for data in plan.requests)
+    (request,) = Plan.thaw(tmp_path / plan.freeze(tmp_path)).requests
     assert request.shot.name == "a"
 
 
@@ -125,7 +122,7 @@ def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> 
     request = Project(tmp_path, 1).request(Path(shot), "draft", variant="none")
     save("w_2.npz")
     with pytest.raises(UsageError, match=r"w_2\.npz: it was changed since the work was planned; run again"):
-        RenderRequest.from_data(json.loads(json.dumps(request.as_data()))).shot  # noqa: B018
+        from_plain(RenderRequest, json.loads(json.dumps(to_plain(request)))).shot  # noqa: B018
 
 
 def plain_snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:

@@ -11,6 +11,8 @@ from pipeline.errors import MissingInputError
 from pipeline.production.maintenance.run_report import RunReport, named_run
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.planning.plan import Job, Plan
+from pipeline.production.request.render_request import RenderRequest
+from pipeline.production.request.shot_source import ShotSource
 
 pytestmark = pytest.mark.quick
 
@@ -102,7 +104,7 @@ def test_a_run_that_left_no_log_is_told_with_those_that_did(tmp_path: Path) -> N
 
 
 def plan_of(*jobs: Job, quality: str = "draft") -> Plan:
-    request = {"source": {"path": "/shots/A.yaml"}, "quality_name": quality, "turntable": None}
+    request = RenderRequest(ShotSource("", Path("/shots/A.yaml")), quality, "none", ())
     return Plan((request,), None, jobs)
 
 

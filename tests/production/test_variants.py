@@ -79,7 +79,7 @@ def test_a_plan_tells_it_once(project: Any, machine: dict[str, int], monkeypatch
     plans = [asked.pictures([NAME, NAME], "preview") for _ in range(2)]
     assert [len(plan.notes) for plan in plans] == [1, 1]
     assert machine["asked"] == 1
-    assert {request["variant"] for plan in plans for request in plan.requests} <= set(DEFAULT_ORDER)
+    assert {request.variant for plan in plans for request in plan.requests} <= set(DEFAULT_ORDER)
 
 
 def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(

@@ -151,7 +151,7 @@ class PlannedWorkflow:
 
     def _is_of(self, place: int, home: str, quality: str) -> bool:
         request = self.plan.requests[place]
-        return request["quality_name"] == quality and Path(request["source"]["path"]).stem == home
+        return request.quality_name == quality and request.name == home
 
     # Planning
 
@@ -174,7 +174,7 @@ class PlannedWorkflow:
         forced = set(STAGES) if settings.forceall else set(STAGES) & set(settings.forcerun)
         if settings.forcetargets:
             forced |= {"assemble", "film"}
-        plan = replace(planner.plan(), force=forced_with(forced))
+        plan = replace(planner.plan(), force=tuple(sorted(forced_with(forced))))
         for note in plan.notes:
             print(note, file=sys.stderr)
         if workflow.executor_plugin is not None and not workflow.dryrun:

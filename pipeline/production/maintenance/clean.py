@@ -16,6 +16,7 @@ from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
 from pipeline.production.store.store import Key, Store
+from render.base.serialise import from_plain
 
 
 @dataclass(frozen=True)
@@ -88,7 +89,7 @@ def _of_last_runs(root: Path, count: int) -> Iterator[RenderRequest]:
                 about = data["source"]["path"], data["quality_name"], str(data["turntable"])
                 seen[about] += 1
                 if seen[about] <= count:
-                    yield RenderRequest.from_data(data)
+                    yield from_plain(RenderRequest, data)
 
 
 def _inodes(folder: Path) -> Iterator[tuple[int, int]]:

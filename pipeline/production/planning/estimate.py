@@ -15,7 +15,6 @@ from typing import Any
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.timings import SHARED_STAGES, frame_timings, statistics_in
 from pipeline.production.request.crop_and_scale import base_of, quality_named
-from pipeline.production.request.turntable import Turntable
 from render.scene.quality import QUALITIES
 
 _RUNS = 30
@@ -217,13 +216,11 @@ def _wall_clock(by_stage: Mapping[str, float], chains: Mapping[int, float], core
 
 def _about(plan: Plan, job: Job) -> tuple[str, str]:
     """Return the name of the folder of a job's shot, and its quality."""
-    data = plan.requests[job.requests[0]]
-    name, turn = Path(data["source"]["path"]).stem, data["turntable"]
-    if turn and job.stage not in SHARED_STAGES:
-        table = Turntable(**turn)
-        name = name if table.of_file else f"{name}.{table.at:04d}"
-        name = f"{name}/{table.look}" if table.look else name
-    return name, data["quality_name"]
+    request = plan.requests[job.requests[0]]
+    name = request.name
+    if request.turntable and job.stage not in SHARED_STAGES:
+        name = request.folders.home.relative_to("renders/turntable").as_posix()
+    return name, request.quality_name
 
 
 def _source(sample: Sample | None) -> str:

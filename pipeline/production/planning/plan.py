@@ -13,18 +13,21 @@ import platform
 import time
 from collections import Counter, defaultdict
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from pipeline.frames import FrameRange
 from pipeline.production.planning.timings import MeasuredResources
+from pipeline.production.request.edit import Edit
+from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import READS, STAGES
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS
 from pipeline.production.store.store import Key, Store
 from render.base.atomic_write import atomic_write
+from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 
 if TYPE_CHECKING:
     from pipeline.production.planning.profile import Share
@@ -47,7 +50,8 @@ class Job:
     requests  places among the plan's render requests of those that need it; it works for the first, the film
               for all
     frames    the numbers it makes, in the order in which it makes them
-    reads     the numbers it reads of the stage before; a film reads all of its requests
+    reads     the numbers it reads of the stage before, None for those that it makes; a film reads all of its
+              requests
     meshes    the mesh frames that it reads beside these
     key       the digest, 16 hex digits, of the keys of what it makes
     output    the file by which Snakemake sees that it is done, relative to the root
@@ -58,7 +62,7 @@ class Job:
     stage: str
     requests: tuple[int, ...]
     frames: tuple[int, ...]
-    reads: tuple[int, ...] = ()
+    reads: tuple[int, ...] | None = None
     meshes: tuple[int, ...] = ()
     key: str = ""
     output: str = ""
@@ -69,16 +73,6 @@ class Job:
     def is_local(self) -> bool:
         """True if it runs where the plan was made, even if other jobs go to a farm."""
         return not STAGES[self.stage].on_farm
-
-    def as_data(self) -> dict[str, Any]:
-        """Return plain data, short where the job reads the numbers that it makes."""
-        return {**asdict(self), "reads": None if self.reads == self.frames else self.reads}
-
-    @classmethod
-    def from_data(cls, data: Mapping[str, Any]) -> Job:
-        reads = data["frames"] if data["reads"] is None else data["reads"]
-        lists = {name: tuple(data[name]) for name in ("requests", "frames", "meshes")}
-        return cls(**{**data, **lists, "reads": tuple(reads)})
 
 
 @dataclass(frozen=True)
@@ -94,8 +88,7 @@ class Link:
 class Plan:
     """The render requests and the jobs of one run.
 
-    requests  the render requests, as plain data from which the tasks rebuild them
-    film      the edit of the film, as plain data
+    film      the edit of the film, if it makes one
     goals     the stages whose outputs are asked for, each with the place of its request
     links     files of the store and where they are shown
     targets   the files that the user asked for
@@ -108,17 +101,17 @@ class Plan:
     host      the machine that made the plan
     """
 
-    requests: tuple[dict[str, Any], ...]
-    film: dict[str, Any] | None
+    requests: tuple[RenderRequest, ...]
+    film: Edit | None
     jobs: tuple[Job, ...]
-    links: tuple[Link, ...] = ()
-    targets: tuple[str, ...] = ()
+    links: tuple[Link, ...] = field(default=(), metadata=NOT_PLAIN)
+    targets: tuple[str, ...] = field(default=(), metadata=NOT_PLAIN)
     goals: tuple[tuple[int, str], ...] = ()
     notes: tuple[str, ...] = ()
-    spared: Mapping[str, int] = field(default_factory=dict)
-    manifests: Mapping[str, tuple[str, list[Key]]] = field(default_factory=dict)
+    spared: Mapping[str, int] = field(default_factory=dict, metadata=NOT_PLAIN)
+    manifests: Mapping[str, tuple[str, list[Key]]] = field(default_factory=dict, metadata=NOT_PLAIN)
     measured: Mapping[int, MeasuredResources] = field(default_factory=dict)
-    force: frozenset[str] = frozenset()
+    force: tuple[str, ...] = ()
     farm: bool = False
     name: str = field(default_factory=lambda: time.strftime("%Y%m%d-%H%M%S-") + str(os.getpid()))
     host: str = field(default_factory=platform.node)
@@ -137,13 +130,15 @@ class Plan:
     def inputs(self, job: Job, stage: str) -> list[str]:
         """Return the outputs of the jobs of `stage` that make what a job reads."""
         is_film = job.stage == "film"
-        reads = set(job.meshes if job.stage == "render" and stage == "simulate" else job.reads)
-        others = (
-            o for place in (job.requests if is_film else job.requests[:1]) for o in self.jobs_of(place, stage)
-        )
         reads_all = is_film or stage == "frame_camera"
-        read = (o for o in others if o is not job and (reads_all or not reads.isdisjoint(o.frames)))
-        return list(dict.fromkeys(other.output for other in read))
+        if job.stage == "render" and stage == "simulate":
+            reads = set(job.meshes)
+        else:
+            reads = set(job.frames if job.reads is None else job.reads)
+        places = job.requests if is_film else job.requests[:1]
+        others = [other for place in places for other in self.jobs_of(place, stage) if other is not job]
+        read = [other.output for other in others if reads_all or not reads.isdisjoint(other.frames)]
+        return list(dict.fromkeys(read))
 
     def jobs_of(self, place: int, stage: str) -> Sequence[Job]:
         """Return the jobs of a stage that a request needs."""
@@ -168,13 +163,13 @@ class Plan:
         """The locks of the shots and qualities that are written, each with words for what it is for."""
         names = {}
         for place, request in enumerate(self.requests):
-            shot, turn = Path(request["source"]["path"]).stem, request["turntable"]
+            shot, turn = request.name, request.turntable
             stages = {job.stage for job in self.jobs if place in job.requests}
             if not stages:
                 continue
             per_quality = any(STAGES[stage].per_quality for stage in stages)
-            home = request["home"] or (f"turntable+{shot}.{turn['at']}.{turn['look']}" if turn else shot)
-            quality = request["quality_name"] if per_quality else "meshes"
+            home = request.home or (f"turntable+{shot}.{turn.at}.{turn.look}" if turn else shot)
+            quality = request.quality_name if per_quality else "meshes"
             words = f"{shot} at {quality}" if per_quality else f"the meshes of {shot}"
             names[lock_name(home, quality)] = words
         return names
@@ -204,34 +199,12 @@ class Plan:
     def write(self, path: Path) -> None:
         """Write the plan to a file, which appears whole or not at all."""
         with atomic_write(path) as draft:
-            draft.write_text(json.dumps(self._as_data()))
-
-    def _as_data(self) -> dict[str, Any]:
-        """All but links and targets, which concern the process that plans."""
-        names = ("name", "host", "requests", "film", "goals", "notes", "farm")
-        return {
-            **{name: getattr(self, name) for name in names},
-            "jobs": [job.as_data() for job in self.jobs],
-            "measured": {place: asdict(taken) for place, taken in self.measured.items()},
-            "force": sorted(self.force),
-        }
+            draft.write_text(json.dumps(to_plain(self)))
 
     @classmethod
     def thaw(cls, path: Path) -> Plan:
-        """Read a frozen plan."""
-        data = json.loads(path.read_text())
-        return cls(
-            name=data["name"],
-            host=data["host"],
-            requests=tuple(data["requests"]),
-            film=data["film"],
-            jobs=tuple(Job.from_data(job) for job in data["jobs"]),
-            goals=tuple((place, stage) for place, stage in data["goals"]),
-            notes=tuple(data["notes"]),
-            measured={int(place): MeasuredResources(**taken) for place, taken in data["measured"].items()},
-            force=frozenset(data["force"]),
-            farm=data["farm"],
-        )
+        """Read a frozen plan: all but links, targets and the like, which concern the process that plans."""
+        return from_plain(cls, json.loads(path.read_text()))
 
     def job(self, name: str) -> Job:
         """Return the job of a name; `render:3,17` is a job of just these frames of the stage."""
@@ -246,10 +219,7 @@ class Plan:
 
     def frame_counts(self) -> Counter[str]:
         """Return how many frames the jobs of each stage make."""
-        counts: Counter[str] = Counter()
-        for job in self.jobs:
-            counts[job.stage] += len(job.frames)
-        return counts
+        return Counter(job.stage for job in self.jobs for _ in job.frames)
 
 
 def done_file(stage: str, shot: str, quality: str, frames: Sequence[int], key: str) -> str:

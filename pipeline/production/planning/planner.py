@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
@@ -32,29 +32,17 @@ from pipeline.production.request.keys import CameraFile, FrameKeys, PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Key, Store, key_of
-from render.base.serialise import to_plain
 
 LONG = 8
 """Frames that a simulation has in common with others from which on these wait for them: to wait costs the
 start of one more process."""
 
 
-@dataclass(frozen=True)
-class _Promise:
-    """The framing of a picture before it is known: where these are equal, so will the framings be."""
-
-    cameras: Key
-    number: int
-
-    def as_data(self) -> Any:
-        return [self.cameras, self.number]
-
-
 class _Promises(CameraFile):
-    """The promised framings of all pictures of a request."""
+    """Stand-ins for framings that are not known yet: where these are equal, so will the framings be."""
 
     def __getitem__(self, number: int) -> Any:
-        return _Promise(self.key, number)
+        return {"cameras": self.key, "number": number}
 
 
 class _Recipes(dict[int, FrameKeys]):
@@ -65,10 +53,8 @@ class _Recipes(dict[int, FrameKeys]):
         self._request, self._asked = request, frozenset(request.requested)
 
     def __missing__(self, number: int) -> FrameKeys:
-        window, raw = (
-            self._request.window(number, self._asked.__contains__),
-            f"{self._request.identity}.{number}",
-        )
+        window = self._request.window(number, self._asked.__contains__)
+        raw = f"{self._request.identity}.{number}"
         self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window)
         return self[number]
 
@@ -99,6 +85,11 @@ class _Entry:
             return _Recipes(request)
         promised = _Promises(self.store, f"promised {request.cameras_key}", dict.fromkeys(request.angles))
         return PictureKeys(request, self.store, promised)
+
+    @cached_property
+    def shown(self) -> list[int]:
+        """The mesh frames that pictures of the whole request show."""
+        return sorted({angle.mesh for angle in self.request.angles.values()})
 
     def numbers(self, state: str) -> list[int]:
         """Return the mesh frames in a state."""
@@ -203,18 +194,18 @@ class Planner:
         self._targets.append(path)
         self._goals.append((entries[0].place, "film"))
         self._cut = edit
-        key = film_key(edit, requests, [entry.names for entry in entries])
+        key = edit.key(requests, [entry.names for entry in entries])
         present = all(entry.keys is not None for entry in entries) and self._has("film", "movie", key, path)
         if self.whole or not present:
             self._movie("film", entries, range(1, edit.length + 1), key, path, present)
 
     def plan(self) -> Plan:
         """Return what has been collected, with the cores dealt out among the jobs."""
-        entries = list(self._entries.values())
-        jobs = [*self._simulations(), *self._jobs]
+        self._simulations()
+        jobs = sorted(self._jobs, key=lambda job: job.stage != "simulate")
         return Plan(
-            requests=tuple(entry.request.as_data() for entry in entries),
-            film=to_plain(self._cut) if self._cut else None,
+            requests=tuple(self._entries),
+            film=self._cut,
             jobs=tuple(with_threads(jobs, self.cores, self.share)),
             links=tuple(self._links.values()),
             targets=tuple(dict.fromkeys(self._targets)),
@@ -223,7 +214,7 @@ class Planner:
             spared=+self._spared,
             manifests=self._manifests,
             measured=self._measured({job.requests[0] for job in jobs if job.stage == "render"}),
-            force=frozenset(self.force),
+            force=tuple(sorted(self.force)),
             farm=self.share is not None,
         )
 
@@ -258,34 +249,26 @@ class Planner:
         if entry.keys is None and STAGES[stage].per_quality:
             return list(numbers)
         kind = STAGES[stage].makes
-        places = entry.request.places(kind, numbers)
-        key = entry.key
-        return [
-            n
-            for n, place in zip(numbers, places, strict=True)
-            if not self._has(stage, kind, key(stage, n), place)
-        ]
+        placed = zip(numbers, entry.request.places(kind, numbers), strict=True)
+        return [n for n, place in placed if not self._has(stage, kind, entry.key(stage, n), place)]
 
     def _surfaces(self, entry: _Entry, unrendered: Sequence[int]) -> None:
         """Plan what rendering needs: the normals of the meshes shown, and cameras, which see all meshes."""
         request = entry.request
         shown = sorted({request.angles[n].mesh for n in unrendered})
         rough = self._absent(entry, "smooth_normals", shown)
-        cameras, all_shown = (
-            request.folders.cameras().as_posix(),
-            sorted({p.mesh for p in request.angles.values()}),
-        )
-        framed = entry.keys is not None and self._has("frame_camera", "cameras", request.cameras_key, cameras)
+        key, path = request.cameras_key, request.folders.cameras().as_posix()
+        framed = entry.keys is not None and self._has("frame_camera", "cameras", key, path)
         if any(map(request.follows_flow, unrendered)):
             _require_permission(request)
         needed = {request.angles[n].mesh for n in unrendered if request.needs_mesh(n)}
-        self._meshes(entry, sorted({*rough, *needed}) if framed else all_shown)
+        self._meshes(entry, sorted({*rough, *needed}) if framed else entry.shown)
         self._batches(entry, "smooth_normals", rough)
         if self.whole:
             self._rest(entry, "smooth_normals", sorted({request.angles[n].mesh for n in request.requested}))
-        frames, key = sorted(request.angles), request.cameras_key
+        frames = sorted(request.angles)
         if (self.whole or not framed) and self._is_new(entry, "frame_camera", key, framed, len(frames)):
-            self._job(entry, "frame_camera", frames, [key], all_shown, framed)
+            self._add(entry, "frame_camera", frames, [key], entry.shown, framed)
 
     def _meshes(self, entry: _Entry, wanted: Sequence[int]) -> None:
         """Note the mesh frames that are not there; which jobs simulate them is known last."""
@@ -294,9 +277,8 @@ class Planner:
             _require_permission(entry.request)
         entry.meshes |= dict.fromkeys(missing, "wanted")
         if self.whole:
-            every = sorted({angle.mesh for angle in entry.request.angles.values()})
-            absent = set(self._absent(entry, "simulate", every))
-            states = {n: "idle" if n in absent else "present" for n in every}
+            absent = set(self._absent(entry, "simulate", entry.shown))
+            states = {n: "idle" if n in absent else "present" for n in entry.shown}
             entry.meshes = {**states, **entry.meshes}
 
     # Jobs
@@ -309,14 +291,14 @@ class Planner:
         fresh = [n for n in frames if self._is_new(entry, stage, keys[n], present)]
         split = [fresh] if stage == "smooth_normals" else batches(fresh, self.side_by_side, least)
         for batch in filter(None, split):
+            reads: Sequence[int] = batch
+            meshes: tuple[int, ...] = ()
             if stage == "render":
                 reads = list(dict.fromkeys(request.angles[n].mesh for n in batch))
-            else:
-                reads = _union(entry.names[n].window for n in batch) if stage == "finish" else list(batch)
-            self._job(entry, stage, batch, [keys[n] for n in batch], reads, present)
-            if stage == "render":
                 meshes = tuple(dict.fromkeys(request.angles[n].mesh for n in batch if request.needs_mesh(n)))
-                self._jobs[-1] = replace(self._jobs[-1], meshes=meshes)
+            elif stage == "finish":
+                reads = _union(entry.names[n].window for n in batch)
+            self._add(entry, stage, batch, [keys[n] for n in batch], reads, present, meshes=meshes)
 
     def _rest(self, entry: _Entry, stage: str, numbers: Sequence[int]) -> None:
         """Plan the jobs of files that are there, and of those that nothing needs."""
@@ -329,26 +311,18 @@ class Planner:
         maker = self._makers[stage].get(key)
         if maker is None:
             return True
-        job = self._jobs[maker]
-        if entry.place not in job.requests:
-            self._jobs[maker] = replace(job, requests=(*job.requests, entry.place))
-        if job.requests[0] != entry.place and not present:
+        self._serve(maker, entry)
+        if self._jobs[maker].requests[0] != entry.place and not present:
             self._spared[stage] += frames
         return False
 
-    def _job(
-        self,
-        entry: _Entry,
-        stage: str,
-        frames: Sequence[int],
-        keys: Sequence[Key],
-        reads: Sequence[int],
-        present: bool,
-    ) -> None:
-        self._makers[stage] |= dict.fromkeys(keys, len(self._jobs))
-        self._jobs.append(self._new(entry, stage, frames, keys, reads, present))
+    def _serve(self, maker: int, entry: _Entry) -> None:
+        """Note that a request needs what a job makes."""
+        job = self._jobs[maker]
+        if entry.place not in job.requests:
+            self._jobs[maker] = replace(job, requests=(*job.requests, entry.place))
 
-    def _new(
+    def _add(
         self,
         entry: _Entry,
         stage: str,
@@ -356,56 +330,53 @@ class Planner:
         keys: Sequence[Key],
         reads: Sequence[int],
         present: bool,
-    ) -> Job:
-        """Return a job that makes files of `keys`, of which those that are there are noted."""
+        **fields: Any,
+    ) -> None:
+        """Add a job that makes files of `keys`; those that are there stand in its manifest.
+
+        fields  fields of the job that differ from the usual ones
+        """
         request, key = entry.request, key_of(stage, list(keys))[:16]
         label = re.sub(r"\W", "_", request.label)
         name = f"{stage}_{label}_{min(frames):04d}_{max(frames):04d}_{key[:8]}"
         output = done_file(stage, request.name, request.quality_name, frames, key)
         if present:
             self._manifests[output] = STAGES[stage].makes, list(keys)
-        return Job(
-            name, stage, (entry.place,), tuple(frames), tuple(reads), key=key, output=output, present=present
-        )
+        for made in keys:
+            self._makers[stage].setdefault(made, len(self._jobs))
+        others = None if list(reads) == list(frames) else tuple(reads)
+        job = Job(name, stage, (entry.place,), tuple(frames), others, key=key, output=output, present=present)
+        self._jobs.append(replace(job, **fields))
 
     def _movie(
         self, stage: str, entries: Sequence[_Entry], frames: Sequence[int], key: Key, path: str, present: bool
     ) -> None:
         if self._is_new(entries[0], stage, key, present, 0):
-            self._job(entries[0], stage, frames, [key], frames, present)
             places = tuple(entry.place for entry in entries)
-            self._jobs[-1] = replace(self._jobs[-1], output=path, requests=places)
+            self._add(entries[0], stage, frames, [key], frames, present, output=path, requests=places)
 
     # Simulations
 
-    def _simulations(self) -> list[Job]:
-        """Return the jobs that simulate; a long beginning that requests share is made once."""
-        jobs: list[Job] = []
-        makers: dict[Key, int] = {}
+    def _simulations(self) -> None:
+        """Add the jobs that simulate; a long beginning that requests share is made once."""
+        makers = self._makers["simulate"]
         wanted = [(entry, entry.numbers("wanted")) for entry in self._entries.values()]
         users = Counter(key for chain in {_chain(e, numbers) for e, numbers in wanted} for key in chain)
         for entry, numbers in wanted:
             before: list[int] = []
             for is_shared, piece in _pieces(entry, numbers, users):
                 keys = _chain(entry, piece)
-                makers_of = {makers[key] for key in keys if key in makers}
                 if all(key in makers for key in keys) or (is_shared and keys[0] in makers):
-                    for i in makers_of:
-                        jobs[i] = replace(
-                            jobs[i], requests=tuple(dict.fromkeys((*jobs[i].requests, entry.place)))
-                        )
+                    for maker in {makers[key] for key in keys if key in makers}:
+                        self._serve(maker, entry)
                     self._spared["simulate"] += len(piece)
                 else:
-                    for key in keys:
-                        makers.setdefault(key, len(jobs))
-                    jobs.append(self._new(entry, "simulate", piece, keys, before, present=False))
+                    self._add(entry, "simulate", piece, keys, before, present=False)
                 before = piece[-1:]
         for entry in self._entries.values():
             for state in ("present", "idle"):
                 if numbers := entry.numbers(state):
-                    keys, present = _chain(entry, numbers), state == "present"
-                    jobs.append(self._new(entry, "simulate", numbers, keys, (), present))
-        return jobs
+                    self._add(entry, "simulate", numbers, _chain(entry, numbers), (), state == "present")
 
     def _measured(self, places: Iterable[int]) -> Mapping[int, MeasuredResources]:
         """Return what earlier renders of each request took, where any were measured."""
@@ -423,10 +394,8 @@ def _chain(entry: _Entry, numbers: Sequence[int]) -> tuple[Key, ...]:
     return tuple(entry.request.mesh_key(n) for n in numbers)
 
 
-def _pieces(
-    entry: _Entry, numbers: Sequence[int], users: Mapping[Key, int]
-) -> Iterator[tuple[bool, list[int]]]:
-    """Yield frames that the same number of simulations go through, and whether one makes them for all.
+def _pieces(entry: _Entry, numbers: Sequence[int], users: Mapping[Key, int]) -> list[tuple[bool, list[int]]]:
+    """Return frames that the same number of simulations go through, and whether one makes them for all.
 
     Short pieces are not worth waiting for: each simulation makes those itself, to the same bits.
     """
@@ -438,7 +407,7 @@ def _pieces(
             pieces[-1][1].extend(piece)
         else:
             pieces.append((is_shared, piece))
-    yield from pieces
+    return pieces
 
 
 def _union(windows: Iterable[Sequence[int]]) -> list[int]:
@@ -451,11 +420,3 @@ def _require_permission(request: RenderRequest) -> None:
         from pipeline.flow.flow import require_permission
 
         require_permission(request.shot.motion.flow)
-
-
-def film_key(edit: Edit, requests: Sequence[RenderRequest], keys: Sequence[Mapping[int, Any]]) -> Key:
-    """The key of a film from those of the pictures of its requests."""
-    frames = [
-        known[n].frame for request, known in zip(requests, keys, strict=True) for n in request.requested
-    ]
-    return edit.key(requests[0].quality_name, frames, [request.shown_as for request in requests])

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from itertools import accumulate, count, pairwise
@@ -21,6 +21,8 @@ from pipeline.shot.yaml.lookup import digest_of_file
 from render.base.serialise import from_plain, to_plain
 
 if TYPE_CHECKING:
+    from pipeline.production.request.keys import FrameKeys
+    from pipeline.production.request.render_request import RenderRequest
     from pipeline.shot import Film
     from pipeline.shot.shot import Card, Clip
     from render.movie.sound import Sound
@@ -126,16 +128,13 @@ class Edit:
     def path(self, quality_name: str) -> Path:
         return paths.film(quality_name, self.name)
 
-    def key(self, quality_name: str, frames: Sequence[Key], shown_as: Sequence[Any]) -> Key:
-        """Return the key of the film's movie, whatever its name.
-
-        frames    keys of the frames of all clips
-        shown_as  for each clip, how its light becomes the picture of a display
-        """
+    def key(self, requests: Sequence[RenderRequest], keys: Sequence[Mapping[int, FrameKeys]]) -> Key:
+        """Return the key of the film's movie, whatever its name, by `keys` of its clips' frames."""
+        frames = [known[n].frame for clip, known in zip(requests, keys, strict=True) for n in clip.requested]
+        shown_as = [request.shown_as for request in requests]
         audio = None if self.audio is None else self.audio.content
-        items = [asdict(item) for item in self.items]
-        bits = movie_bits(quality_name)
-        return key_of(FILM.recipe, items, self.rate, audio, frames, shown_as, bits)
+        bits = movie_bits(requests[0].quality_name)
+        return key_of(FILM.recipe, to_plain(self.items), self.rate, audio, frames, shown_as, bits)
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,7 @@ from pipeline.production.request.keys import (
     appearance,
     cameras_key,
 )
-from pipeline.production.request.planning_cache import NO_CACHE, PlanningCache
+from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
 from pipeline.production.stages import ASSEMBLE, FINISH, STAGES, STILLS
@@ -73,15 +73,9 @@ class RenderRequest:
     turntable: Turntable | None = None
     home: str | None = None
 
-    def as_data(self) -> dict[str, Any]:
-        data: dict[str, Any] = to_plain(self)
-        return data
-
-    @classmethod
-    def from_data(cls, data: Mapping[str, Any], cache: PlanningCache = NO_CACHE) -> RenderRequest:
-        """Return the request that `as_data` described; `cache` spares reading its shot."""
-        request = from_plain(cls, data)
-        return replace(request, source=replace(request.source, cache=cache))
+    def with_cache(self, cache: PlanningCache) -> RenderRequest:
+        """Return the request with a cache that spares reading its shot."""
+        return replace(self, source=replace(self.source, cache=cache))
 
     @property
     def shot(self) -> Shot:
@@ -258,7 +252,7 @@ class RenderRequest:
     def identity(self) -> Key:
         """The digest of all that decides its keys, but for versions of stages."""
         summary = self.source.summary
-        data = {**self.as_data(), "requested": None}
+        data = {**to_plain(self), "requested": None}
         data["source"] = {**data["source"], "inputs": summary.inputs}
         return key_of(data, summary.meshes, summary.normals)
 

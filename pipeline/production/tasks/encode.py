@@ -10,14 +10,12 @@ from typing import TypeVar
 
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.frames import FrameRate
-from pipeline.production.planning.planner import film_key
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
-from render.base.serialise import from_plain
 from render.graphics.titles import TitleCard, title_frames
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
@@ -42,7 +40,8 @@ def assemble(context: Context) -> bool:
 def film(context: Context) -> bool:
     """Encode the film: title, shots in the order of the edit, credits."""
     requests = context.requests
-    edit = from_plain(Edit, context.plan.film or {})
+    edit = context.plan.film
+    assert edit is not None, "a plan with the job of a film has its edit"
     keys = [context.picture_keys(request) for request in requests]
     first, rate = requests[0], edit.frame_rate
 
@@ -53,7 +52,7 @@ def film(context: Context) -> bool:
     frames = dissolve(list(cut_together(edit, size, shown, lambda frame: frame)), mix_frames)
     sound = None if edit.audio is None else blocks(edit.audio.sound(), edit.length / rate.fps)
     target = edit.path(first.quality_name)
-    return _movie(context, film_key(edit, requests, keys), target, frames, rate, sound)
+    return _movie(context, edit.key(requests, keys), target, frames, rate, sound)
 
 
 def _movie(

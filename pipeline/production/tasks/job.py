@@ -97,12 +97,8 @@ class Context:
 
     @cached_property
     def requests(self) -> list[RenderRequest]:
-        from pipeline.production.request.render_request import (
-            RenderRequest,  # a second's work, which who only watches never needs
-        )
-
         cache = PlanningCache(self.root)
-        return [RenderRequest.from_data(self.plan.requests[place], cache) for place in self.job.requests]
+        return [self.plan.requests[place].with_cache(cache) for place in self.job.requests]
 
     @property
     def subject(self) -> str:
@@ -111,7 +107,7 @@ class Context:
 
     @property
     def _quality(self) -> str:
-        return str(self.plan.requests[self.job.requests[0]]["quality_name"])
+        return self.plan.requests[self.job.requests[0]].quality_name
 
     def picture_keys(self, request: RenderRequest) -> PictureKeys:
         """Return the keys of a request's pictures. Raises FrameError where its cameras are not known."""
