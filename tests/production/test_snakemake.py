@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -12,7 +13,7 @@ import pytest
 
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import PlannedWorkflow, _unprotect
-from pipeline.production.planning.profile import Profile
+from pipeline.production.planning.profile import Profile, shipped
 from pipeline.production.stages import READS, STAGES
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_header
@@ -244,14 +245,31 @@ def test_a_profile_means_the_same_through_snakemake(project: Any, monkeypatch: p
     monkeypatch.chdir(project.path)
     monkeypatch.setattr(Profile, "executor", "slurm")
     ours = Project(project.path, 2, profile=Profile.named("slurm")).film("preview")
-    config = {"quality": "preview", "threads": 4, "min_frames": 4}
-    planned = PlannedWorkflow(workflow(nodes=100), config)
+    monkeypatch.setattr(sys, "argv", ["snakemake", "--profile", str(shipped() / "slurm")])
+    planned = PlannedWorkflow(workflow(nodes=100), {"quality": "preview"})
     theirs = planned.plan
     assert theirs.farm and ours.farm
     shapes = [{(j.stage, j.frames, j.threads) for j in plan.jobs} for plan in (ours, theirs)]
     assert shapes[0] == shapes[1]
     render = next(job for job in theirs.jobs if job.stage == "render")
     assert render.threads == 4 and planned.memory("render", render) == 4096
+
+
+def test_a_setting_on_the_command_line_leaves_the_others_of_the_profile(
+    project: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(project.path)
+    (project.path / "mine").mkdir()
+    (project.path / "mine/profile.yaml").write_text("config: {threads: 3, min_frames: 2}\n")
+    monkeypatch.setattr(sys, "argv", ["snakemake", "--profile=mine", "--config", "min_frames=6"])
+    plan = PlannedWorkflow(workflow(nodes=100), {"quality": "preview", "min_frames": 6}).plan
+    assert {(job.frames, job.threads) for job in plan.jobs if job.stage == "render"} == {
+        (tuple(range(1, 7)), 3)
+    }
+    monkeypatch.setattr(sys, "argv", ["snakemake"])
+    monkeypatch.setenv("SNAKEMAKE_PROFILE", "mine")
+    plan = PlannedWorkflow(workflow(nodes=100), {"quality": "preview"}).plan
+    assert [job.frames for job in plan.jobs if job.stage == "render"] == [(1, 2), (3, 4), (5, 6)]
 
 
 def test_stills_go_through_the_same_rules(finished: Any) -> None:

@@ -14,6 +14,7 @@ import re
 import shutil
 import stat
 import sys
+from argparse import ArgumentParser
 from collections.abc import Mapping
 from contextlib import ExitStack
 from dataclasses import replace
@@ -155,8 +156,6 @@ class PlannedWorkflow:
 
     # Planning
 
-    # Planning
-
     def _planned(self) -> Plan:
         """Plan what targets and `--config` ask for, with jobs for what is there already.
 
@@ -168,7 +167,7 @@ class PlannedWorkflow:
         settings, is_farm = workflow.dag_settings, not workflow.local_exec
         cores = workflow.nodes if is_farm else workflow._cores or DEFAULT_CORES
         project = Project(self._root, cores, allow_code=_allowed(config.get("allow_code", False)))
-        share = Share.of(config) if is_farm else None
+        share = Share.of({**_profile_config(), **config}) if is_farm else None
         planner = replace(project.planner(), side_by_side=cores, cores=cores, share=share, whole=True)
         self._ask(project, planner, sorted(settings.targets))
         forced = set(STAGES) if settings.forceall else set(STAGES) & set(settings.forcerun)
@@ -217,6 +216,23 @@ class PlannedWorkflow:
             raise UsageError(f"--config frames={frames}: of which shot? Say shot=NAME too.")
         if not shots:
             project.add_film(planner, quality, find_edit(edit))
+
+
+def _profile_config() -> dict[str, Any]:
+    """Return `config` of the last profile that has one; Snakemake drops all of it for one --config."""
+    from snakemake.cli import get_profile_dir, parse_config
+    from snakemake.profiles import ProfileConfigFileParser
+
+    ours = ArgumentParser(add_help=False, allow_abbrev=False)
+    ours.add_argument("--profile", action="append")
+    named = ours.parse_known_args(sys.argv[1:])[0].profile or [os.environ.get("SNAKEMAKE_PROFILE", "none")]
+    settings: list[str] = []
+    for name in named:
+        if name != "none":
+            _, file = get_profile_dir(name)
+            with file.open(encoding="utf-8") as stream:
+                settings = ProfileConfigFileParser().parse(stream).get("config", settings)
+    return dict(parse_config(settings))
 
 
 _FRAME = re.compile(
