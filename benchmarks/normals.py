@@ -17,7 +17,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.animation import MeshFrame, animate
-from pipeline.arrays import Floats, Points, Vectors
+from pipeline.arrays import AnyArray, Floats, Points, Vectors
 from pipeline.flow import Flow, Streamlines
 from pipeline.flow.catalogue.attractors import Lorenz
 from pipeline.flow.catalogue.cellular import Enright
@@ -66,6 +66,9 @@ class Ball(Subject, AnalyticSurface):
 
     def normals(self, points: Points) -> Vectors:
         return self._sphere.normals(points - np.array(self.centre))
+
+    def encloses(self, points: Points) -> AnyArray:
+        return self._sphere.encloses(points - np.array(self.centre))
 
 
 def films() -> dict[str, Motion]:

@@ -40,8 +40,8 @@ def painted(number: int, size: tuple[int, int]) -> Picture:
 
 
 def measured(desk: Desk, quality: str) -> Row:
-    take = desk.take(quality)
-    hang(desk, take, take.poses, lambda number: painted(number, QUALITIES[quality]))
+    request = desk.request(quality)
+    hang(desk, request, request.angles, lambda number: painted(number, QUALITIES[quality]))
     start = time.perf_counter()
     code, words = desk.command("review", NAME, "-q", quality, "--name", quality)
     assert code == 0, words

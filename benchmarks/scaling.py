@@ -73,7 +73,9 @@ def recorded(root: Path, run: str) -> tuple[list[Task], int, float]:
     A job holds its worker from the end of the job before it, or from the beginning of the run.
     """
     events = list(EventReader(root / EVENTS / f"{run}.jsonl").new())
-    jobs = {job.name: job for job in Plan.thaw(root / PLANS / f"{run}.json").jobs}
+    plan = Plan.thaw(root / PLANS / f"{run}.json")
+    makers = {job.output: job.name for job in plan.jobs}
+    after = {job.name: tuple(makers[output] for output in plan.all_inputs(job)) for job in plan.jobs}
     cores = next(int(event["cores"]) for event in events if event["event"] == "run")
     begun = {event["job"]: event for event in reversed(events) if event["event"] == "begin"}
     ended = {event["job"]: event["time"] for event in events if event["event"] == "end"}
@@ -81,7 +83,7 @@ def recorded(root: Path, run: str) -> tuple[list[Task], int, float]:
     tasks = []
     for name, event in begun.items():
         before = max((t for t in ended.values() if t < event["time"]), default=first)
-        tasks.append(Task(name, jobs[name].after, ended[name] - before, jobs[name].urgency))
+        tasks.append(Task(name, after[name], ended[name] - before))
     return tasks, cores, last - first
 
 

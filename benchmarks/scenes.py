@@ -18,11 +18,10 @@ import numpy as np
 
 from benchmarks.report import Row, Target, keep, show
 from pipeline.mesh.solids import icosphere
-from render.mitsuba import emitters as lamps
-from render.mitsuba import shapes as scenery
+from render.mitsuba.emitters import emitters
 from render.mitsuba.engine import choose
 from render.mitsuba.scene import build_scene
-from render.mitsuba.shapes import mesh
+from render.mitsuba.shapes import mesh, stage_shapes
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
@@ -71,9 +70,9 @@ def _shapes(surface: Surface) -> dict[str, Any]:
     import mitsuba as mi
 
     subject = mesh("subject", surface, {"type": "diffuse"}, np.array([0.0, 1.0]))
-    shining = lamps.emitters(LIGHTS["studio"], StagePlacement().matrix())
+    shining = emitters(LIGHTS["studio"], StagePlacement().matrix())
     made = {name: mi.load_dict(each, parallel=False, optimize=False) for name, each in shining.items()}
-    return {"subject": subject, **scenery.shapes(STAGES["cyclorama"], StagePlacement(), CAMERA, SIZE), **made}
+    return {"subject": subject, **stage_shapes(STAGES["cyclorama"], StagePlacement(), CAMERA, SIZE), **made}
 
 
 def _loaded(shapes: dict[str, Any]) -> None:

@@ -47,7 +47,7 @@ class Sitting:
         path.write_text(text)
         request = RenderRequest(ShotSource(text, path).with_inputs(), quality, engine.variant, tuple(frames))
         request = request if frames else request.whole()
-        planner = Planner(Store(root), cores)
+        planner = Planner(Store(root), cores, cores)
         planner.pictures(request)
         planner.movie(request)
         plan = replace(planner.plan(), name=PLAN)
