@@ -1,4 +1,4 @@
-"""What tests share: a project with a tiny shot, and the real command."""
+"""Shared fixtures: a project with a tiny shot, and the real command."""
 
 from __future__ import annotations
 
@@ -53,7 +53,7 @@ credits_seconds: 0
 
 @dataclass(frozen=True)
 class Run:
-    """What a command said, and how it ended."""
+    """A command's exit code and output."""
 
     code: int
     out: str
@@ -127,7 +127,7 @@ def project(tmp_path: Path) -> ProjectFolder:
 
 @pytest.fixture(scope="session")
 def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
-    """The same, its film made at preview quality; tests work on copies of it."""
+    """A project whose film is made at preview quality; tests work on copies of it."""
     made = _new_project(tmp_path_factory.mktemp("finished"))
     done = made.run("film", "-q", "preview")
     assert done.code == 0, done.err

@@ -79,7 +79,7 @@ def test_no_vector_library_with_other_bits_is_taken():
 
 @pytest.fixture
 def folder_now(tmp_path, monkeypatch):
-    """Where kernels would live, asked anew each time: the caches are empty, and the user's is in `home`."""
+    """Return a function that finds the cache folder anew: caches are empty, and the user's is in `home`."""
     monkeypatch.setattr("platformdirs.user_cache_path", lambda name: tmp_path / "home" / name)
     monkeypatch.setattr(tempfile, "tempdir", str(tmp_path))
 

@@ -1,4 +1,4 @@
-"""What benchmarks of pictures measure with."""
+"""Measures that benchmarks of pictures use."""
 
 from __future__ import annotations
 

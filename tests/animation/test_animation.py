@@ -120,7 +120,7 @@ def test_a_resampler_is_resumed_from_what_a_frame_holds(motion: Motion) -> None:
 
 
 def carried_to(motion: Motion, number: int, rest: Points, since: int = 5) -> Points:
-    """Where rest points of frame `since` are in a frame, moved by the flow alone."""
+    """Move rest points of frame `since` to a frame by the flow alone."""
     for frame in range(since + 1, number + 1):
         rest = motion.flow.displace(rest, *motion.clock.step(frame))
     return rest

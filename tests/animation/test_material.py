@@ -26,7 +26,7 @@ def shot_of(resample: str) -> Shot:
 
 
 def undone(points: np.ndarray, frame: int) -> np.ndarray:
-    """Where points of that frame were: the shear is linear, so it is known."""
+    """Return the rest positions of points of a frame: the shear is linear, so its inverse is known."""
     amount = 1.5 * (frame - 1) / 12
     return points - amount * points[:, 1:2] * np.array([1.0, 0.0, 0.0])
 

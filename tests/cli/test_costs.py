@@ -1,4 +1,4 @@
-"""What a run will take, and what it took, as the command tells it."""
+"""Estimates before a run and costs after it, as the command prints them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ NAME = "T010_tiny"
 
 @pytest.fixture(scope="module")
 def told(finished_project):
-    """Of another quality than was made: in words, and as facts."""
+    """Return the estimate of a quality that was not made yet: as text, and as JSON."""
     words = finished_project.run("--dry-run", "render", NAME, "-q", "daily").out
     facts = json.loads(finished_project.run("--json", "--dry-run", "render", NAME, "-q", "daily").out)
     return words, facts["estimate"]

@@ -1,4 +1,4 @@
-"""What the command line asks of the C library."""
+"""Settings of the C library's heap that the command line makes."""
 
 import platform
 import subprocess

@@ -1,4 +1,4 @@
-"""How little the command imports before it knows what is asked for."""
+"""Imports of the command before it knows what is requested."""
 
 from __future__ import annotations
 

@@ -35,7 +35,7 @@ def exported(there, *words: str) -> otio.schema.Timeline:
 
 
 def seen(timeline: otio.schema.Timeline) -> list[tuple[str, list[int]]]:
-    """What each clip shows, frame by frame."""
+    """Return the frames of each clip, in order."""
     shown = []
     for clip in timeline.find_clips():
         first, count = clip.source_range.start_time.to_frames(), clip.source_range.duration.to_frames()

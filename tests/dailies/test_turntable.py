@@ -71,7 +71,7 @@ def desk(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Desk]:
 
 @pytest.fixture(scope="module")
 def turned_in_two_looks(desk: Desk) -> Path:
-    """Where the turntables of a shot's second frame are, in clay and in glaze."""
+    """Return the folder with the turntables of a shot's second frame, in clay and in glaze."""
     looks = "--look", "clay,glaze"
     code, said = desk.command(NAME, "--at", "2", "--frames", "4", "--scale", SCALE, *looks, "--json")
     assert code == 0, said

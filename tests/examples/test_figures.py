@@ -71,7 +71,7 @@ def test_no_edge_of_figure_b_is_over_the_maximum_but_in_the_static_mesh(sheets: 
 
 
 def _within_half(points: Points, centre: tuple[float, float, float]) -> int:
-    """How many vertices lie in the inner half of a disc."""
+    """Count the vertices in the inner half of a disc."""
     return int((np.linalg.norm(points - centre, axis=1) < figure_b.RADIUS / 2).sum())
 
 

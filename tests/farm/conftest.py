@@ -1,4 +1,4 @@
-"""What tests of farms share: a SLURM of one node, and a profile for it."""
+"""Shared fixtures of farms: a SLURM of one node, and a profile for it."""
 
 from __future__ import annotations
 

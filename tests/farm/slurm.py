@@ -81,7 +81,7 @@ class SlurmError(Exception):
 
 @dataclass(frozen=True)
 class Programs:
-    """Where SLURM's and munge's programs and plugins lie: installed, or unpacked under a prefix."""
+    """Paths of SLURM's and munge's programs and plugins, installed or unpacked under a prefix."""
 
     prefix: Path
 
@@ -119,7 +119,7 @@ class Programs:
 
     @property
     def environment(self) -> dict[str, str]:
-        """What finds the libraries."""
+        """Variables by which the programs find their libraries."""
         libraries = [str(self.plugins), str(self.plugins.parent), os.environ.get("LD_LIBRARY_PATH", "")]
         return {"LD_LIBRARY_PATH": ":".join(filter(None, libraries))}
 

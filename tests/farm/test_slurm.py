@@ -1,4 +1,4 @@
-"""The same work on a SLURM of one node: the same files, few hops, and nothing lost with a killed job."""
+"""Runs on a SLURM of one node: the files of a local run, few hops, and no frame lost with a killed job."""
 
 import json
 import os
@@ -21,7 +21,7 @@ SLOW = ("--set", "quality.preview={samples: 1024}")
 
 
 def files(root):
-    """What a run made, by its place: links show files of the store, whose names are keys."""
+    """Return the content of all files of a run by path; links lead to the store, whose names are keys."""
     return {
         path.relative_to(root): path.read_bytes()
         for path in sorted(root.rglob("*"))

@@ -248,7 +248,7 @@ def test_compositions_hand_the_maximum_step_on() -> None:
 
 
 def test_a_key_within_a_frame_is_in_the_data_of_an_adaptive_step() -> None:
-    """What acts between the moments that a fixed plan would look at moves points, and so decides keys."""
+    """An adaptive step samples times that a fixed plan skips: values there decide keys too."""
 
     def flow(height: float) -> Streamlines:
         peak = keyed((0.0, 0.3 * DT, 0.4 * DT, DT), (1.0, 1.0, height, 1.0), "linear")

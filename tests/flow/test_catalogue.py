@@ -1,4 +1,4 @@
-"""What each flow of the catalogue promises, against its textbook."""
+"""Properties of each flow of the catalogue, against its textbook."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is wrong with one frame leaves every other frame its key."""
+"""A fault of one frame leaves the keys of all other frames."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def test_only_the_frame_that_fails_is_known_by_its_failure(broken: Callable[[Num
     ids=lambda flow: flow.name,
 )
 def test_numbers_that_are_none_fail_their_frame(flow: Flow) -> None:
-    """It has data, and when it is made its error names the frame."""
+    """The frame has cache data, and its error names the frame."""
     assert json.dumps([checked_cache_data(flow, time, DT) for time in (0.2, 0.5)], allow_nan=False)
     assert np.isfinite(checked_displacement(flow, POINTS, 0.2, DT, 3)).all()
     with np.errstate(all="ignore"), pytest.raises(FrameError, match="frame 6: "):

@@ -57,7 +57,7 @@ def test_the_points_of_a_frame_are_where_the_flow_takes_those_of_the_frame_befor
 @settings(max_examples=10, deadline=None)
 @given(st.lists(st.integers(0, 199), min_size=1, max_size=40, unique=True))
 def test_a_cloud_flows_as_each_of_its_points_would_alone(chosen: list[int]) -> None:
-    """What is around a point changes nothing of its way, to the last bit."""
+    """A point's neighbours do not change its path, to the last bit."""
     whole = list(animate(motion(CLOUD)))[-1].mesh.vertices
     points = next(animate(motion(CLOUD))).mesh.vertices[chosen]
     shot = motion(CLOUD)
@@ -101,7 +101,7 @@ def test_a_net_keeps_its_layout_and_says_how_mesh_like_it_is() -> None:
 
 
 def test_a_net_under_an_affine_flow_has_the_moved_surface() -> None:
-    """Of all flows those commute with the blend; of others the net is the animator's handle."""
+    """Only affine flows commute with the blend; under others the net is the animator's handle."""
 
     def sheared(points: np.ndarray, time: float, dt: float) -> np.ndarray:
         return points + dt * points[:, 1:2] * np.array([1.0, 0.0, 0.0])

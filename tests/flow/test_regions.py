@@ -47,7 +47,7 @@ def sampled(radius: float = 0.9, spacing: float = 0.05, **rim: object) -> Sample
 
 
 def distance(region: Region, points: Points) -> Floats:
-    """How far points lie outside, from the nearest point of the region."""
+    """Return the distances of points from a region, zero inside."""
     p = points - np.array(region.centre)
     match region:
         case SphereRegion():

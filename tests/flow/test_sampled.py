@@ -172,7 +172,7 @@ def test_what_is_no_archive_or_not_there_or_of_another_grid_is_told(tmp_path: Pa
 
 
 def packed(array: np.ndarray, how: str, header: str) -> bytes:
-    """What VTK writes for an array: a header and the bytes, or blocks of packed bytes."""
+    """Return the bytes that VTK writes for an array: a header and the data, or compressed blocks."""
     raw = array.tobytes()
     if how != "zlib":
         return np.array([len(raw)], header).tobytes() + raw

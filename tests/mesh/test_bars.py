@@ -32,7 +32,7 @@ def struts(bars: tuple[int, int, int]) -> int:
 
 
 def holes(bars: tuple[int, int, int]) -> int:
-    """Of the surface around a connected grid: its independent circuits."""
+    """Return the genus of the surface around a connected grid: its independent circuits."""
     return struts(bars) - math.prod(bars) + 1
 
 

@@ -29,7 +29,7 @@ def bent(points: Points) -> Points:
 
 
 def slowly(points: Points, normals: Vectors) -> Vectors:
-    """The same by numpy, a vertex at a time."""
+    """Carry normals by numpy, a vertex at a time."""
     apart, carried = STEP * np.ptp(points, axis=0).max(), np.zeros_like(normals)
     for v in np.flatnonzero(normals.any(axis=1)):
         one, two = (t[0] for t in tangents(normals[[v]]))

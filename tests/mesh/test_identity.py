@@ -16,7 +16,7 @@ from pipeline.mesh.identity import Ancestry, ancestry
 
 @st.composite
 def families(draw: st.DrawFn) -> tuple[AnyArray, AnyArray, AnyArray]:
-    """Who lives now, who lived then, and the births between; among them many that have died again."""
+    """Draw the present vertices, the former ones, and the births between; many of these have died again."""
     first, many = draw(st.integers(2, 12)), draw(st.integers(0, 40))
     rng = np.random.default_rng(draw(st.integers(0, 2**32 - 1)))
     then = rng.permutation(np.arange(100, 100 + first) * 3)
@@ -30,7 +30,7 @@ def families(draw: st.DrawFn) -> tuple[AnyArray, AnyArray, AnyArray]:
 
 
 def slow_shares(then: AnyArray, births: AnyArray) -> dict[int, dict[int, Fraction]]:
-    """Of everybody who ever lived: half of what each parent has of every ancestor."""
+    """Return every vertex's shares of its ancestors: the mean of its parents' shares."""
     shares = {name: {name: Fraction(1)} for name in then.tolist()}
     for child, a, b in births.tolist():
         both = shares[a].keys() | shares[b].keys()

@@ -175,7 +175,7 @@ def slowly_trusted(mesh: TriangleMesh, own: Vectors) -> AnyArray:
 
 
 def slowly_smooth(mesh: TriangleMesh, shaded: ShadedMesh) -> Vectors:
-    """Of each fan the mean of its faces' normals, weighted by angle."""
+    """Return the mean of the faces' normals of each fan, weighted by angle."""
     corners = mesh.vertices[mesh.faces]
     ahead, behind = np.roll(corners, -1, axis=1) - corners, np.roll(corners, 1, axis=1) - corners
     angles = np.arctan2(np.linalg.norm(np.cross(ahead, behind), axis=2), np.sum(ahead * behind, axis=2))
@@ -212,7 +212,7 @@ def test_shading_is_that_of_the_formulas(mesh: TriangleMesh, seed: int, tagged: 
 
 
 def test_a_normal_is_kept_where_no_face_has_an_area() -> None:
-    """Nothing is known against it there, whichever way it points."""
+    """Faces without area contradict no normal."""
     down = TriangleMesh(np.zeros((3, 3)), [(0, 1, 2)], {"normal": np.tile([0.0, -2.0, 0.0], (3, 1))})
     assert trusted_normals(down).all()
     assert np.array_equal(split_at_creases(down).normals, np.tile([0.0, -1.0, 0.0], (3, 1)))

@@ -101,7 +101,7 @@ def test_the_triangulation_is_the_best_of_all() -> None:
 
 
 def _costs(points: Points, part: tuple[int, ...]) -> list[float]:
-    """Of every triangulation of a part of a polygon."""
+    """Return the cost of every triangulation of a part of a polygon."""
     if len(part) < 3:
         return [0.0]
     found = []

@@ -1,4 +1,4 @@
-"""What was made is looked after: damage is found and mended, and what nobody needs is cleared away."""
+"""Maintenance: damage is found and repaired, and unused files are collected."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
         return [Project(finished.path, 2).request(find_shot(NAME), "preview")]
 
     def gone_but_films(keep: int) -> list[Path]:
-        """Those are no shot's, and stay for being shown."""
+        """Return the collected files but movies, which belong to no shot."""
         return [
             p for p in collect_garbage(store, requests(), keep, dry_run=True).removed if p.suffix != ".mp4"
         ]

@@ -1,4 +1,4 @@
-"""What a run starts ends with it."""
+"""The processes that a run starts end with it."""
 
 import subprocess
 import sys

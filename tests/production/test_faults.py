@@ -1,4 +1,4 @@
-"""What goes wrong at night: workers that hang or are killed, full disks, clocks, runs killed repeatedly."""
+"""Faults at night: workers that hang or are killed, full disks, clocks, runs killed repeatedly."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ def test_a_worker_that_is_killed_for_its_memory_is_followed_by_fewer(
 
 
 def test_the_time_of_files_decides_nothing(finished: Any) -> None:
-    """As where hosts disagree about it, or a clock was set back."""
+    """Hosts may disagree about the time, and clocks may be set back."""
     chance = random.Random(1)
     for path in finished.path.rglob("*.*"):
         when = time.time() + chance.uniform(-3e7, 3e7)

@@ -236,7 +236,7 @@ def test_what_was_rendered_is_finished_unless_nothing_was_or_the_machine_refused
 
 
 def test_a_signal_is_passed_on_and_the_renderer_waited_for(tmp_path: Path) -> None:
-    """It ends when its pass is over, which is not at once."""
+    """The renderer ends after its sample batch, not at once."""
     log = EventLog(tmp_path / "events.jsonl", "job")
     job = Job("job", "render", (0,), (1,))
     code = (

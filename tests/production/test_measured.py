@@ -38,7 +38,7 @@ def raw_keys(request: RenderRequest) -> list[str]:
 
 
 def changed(look: str, turntable: Turntable | None = None) -> list[bool]:
-    """Which pictures are others when the last key of what moves late is another."""
+    """Tell which pictures have other keys once the last key of a late motion changes."""
     text = BALL + f"look: {look}\n"
     before = raw_keys(take_of(text + LATE, turntable))
     after = raw_keys(take_of(text + LATE.replace("[8, 0, 0]", "[9, 0, 0]"), turntable))

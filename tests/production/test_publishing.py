@@ -241,7 +241,7 @@ def test_verify_tells_of_a_version_whose_provenance_is_lost(desk: Desk) -> None:
 
 
 def test_a_version_is_made_again_from_its_provenance_alone_to_the_last_bit(desk: Desk) -> None:
-    """Of a range, with the frames around it whose light it takes in."""
+    """One frame needs its neighbours too, for temporal denoising."""
     desk.shot.write_text("title: another shot by now\n")
     shutil.rmtree(desk.root / ".flowsculpt")
     one = desk.repetition("2")

@@ -1,4 +1,4 @@
-"""What is read back from the store is found out if it is anything but what was put there."""
+"""Readers find out files of the store that hold anything but what was put there."""
 
 from __future__ import annotations
 

@@ -1,5 +1,4 @@
-"""What hangs is ended and tried again, what was killed has more room the next time, and nothing goes on for
-ever."""
+"""Retries: hanging workers are ended, killed ones get more memory, and no task is retried for ever."""
 
 from __future__ import annotations
 

@@ -175,7 +175,7 @@ def test_a_truncated_picture_is_found_before_assembly_and_made_again(finished):
 
 
 def processes_of(group, word):
-    """Those of a process group whose command line has `word`."""
+    """Return the processes of a group whose command line has `word`."""
 
     def belongs(folder):
         try:

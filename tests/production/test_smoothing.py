@@ -1,4 +1,4 @@
-"""What a shot says of smoothing reaches the rendered surface, and nothing before it."""
+"""A shot's smoothing changes the rendered surface, and no stage before it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where the time of a run went, and what a plan will take, by what was measured here."""
+"""Timings of a run by activity, and estimates from timings measured on this machine."""
 
 from __future__ import annotations
 

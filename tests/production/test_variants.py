@@ -24,7 +24,7 @@ NAME = "T010_tiny"
 
 @pytest.fixture
 def machine(monkeypatch: pytest.MonkeyPatch) -> Iterator[dict[str, int]]:
-    """Whether a GPU works, `gpu` being 0 or 1, and how often that was `asked`."""
+    """A machine whose GPU works or not (`gpu`), with the number of checks of that (`asked`)."""
     state = {"gpu": 0, "asked": 0}
     choose = variants.choose
 

@@ -24,7 +24,7 @@ GREY = np.full((540, 960, 3), 128, dtype=np.uint8)
 
 
 def ink(picture: np.ndarray, rows: slice, columns: slice) -> bool:
-    """Whether something brighter than a darkened grey stands there."""
+    """Tell whether any pixel there is brighter than a darkened grey."""
     return bool(picture[rows, columns].max() > 140)
 
 

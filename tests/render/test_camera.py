@@ -27,7 +27,7 @@ SMALL = Quality(64, 36, samples=16, depth=3, auxiliary_samples=16)
 
 
 def width_of_the_outline(layers: RenderedFrame) -> float:
-    """How many pixels of the middle row the subject covers partly."""
+    """Count the pixels of the middle row that the subject covers partly."""
     row = layers["matte"][18]
     return float(((row > 0.02) & (row < 0.98)).sum())
 

@@ -32,7 +32,7 @@ EXTRA = ("velocity", "noise", "samples")
 
 
 class EndedError(Exception):
-    """What ends a picture here."""
+    """Raised to end a picture early."""
 
 
 def always() -> bool:
@@ -184,7 +184,7 @@ render_frame(
 def test_a_process_that_is_killed_leaves_what_another_goes_on_from(
     rendered: Rendered, sphere: Surface, engine: Engine, tmp_path: Path
 ) -> None:
-    """What it found is, to the bit, what a picture of as many samples is made of."""
+    """The checkpoint equals, to the bit, a picture of as many samples."""
     quality = replace(FINE, samples=16 * 1000)
     arrays, keep = tmp_path / "in.npz", kept(tmp_path)
     np.savez(arrays, vertices=sphere.vertices, normals=sphere.normals, faces=sphere.faces)

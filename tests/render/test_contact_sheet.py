@@ -14,12 +14,12 @@ GREY = round(255 * GROUND)
 
 
 def picture(value: int, dtype: type = np.uint8) -> np.ndarray:
-    """Of a colour that no word has."""
+    """Return a picture in a colour that no word has."""
     return np.full((SIZE[1], SIZE[0], 3), (value, 0, 255), dtype)
 
 
 def found(page: np.ndarray, value: int) -> tuple[slice, slice]:
-    """Where the pixels of a value are."""
+    """Return the rows and columns of the pixels of a value."""
     rows, columns = np.nonzero((page == (value, 0, 255)).all(axis=2))
     return slice(rows.min(), rows.max() + 1), slice(columns.min(), columns.max() + 1)
 

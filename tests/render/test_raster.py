@@ -75,7 +75,7 @@ def test_what_goes_on_behind_the_camera_is_cut_there():
 
 
 def test_a_shadow_falls_away_from_the_key_light():
-    """It stands in the upper left front: the ground behind on the right is darker than on the left."""
+    """The light stands in the upper left front: the ground behind on the right is darker than on the left."""
     ball = joined(*[square(z, 0.4) for z in (-0.4, 0.0, 0.4)])
     around = StageSetup(LIGHTS["studio"], STAGES["cyclorama"], StagePlacement((0.0, -0.5, 0.0), 0.5))
     high = Camera((0.0, 5.0, 4.0), (0.0, -0.5, 0.0), field_of_view=math.radians(40))
@@ -174,7 +174,7 @@ def around_each(mask, picture, least, reach=6):
 
 @pytest.mark.parametrize("pieces", [2, 3, 4])
 def test_outlines_have_no_dots(pieces):
-    """What is just behind one is no inside: pixels there show what is next to them, or the sky."""
+    """Pixels just behind an outline show their neighbours or the sky, never the inner side."""
     around = replace(BARE, lights=LIGHTS["daylight"])
     high = Camera((0.0, 3.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
     seen = preview(ball(pieces), around, high, (384, 216), "srgb")

@@ -141,7 +141,7 @@ def test_a_title_fades_in_stands_and_fades_out() -> None:
 
 
 def ink(card: TitleCard, width: int, height: int) -> np.ndarray:
-    """Which columns of the standing card hold words."""
+    """Return the columns of the standing card that hold words."""
     empty = replace(card, title="", subtitle="")
     standing, ground = (list(title_frames(each, (width, height), 3, 0))[1] for each in (card, empty))
     return np.flatnonzero((np.abs(standing - ground) > 0.02).any(axis=(0, 2)))

@@ -1,4 +1,4 @@
-"""What stands around the subject: seamless, in its place, and never before the subject."""
+"""Stages: seamless, in their place, and never in front of the subject."""
 
 from __future__ import annotations
 

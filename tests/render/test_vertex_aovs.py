@@ -106,8 +106,10 @@ def test_layers_without_what_they_are_made_from_are_refused(rendered: Rendered, 
 
 
 def test_the_noise_layer_foretells_how_pictures_differ(rendered: Rendered) -> None:
-    """Of a floor lit softly: over many seeds, luminance scatters by no more than the layer says, and not by
-    much less: samples are spread more evenly than by chance."""
+    """Over many seeds, the luminance of a softly lit floor scatters by little less than the layer says.
+
+    It scatters less because samples are spread more evenly than by chance.
+    """
     luma = np.array([0.2126, 0.7152, 0.0722])
     quality = Quality(48, 27, samples=16, depth=3, auxiliary_samples=1)
     runs = [rendered(quality=quality, aovs=("noise",), seed=seed) for seed in range(12)]

@@ -1,4 +1,4 @@
-"""What goes along with vertices, and what a film that stops and goes on needs of it."""
+"""Attributes of vertices during resampling, and the state that a resumed film needs."""
 
 import numpy as np
 import pytest

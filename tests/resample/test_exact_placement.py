@@ -151,7 +151,7 @@ def test_new_normals_are_those_of_the_true_surface_carried() -> None:
 
 
 def cubes_creases(mesh: TriangleMesh) -> int:
-    """How many tagged edges run along an edge of the cube at rest, all of them or it fails."""
+    """Count the tagged edges; fail unless all run along an edge of the cube at rest."""
     rest = mesh.attributes[REST]
     one, two = rest[mesh.creases[:, 0]], rest[mesh.creases[:, 1]]
     along = ((np.abs(one) == 1) & (one == two)).sum(axis=1)

@@ -109,7 +109,7 @@ def six_volumes(points: Points, faces: AnyArray) -> float:
 
 
 def test_of_two_soft_ends_the_one_goes_that_changes_the_volume_less() -> None:
-    """Where midpoints would leave the surface, on a lumpy ball."""
+    """On a lumpy ball midpoints would leave the surface."""
     lumps = 1 + 0.15 * np.random.default_rng(3).normal(size=(len(BALL.vertices), 1))
     mesh = BALL.with_vertices(BALL.vertices * lumps)
     live, near, far, told = HalfedgeMesh(mesh), new_ring(), new_ring(), 0

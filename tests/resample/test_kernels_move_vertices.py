@@ -1,4 +1,4 @@
-"""Where new vertices go, against twins in plain numpy."""
+"""Positions of new vertices, against twins in plain numpy."""
 
 import math
 
@@ -168,7 +168,7 @@ def test_a_round_crease_is_bent_along_and_the_corner_of_a_cube_is_not() -> None:
 
 
 def slow_folds(live: HalfedgeMesh, vertex: int, place: Points) -> bool:
-    """Whether a face at the vertex would turn by more than 120 degrees, or become a worse sliver."""
+    """Tell whether a face at the vertex would turn by more than 120 degrees, or become a worse sliver."""
     around = live.faces[(live.faces == vertex).any(axis=1)]
     after = live.vertices.copy()
     after[vertex] = place

@@ -1,4 +1,4 @@
-"""What the paper says of its resampler, claim by claim (numbers P… of the project's checklist)."""
+"""Claims of the paper about its resampler, one by one (numbers P… of the project's checklist)."""
 
 import math
 
@@ -12,7 +12,7 @@ from pipeline.resample import Report, Resampler, Thresholds, resample
 
 
 def edge_lengths(mesh: TriangleMesh) -> Floats:
-    """Of every half-edge."""
+    """Return the length of every half-edge."""
     ends = mesh.vertices[mesh.faces]
     return np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2).reshape(-1)
 

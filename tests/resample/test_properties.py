@@ -31,7 +31,7 @@ def moved(points: Points, rng: np.random.Generator, smooth: float, rough: float)
 
 
 def edge_lengths(mesh: TriangleMesh) -> Floats:
-    """Of every half-edge."""
+    """Return the length of every half-edge."""
     ends = mesh.vertices[mesh.faces]
     return np.linalg.norm(np.roll(ends, -1, axis=1) - ends, axis=2).reshape(-1)
 

@@ -1,4 +1,4 @@
-"""What shot files say under `resample`: thresholds that vary over the surface and in time, and errors."""
+"""Shot files' `resample`: thresholds that vary over the surface and in time, and errors."""
 
 from __future__ import annotations
 

@@ -31,7 +31,7 @@ def checker(kind: str = "shot") -> Any:
 
 
 def as_json(value: Any) -> Any:
-    """As an editor sees a YAML file: names are text."""
+    """Return a YAML value as an editor sees it: names are text."""
     if isinstance(value, dict):
         return {str(name): as_json(inner) for name, inner in value.items()}
     return [as_json(inner) for inner in value] if isinstance(value, list) else value

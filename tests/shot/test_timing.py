@@ -1,4 +1,4 @@
-"""What changes in time in a shot file: keys, handles, loops and formulas, and what bad ones are told."""
+"""Values that change in time in a shot file: keys, handles, loops and formulas, and their errors."""
 
 from __future__ import annotations
 

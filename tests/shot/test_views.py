@@ -1,4 +1,4 @@
-"""What a shot says of how its light is shown: views of OpenColorIO's own configs, and of a studio's."""
+"""View transforms of a shot: views of OpenColorIO's own configs, and of a studio's."""
 
 from pathlib import Path
 

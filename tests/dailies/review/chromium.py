@@ -53,7 +53,7 @@ class ChromiumError(Exception):
 
 @dataclass(frozen=True)
 class Chromium:
-    """Where a Chromium lies: installed, or unpacked under a prefix."""
+    """Paths of a Chromium, installed or unpacked under a prefix."""
 
     prefix: Path
 
@@ -69,7 +69,7 @@ class Chromium:
 
     @property
     def environment(self) -> dict[str, str]:
-        """What finds the libraries and letters that were unpacked beside."""
+        """Variables by which it finds the libraries and fonts unpacked beside it."""
         if self.prefix != FETCHED:
             return {}
         patterns = ("usr/lib/*-linux-gnu*", "lib/*-linux-gnu*", "usr/lib/*-linux-gnu*/pulseaudio")

@@ -1,4 +1,4 @@
-"""What tests of the review page share: a browser, and a page of numbered pictures."""
+"""Shared fixtures of the review page: a browser, and a page of numbered pictures."""
 
 from __future__ import annotations
 

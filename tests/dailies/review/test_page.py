@@ -37,7 +37,7 @@ class Looker:
 
     @property
     def frame(self) -> int:
-        """What the page says that it shows."""
+        """The frame number that the page shows."""
         return int(self.tab.input_value("#frame"))
 
     def wait(self, condition: str) -> None:

@@ -1,4 +1,4 @@
-"""What the paper says of its first version, by number (P16-P22)."""
+"""Claims of the paper about its first version, by number (P16-P22)."""
 
 import math
 

@@ -124,7 +124,7 @@ def test_half_edges_know_when_they_are_out_of_order(menagerie: dict[str, Polygon
 
 
 def test_a_vertex_may_have_two_edges_only() -> None:
-    """As on a side that was cut while the faces beside it were small enough."""
+    """A side that is cut while its neighbours are small enough has such vertices."""
     points = [(0, 0, 0), (1, 0, 0), (2, 0, 0), (2, 1, 0), (0, 1, 0), (2, -1, 0), (0, -1, 0)]
     surface = Polyhedron(PolygonMesh(points, [(0, 1, 2, 3, 4), (2, 1, 0, 6, 5)]))
     assert fault_of(surface) is None
