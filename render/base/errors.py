@@ -41,8 +41,11 @@ class CorruptImageError(RenderError):
     exit_code = 1
 
 
-def suggestion(word: object, names: Iterable[str]) -> str:
-    """Return the remedy for an unknown name: `Did you mean 'vortex'?`, or the names there are."""
+def suggestion(word: object, names: Iterable[str], cutoff: float = 0.6) -> str:
+    """Return the remedy for an unknown name: `Did you mean 'vortex'?`, or the names there are.
+
+    cutoff  similarity that a name needs to be proposed, 0 to 1
+    """
     known = list(names)
-    close = get_close_matches(str(word), known, n=1, cutoff=0.6)
+    close = get_close_matches(str(word), known, n=1, cutoff=cutoff)
     return f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(known)}."

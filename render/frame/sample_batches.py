@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.frame.accumulator import Accumulator, Checkpoint, Picture
-from render.mitsuba.scene import VERTEX_AOV, FrameScenes, SceneRenderer
+from render.mitsuba.scene import FrameScenes, SceneRenderer
 from render.scene.aovs import Attributes
 from render.scene.quality import BATCH_SAMPLES, Quality
 from render.scene.scene import MotionSample
@@ -166,7 +166,7 @@ class SampleBatches:
         """
 
         def render(values: NDArray[np.float32]) -> Picture:
-            renderer.set_attribute("subject", VERTEX_AOV, values)
+            renderer.show_attribute(values)
             return renderer.render(samples, seed)[..., :3]
 
         others = render(np.zeros_like(next(iter(attributes.values()))))

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
+from render.scene.camera import unit
 from render.scene.lights import LightRig
 
 UNIFORM_FRACTION = 0.1
@@ -50,18 +51,14 @@ def sampled_emitters(lights: LightRig, to_scene: NDArray[np.float64]) -> list[Sa
     for index, box in enumerate(lights.softboxes):
         strength = float(_LUMA @ box.radiance) * box.width * box.height * scale**2
         position = turn @ box.position + to_scene[:3, 3]
-        facing = _unit(turn @ np.subtract(box.target, box.position))
+        facing = unit(turn @ np.subtract(box.target, box.position))
         sampled.append(SampledEmitter(f"softbox{index}", strength, _triple(position), _triple(facing)))
     for index, sun in enumerate(lights.suns):
-        facing = _unit(turn @ sun.direction)
+        facing = unit(turn @ sun.direction)
         sampled.append(SampledEmitter(f"sun{index}", float(_LUMA @ sun.irradiance), None, _triple(facing)))
     if lights.daylight or lights.environment:
         sampled.append(SampledEmitter("sky"))
     return sampled
-
-
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _triple(vector: NDArray[np.float64]) -> Triple:

@@ -148,15 +148,10 @@ def daylight_irradiances(daylight: Daylight) -> tuple[NDArray[np.float64], NDArr
     tilt = (np.arange(rows) + 0.5) / rows * math.pi / 2.0
     turn = (np.arange(columns) + 0.5) / columns * 2.0 * math.pi
     grid = np.stack(np.broadcast_arrays(tilt[:, None], turn[None, :]), axis=-1).reshape(-1, 2)
-    directions = np.stack(
-        [
-            np.sin(grid[:, 0]) * np.sin(grid[:, 1]),
-            np.cos(grid[:, 0]),
-            np.sin(grid[:, 0]) * np.cos(grid[:, 1]),
-        ],
-        axis=1,
-    )
-    weight = np.sin(grid[:, 0]) * np.cos(grid[:, 0]) * (math.pi / 2.0 / rows) * (2.0 * math.pi / columns)
+    tilt, turn = grid.T
+    sine, cosine = np.sin(tilt), np.cos(tilt)
+    directions = np.stack([sine * np.sin(turn), cosine, sine * np.cos(turn)], axis=1)
+    weight = sine * cosine * (math.pi / 2.0 / rows) * (2.0 * math.pi / columns)
     sky_only, sun_only = {"sun_scale": 0.0, "sky_scale": 1.0}, {"sun_scale": 1.0, "sky_scale": 0.0}
     sky = weight @ _radiance({**_sunsky(daylight), **sky_only}, directions)
     disc = 2.0 * math.pi * (1.0 - math.cos(daylight.width / 2.0))

@@ -186,7 +186,9 @@ def _probe(variant: str, library: LibLlvm | None) -> bool | None:
     command = [sys.executable, "-m", "render.mitsuba.engine", variant]
     if library is not None:
         command += [str(library.path), *map(str, library.dependencies)]
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(_search_path())}
+    inherited = os.environ.get("PYTHONPATH", "")
+    search_path = [_PACKAGE_ROOT, inherited] if inherited else [_PACKAGE_ROOT]
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, search_path))}
     try:
         done = subprocess.run(
             command,
@@ -201,11 +203,6 @@ def _probe(variant: str, library: LibLlvm | None) -> bool | None:
     if done.returncode < 0 and done.returncode not in CRASHES:
         return None
     return done.returncode == 0
-
-
-def _search_path() -> list[str]:
-    inherited = os.environ.get("PYTHONPATH", "")
-    return [str(_PACKAGE_ROOT), *([inherited] if inherited else [])]
 
 
 def _cache_file(variant: str, library: LibLlvm | None) -> Path:

@@ -71,11 +71,6 @@ def surface_bsdf(
     raise TypeError(f"{material.model} has no BSDF")
 
 
-def auxiliary_bsdf(material: Material) -> Description:
-    """Return the BSDF that gives a clear material its colour in the albedo AOV."""
-    return diffuse(material.auxiliary_colour)
-
-
 def interior_medium(material: Material, size: float) -> Description | None:
     """Return the medium inside the surface, or None. size: half the subject's, scene units"""
     if isinstance(material, Smoke):

@@ -34,7 +34,7 @@ the picture by the number of threads."""
 _AUXILIARY = "albedo:albedo,depth:depth,position:position,normal:sh_normal,matte:uv"
 
 VERTEX_AOV = "dye"
-"""Name of the vertex attribute (V, 3) that `FrameScenes.vertex_aov` shows. `set_attribute` changes it."""
+"""Name of the vertex attribute (V, 3) that `FrameScenes.vertex_aov` shows."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,12 +59,12 @@ class SceneRenderer:
         dr.flush_malloc_cache()
         return picture
 
-    def set_attribute(self, shape: str, attribute: str, values: NDArray[np.float32]) -> None:
-        """Replace the values (V, k) of a vertex attribute of a shape."""
+    def show_attribute(self, values: NDArray[np.float32]) -> None:
+        """Replace the values (V, 3) of the subject's vertex attribute VERTEX_AOV."""
         import mitsuba as mi
 
         parameters = mi.traverse(self.scene)
-        parameters[f"{shape}.vertex_{attribute}"] = np.ascontiguousarray(values, dtype=np.float32).ravel()
+        parameters[f"subject.vertex_{VERTEX_AOV}"] = np.ascontiguousarray(values, dtype=np.float32).ravel()
         parameters.update()
 
 
@@ -112,7 +112,8 @@ def _lit(
     lit = _load({**unlit, **emitters.emitters(lights, to_scene)})
     replaced = auxiliary_stage_shapes(scene.stage, placement, camera, size)
     if material.is_clear:
-        replaced["subject"] = mesh("subject", split, materials.auxiliary_bsdf(material), coordinates.values)
+        opaque = materials.diffuse(material.auxiliary_colour)
+        replaced["subject"] = mesh("subject", split, opaque, coordinates.values)
     auxiliary = lit
     if replaced or emitters.any_in_view(lights, to_scene, camera, size):
         auxiliary = _load({**unlit, **replaced})

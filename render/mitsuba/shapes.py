@@ -76,7 +76,10 @@ def stage_shapes(
     """Return the shapes around the subject by their names in the scene. size: of the picture, pixels"""
     if stage.kind == "none":
         return {}
-    floor = diffuse(stage.colour) if stage.roughness is None else _coated(stage, stage.roughness)
+    floor = diffuse(stage.colour)
+    if stage.roughness is not None:
+        colour = {"type": "rgb", "value": list(stage.colour)}
+        floor = two_sided(rough_plastic(colour, max(stage.roughness, 1e-2)))
     made = {"stage": mesh("stage", Surface(*placement.placed(stage.backdrop())), floor, _UV)}
     if stage.kind == "plinth":
         made["plinth"] = mesh("plinth", Surface(*placement.placed(stage.plinth())), diffuse(PLINTH), _UV)
@@ -98,10 +101,6 @@ def auxiliary_stage_shapes(
         return {}
     _, chrome, _ = reference_objects.positions(camera, placement, size[0] / size[1])
     return {"chrome": mesh("chrome", reference_objects.ball(chrome), diffuse((CHROME,) * 3), _UV)}
-
-
-def _coated(stage: Stage, roughness: float) -> dict[str, Any]:
-    return two_sided(rough_plastic({"type": "rgb", "value": list(stage.colour)}, max(roughness, 1e-2)))
 
 
 def gouraud_shapes(

@@ -7,7 +7,6 @@ step of 255. Pure, very bright blues and reds, where the view bends sharply, dif
 
 from __future__ import annotations
 
-import hashlib
 import math
 from contextlib import suppress
 from functools import cache, lru_cache
@@ -15,10 +14,10 @@ from typing import Any
 
 import numpy as np
 import OpenImageIO as oiio
-import platformdirs
 from numpy.typing import NDArray
 
 from render.base.atomic_write import atomic_write
+from render.base.disk_cache import cache_path
 from render.base.errors import BadInputError, MachineError
 from render.base.kernel_cache import compiled
 from render.post.view import ACES, ColourView
@@ -102,8 +101,7 @@ def _ocio_display(light: Floats, view: ColourView, display: str) -> Floats:
 def _lut(view: ColourView, display: str) -> Floats:
     """Return the table (65, 65, 65, 3) of a view, by red, green, blue; from the user's cache, or baked."""
     recipe = f"{oiio.__version__} {sorted(view.recipe.items())} {display} {_SIDE} {_TOE} {_WHITE}"
-    name = hashlib.blake2b(recipe.encode(), digest_size=12).hexdigest()
-    file = platformdirs.user_cache_path("flowsculpt") / "views" / f"{name}.npy"
+    file = cache_path("views", [recipe], ".npy")
     try:
         lut = np.load(file)
         if lut.shape == (_SIDE, _SIDE, _SIDE, 3) and lut.dtype == np.float32:

@@ -90,9 +90,10 @@ def temporal_denoise(
     values = np.concatenate([frame.light, frame.matte[..., None]], axis=2)
     spread = np.maximum(NOISE_LEFT * frame.noise, np.float32(MIN_SPREAD))
     tolerance = _tolerance(frame, size[0])
+    rows, columns = np.mgrid[:height, :width]
     for step in (-1, 1):
         points, at = frame.position, number
-        pixels = _pixel_grid(width, height)
+        pixels = np.stack([columns, rows], axis=2).astype(np.float32)
         while at + step in frames:
             points = points + _motion(frames[at], frames[at + step], step, pixels)
             at += step
@@ -124,11 +125,6 @@ def _project(camera: Camera, points: Floats, size: tuple[int, int], corner: tupl
     row = (1.0 - y) / 2.0 * height - 0.5 - corner[1]
     pixels = np.where(depth[:, None] > camera.near, np.stack([column, row], axis=1), -1.0)
     return np.ascontiguousarray(pixels.reshape(*points.shape[:2], 2), dtype=np.float32)
-
-
-def _pixel_grid(width: int, height: int) -> Floats:
-    rows, columns = np.mgrid[:height, :width]
-    return np.stack([columns, rows], axis=2).astype(np.float32)
 
 
 def _tolerance(frame: DenoisedFrame, width: int) -> Floats:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
-from difflib import get_close_matches
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
-from render.base.errors import BadInputError
+from render.base.errors import BadInputError, suggestion
 from render.scene.textures import DEFAULT_CONFIG
 
 BUILT_IN = "ocio://"
@@ -39,7 +38,7 @@ class ColourView:
     movie: str = "Rec.1886 Rec.709 - Display"
     still: str = "sRGB - Display"
     space: str = "lin_rec709_scene"
-    digest: str = field(default="")
+    digest: str = ""
 
     def display(self, use: str) -> str:
         """Return the display for rec709 (movies) or srgb (pages). Raises BadInputError for others."""
@@ -111,6 +110,4 @@ def _read(config: str, digest: str) -> Any:
 
 def _require_known(kind: str, name: str, names: list[str], config: str) -> None:
     if name not in names:
-        close = get_close_matches(name, names, 1, cutoff=0.4)
-        hint = f"Did you mean {close[0]!r}?" if close else f"There are: {', '.join(names)}."
-        raise BadInputError(f"{config} has no {kind} {name!r}. {hint}")
+        raise BadInputError(f"{config} has no {kind} {name!r}. {suggestion(name, names, cutoff=0.4)}")

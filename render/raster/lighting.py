@@ -18,8 +18,8 @@ from render.raster.shadow_map import (
     render_depth,
 )
 from render.raster.shapes import Floats, ScreenProjection, Shape, StageSetup, plinth_shape
-from render.scene.camera import Camera
-from render.scene.lights import LightRig, Sky, Softbox, Sun
+from render.scene.camera import Camera, unit
+from render.scene.lights import LightRig, Sky, Softbox
 from render.scene.materials import Diffuse, Material
 
 COAT = 0.05
@@ -100,7 +100,10 @@ class Lighting:
 def _light_rows(setup: StageSetup) -> Floats:
     """Return the lights (L, 10), the key light first, as the kernel `shade_vertices` takes them."""
     rows = [_softbox_row(box, setup) for box in setup.lights.softboxes]
-    rows += [_sun_row(sun) for sun in setup.lights.suns]
+    rows += [
+        np.array([*-unit(np.array(sun.direction)), 0.0, 0.0, 0.0, *sun.irradiance, 0.0])
+        for sun in setup.lights.suns
+    ]
     return np.array(rows).reshape(-1, 10)
 
 
@@ -123,28 +126,20 @@ def _key_position(rig: LightRig, setup: StageSetup) -> tuple[Floats, Floats]:
     if rig.softboxes:
         return _placed(rig.softboxes[0], setup)
     target = np.add(setup.placement.origin, (0.0, setup.placement.size, 0.0))
-    return target - SUN_DISTANCE * setup.placement.size * _unit(np.array(rig.suns[0].direction)), target
+    return target - SUN_DISTANCE * setup.placement.size * unit(np.array(rig.suns[0].direction)), target
 
 
 def _softbox_row(box: Softbox, setup: StageSetup) -> Floats:
     position, target = _placed(box, setup)
     area = box.width * box.height * setup.placement.size**2
     power = area * np.array(box.radiance)
-    return np.array([*position, *_unit(target - position), *power, np.sqrt(area) / 2.0])
-
-
-def _sun_row(sun: Sun) -> Floats:
-    return np.array([*-_unit(np.array(sun.direction)), 0.0, 0.0, 0.0, *sun.irradiance, 0.0])
+    return np.array([*position, *unit(target - position), *power, np.sqrt(area) / 2.0])
 
 
 def _placed(box: Softbox, setup: StageSetup) -> tuple[Floats, Floats]:
     matrix = setup.placement.matrix()
     position, target = (matrix[:3, :3] @ np.array(at) + matrix[:3, 3] for at in (box.position, box.target))
     return position, target
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / np.linalg.norm(vector))
 
 
 def _reflection(material: Material) -> Floats:

@@ -86,10 +86,6 @@ class RenderedFrame:
     def __getitem__(self, name: str) -> Pixels:
         return self.arrays[name]
 
-    def with_(self, **arrays: Pixels) -> RenderedFrame:
-        """Return the frame with some AOVs added or replaced."""
-        return RenderedFrame({**self.arrays, **arrays}, self.facts, self.seconds)
-
     @property
     def size(self) -> tuple[int, int]:
         """Width and height in pixels."""

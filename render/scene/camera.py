@@ -54,8 +54,8 @@ class Camera:
 
     def axes(self) -> NDArray[np.float64]:
         """Return the unit vectors (3, 3) that point right and up in the picture, and forward."""
-        forward = _unit(np.subtract(self.target, self.origin))
-        right = _unit(np.cross(forward, self.up))
+        forward = unit(np.subtract(self.target, self.origin))
+        right = unit(np.cross(forward, self.up))
         return np.stack([right, np.cross(right, forward), forward])
 
     @property
@@ -76,5 +76,6 @@ class Camera:
         return np.stack([local[:, 0] / scale, local[:, 1] / scale * aspect, depth], axis=1)
 
 
-def _unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+def unit(vector: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a vector (3,) over its length."""
     return np.asarray(vector / np.linalg.norm(vector), dtype=np.float64)

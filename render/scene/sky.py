@@ -5,14 +5,13 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 from functools import lru_cache
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import NOT_PLAIN, Triple
-from render.scene.textures import require_finite
+from render.scene.textures import opened_picture, read_channels, require_finite
 
 OBLIQUITY = math.radians(23.44)
 """Tilt of the earth's axis."""
@@ -128,28 +127,14 @@ def read_map(path: str, digest: str) -> NDArray[np.float32]:
 
 
 def _pixels(path: str) -> NDArray[np.float32]:
-    import OpenImageIO as oiio
-
-    file = oiio.ImageInput.open(path)
-    if file is None:
-        raise BadInputError(f"{path}: it cannot be read as a picture ({_reason(oiio)}); write an EXR or HDR")
-    try:
+    with opened_picture(path, "EXR or HDR") as file:
         kind, channels = file.format_name(), file.spec().nchannels
         if kind not in _FORMATS or channels < 3:
             raise BadInputError(
                 f"{path}: it is a picture of {channels} channels in {kind}; a map of light has 3, in an EXR "
                 "or HDR"
             )
-        pixels = file.read_image(0, 0, 0, 3, oiio.FLOAT)
-        if pixels is None:
-            raise BadInputError(f"{path}: it cannot be read to its end ({file.geterror()}); write it again")
-    finally:
-        file.close()
-    return np.asarray(pixels, dtype=np.float32)
-
-
-def _reason(oiio: Any) -> str:
-    return str(oiio.geterror() or "unknown format").splitlines()[0]
+        return read_channels(file, 3, path)
 
 
 def _averaged(pixels: NDArray[np.float32]) -> NDArray[np.float32]:

@@ -180,7 +180,7 @@ def outlines(faces: NDArray[np.int32], pieces: int) -> NDArray[np.int32]:
     Edges of the original belong to one piece of their triangle, edges between pieces to two.
     """
     count = pieces * pieces
-    edges = np.sort(_edges_of(faces.reshape(-1, 3)), axis=1).reshape(len(faces) // count, 3 * count, 2)
+    edges = np.sort(faces[:, [[0, 1], [1, 2], [2, 0]]], axis=2).reshape(len(faces) // count, 3 * count, 2)
     code = edges[..., 0].astype(np.int64) << 32 | edges[..., 1]
     order = np.argsort(code, axis=1, kind="stable")
     ranked = np.take_along_axis(code, order, axis=1)
@@ -189,11 +189,6 @@ def outlines(faces: NDArray[np.int32], pieces: int) -> NDArray[np.int32]:
     alone = ~(np.hstack([same, edge]) | np.hstack([edge, same]))
     kept = np.unique(ranked[alone])
     return np.stack([kept >> 32, kept & 0xFFFFFFFF], axis=1).astype(np.int32)
-
-
-def _edges_of(faces: NDArray[np.int32]) -> NDArray[np.int32]:
-    """Return the edges (3F, 2) of faces, those of a face one after the other."""
-    return faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
 
 
 def _unique_edges(surface: Surface) -> NDArray[np.int32]:

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
 from render.base.serialise import Triple
+from render.scene.camera import unit
 from render.scene.surface import Surface
 
 Floats = NDArray[np.float64]
@@ -79,7 +80,7 @@ class Projection:
     def _wrapped(self, corners: Floats) -> tuple[Floats, Counts]:
         axis = np.array(self._axis())
         front = np.array([0.0, 0.0, 1.0] if abs(axis[2]) < 0.9 else [0.0, -1.0, 0.0])
-        front = _unit(front - (front @ axis) * axis)
+        front = unit(front - (front @ axis) * axis)
         height, ahead, right = corners @ axis, corners @ front, corners @ np.cross(axis, front)
         radius = np.hypot(ahead, right)
         across = (np.arctan2(right, ahead) - self.turn) / (2.0 * math.pi)
@@ -99,7 +100,7 @@ class Projection:
     def _axis(self) -> Triple:
         """Return the unit axis; by default planar textures face the front, others stand upright."""
         axis = self.axis or ((0.0, 0.0, 1.0) if self.kind == "planar" else (0.0, 1.0, 0.0))
-        x, y, z = _unit(np.array(axis)).tolist()
+        x, y, z = unit(np.array(axis)).tolist()
         return x, y, z
 
 
@@ -140,9 +141,5 @@ def _facing(axis: Triple) -> Floats:
     """Return right and up (2, 3) of a texture that faces along the axis."""
     look = np.array(axis)
     up = np.array([0.0, 1.0, 0.0] if abs(look[1]) < 0.9 else [0.0, 0.0, -1.0])
-    right = _unit(np.cross(up, look))
+    right = unit(np.cross(up, look))
     return np.stack([right, np.cross(look, right)])
-
-
-def _unit(vector: Floats) -> Floats:
-    return np.asarray(vector / np.linalg.norm(vector))

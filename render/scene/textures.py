@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache, lru_cache
@@ -129,25 +131,40 @@ def _read(path: str) -> tuple[Pixels, bool]:
 
     unassociated = oiio.ImageSpec()
     unassociated["oiio:UnassociatedAlpha"] = 1
-    file = oiio.ImageInput.open(path, unassociated)
-    if file is None:
-        reason = str(oiio.geterror() or "unknown format").splitlines()[0]
-        raise BadInputError(
-            f"{path}: it cannot be read as a picture ({reason}); write an EXR, PNG, JPEG or TIFF"
-        )
-    try:
-        count, is_float = min(file.spec().nchannels, 3), _is_float(file.spec().format)
-        pixels = file.read_image(0, 0, 0, count if count == 3 else 1, oiio.FLOAT)
-        if pixels is None:
-            raise BadInputError(f"{path}: it cannot be read to its end ({file.geterror()}); write it again")
-    finally:
-        file.close()
-    pixels = np.asarray(pixels, dtype=np.float32).reshape(*pixels.shape[:2], -1)
+    with opened_picture(path, "EXR, PNG, JPEG or TIFF", unassociated) as file:
+        is_float = str(file.spec().format) in ("half", "float", "double")
+        pixels = read_channels(file, 3 if file.spec().nchannels >= 3 else 1, path)
+    pixels = pixels.reshape(*pixels.shape[:2], -1)
     return np.ascontiguousarray(np.broadcast_to(pixels, (*pixels.shape[:2], 3))), is_float
 
 
-def _is_float(kind: Any) -> bool:
-    return str(kind) in ("half", "float", "double")
+@contextmanager
+def opened_picture(path: str, kinds: str, *options: Any) -> Iterator[Any]:
+    """Open a file with OpenImageIO.
+
+    kinds    file formats that the message recommends
+    options  an ImageSpec for the reader
+
+    Raises BadInputError where it is no picture.
+    """
+    import OpenImageIO as oiio
+
+    file = oiio.ImageInput.open(path, *options)
+    if file is None:
+        reason = str(oiio.geterror() or "unknown format").splitlines()[0]
+        raise BadInputError(f"{path}: it cannot be read as a picture ({reason}); write an {kinds}")
+    try:
+        yield file
+    finally:
+        file.close()
+
+
+def read_channels(file: Any, count: int, path: str) -> Pixels:
+    """Return the first channels of an opened picture. Raises BadInputError where it is truncated."""
+    pixels = file.read_image(0, 0, 0, count)
+    if pixels is None:
+        raise BadInputError(f"{path}: it cannot be read to its end ({file.geterror()}); write it again")
+    return np.asarray(pixels, dtype=np.float32)
 
 
 def linear_of_srgb(srgb: NDArray[np.floating]) -> NDArray[np.float64]:

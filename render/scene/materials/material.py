@@ -22,10 +22,9 @@ M = TypeVar("M", bound="Material")
 _REFUSALS = {
     "roughness_texture": "has one roughness; those of plastic, metal and satin vary",
     "relief": "takes no relief; leave it out",
-    **{
-        name: f"has one colour; leave its {word} out"
-        for name, word in (("pigment", "pigment"), ("measure", "measure"), ("colour_texture", "picture"))
-    },
+    "pigment": "has one colour; leave its pigment out",
+    "measure": "has one colour; leave its measure out",
+    "colour_texture": "has one colour; leave its picture out",
 }
 """Messages about a field that a model does not have."""
 
