@@ -25,8 +25,7 @@ from pipeline.flow import Streamlines, Sum, VelocityField
 from pipeline.flow.catalogue import FLOWS
 from pipeline.flow.catalogue.basic import Expansion, Rotation, Strain
 from pipeline.flow.catalogue.vortices import Vortex
-from pipeline.flow.kernels import attractors as attractor
-from pipeline.flow.kernels import basic, cellular
+from pipeline.flow.kernels import fields
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels import vortices as vortex
@@ -41,7 +40,7 @@ MOST = 1.3
 
 EQUATIONS = {
     code: getattr(family, name.lower())
-    for family in (attractor, basic, cellular, vortex)
+    for family in (fields, vortex)
     for name, code in vars(family).items()
     if isinstance(code, int) and hasattr(family, name.lower())
 }
@@ -72,7 +71,7 @@ def by_hand(program: Program) -> Any:
     if len(program) == 1:
         return numba.njit(EQUATIONS[program[0].opcode].py_func)
     swirl, stretch, turn, weigh = (
-        numba.njit(one.py_func) for one in (vortex.lamb_oseen, basic.strain, basic.rotation, ball_weight)
+        numba.njit(one.py_func) for one in (vortex.lamb_oseen, fields.strain, fields.rotation, ball_weight)
     )
     o_swirl, o_stretch, o_close, o_turn = (op.COLUMNS * row for row in (1, 2, 3, 4))
 
@@ -113,7 +112,7 @@ def ours(program: Program, parallel: bool) -> Callable[[Points, Points], None]:
     steps, spans = np.zeros((SUBSTEPS, 6), np.int64), np.full((SUBSTEPS, 3), np.inf)
     steps[:, 1], spans[:, 0] = len(kinds), STEP
     advect = kernels.advect_parallel if parallel else kernels.advect
-    return lambda points, out: advect(points, kinds, tables, steps, spans, out)
+    return lambda points, out: advect(points, kinds, tables, steps, spans, False, out)
 
 
 def by_error(points: Points) -> list[Row]:

@@ -70,7 +70,7 @@ class StepPlan(NamedTuple):
     opcodes  int32 (K,), the opcodes of all programs
     tables   float64, their tables, flat
     steps    int64 (S, 6): each sub-step's first opcode, the one after its last, the start of its tables, how
-             often a point may halve it, and its tables (see `kernels.adaptive.advect_adaptive`)
+             often a point may halve it, and its tables (see `kernels.streamlines.advect`)
     spans    float64 (S, 3): seconds, tolerance and maximum step of each sub-step
     owners   keep the memory at the addresses in the tables
     halved   tells whether points may halve the sub-steps
@@ -104,11 +104,8 @@ class StepPlan(NamedTuple):
         points = kernel_points(points)
         out = np.empty_like(points)
         parallel = len(points) * len(self.spans) > PARALLEL_FROM
-        if self.halved:
-            advect = adaptive.advect_adaptive_parallel if parallel else adaptive.advect_adaptive
-        else:
-            advect = kernels.advect_parallel if parallel else kernels.advect
-        advect(points, *self[:4], out)
+        advect = kernels.advect_parallel if parallel else kernels.advect
+        advect(points, *self[:4], self.halved, out)
         return out
 
 

@@ -21,7 +21,7 @@ LEAF = 6
 
 @dataclass(frozen=True, eq=False)
 class TriangleTree:
-    """The flat array of `kernels.nearest`: boxes, then triangles.
+    """The flat array of `kernels.lookups`: boxes, then triangles.
 
     memory     float64, all of it; further numbers may follow
     triangles  start of the triangles in it

@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels.program import velocities
 from pipeline.flow.parameters import kernel_points, shot_name
 from pipeline.kernels import BlockKernel
 
@@ -97,7 +97,7 @@ class VelocityField(ABC):
         """Return velocities (N, 3) at points (N, 3)."""
         points, program = kernel_points(points), self.program(time)
         out = np.empty_like(points)
-        kernels.velocities(points, opcodes_of(program), table_of(program).ravel(), out)
+        velocities(points, opcodes_of(program), table_of(program).ravel(), out)
         return out
 
 

@@ -12,12 +12,11 @@ from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.normals import carried_normals, unit, vertex_normals
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
-from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.limits import Changes, Limits
 from pipeline.resample.kernels.move_vertices import relax_goals, relax_vertices
 from pipeline.resample.kernels.rest_surface import list_marked
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
-from pipeline.resample.kernels.work_lists import Changes
 from pipeline.resample.placement import move_without_folds
 from pipeline.resample.rest_surface import (
     ASTRAY,

@@ -12,11 +12,10 @@ from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.kernels.halfedge import MeshArrays
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.kernels.curved_patches import curved_midpoints
-from pipeline.resample.kernels.limits import Limits
+from pipeline.resample.kernels.limits import Changes, Limits
 from pipeline.resample.kernels.move_vertices import place_vertices
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
-from pipeline.resample.kernels.work_lists import Changes
 
 
 class Placement(Protocol):

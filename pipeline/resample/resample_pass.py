@@ -1,8 +1,11 @@
-"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact."""
+"""One resample pass over a surface: find edges, split, collapse, flip, relax, compact; and its report."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
 
 import numpy as np
 
@@ -11,11 +14,7 @@ from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
 from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
 from pipeline.resample.kernels.collapse import collapse_and_flip, collapse_queued
-from pipeline.resample.kernels.flip import MAX_STACK
-from pipeline.resample.kernels.limits import Limits
-from pipeline.resample.kernels.move_vertices import MAX_SPOKES_OF_NEW, classify_around, list_poor_vertices
-from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
-from pipeline.resample.kernels.scan import (
+from pipeline.resample.kernels.edge_scans import (
     BLOCK,
     CHUNK,
     flag_faces,
@@ -24,16 +23,64 @@ from pipeline.resample.kernels.scan import (
     list_flagged_edges,
     list_long_edges,
 )
+from pipeline.resample.kernels.flip import MAX_STACK
+from pipeline.resample.kernels.limits import QUEUED, REFUSED, Changes, Limits, items_of, work_list
+from pipeline.resample.kernels.move_vertices import MAX_SPOKES_OF_NEW, classify_around, list_poor_vertices
+from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
-from pipeline.resample.kernels.work_lists import QUEUED, REFUSED, Changes
 from pipeline.resample.placement import Placement
-from pipeline.resample.report import Report
 from pipeline.resample.thresholds import Thresholds, TriangleShape
 
 _MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
 _RINGS = (new_ring(), new_ring())
 _STACK: Indices = np.empty(MAX_STACK + 1, np.int32)
+
+
+@dataclass(frozen=True)
+class Report:
+    """Counts of one frame.
+
+    splits, collapses, flips   operations done
+    passes                     rounds of splitting until no edge was too long
+    refused                    edges still too short, by the reason why they may not collapse:
+                               link       the surface would no longer be a manifold
+                               boundary   two boundaries would meet, or a boundary triangle vanish
+                               feature    two corners or two creases would become one
+                               too_long   an edge over the maximum would appear
+                               fold       a face would turn over or become a sliver
+                               shape      the tip of something thin would be lost
+                               crowded    an end has more than 500 neighbours
+    vertices, faces, edges     counts after the pass
+    too_long, too_short        edges outside their limits; too_long is 0, too_short the sum of `refused`
+    shortest, longest          edge lengths, scene units
+    relaxed                    vertices moved within the surface for the shape of their triangles
+    on_chord                   new vertices left at the middle of their edge, because the surface would have
+                               folded at their proper place
+    """
+
+    splits: int
+    collapses: int
+    flips: int
+    passes: int
+    vertices: int
+    faces: int
+    edges: int
+    too_long: int
+    too_short: int
+    shortest: float
+    longest: float
+    relaxed: int = 0
+    on_chord: int = 0
+    refused: Mapping[str, int] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "refused", MappingProxyType(dict(self.refused)))
+
+    @property
+    def within_limits(self) -> float:
+        """Share of the edges within their length limits, 0 to 1."""
+        return 1.0 - (self.too_long + self.too_short) / self.edges
 
 
 class ResamplePass:
@@ -60,7 +107,7 @@ class ResamplePass:
         if not math.isfinite(total):
             raise not_finite(mesh.vertices)
         count = int(counts.sum())
-        self.long_edges, self.obtuse_edges = _work_list(3 * count), _work_list(count)
+        self.long_edges, self.obtuse_edges = work_list(3 * count), work_list(count)
         list_flagged_edges(
             mesh.arrays, self.limits, flagged, counts, self.long_edges, self.obtuse_edges, self.changes
         )
@@ -84,12 +131,12 @@ class ResamplePass:
             self._keep_to_budget(room)
             self.mesh.reserve(room, 2 * room)
             self.changes = changes_of(self.mesh)
-            arrays, remaining, births = self.mesh.arrays, _work_list(10 * room), _work_list(BIRTH_SIZE * room)
+            arrays, remaining, births = self.mesh.arrays, work_list(10 * room), work_list(BIRTH_SIZE * room)
             order = longest_edges_first(arrays, self.long_edges, self.limits, remaining)
             split_edges(arrays, self.mesh.sizes, self.limits, order, remaining, births, self.changes)
             self.splits += int(self.mesh.sizes[0]) - first
             self.passes += 1
-            born = _items(births).reshape(-1, BIRTH_SIZE)
+            born = items_of(births).reshape(-1, BIRTH_SIZE)
             self.mesh.enter_births(born[:, :BIRTH_HALFEDGE])
             self.long_edges = self._place(born, remaining)
 
@@ -98,17 +145,21 @@ class ResamplePass:
         if not self.placement.leaves_chord or not len(births) or self.passes > _MAX_PLACED:
             return remaining
         self.on_chord += self.placement.place(self.mesh, births, self.limits)
-        long_edges = _work_list(int(remaining[0]) + MAX_SPOKES_OF_NEW * len(births))
+        long_edges = work_list(int(remaining[0]) + MAX_SPOKES_OF_NEW * len(births))
         classify_around(self.mesh.arrays, births, self.limits, remaining, long_edges, self.changes)
         return long_edges
 
     def collapse_short_edges(self) -> None:
         """Collapse short edges and flip badly shaped ones, until no short edge can collapse (P9)."""
-        self._dead = (
-            _emptied(self.mesh.scratch("dead faces", 1 + int(self.mesh.sizes[1]))),
-            _emptied(self.mesh.scratch("dead vertices", 1 + int(self.mesh.sizes[0]))),
-        )
+        self._dead = self._dead_lists()
+        for dead in self._dead:
+            dead[0] = 0
         self._collapse_and_flip()
+
+    def _dead_lists(self) -> tuple[Indices, Indices]:
+        """Return the work lists of removed faces and vertices, as they are, with room for all."""
+        vertices, faces = (int(size) for size in self.mesh.sizes)
+        return self.mesh.scratch("dead faces", 1 + faces), self.mesh.scratch("dead vertices", 1 + vertices)
 
     def _collapse_and_flip(self) -> None:
         collapses, flips = collapse_and_flip(
@@ -120,10 +171,8 @@ class ResamplePass:
     def relax_vertices(self) -> None:
         """Move the vertices of badly shaped triangles within the surface (P36), if the placement can."""
         for _ in range(self.shape.rounds if self.placement.can_relax else 0):
-            spokes, seen = (
-                _work_list(3 * int(self.changes.changed[0])),
-                np.zeros(self.mesh.sizes[0], np.uint8),
-            )
+            spokes = work_list(3 * int(self.changes.changed[0]))
+            seen = np.zeros(self.mesh.sizes[0], np.uint8)
             list_poor_vertices(self.mesh.arrays, self.shape.min_roundness, self.changes, seen, spokes)
             if not spokes[0]:
                 return
@@ -141,14 +190,10 @@ class ResamplePass:
         self.changes.edge_states[refused] = QUEUED
         slack = self.limits._replace(squared_slack=_SLACK**2)
         self.collapses += collapse_queued(self.mesh.arrays, slack, _RINGS, self.changes, *self._dead)
-        self.long_edges = _work_list(3 * int(self.changes.fresh[0]))
+        self.long_edges = work_list(3 * int(self.changes.fresh[0]))
         list_long_edges(self.mesh.arrays, self.limits, self.changes, self.long_edges)
         self.split_long_edges()
-        vertices, faces = (int(size) for size in self.mesh.sizes)
-        self._dead = (
-            self.mesh.scratch("dead faces", 1 + faces),
-            self.mesh.scratch("dead vertices", 1 + vertices),
-        )
+        self._dead = self._dead_lists()
         self._collapse_and_flip()
         self.relax_vertices()
 
@@ -156,11 +201,11 @@ class ResamplePass:
         """Measure the edges and close the gaps that removed faces and vertices left in the arrays."""
         low, high = length_range(self.mesh.arrays, self.faces, self.changes, self.block_ranges)
         self.shortest, self.longest = math.sqrt(low), math.sqrt(high)
-        self.mesh.compact(_items(self._dead[1]), _items(self._dead[0]))
+        self.mesh.compact(items_of(self._dead[1]), items_of(self._dead[0]))
 
     def _refused(self, reason: int) -> Indices:
         """Return a half-edge of each short edge that was refused for that reason."""
-        waiting = _items(self.changes.short_edges)
+        waiting = items_of(self.changes.short_edges)
         chosen: Indices = waiting[self.changes.edge_states[waiting] == REFUSED + reason]
         return chosen
 
@@ -176,7 +221,7 @@ class ResamplePass:
             )
 
     def _report(self) -> Report:
-        waiting = self.changes.edge_states[_items(self.changes.short_edges)]
+        waiting = self.changes.edge_states[items_of(self.changes.short_edges)]
         refused = np.bincount(waiting, minlength=REFUSED + len(REASONS))[REFUSED:]
         return Report(
             splits=self.splits,
@@ -211,8 +256,8 @@ def changes_of(mesh: HalfedgeMesh) -> Changes:
 
 def reset(changes: Changes) -> None:
     """Clear the record: no face has changed, and no edge is listed."""
-    for work_list in (changes.changed, changes.fresh, changes.short_edges):
-        work_list[0] = 0
+    for items in (changes.changed, changes.fresh, changes.short_edges):
+        items[0] = 0
     changes.face_states.fill(0)
     changes.edge_states.fill(0)
 
@@ -248,19 +293,3 @@ def _limits(mesh: HalfedgeMesh, thresholds: Thresholds, placement: Placement, sh
         rest_column=rest_column,
         rest_normal_column=rest_normal_column,
     )
-
-
-def _work_list(room: int) -> Indices:
-    """Return an empty work list with room for that many items (see `kernels.work_lists`)."""
-    items = np.empty(room + 1, np.int32)
-    items[0] = 0
-    return items
-
-
-def _emptied(work_list: Indices) -> Indices:
-    work_list[0] = 0
-    return work_list
-
-
-def _items(work_list: Indices) -> Indices:
-    return work_list[1 : 1 + work_list[0]]

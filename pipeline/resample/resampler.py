@@ -19,8 +19,7 @@ from pipeline.mesh.identity import Register
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.placement import Chord, Placement
 from pipeline.resample.quadrisection import quadrisect
-from pipeline.resample.report import Report
-from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
+from pipeline.resample.resample_pass import Report, ResamplePass, changes_of, reset
 from pipeline.resample.thresholds import DEFAULT_ROUNDNESS, Thresholds, TriangleShape
 
 Splits = Literal["edges", "faces"]

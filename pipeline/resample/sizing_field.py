@@ -13,7 +13,7 @@ from pipeline.formula import PLACE, TIME, Expression
 from pipeline.formula.syntax import time_values
 from pipeline.mesh.normals import NORMAL, split_at_creases
 from pipeline.mesh.triangle_mesh import TriangleMesh
-from pipeline.resample.kernels.sizing_field import edge_curvature, limit_gradation
+from pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
 
 SHORT = 0.4
 """Share of the finest edge: shorter edges collapse (P12), and their curvature is noise."""
@@ -136,7 +136,7 @@ class ThresholdFormula:
 def curvature(mesh: TriangleMesh, hard_angle: float = math.radians(40), shortest: float = 0.0) -> Floats:
     """Return the largest curvature (V,) along the edges at every vertex, 1 / scene units; 0 where flat.
 
-    For hard_angle and shortest see `Curvature` and `pipeline.resample.kernels.sizing_field.edge_curvature`.
+    For hard_angle and shortest see `Curvature` and `pipeline.resample.kernels.edge_scans.edge_curvature`.
     Raises MeshError where the mesh is not an oriented manifold.
     """
     points, faces, normals, source = _shaded(mesh, hard_angle)

@@ -21,6 +21,7 @@ from pipeline.flow.catalogue.vortices import RMS, CurlNoise
 from pipeline.flow.composed_fields import ScaledField, TransformedField
 from pipeline.flow.composed_maps import Mirror, Transform
 from pipeline.flow.kernels import streamlines as kernels
+from pipeline.flow.kernels.program import velocities
 from pipeline.flow.velocity import ExternalField
 from pipeline.mesh import icosphere, torus
 
@@ -100,7 +101,7 @@ def test_parameters_of_formulas_and_new_formulas_compile_no_kernel(points: Point
     for k in range(4):
         field = FormulaField(("-k * y", f"{k} * x", "0"), (("k", float(k)),))
         Streamlines(Sum((field, Rotation())), 2).displace(points, 0.0, 0.1)
-    assert len(kernels.advect.signatures) <= 1 and len(kernels.velocities.signatures) <= 1
+    assert len(kernels.advect.signatures) <= 1 and len(velocities.signatures) <= 1
     assert (
         FormulaField(("k", "0", "0"), (("k", 1.0),)).block
         is FormulaField(("k", "0", "0"), (("k", 2.0),)).block

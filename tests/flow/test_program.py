@@ -18,8 +18,7 @@ from pipeline.flow import Streamlines, Sum, VelocityField
 from pipeline.flow.catalogue.basic import Rotation, Strain
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels import streamlines as kernels
-from pipeline.flow.kernels.program import level_count
+from pipeline.flow.kernels.program import level_count, velocities
 from pipeline.flow.kernels.regions import weights
 from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, scaled, transformed
 from pipeline.kernels import BLOCK_SIGNATURE
@@ -170,4 +169,4 @@ def test_no_composition_compiles_anything() -> None:
     for rows in (scaled(VORTEX.program(0.0), 2.0), grouped(STRAIN.program(0.0), BALL), ()):
         velocity(rows)
         Streamlines(Programmed(rows), 2).displace(POINTS, 0.0, 0.1)
-    assert len(kernels.velocities.signatures) == 1
+    assert len(velocities.signatures) == 1

@@ -28,11 +28,11 @@ from pipeline.flow.catalogue.basic import (
 )
 from pipeline.flow.catalogue.cellular import ABC, DoubleGyre, Enright, Kneading, TaylorGreen
 from pipeline.flow.catalogue.vortices import SpiralVortex, Vortex, VortexPair, VortexRing
-from pipeline.flow.kernels import attractors as attractor
-from pipeline.flow.kernels import basic, cellular
+from pipeline.flow.kernels import fields
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import streamlines as kernels
 from pipeline.flow.kernels import vortices as vortex
+from pipeline.flow.kernels.program import velocities
 from pipeline.flow.parameters import summary
 from pipeline.flow.velocity import table_of
 
@@ -76,7 +76,7 @@ FIXED = [
 ]
 """Those whose centre stays where it is."""
 
-FAMILIES = (attractor, basic, cellular, vortex)
+FAMILIES = (fields, vortex)
 EQUATIONS = {
     code: getattr(family, name.lower())
     for family in FAMILIES
@@ -293,7 +293,7 @@ def test_parameters_and_compositions_compile_nothing(points: Points) -> None:
         for array in (points * count, frozen, np.asfortranarray(points), points.astype(np.float32)):
             Streamlines(field, count).displace(array, 0.1 * count, 0.02 * count)
             field.velocity(array, 0.0)
-    assert len(kernels.advect.signatures) == len(kernels.velocities.signatures) == 1
+    assert len(kernels.advect.signatures) == len(velocities.signatures) == 1
 
 
 def test_a_field_too_steep_to_follow_is_refused_by_name() -> None:

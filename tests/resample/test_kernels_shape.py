@@ -10,10 +10,9 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Indices
 from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, torus
 from pipeline.mesh.normals import vertex_normals
-from pipeline.resample.kernels.limits import Limits, length_limits
+from pipeline.resample.kernels.limits import UNCHANGED, Changes, Limits, length_limits, touch
 from pipeline.resample.kernels.move_vertices import list_poor_vertices, relax_goals, relax_vertices, roundness
 from pipeline.resample.kernels.ring import new_ring
-from pipeline.resample.kernels.work_lists import UNCHANGED, Changes, touch
 from pipeline.resample.placement import Chord
 from pipeline.resample.resample_pass import ResamplePass, changes_of, reset
 from pipeline.resample.thresholds import Thresholds, TriangleShape

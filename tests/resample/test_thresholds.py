@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from pipeline.errors import UsageError
 from pipeline.mesh import TriangleMesh, box, icosphere, sheet, torus, validate
 from pipeline.resample import Curvature, DistanceToCamera, Resampler, ThresholdFormula, Thresholds, resample
-from pipeline.resample.kernels.sizing_field import edge_curvature, limit_gradation
+from pipeline.resample.kernels.edge_scans import edge_curvature, limit_gradation
 from pipeline.resample.sizing_field import curvature, graded
 
 BALL = icosphere(12)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 import numpy as np
 
 from pipeline.arrays import Floats, Points, Vectors
-from pipeline.flow.kernels import nearest as kernels
+from pipeline.flow.kernels import lookups as kernels
 from pipeline.flow.parameters import Number, ParameterDoc, Positive, Vector, number_at
 from pipeline.flow.triangle_tree import TriangleTree, segments
 from pipeline.flow.velocity import ExternalField

@@ -7,7 +7,7 @@ from abc import abstractmethod
 from dataclasses import dataclass, fields
 from typing import Annotated, ClassVar
 
-from pipeline.flow.kernels import attractors as kernels
+from pipeline.flow.kernels import fields as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Number,

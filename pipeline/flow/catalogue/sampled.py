@@ -10,7 +10,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 
 from pipeline.arrays import Floats
-from pipeline.flow.kernels import sampled as kernels
+from pipeline.flow.kernels import lookups as kernels
 from pipeline.flow.parameters import (
     ORIGIN,
     Number,

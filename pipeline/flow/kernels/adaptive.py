@@ -1,4 +1,4 @@
-"""Points advected along the velocities of a program by sub-steps that each point halves for itself.
+"""Points advected by sub-steps that each point halves for itself.
 
 The pair is Zonneveld's 4(3): the classical Runge-Kutta method, and a fifth stage at three quarters of the
 step for an embedded method of order 3. Their difference is the estimate of the error,
@@ -19,24 +19,9 @@ from __future__ import annotations
 
 import math
 
-import numpy as np
-from numba import prange
-
-from pipeline.arrays import AnyArray, Floats, Indices, Points
-from pipeline.flow.kernels.instructions import (
-    BLOCK,
-    COLUMNS,
-    LEVEL,
-    U,
-    X,
-    Y,
-    Z,
-    clear_velocities,
-    load,
-    store,
-)
-from pipeline.flow.kernels.program import level_count, run_program
-from pipeline.flow.kernels.streamlines import STEP_PLAN
+from pipeline.arrays import AnyArray, Floats, Indices
+from pipeline.flow.kernels.instructions import BLOCK, COLUMNS, U, X, Y, Z, clear_velocities
+from pipeline.flow.kernels.program import run_program
 from pipeline.kernels import kernel
 
 POSITION = 0  # three runs: all points of the block
@@ -154,7 +139,7 @@ def _halvings(length: float, error: float, tolerance: float, max_step: float) ->
 
 
 @kernel("void(i4[::1], f8[::1], i8[::1], f8[::1], i8, f8[::1], i8[:, ::1])")
-def _advance_span(
+def advance_span(
     opcodes: Indices, tables: Floats, program: AnyArray, span: Floats, n: int, s: Floats, marks: AnyArray
 ) -> None:
     """Advect all points of a block through one span."""
@@ -184,44 +169,3 @@ def _advance_span(
             else:
                 s[POSITION + X + i] = math.inf if length < math.inf and error < math.inf else math.nan
                 marks[TIME, i] = end
-
-
-@kernel("void(f8[:, ::1], i8, i4[::1], f8[::1], i8[:, ::1], f8[:, ::1], f8[:, ::1])")
-def _advect_block(
-    points: Points, block: int, opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats, out: Points
-) -> None:
-    """Advect one block of points."""
-    first = block * BLOCK
-    n = min(BLOCK, len(points) - first)
-    s = np.zeros(STAGE + level_count(opcodes) * LEVEL)
-    marks = np.zeros((3, BLOCK), np.int64)
-    load(points, first, n, s, POSITION)
-    for step in range(len(spans)):
-        _advance_span(opcodes, tables, steps[step], spans[step], n, s, marks)
-    store(s, POSITION, first, n, out)
-
-
-@kernel(STEP_PLAN)
-def advect_adaptive(
-    points: Points, opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats, out: Points
-) -> None:
-    """Advect points (N, 3) into `out`, span after span, each point by its own sub-steps.
-
-    steps  (S, 6): the program of each span is opcodes[steps[s, 0] : steps[s, 1]]; its tables begin at
-           tables[steps[s, 2]]; a span is halved at most steps[s, 3] times; there are tables for the sub-steps
-           of steps[s, 4] halvings, steps[s, 5] each and one more; finer sub-steps take the nearest
-    spans  (S, 3): seconds of each span; the largest error, and the maximum step, in scene units
-
-    x is infinite where a point would need finer sub-steps, and NaN where it is not finite.
-    """
-    for block in range((len(points) + BLOCK - 1) // BLOCK):
-        _advect_block(points, block, opcodes, tables, steps, spans, out)
-
-
-@kernel(STEP_PLAN, parallel=True)
-def advect_adaptive_parallel(
-    points: Points, opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats, out: Points
-) -> None:
-    """Do what `advect_adaptive` does by several threads."""
-    for block in prange((len(points) + BLOCK - 1) // BLOCK):
-        _advect_block(points, block, opcodes, tables, steps, spans, out)

@@ -58,9 +58,6 @@ UNPLACE = 11  # -, matrix 3:12: outside, velocities are matrix · velocity
 
 EXTERNAL = 12  # address of a compiled function 0, time 1, its own numbers 2:12 (see `call_external`)
 
-FAMILY = 16
-"""Opcodes in a family of fields."""
-
 LINEAR, VORTICES, EXPANSION, ATTRACTORS, CELLULAR = 16, 32, 48, 64, 80
 """The first opcode of each family, whose kernels number its fields from there."""
 
@@ -75,7 +72,7 @@ EQUATION = "UniTuple(f8, 3)(f8[::1], i8, f8, f8, f8)"
 """The signature of an equation: (numbers, start of its row among them, x, y, z) -> velocity."""
 
 FIELD = "void(i4, f8[::1], i8, i8, f8[::1], i8)"
-"""The signature of a family: (opcode, numbers, start of the row, n points, scratch, start of the level)."""
+"""The signature of `add_field`: (opcode, numbers, start of the row, n points, scratch, start of level)."""
 
 
 @higher_kernel

@@ -1,13 +1,11 @@
 """The interpreter of velocity programs: runs each row of a program on a block of points.
 
-To add a field to a family
-    1. its equation in the family's module here: a kernel of the signature EQUATION that returns the velocity
-       at one point from its row of numbers (at most COLUMNS, listed in its docstring); beside it its opcode,
-       and a line in the family's own kernel, `add_…`;
-    2. its class in the module of that name in `catalogue`: a `BasicField` with `opcode`, `row(time)` and
-       `gradient_bound(time)`, named in the catalogue's FLOWS.
-
-A new family also gets a number in `instructions` and a line in `_add_field` below.
+To add a field
+    1. its equation in `fields`, or for a vortex in `vortices`: a kernel of the signature EQUATION that
+       returns the velocity at one point from its row of numbers (at most COLUMNS, listed in its docstring);
+       beside it its opcode, and a line in `add_field`;
+    2. its class in the catalogue: a `BasicField` with `opcode`, `row(time)` and `gradient_bound(time)`, named
+       in the catalogue's FLOWS.
 
 A field that needs more numbers than a row holds gets the address of an array in its row, and reads it by
 `carray(doubles_at(int(p[o])), n)`; a function compiled at run time is an EXTERNAL. Both say in
@@ -23,12 +21,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from pipeline.arrays import Floats, Indices
+import numpy as np
+from numba import prange
+
+from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import instructions as op
-from pipeline.flow.kernels.attractors import add_attractors
-from pipeline.flow.kernels.basic import add_expansion, add_linear
-from pipeline.flow.kernels.cellular import add_cellular
-from pipeline.flow.kernels.instructions import BLOCK, FIELD, LEVEL, U, V, W, X, Y, Z, call_external
+from pipeline.flow.kernels.fields import add_field
+from pipeline.flow.kernels.instructions import (
+    BLOCK,
+    LEVEL,
+    U,
+    V,
+    W,
+    X,
+    Y,
+    Z,
+    call_external,
+    load,
+    store,
+)
 from pipeline.flow.kernels.regions import (
     ball_weight,
     box_weight,
@@ -38,7 +49,6 @@ from pipeline.flow.kernels.regions import (
     mesh_weight,
     sampled_weight,
 )
-from pipeline.flow.kernels.vortices import add_vortices
 from pipeline.kernels import higher_kernel, kernel
 
 BRACKET = "void(f8[::1], i8, i8, f8[::1], i8)"
@@ -111,22 +121,6 @@ def unplace(p: Floats, o: int, n: int, s: Floats, b: int) -> None:
         level[W + i] += row[9] * u + row[10] * v + row[11] * w
 
 
-@kernel(FIELD)
-def _add_field(opcode: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
-    """Add the velocity of one field, whose row begins at p[o], to n points of the level at s[b]."""
-    family = opcode // op.FAMILY
-    if family == op.LINEAR // op.FAMILY:
-        add_linear(opcode, p, o, n, s, b)
-    elif family == op.VORTICES // op.FAMILY:
-        add_vortices(opcode, p, o, n, s, b)
-    elif family == op.EXPANSION // op.FAMILY:
-        add_expansion(opcode, p, o, n, s, b)
-    elif family == op.ATTRACTORS // op.FAMILY:
-        add_attractors(opcode, p, o, n, s, b)
-    elif family == op.CELLULAR // op.FAMILY:
-        add_cellular(opcode, p, o, n, s, b)
-
-
 @kernel("void(i4[::1], i8, i8, f8[::1], i8, i8, f8[::1], i8)")
 def run_program(
     opcodes: Indices, first: int, last: int, p: Floats, o: int, n: int, s: Floats, b: int
@@ -138,7 +132,7 @@ def run_program(
     for k in range(first, last):
         opcode = opcodes[k]
         if opcode > op.EXTERNAL:
-            _add_field(opcode, p, o, n, s, b)
+            add_field(opcode, p, o, n, s, b)
         elif opcode == op.EXTERNAL:
             call_external(p, o, n, s, b)
         elif opcode == op.OPEN:
@@ -168,3 +162,21 @@ def run_program(
             else:
                 unplace(p, o, n, s, b)
         o += op.COLUMNS
+
+
+@kernel("void(f8[:, ::1], i8, i4[::1], f8[::1], f8[:, ::1])")
+def _velocity_block(points: Points, block: int, opcodes: Indices, table: Floats, out: Vectors) -> None:
+    """Compute the velocities of one block of points."""
+    first = block * BLOCK
+    n = min(BLOCK, len(points) - first)
+    s = np.zeros(level_count(opcodes) * LEVEL)
+    load(points, first, n, s, 0)
+    run_program(opcodes, 0, len(opcodes), table, 0, n, s, 0)
+    store(s, U, first, n, out)
+
+
+@kernel("void(f8[:, ::1], i4[::1], f8[::1], f8[:, ::1])", parallel=True)
+def velocities(points: Points, opcodes: Indices, table: Floats, out: Vectors) -> None:
+    """Compute velocities (N, 3) at points (N, 3) into `out`; the table is flat, K rows of COLUMNS."""
+    for block in prange((len(points) + BLOCK - 1) // BLOCK):
+        _velocity_block(points, block, opcodes, table, out)

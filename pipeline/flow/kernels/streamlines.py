@@ -1,4 +1,8 @@
-"""Points advected along the velocities of a program, block by block; parallel blocks share nothing."""
+"""Points advected along the velocities of a program, block by block; parallel blocks share nothing.
+
+Sub-steps are fixed, by the classical Runge-Kutta method of order 4, or each point halves them for itself (see
+`adaptive`).
+"""
 
 from __future__ import annotations
 
@@ -8,7 +12,9 @@ import numpy as np
 from numba import prange
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
-from pipeline.flow.kernels.basic import TRANSLATION
+from pipeline.flow.kernels import adaptive
+from pipeline.flow.kernels.adaptive import POSITION
+from pipeline.flow.kernels.fields import TRANSLATION
 from pipeline.flow.kernels.instructions import (
     BLOCK,
     COLUMNS,
@@ -24,31 +30,8 @@ from pipeline.flow.kernels.instructions import (
 from pipeline.flow.kernels.program import level_count, run_program
 from pipeline.kernels import kernel
 
-POSITION = 0  # three runs: the points
 SLOPE = 3 * BLOCK  # three runs: the weighted sum of the stages' velocities
 STAGE = 6 * BLOCK  # the level on which the program runs
-
-
-@kernel("void(f8[:, ::1], i8, i4[::1], f8[::1], f8[:, ::1])")
-def _velocity_block(points: Points, block: int, opcodes: Indices, table: Floats, out: Vectors) -> None:
-    """Compute the velocities of one block of points."""
-    first = block * BLOCK
-    n = min(BLOCK, len(points) - first)
-    s = np.zeros(level_count(opcodes) * LEVEL)
-    load(points, first, n, s, 0)
-    run_program(opcodes, 0, len(opcodes), table, 0, n, s, 0)
-    store(s, U, first, n, out)
-
-
-@kernel("void(f8[:, ::1], i4[::1], f8[::1], f8[:, ::1])", parallel=True)
-def velocities(points: Points, opcodes: Indices, table: Floats, out: Vectors) -> None:
-    """Compute velocities (N, 3) at points (N, 3) into `out`; the table is flat, K rows of COLUMNS."""
-    for block in prange((len(points) + BLOCK - 1) // BLOCK):
-        _velocity_block(points, block, opcodes, table, out)
-
-
-STEP_PLAN = "void(f8[:, ::1], i4[::1], f8[::1], i8[:, ::1], f8[:, ::1], f8[:, ::1])"
-"""The signature of kernels that run a step plan: (points, opcodes, tables, steps, spans, out)."""
 
 
 @kernel("void(i4[::1], i8[:, ::1], f8[::1], i8, f8[:, ::1], i8, f8[::1])")
@@ -120,58 +103,94 @@ def _shift_block(points: Points, block: int, shifts: Vectors, out: Points) -> No
         out[i, 0], out[i, 1], out[i, 2] = x, y, z
 
 
-@kernel("void(f8[:, ::1], i8, i4[::1], f8[::1], i8[:, ::1], f8[:, ::1], f8[:, ::1])")
+@kernel("void(f8[:, ::1], i8, i4[::1], f8[::1], i8[:, ::1], f8[:, ::1], b1, f8[:, ::1])")
 def _advect_block(
-    points: Points, block: int, opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats, out: Points
+    points: Points,
+    block: int,
+    opcodes: Indices,
+    tables: Floats,
+    steps: AnyArray,
+    spans: Floats,
+    halved: bool,
+    out: Points,
 ) -> None:
     """Advect one block of points."""
     first = block * BLOCK
     n = min(BLOCK, len(points) - first)
-    s = np.zeros(STAGE + level_count(opcodes) * LEVEL)
+    s = np.zeros((adaptive.STAGE if halved else STAGE) + level_count(opcodes) * LEVEL)
     load(points, first, n, s, POSITION)
-    for step in range(len(spans)):
-        _step(opcodes, steps, tables, step, spans, n, s)
+    if halved:
+        marks = np.zeros((3, BLOCK), np.int64)
+        for step in range(len(spans)):
+            adaptive.advance_span(opcodes, tables, steps[step], spans[step], n, s, marks)
+    else:
+        for step in range(len(spans)):
+            _step(opcodes, steps, tables, step, spans, n, s)
     store(s, POSITION, first, n, out)
 
 
-@kernel("f8[:, ::1](i4[::1], f8[::1], i8[:, ::1], f8[:, ::1])")
-def _uniform_shifts(opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats) -> Vectors:
-    """Return the shifts (S, 3) of all points where all fields are translations, else an empty array."""
+@kernel("f8[:, ::1](i4[::1], f8[::1], i8[:, ::1], f8[:, ::1], b1)")
+def _uniform_shifts(
+    opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats, halved: bool
+) -> Vectors:
+    """Return the shifts (S, 3) of all points in fixed sub-steps of translations, else an empty array."""
     for kind in opcodes:
         if kind != TRANSLATION:
             return np.empty((0, 3))
-    shifts = np.empty((len(spans), 3))
-    _translation_steps(tables, steps, spans, shifts)
+    shifts = np.empty((0 if halved else len(spans), 3))
+    _translation_steps(tables, steps, spans[: len(shifts)], shifts)
     return shifts
+
+
+STEP_PLAN = "void(f8[:, ::1], i4[::1], f8[::1], i8[:, ::1], f8[:, ::1], b1, f8[:, ::1])"
+"""The signature of kernels that run a step plan: (points, opcodes, tables, steps, spans, halved, out)."""
 
 
 @kernel(STEP_PLAN)
 def advect(
-    points: Points, opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats, out: Points
+    points: Points,
+    opcodes: Indices,
+    tables: Floats,
+    steps: AnyArray,
+    spans: Floats,
+    halved: bool,
+    out: Points,
 ) -> None:
-    """Advect points (N, 3) into `out` by the classical Runge-Kutta method of order 4.
+    """Advect points (N, 3) into `out`, span after span.
 
-    steps  (S, 3 or more): the program of each sub-step is opcodes[steps[s, 0] : steps[s, 1]]; its tables at
-           the start, middle and end of the sub-step begin at tables[steps[s, 2]]
-    spans  (S, 3): seconds of each sub-step; unused here; the maximum step in scene units, beyond which the x
-           of a point becomes NaN
+    steps   (S, 6): the program of each span is opcodes[steps[s, 0] : steps[s, 1]]; its tables begin at
+            tables[steps[s, 2]]: those of its start, middle and end, or where it is halved, at most
+            steps[s, 3] times, those for the sub-steps of steps[s, 4] halvings, steps[s, 5] each and one more;
+            finer sub-steps take the nearest
+    spans   (S, 3): seconds of each span; the largest error, of halved spans, and the maximum step, in scene
+            units
+    halved  tells whether each point halves the spans for itself; else each span is one fixed sub-step
+
+    x becomes NaN where a fixed sub-step exceeds the maximum step, and where a point is not finite; it is
+    infinite where a point would need finer sub-steps.
     """
-    shifts = _uniform_shifts(opcodes, tables, steps, spans)
+    shifts = _uniform_shifts(opcodes, tables, steps, spans, halved)
     for block in range((len(points) + BLOCK - 1) // BLOCK):
         if len(shifts):
             _shift_block(points, block, shifts, out)
         else:
-            _advect_block(points, block, opcodes, tables, steps, spans, out)
+            _advect_block(points, block, opcodes, tables, steps, spans, halved, out)
 
 
 @kernel(STEP_PLAN, parallel=True)
 def advect_parallel(
-    points: Points, opcodes: Indices, tables: Floats, steps: AnyArray, spans: Floats, out: Points
+    points: Points,
+    opcodes: Indices,
+    tables: Floats,
+    steps: AnyArray,
+    spans: Floats,
+    halved: bool,
+    out: Points,
 ) -> None:
     """Do what `advect` does by several threads."""
-    shifts = _uniform_shifts(opcodes, tables, steps, spans)
+    shifts = _uniform_shifts(opcodes, tables, steps, spans, halved)
     for block in prange((len(points) + BLOCK - 1) // BLOCK):
         if len(shifts):
             _shift_block(points, block, shifts, out)
         else:
-            _advect_block(points, block, opcodes, tables, steps, spans, out)
+            _advect_block(points, block, opcodes, tables, steps, spans, halved, out)

@@ -11,7 +11,7 @@ from typing import Any
 from numba import uint64
 
 from pipeline.arrays import Floats
-from pipeline.flow.kernels.instructions import EQUATION, FIELD, VORTICES, Velocity, add_each
+from pipeline.flow.kernels.instructions import EQUATION, VORTICES, Velocity
 from pipeline.kernels import block_kernel, kernel
 
 LAMB_OSEEN, GAUSSIAN, RANKINE, RING = range(VORTICES, VORTICES + 4)
@@ -96,19 +96,6 @@ def ring(p: Floats, o: int, x: float, y: float, z: float) -> Velocity:
     # away from the axis, by the distance from it: 16 R² / far⁴ stands for m² / distance²
     spread = speed * height * 16.0 * radius2 / (far2 * near2) * (0.25 - tail * (1.0 - 0.5 * m))
     return along * ax + spread * qx, along * ay + spread * qy, along * az + spread * qz
-
-
-@kernel(FIELD)
-def add_vortices(opcode: int, p: Floats, o: int, n: int, s: Floats, b: int) -> None:
-    """Add the velocity of one field of this family to n points of the level at s[b]."""
-    if opcode == LAMB_OSEEN:
-        add_each(lamb_oseen, p, o, n, s, b)
-    elif opcode == GAUSSIAN:
-        add_each(gaussian, p, o, n, s, b)
-    elif opcode == RANKINE:
-        add_each(rankine, p, o, n, s, b)
-    elif opcode == RING:
-        add_each(ring, p, o, n, s, b)
 
 
 Nine = tuple[float, float, float, float, float, float, float, float, float]

@@ -18,20 +18,24 @@ from pipeline.mesh.kernels.halfedge import (
 )
 from pipeline.resample.kernels.can_collapse import AT_END, AT_MIDDLE, LINK, NONE, can_collapse
 from pipeline.resample.kernels.flip import flip_fresh
-from pipeline.resample.kernels.limits import LIMITS, Limits, is_short, length_limits, squared_length
-from pipeline.resample.kernels.ring import MAX_SPOKES, RING, Ring
-from pipeline.resample.kernels.work_lists import (
+from pipeline.resample.kernels.limits import (
     CHANGED,
     CHANGES,
     FRESH,
+    LIMITS,
     QUEUED,
     REFUSED,
     UNLISTED,
     Changes,
+    Limits,
     enqueue,
+    is_short,
+    length_limits,
     push,
+    squared_length,
     touch,
 )
+from pipeline.resample.kernels.ring import MAX_SPOKES, RING, Ring
 
 RINGS = numba.types.UniTuple(RING, 2)
 

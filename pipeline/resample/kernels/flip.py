@@ -20,15 +20,21 @@ from pipeline.mesh.kernels.halfedge import (
     preceding,
 )
 from pipeline.resample.kernels.limits import (
+    CHANGES,
+    FRESH,
     LIMITS,
+    UNLISTED,
+    Changes,
     Limits,
     area_vector,
+    enqueue,
     hard_cosine,
     length_limits,
+    push,
     squared_length,
+    touch,
 )
 from pipeline.resample.kernels.rest_surface import is_inverted
-from pipeline.resample.kernels.work_lists import CHANGES, FRESH, UNLISTED, Changes, enqueue, push, touch
 
 _GAIN = 0.1  # cot α + cot β must be below -_GAIN: a flip must be worth the change of the surface
 MAX_STACK = 128  # edges to test around one flip and those that follow from it; each flip adds four

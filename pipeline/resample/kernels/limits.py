@@ -1,4 +1,8 @@
-"""Thresholds as kernels take them, and the measures that kernels compare with them."""
+"""Limits and changes of one resample pass, as its kernels take them, and the measures compared with limits.
+
+A work list is an int32 array whose first entry counts the items after it. Pushing onto a full list does
+nothing; a list that must not lose items has room for all that it could hold.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +11,9 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from pipeline.arrays import Points
+from pipeline.arrays import AnyArray, Indices, Points
 from pipeline.kernels import kernel
-from pipeline.mesh.kernels.halfedge import LEAN, MATRIX, MESH_ARRAYS, MeshArrays, after
+from pipeline.mesh.kernels.halfedge import BYTES, INTS, LEAN, MATRIX, MESH_ARRAYS, MeshArrays, after
 
 
 class Limits(NamedTuple):
@@ -23,9 +27,7 @@ class Limits(NamedTuple):
     min_edge_length: float  # scene units; where limits vary, the smallest of all
     hard_cosine: float  # cosine of hard_angle
     merges_at_midpoint: bool = True  # two soft ends merge halfway, or else at one of them
-    field_column: int = (
-        -1
-    )  # in `MeshArrays.attributes`, where limits vary: max, min, cosine; -1 if they do not
+    field_column: int = -1  # in `MeshArrays.attributes`: maximum, minimum and cosine, if they vary; else -1
     longest_share: float = 1.0  # of a triangle's longest side in its summed squared sides; above it is obtuse
     squared_slack: float = 1.0  # factor on the squared maximum for edges that a collapse makes
     rest_column: int = -1  # in `MeshArrays.attributes`: position at rest; -1 if there is none
@@ -45,9 +47,8 @@ def length_limits(mesh: MeshArrays, limits: Limits, a: int, b: int) -> tuple[flo
     if column < 0:
         longest, shortest = limits.max_edge_length, limits.min_edge_length
         return longest * longest, shortest * shortest
-    return attributes[a, column] * attributes[b, column], attributes[a, column + 1] * attributes[
-        b, column + 1
-    ]
+    max_squared = attributes[a, column] * attributes[b, column]
+    return max_squared, attributes[a, column + 1] * attributes[b, column + 1]
 
 
 @kernel(numba.float64(MESH_ARRAYS, LIMITS, numba.int64), **LEAN)
@@ -82,3 +83,82 @@ def area_vector(points: Points, a: int, b: int, c: int) -> tuple[float, float, f
     ux, uy, uz = points[j, 0] - points[i, 0], points[j, 1] - points[i, 1], points[j, 2] - points[i, 2]
     vx, vy, vz = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1], points[k, 2] - points[i, 2]
     return uy * vz - uz * vy, uz * vx - ux * vz, ux * vy - uy * vx
+
+
+UNCHANGED, CHANGED, FRESH = 0, 1, 2
+"""States of a face: not changed in this pass, changed, or changed since refused edges were last requeued."""
+
+UNLISTED, QUEUED, REFUSED = 0, 1, 2
+"""States of a half-edge: not in `short_edges`, in it and queued, or in it and refused (plus the reason)."""
+
+
+class Changes(NamedTuple):
+    """The faces that a pass has changed, and the short edges that it has not collapsed.
+
+    Every short edge stands in `short_edges` by one of its half-edges or both. A refused edge waits there
+    until a face at one of its ends changes: nothing else can make it collapsible.
+    """
+
+    face_states: AnyArray  # (F,) uint8: UNCHANGED, CHANGED or FRESH
+    changed: Indices  # work list of changed faces, each once
+    fresh: Indices  # work list of FRESH faces, each once
+    edge_states: AnyArray  # (3F,) uint8: UNLISTED, QUEUED, or REFUSED + the reason
+    short_edges: Indices  # work list of half-edges
+
+
+CHANGES = numba.types.NamedTuple([BYTES, INTS, INTS, BYTES, INTS], Changes)
+
+
+@kernel((INTS, numba.int64), **LEAN)
+def push(items: Indices, item: int) -> None:
+    """Append an item to a work list, unless the list is full."""
+    n = items[0] + 1
+    if n < len(items):
+        items[np.uint64(n)] = item
+        items[0] = n
+
+
+@kernel((CHANGES, numba.int64), **LEAN)
+def touch(changes: Changes, f: int) -> None:
+    """Record that a face has changed."""
+    states, i = changes.face_states, np.uint64(f)
+    if states[i] == FRESH:
+        return
+    if states[i] == UNCHANGED:
+        push(changes.changed, f)
+    states[i] = FRESH
+    push(changes.fresh, f)
+
+
+@kernel((CHANGES, numba.int64), **LEAN)
+def enqueue(changes: Changes, h: int) -> None:
+    """Queue the edge of half-edge h for a collapse, unless it is listed already."""
+    i = np.uint64(h)
+    if changes.edge_states[i] == UNLISTED:
+        changes.edge_states[i] = QUEUED
+        push(changes.short_edges, h)
+
+
+@kernel((MESH_ARRAYS, numba.int64, LIMITS, INTS, CHANGES), **LEAN)
+def classify_edge(mesh: MeshArrays, h: int, limits: Limits, long_edges: Indices, changes: Changes) -> None:
+    """List a new or moved edge among the long or the short edges if it is outside its limits."""
+    k = np.uint64(h)
+    a, b = mesh.vert[k], mesh.vert[after(k)]
+    length = squared_length(mesh.points, a, b)
+    max_squared, min_squared = length_limits(mesh, limits, a, b)
+    if length > max_squared:
+        push(long_edges, h)
+    elif length < min_squared:
+        enqueue(changes, h)
+
+
+def work_list(room: int) -> Indices:
+    """Return an empty work list with room for that many items."""
+    items = np.empty(room + 1, np.int32)
+    items[0] = 0
+    return items
+
+
+def items_of(items: Indices) -> Indices:
+    """Return the items of a work list."""
+    return items[1 : 1 + items[0]]

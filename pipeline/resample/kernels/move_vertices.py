@@ -19,7 +19,18 @@ from pipeline.mesh.kernels.halfedge import (
     preceding,
 )
 from pipeline.resample.kernels.curved_patches import incoming
-from pipeline.resample.kernels.limits import LIMITS, Limits, hard_cosine, length_limits, squared_length
+from pipeline.resample.kernels.limits import (
+    CHANGES,
+    LIMITS,
+    Changes,
+    Limits,
+    classify_edge,
+    hard_cosine,
+    length_limits,
+    push,
+    squared_length,
+    touch,
+)
 from pipeline.resample.kernels.rest_surface import move_at_rest
 from pipeline.resample.kernels.ring import (
     MAX_TURN_COSINE,
@@ -31,7 +42,6 @@ from pipeline.resample.kernels.ring import (
     measure_ring,
 )
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
-from pipeline.resample.kernels.work_lists import CHANGES, Changes, classify_edge, push, touch
 
 MAX_SPOKES_OF_NEW = 12  # two of its own edge, two medians, and those of neighbours split in the same pass
 _SWEEPS = 3

@@ -8,8 +8,17 @@ import numpy as np
 from pipeline.arrays import Indices
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import INTS, LEAN, MESH_ARRAYS, MeshArrays, following, join, preceding
-from pipeline.resample.kernels.limits import LIMITS, Limits, length_limits, squared_length
-from pipeline.resample.kernels.work_lists import CHANGES, Changes, classify_edge, push, touch
+from pipeline.resample.kernels.limits import (
+    CHANGES,
+    LIMITS,
+    Changes,
+    Limits,
+    classify_edge,
+    length_limits,
+    push,
+    squared_length,
+    touch,
+)
 
 BIRTH_HALFEDGE = 2  # index of the half-edge that leaves the new vertex
 BIRTH_SIZE = 3  # numbers recorded for each new vertex: parents a and b, half-edge vertex→b

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
@@ -14,14 +15,30 @@ from pipeline.resample.polyhedra.collapse import Collapser
 from pipeline.resample.polyhedra.editor import LengthLimits, PolyhedronEditor, inherited
 from pipeline.resample.polyhedra.polyhedron import OUTSIDE, Polyhedron
 from pipeline.resample.polyhedra.slicing import Cutting, Slicer
-from pipeline.resample.report import PolyhedralReport
-from pipeline.resample.resample_pass import not_finite
+from pipeline.resample.resample_pass import Report, not_finite
 from pipeline.resample.thresholds import Thresholds
 
 Collapse = Literal["edges", "areas"]
 
 _ATTRIBUTE = "attribute."
 _LARGEST = 1e150  # squares of larger coordinates overflow
+
+
+@dataclass(frozen=True)
+class PolyhedralReport(Report):
+    """Counts of one frame of a polyhedron.
+
+    splits           vertices inserted into edges
+    cuts             faces cut in two
+    average_sides    mean number of sides a face: the drift towards triangles (P21)
+    widest           the longest side of any face's bounding box, scene units
+    refused          besides the reasons of `Report`, `area`: where faces collapse instead of edges, an edge
+                     whose faces are large enough
+    """
+
+    cuts: int = 0
+    average_sides: float = 3.0
+    widest: float = 0.0
 
 
 class PolyhedralResampler:
