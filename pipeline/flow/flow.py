@@ -150,10 +150,6 @@ def require_permission(flow: Flow) -> None:
             )
 
 
-def digest_of(path: Path) -> str:
-    return hashlib.sha256(path.read_bytes()).hexdigest()
-
-
 def _function(path: Path, digest: str, name: str) -> Displacement:
     """Return a function of a file with that digest. Raises FrameError."""
     function: Displacement | None = getattr(_module(path, digest), name, None)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
@@ -12,12 +13,12 @@ from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.normals import carried_normals, unit, vertex_normals
 from pipeline.mesh.triangle_mesh import TriangleMesh
 from pipeline.resample.creases import edges_by_angle
+from pipeline.resample.kernels.curved_patches import list_marked
 from pipeline.resample.kernels.limits import Changes, Limits
 from pipeline.resample.kernels.move_vertices import relax_goals, relax_vertices
-from pipeline.resample.kernels.rest_surface import list_marked
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
-from pipeline.resample.placement import move_without_folds
+from pipeline.resample.placement import Placement, move_without_folds
 from pipeline.resample.rest_surface import (
     ASTRAY,
     NORMAL,
@@ -35,7 +36,7 @@ _TANGENT = 1e-5  # distance of tangent points from their vertex, in edge lengths
 
 
 @dataclass(frozen=True)
-class Exact:
+class Exact(Placement):
     """New vertices on the exact surface: placed on the surface at rest, then carried to the present.
 
     carry         `rest_points (N, 3) -> (N, 3)`, their present positions; called once a round with all new
@@ -52,9 +53,8 @@ class Exact:
     carry: PointMap
     project: PointMap | None = None
     tags_creases: bool = True
-    leaves_chord: bool = True
-    merges_at_midpoint: bool = False
-    can_relax: bool = True
+    leaves_chord: ClassVar[bool] = True
+    can_relax: ClassVar[bool] = True
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         rest = mesh.attributes.get(REST, mesh.vertices)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar
 
 import numpy as np
 
@@ -18,29 +18,30 @@ from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 
 
-class Placement(Protocol):
-    """A rule for where splits place new vertices, and how far others may move."""
+class Placement:
+    """A rule for where splits place new vertices, and how far others may move.
 
-    @property
-    def leaves_chord(self) -> bool:
-        """True if new vertices may lie off the middle of their edge."""
+    leaves_chord        True if new vertices may lie off the middle of their edge
+    merges_at_midpoint  True if two soft ends merge halfway (P27), False if at one of them
+    can_relax           True if `relax` can move vertices
 
-    @property
-    def merges_at_midpoint(self) -> bool:
-        """True if two soft ends merge halfway (P27), False if at one of them."""
+    The base keeps nothing at the vertices and places new ones in the middle of their edges.
+    """
 
-    @property
-    def can_relax(self) -> bool:
-        """True if `relax` can move vertices."""
+    leaves_chord: ClassVar[bool] = False
+    merges_at_midpoint: ClassVar[bool] = False
+    can_relax: ClassVar[bool] = False
 
     def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
         """Return the mesh with all that this placement keeps at its vertices and edges.
 
         hard_angle  radians, one for all or one a vertex
         """
+        return mesh
 
     def rest_columns(self, mesh: HalfedgeMesh) -> tuple[int, int]:
         """Return the attribute columns of rest positions and rest normals; -1 where it keeps none."""
+        return -1, -1
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
         """Move the last vertices of the mesh from the midpoints of their parents to their places.
@@ -50,6 +51,7 @@ class Placement(Protocol):
         Returns how many had to stay at the midpoint. Called once after each round of splits, with all its
         new vertices together.
         """
+        return 0
 
     def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
         """Move vertices that earlier passes had to leave off the surface back onto it."""
@@ -60,43 +62,21 @@ class Placement(Protocol):
         spokes   a work list of half-edges, one from each vertex to move
         changes  receives the faces around moved vertices
         """
-
-
-class _Stateless:
-    """A placement that keeps nothing at the vertices."""
-
-    def prepare(self, mesh: TriangleMesh, hard_angle: float | Floats) -> TriangleMesh:
-        return mesh
-
-    def rest_columns(self, mesh: HalfedgeMesh) -> tuple[int, int]:
-        return -1, -1
-
-    def restore(self, mesh: HalfedgeMesh, limits: Limits) -> None:
-        """Do nothing: every vertex is where it belongs."""
-
-    def relax(self, mesh: HalfedgeMesh, spokes: Indices, limits: Limits, changes: Changes) -> int:
         return 0
 
 
 @dataclass(frozen=True)
-class Chord(_Stateless):
+class Chord(Placement):
     """New vertices in the middle of their edge, as in the paper (P25, P27)."""
 
-    leaves_chord: bool = False
-    merges_at_midpoint: bool = True
-    can_relax: bool = False
-
-    def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
-        return 0
+    merges_at_midpoint: ClassVar[bool] = True
 
 
 @dataclass(frozen=True)
-class Curved(_Stateless):
+class Curved(Placement):
     """New vertices on a curved patch over the edge, which ends at creases (P37); for unknown flows."""
 
-    leaves_chord: bool = True
-    merges_at_midpoint: bool = False
-    can_relax: bool = False
+    leaves_chord: ClassVar[bool] = True
 
     def place(self, mesh: HalfedgeMesh, births: Indices, limits: Limits) -> int:
         places, _ = on_patches(mesh.arrays, births, limits.hard_cosine)

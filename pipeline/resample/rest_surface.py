@@ -11,8 +11,7 @@ from pipeline.arrays import AnyArray, Floats, Indices, Points, Vectors
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import HalfedgeMesh
 from pipeline.mesh.normals import unit
-from pipeline.resample.kernels.curved_patches import copy_rest_positions
-from pipeline.resample.kernels.rest_surface import MAX_OPPOSITE, opposite_corners
+from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, copy_rest_positions, opposite_corners
 from pipeline.resample.kernels.ring import new_ring
 from pipeline.resample.placement import on_patches
 

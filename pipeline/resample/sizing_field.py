@@ -151,8 +151,8 @@ def curvature(mesh: TriangleMesh, hard_angle: float = math.radians(40), shortest
 
 def graded(mesh: TriangleMesh, lengths: Floats, gradation: float) -> Floats:
     """Return lengths (V,), lowered until they differ along every edge by at most gradation × its length."""
-    result = np.array(lengths)
-    limit_gradation(_own(mesh.vertices), _own(mesh.faces), gradation, result)
+    result = np.array(lengths)  # copies are writable, as compiled kernels declare their arguments
+    limit_gradation(np.array(mesh.vertices), np.array(mesh.faces), gradation, result)
     return result
 
 
@@ -161,7 +161,7 @@ def _shaded(mesh: TriangleMesh, hard_angle: float) -> tuple[Points, Faces, Vecto
     exact = mesh.attributes.get(NORMAL)
     known = None if exact is None else np.linalg.norm(exact, axis=1) > 0.5
     if exact is not None and known is not None and known.all():
-        return _own(mesh.vertices), _own(mesh.faces), np.array(exact, np.float64), None
+        return np.array(mesh.vertices), np.array(mesh.faces), np.array(exact, np.float64), None
     points, normals, faces, source = split_at_creases(mesh, hard_angle)
     if exact is not None and known is not None:
         normals[known[source]] = exact[source[known[source]]]
@@ -174,8 +174,3 @@ def _require_order(finest: float, coarsest: float) -> None:
             f"finest {finest:g} and coarsest {coarsest:g} must be positive lengths in scene units, "
             "the first at most as long as the second"
         )
-
-
-def _own(array: AnyArray) -> AnyArray:
-    """Return a writable copy, as compiled kernels declare their arguments."""
-    return np.array(array)

@@ -45,7 +45,7 @@ ActiveFunction = Callable[[TriangleMesh], ArrayLike]
 Threshold = float | ActiveFunction | Timed
 
 
-@dataclass(frozen=True, init=False)
+@dataclass(frozen=True)
 class Thresholds:
     """Length limits for edges, and the angle that makes an edge hard.
 
@@ -62,32 +62,24 @@ class Thresholds:
     """
 
     max_edge_length: Threshold
-    min_edge_length: Threshold | None
-    hard_angle: Threshold
-    max_vertices: int
-    gradation: float
+    min_edge_length: Threshold | None = None
+    hard_angle: Threshold = DEFAULT_HARD_ANGLE
+    max_vertices: int = 2_000_000
+    gradation: float = DEFAULT_GRADATION
 
-    def __init__(
-        self,
-        max_edge_length: Threshold,
-        min_edge_length: Threshold | None = None,
-        hard_angle: Threshold = DEFAULT_HARD_ANGLE,
-        max_vertices: int = 2_000_000,
-        gradation: float = DEFAULT_GRADATION,
-    ) -> None:
-        longest, shortest, angle = _plain(max_edge_length), _plain(min_edge_length), _plain(hard_angle)
+    def __post_init__(self) -> None:
+        longest, shortest = _plain(self.max_edge_length), _plain(self.min_edge_length)
+        angle, gradation = _plain(self.hard_angle), float(self.gradation)
         if shortest is None and isinstance(longest, float):
             shortest = DEFAULT_RATIO * longest
         _check_numbers(longest, shortest, angle)
-        if max_vertices < 4:
-            raise UsageError(f"max_vertices {max_vertices} is too few for any surface; 2000000 is usual")
+        if self.max_vertices < 4:
+            raise UsageError(f"max_vertices {self.max_vertices} is too few for any surface; 2000000 is usual")
         if not (math.isfinite(gradation) and gradation > 0):
             raise UsageError(f"gradation {gradation:g} must be positive; {DEFAULT_GRADATION:g} is usual")
-        object.__setattr__(self, "max_edge_length", longest)
-        object.__setattr__(self, "min_edge_length", shortest)
-        object.__setattr__(self, "hard_angle", angle)
-        object.__setattr__(self, "max_vertices", int(max_vertices))
-        object.__setattr__(self, "gradation", float(gradation))
+        values = (longest, shortest, angle, int(self.max_vertices), gradation)
+        for name, value in zip(self.__dataclass_fields__, values, strict=True):
+            object.__setattr__(self, name, value)
 
     @property
     def active(self) -> bool:
@@ -117,9 +109,7 @@ class Thresholds:
         Returns itself if nothing depends on time.
         """
         three = (self.max_edge_length, self.min_edge_length, self.hard_angle)
-        if all(
-            t is None or isinstance(t, float) for t in three
-        ):  # which is known at once, and a protocol is not
+        if all(t is None or isinstance(t, float) for t in three):  # known at once; a protocol is not
             return self
         now = [t.at(frame, time) if isinstance(t, Timed) else t for t in three]
         if all(new is old for new, old in zip(now, three, strict=True)):

@@ -10,14 +10,15 @@ import pytest
 
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Sequence, checked_displacement
-from pipeline.flow.flow import PythonFlow, digest_of, python_flows, require_permission
+from pipeline.flow.flow import PythonFlow, python_flows, require_permission
+from pipeline.shot.yaml.lookup import digest_of_file
 
 POINTS = np.random.default_rng(0).normal(size=(5, 3))
 
 
 def flow_of(file: Path, code: str, function: str = "f", allowed: bool = True) -> PythonFlow:
     file.write_text(code)
-    return PythonFlow(function, digest_of(file), file, allowed)
+    return PythonFlow(function, digest_of_file(file), file, allowed)
 
 
 def test_a_function_of_a_file_moves_points(tmp_path: Path) -> None:

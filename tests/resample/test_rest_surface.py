@@ -12,16 +12,10 @@ from pipeline.mesh import HalfedgeMesh, TriangleMesh, box, icosphere, sheet, tor
 from pipeline.mesh.analytic_surfaces import SphereSurface
 from pipeline.mesh.normals import vertex_normals
 from pipeline.resample import Exact, Resampler, Thresholds
+from pipeline.resample.kernels.curved_patches import MAX_OPPOSITE, opposite_corners
 from pipeline.resample.kernels.flip import should_flip
 from pipeline.resample.kernels.limits import Limits
-from pipeline.resample.kernels.rest_surface import (
-    MAX_OPPOSITE,
-    move_at_rest,
-    opposite_corners,
-    rest_orientation,
-    would_flip,
-)
-from pipeline.resample.kernels.ring import collect_ring, new_ring
+from pipeline.resample.kernels.ring import collect_ring, move_at_rest, new_ring, rest_orientation, would_flip
 from pipeline.resample.rest_surface import ASTRAY, REST, closest_points
 
 BALL, RING, CLOTH, CUBE = icosphere(4), torus(1.0, 0.4, 0.3), sheet((2, 2), 0.25), box(edge_length=0.5)

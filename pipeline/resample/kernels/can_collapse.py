@@ -9,7 +9,6 @@ from pipeline.arrays import Floats, Points
 from pipeline.kernels import kernel
 from pipeline.mesh.kernels.halfedge import LEAN, MATRIX, MESH_ARRAYS, VECTOR, MeshArrays, following, preceding
 from pipeline.resample.kernels.limits import LIMITS, Limits, hard_cosine, length_limits, squared_length
-from pipeline.resample.kernels.rest_surface import would_flip
 from pipeline.resample.kernels.ring import (
     FOLDED,
     MAX_TURN_COSINE,
@@ -22,6 +21,7 @@ from pipeline.resample.kernels.ring import (
     collect_ring,
     measure_ring,
     move_fault,
+    would_flip,
 )
 
 

@@ -34,7 +34,7 @@ from pipeline.resample.kernels.limits import (
     squared_length,
     touch,
 )
-from pipeline.resample.kernels.rest_surface import is_inverted
+from pipeline.resample.kernels.ring import is_inverted
 
 _GAIN = 0.1  # cot α + cot β must be below -_GAIN: a flip must be worth the change of the surface
 MAX_STACK = 128  # edges to test around one flip and those that follow from it; each flip adds four

@@ -31,7 +31,6 @@ from pipeline.resample.kernels.limits import (
     squared_length,
     touch,
 )
-from pipeline.resample.kernels.rest_surface import move_at_rest
 from pipeline.resample.kernels.ring import (
     MAX_TURN_COSINE,
     RING,
@@ -40,6 +39,7 @@ from pipeline.resample.kernels.ring import (
     folds,
     measure_faces,
     measure_ring,
+    move_at_rest,
 )
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE
 

@@ -4,6 +4,9 @@ Spoke i runs from the centre to `vertex[i]`; face i lies between spokes i and i 
 faces as spokes, and repeats its first spoke after the last; an open ring has one spoke more. Coordinates lie
 in rows of floats, one coordinate a row, so that a processor computes several faces at once. It computes as
 many as it has lanes; entries after the last face are ignored.
+
+No step may turn a face over, neither now nor, where vertices have positions at rest, there: the surface would
+return pleated.
 """
 
 from __future__ import annotations
@@ -26,6 +29,7 @@ from pipeline.mesh.kernels.halfedge import (
     before,
     fan_start,
 )
+from pipeline.resample.kernels.limits import LIMITS, Limits
 
 MAX_SPOKES = 512
 MAX_TURN_COSINE = 0.2  # a face turns by at most 78 degrees in one step
@@ -33,7 +37,7 @@ _THIN = 0.02  # twice the area over the longest side squared; below it a face co
 _LANES = 8  # entries computed together; a multiple of any processor's vector length
 _ROW = MAX_SPOKES + 3 * _LANES  # floats from one row to the next; no power of two, which caches dislike
 _X, _Y, _Z, NX, NY, NZ, _SQUARE = (np.uint64(_ROW * row) for row in range(7))
-_ONE = np.uint64(1)
+_ONE, _TWO = np.uint64(1), np.uint64(2)
 STRETCHED, FOLDED = 1, 2
 
 
@@ -186,3 +190,65 @@ def move_fault(ring: Ring, other: int, place: Floats, max_squared: float, cosine
 def folds(points: Points, ring: Ring, other: int, place: Floats, cosine: float) -> bool:
     """Tell whether a face of the ring would fold or become a sliver if its centre moved to `place`."""
     return move_fault(ring, other, place, np.inf, cosine) > 0
+
+
+@kernel(numba.float64(MATRIX, LIMITS, numba.int64, numba.int64, numba.int64), **LEAN)
+def rest_orientation(attributes: Points, limits: Limits, a: int, b: int, c: int) -> float:
+    """Return a positive number if triangle abc faces outwards at rest, by the rest normals of its corners."""
+    i, j, k = np.uint64(a), np.uint64(b), np.uint64(c)
+    m, o = np.uint64(limits.rest_column), np.uint64(limits.rest_normal_column)
+    x, y, z = attributes[i, m], attributes[i, m + _ONE], attributes[i, m + _TWO]
+    ux, uy, uz = attributes[j, m] - x, attributes[j, m + _ONE] - y, attributes[j, m + _TWO] - z
+    vx, vy, vz = attributes[k, m] - x, attributes[k, m + _ONE] - y, attributes[k, m + _TWO] - z
+    nx = attributes[i, o] + attributes[j, o] + attributes[k, o]
+    ny = attributes[i, o + _ONE] + attributes[j, o + _ONE] + attributes[k, o + _ONE]
+    nz = attributes[i, o + _TWO] + attributes[j, o + _TWO] + attributes[k, o + _TWO]
+    return float((uy * vz - uz * vy) * nx + (uz * vx - ux * vz) * ny + (ux * vy - uy * vx) * nz)
+
+
+@kernel(numba.boolean(MATRIX, LIMITS, numba.int64, numba.int64, numba.int64), **LEAN)
+def is_inverted(attributes: Points, limits: Limits, a: int, b: int, c: int) -> bool:
+    """Tell whether triangle abc does not face outwards at rest."""
+    return bool(rest_orientation(attributes, limits, a, b, c) <= 0)
+
+
+@kernel(numba.boolean(MATRIX, RING, numba.int64, numba.int64, LIMITS), **LEAN)
+def would_flip(attributes: Points, ring: Ring, centre: int, other: int, limits: Limits) -> bool:
+    """Tell whether a face of the ring would turn over at rest if its centre merged into vertex `other`."""
+    for i in range(ring.size[0]):
+        b, c = ring.vertex[i], ring.vertex[i + 1]
+        if b == other or c == other:
+            continue
+        inverted = is_inverted(attributes, limits, other, b, c)
+        if inverted and rest_orientation(attributes, limits, centre, b, c) > 0:
+            return True
+    return False
+
+
+@kernel(numba.int64(MATRIX, RING, numba.int64, LIMITS), **LEAN)
+def _count_inverted(attributes: Points, ring: Ring, centre: int, limits: Limits) -> int:
+    """Return how many faces of the ring face inwards at rest."""
+    count = 0
+    for i in range(ring.size[0]):
+        b, c = ring.vertex[i], ring.vertex[i + 1]
+        count += is_inverted(attributes, limits, centre, b, c)
+    return count
+
+
+@kernel(numba.boolean(MATRIX, RING, numba.int64, MATRIX, numba.int64, LIMITS), **LEAN)
+def move_at_rest(attributes: Points, ring: Ring, centre: int, goals: Points, i: int, limits: Limits) -> bool:
+    """Move the ring's centre to `goals[i]` at rest unless more faces would face inwards; return if it may go.
+
+    Without rest positions it returns True and moves nothing.
+    """
+    column = limits.rest_column
+    if column < 0:
+        return True
+    before = _count_inverted(attributes, ring, centre, limits)
+    x, y, z = attributes[centre, column], attributes[centre, column + 1], attributes[centre, column + 2]
+    for k in range(3):
+        attributes[centre, column + k] = goals[i, k]
+    if _count_inverted(attributes, ring, centre, limits) <= before:
+        return True
+    attributes[centre, column], attributes[centre, column + 1], attributes[centre, column + 2] = x, y, z
+    return False
