@@ -20,10 +20,10 @@ from pipeline.flow.catalogue.attractors import Attractor
 from pipeline.flow.catalogue.basic import Rotation, Scaling, Squeeze, Strain, Translation
 from pipeline.flow.catalogue.cellular import DoubleGyre
 from pipeline.flow.catalogue.deformations import Bend, Deformation
-from pipeline.flow.catalogue.formula import FormulaField
-from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
+from pipeline.flow.catalogue.user_fields import FormulaField, Sampled
 from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.parameters import shot_name
+from pipeline.flow.samples import read_samples
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -147,7 +147,7 @@ def _random_samples() -> Sampled:
     with TemporaryDirectory() as folder:
         file = Path(folder) / "dice.npz"
         np.savez(file, x=axis, y=axis, z=axis, velocity=velocity)
-        files = SampledFiles.of((file,))
+        files = read_samples((file,))
     return Sampled(files, between="cubic")
 
 

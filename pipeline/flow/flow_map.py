@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.arrays import Points
 from pipeline.errors import FlowsculptError, FrameError
-from pipeline.flow.catalogue.formula import FormulaField
+from pipeline.flow.catalogue.user_fields import FormulaField
 from pipeline.flow.flow import Flow, FlowStep
 from pipeline.flow.streamlines import StepPlan, Streamlines
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -20,20 +20,24 @@ MAX_SPEED = 1e12
 """The limit of any number in a shot file: squares and sums of such numbers stay finite."""
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True)
 class Samples:
-    """Velocities at the nodes of a grid, at one time or several.
+    """Velocities at the nodes of a grid, at one time or several: equal contents of files, equal samples.
 
     axes      three float64 arrays, each ascending and of two numbers or more
     times     (T,) seconds, ascending
     velocity  float64 (T, X, Y, Z, 3)
-    digests   SHA-256 of each file: equal digests, equal samples
+    digests   SHA-256 of each file
+    array     the name of the velocities in VTK files; None: the file's only vectors
+    interval  seconds from file to file
     """
 
-    axes: tuple[Floats, Floats, Floats]
-    times: Floats
-    velocity: Floats
+    axes: tuple[Floats, Floats, Floats] = field(compare=False, repr=False)
+    times: Floats = field(compare=False, repr=False)
+    velocity: Floats = field(compare=False, repr=False)
     digests: tuple[str, ...]
+    array: str | None = None
+    interval: float = 1.0
 
     @property
     def digest(self) -> str:
@@ -85,7 +89,7 @@ def _read(files: tuple[Path, ...], array: str | None, interval: float) -> Sample
         _require_one_time(file, part)
         velocity[k] = part[0]
         digests.append(digest)
-    return Samples(axes, times, velocity, tuple(digests))
+    return Samples(axes, times, velocity, tuple(digests), array, interval)
 
 
 def _content(file: Path) -> bytes:

@@ -29,7 +29,7 @@ from pipeline.flow.catalogue.attractors import Aizawa, Lorenz
 from pipeline.flow.catalogue.basic import Rotation, Strain, Translation
 from pipeline.flow.catalogue.cellular import ABC
 from pipeline.flow.catalogue.deformations import Twist
-from pipeline.flow.catalogue.formula import FormulaField
+from pipeline.flow.catalogue.user_fields import FormulaField
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.composed_fields import RegionField, Within
 from pipeline.flow.composed_maps import Mirror, Placed, Transform

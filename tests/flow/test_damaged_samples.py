@@ -15,7 +15,6 @@ import pytest
 
 from pipeline.errors import UsageError
 from pipeline.flow import samples
-from pipeline.flow.catalogue.sampled import SampledFiles
 from pipeline.flow.samples import read_samples
 
 AXIS = np.linspace(-1.0, 1.0, 4)
@@ -167,10 +166,10 @@ def test_the_files_of_a_sequence_count_together(tmp_path: Path, monkeypatch: pyt
 
 def test_samples_never_go_by_the_digest_of_others(tmp_path: Path) -> None:
     file = archive(tmp_path / "a.npz")
-    known = SampledFiles.of((file,))
+    known = read_samples((file,))
     archive(file, velocity=2 * ONES)
-    now = SampledFiles.of((file,))
-    assert (known.samples.velocity == 1).all() and (now.samples.velocity == 2).all() and known != now
+    now = read_samples((file,))
+    assert (known.velocity == 1).all() and (now.velocity == 2).all() and known != now
 
 
 def test_a_file_is_hashed_once_and_parsed_while_it_is_another(
@@ -184,8 +183,8 @@ def test_a_file_is_hashed_once_and_parsed_while_it_is_another(
     monkeypatch.setattr(
         samples, "read_npz", lambda file, *more: (parsed.append(file.name), parse(file, *more))[1]
     )
-    first, again = SampledFiles.of(files), SampledFiles.of(files)
+    first, again = read_samples(files), read_samples(files)
     assert read == 2 * ["0.npz", "1.npz", "2.npz"] and parsed == read[:3]
-    assert first == again and first.samples is again.samples
+    assert first == again and first is again
     archive(files[2], velocity=9 * ONES)
-    assert SampledFiles.of(files) != first and parsed[3:] == read[:3]
+    assert read_samples(files) != first and parsed[3:] == read[:3]

@@ -16,7 +16,7 @@ from pipeline.errors import FrameError, UsageError
 from pipeline.flow import Streamlines, Sum, VelocityField, checked_displacement, keyed
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind, catmull_rom
 from pipeline.flow.catalogue.basic import Rotation
-from pipeline.flow.catalogue.formula import FormulaField
+from pipeline.flow.catalogue.user_fields import FormulaField
 from pipeline.flow.catalogue.vortices import RMS, CurlNoise
 from pipeline.flow.composed_fields import ScaledField, TransformedField
 from pipeline.flow.composed_maps import Mirror, Transform

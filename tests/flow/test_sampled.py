@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from pipeline.arrays import Floats, Points, Vectors
 from pipeline.errors import MissingInputError, UsageError
 from pipeline.flow import Streamlines
-from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
+from pipeline.flow.catalogue.user_fields import Sampled
 from pipeline.flow.samples import read_samples
 
 X, Y, Z = np.array([-1.0, -0.4, 0.1, 0.3, 1.0]), np.linspace(-1, 1, 6), np.array([-1.0, -0.5, 0.4, 1.0])
@@ -34,7 +34,7 @@ def save(file: Path, axes: tuple[Floats, ...] = (X, Y, Z), **changed: np.ndarray
 
 
 def field_of(*files: Path, interval: float = 1.0, **parameters: object) -> Sampled:
-    return Sampled(SampledFiles.of(files, None, interval), **parameters)  # type: ignore[arg-type]
+    return Sampled(read_samples(files, None, interval), **parameters)  # type: ignore[arg-type]
 
 
 @pytest.fixture

@@ -10,8 +10,7 @@ import pytest
 from pipeline.errors import ShotError
 from pipeline.flow import Sequence, Streamlines
 from pipeline.flow.catalogue.attraction import Attraction, Wind
-from pipeline.flow.catalogue.formula import FormulaField
-from pipeline.flow.catalogue.sampled import Sampled
+from pipeline.flow.catalogue.user_fields import FormulaField, Sampled
 from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.flow import PythonFlow
 from pipeline.shot import Shot, read_shot
@@ -70,7 +69,7 @@ def test_every_field_can_be_written(folder: Path) -> None:
     assert [type(field) for field in found] == kinds
     keyed, sequence = found[1], found[9]
     assert isinstance(keyed, FormulaField) and keyed.numbers(23 / 24) == (2.0,)
-    assert isinstance(sequence, Sampled) and len(sequence.files.samples.times) == 2
+    assert isinstance(sequence, Sampled) and len(sequence.samples.times) == 2
 
 
 def test_fields_are_added_up_like_others(folder: Path) -> None:

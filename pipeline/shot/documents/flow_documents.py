@@ -24,11 +24,11 @@ from pydantic_core import CoreSchema
 
 from pipeline.flow import catalogue
 from pipeline.flow.catalogue.attraction import Attraction, Target, Wind
-from pipeline.flow.catalogue.formula import MAX_NUMBERS, FormulaField
-from pipeline.flow.catalogue.sampled import Sampled, SampledFiles
+from pipeline.flow.catalogue.user_fields import MAX_NUMBERS, FormulaField, Sampled
 from pipeline.flow.catalogue.vortices import CurlNoise
 from pipeline.flow.flow import PythonFlow
 from pipeline.flow.parameters import ParameterDoc, shot_name
+from pipeline.flow.samples import Samples, read_samples
 from pipeline.formula import FUNCTIONS
 from pipeline.formula.compiled import NAMES
 from pipeline.formula.syntax import CONSTANTS
@@ -180,18 +180,18 @@ class SampledDocument(FlowParameters):
     ] = None
     interval: Annotated[Positive, ParameterDoc("from file to file", "s")] = 1.0
 
-    _files: SampledFiles = PrivateAttr()
+    _samples: Samples = PrivateAttr()
 
     @model_validator(mode="after")
     def _are_readable(self, info: ValidationInfo) -> Self:
         context = ParseContext.of(info)
         paths = context.files(self.file)
-        self._files = as_finding(lambda: SampledFiles.of(paths, self.array, float(self.interval)))
-        context.digests.update(zip(paths, self._files.samples.digests, strict=True))
+        self._samples = as_finding(lambda: read_samples(paths, self.array, float(self.interval)))
+        context.digests.update(zip(paths, self._samples.digests, strict=True))
         return self
 
     def own_values(self, clock: Clock) -> dict[str, Any]:
-        return {"files": self._files}
+        return {"samples": self._samples}
 
 
 class PythonDocument(FlowParameters):
