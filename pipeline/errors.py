@@ -11,6 +11,12 @@ from render.base.errors import MachineError as MachineError
 from render.base.errors import suggestion as suggestion
 
 
+def reason_of(error: Exception) -> str:
+    """Return the text of a parser's error on one line, shortened for a message."""
+    text = " ".join(str(error).split()) or type(error).__name__
+    return text if len(text) <= 120 else text[:117] + "…"
+
+
 class UsageError(FlowsculptError):
     """An impossible argument, option or value (exit code 2)."""
 

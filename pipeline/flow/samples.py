@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats
-from pipeline.errors import FlowsculptError, MissingInputError, UsageError
+from pipeline.errors import FlowsculptError, MissingInputError, UsageError, reason_of
 from pipeline.flow.sample_files import MAX_BYTES, read_npz, read_vtk, require_size
 
 FORMATS = (".vti", ".vtr", ".npz")
@@ -146,7 +146,7 @@ def reading(file: Path, kind: str) -> Iterator[None]:
     except FlowsculptError:
         raise
     except Exception as error:  # parsers and decompressors raise anything
-        raise UsageError(f"{file}: it cannot be read as {kind} ({_brief(error)})") from error
+        raise UsageError(f"{file}: it cannot be read as {kind} ({reason_of(error)})") from error
 
 
 def require_valid(file: Path, axes: list[AnyArray], times: AnyArray, velocity: AnyArray) -> None:
@@ -175,8 +175,3 @@ def require_valid(file: Path, axes: list[AnyArray], times: AnyArray, velocity: A
             f"{file}: the velocity at ({point}), index ({i}, {j}, {k}), is {value:g}; samples must be "
             "finite, and at most 1e12. Fill the gaps, for example with zeros."
         )
-
-
-def _brief(error: Exception) -> str:
-    text = " ".join(str(error).split()) or type(error).__name__
-    return text if len(text) <= 120 else text[:117] + "…"

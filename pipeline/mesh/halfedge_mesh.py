@@ -19,7 +19,7 @@ from pipeline.mesh.kernels.halfedge import (
     renumber_parallel,
 )
 from pipeline.mesh.normals import tagged_halfedges
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
 from pipeline.mesh.validation import require
 
 _HEADROOM_AT_FIRST, _HEADROOM = 1.25, 1.5
@@ -199,9 +199,7 @@ class _Columns:
 def _tags_of(mesh: TriangleMesh) -> AnyArray:
     """Return flags (3F,) uint8 of the creases' half-edges. Raises MeshError for a crease that is no edge."""
     tagged = tagged_halfedges(mesh)
-    ends = np.sort(mesh.halfedge_ends[tagged], axis=1)
-    edges, creases = (pairs.astype(np.int64) @ (1 << 32, 1) for pairs in (ends, mesh.creases))
-    missing = ~np.isin(creases, edges)
+    missing = ~np.isin(edge_keys(mesh.creases), edge_keys(mesh.halfedge_ends[tagged]))
     if missing.any():
         a, b = mesh.creases[missing][0]
         raise MeshError(f"crease {a}-{b} is no edge of the mesh; creases name two vertices of one edge")

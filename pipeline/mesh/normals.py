@@ -29,7 +29,7 @@ from pipeline.mesh.kernels.normals import (
     scale_known,
     sum_normals,
 )
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
 from pipeline.mesh.validation import require
 
 NORMAL = "normal"
@@ -151,9 +151,8 @@ def tagged_halfedges(mesh: TriangleMesh) -> AnyArray:
     at_crease[mesh.creases.ravel()] = True
     ends = mesh.halfedge_ends
     near = np.flatnonzero(at_crease[ends].all(axis=1))
-    both = np.sort(ends[near], axis=1).astype(np.int64) @ (1 << 32, 1)
     tagged = np.zeros(mesh.faces.size, bool)
-    tagged[near] = np.isin(both, mesh.creases.astype(np.int64) @ (1 << 32, 1))
+    tagged[near] = np.isin(edge_keys(ends[near]), edge_keys(mesh.creases))
     return tagged
 
 

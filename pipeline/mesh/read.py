@@ -13,7 +13,7 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.errors import FlowsculptError, MeshError, MissingInputError
+from pipeline.errors import FlowsculptError, MeshError, MissingInputError, reason_of
 from pipeline.mesh.polygon_files import (
     FileSurface,
     file_surface,
@@ -22,7 +22,7 @@ from pipeline.mesh.polygon_files import (
     read_wavefront,
 )
 from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
 from pipeline.mesh.validation import require, twin_corners
 
 T = TypeVar("T")
@@ -96,9 +96,7 @@ def read_by_suffix(path: Path, readers: Mapping[str, Callable[[Path], T]], kind:
     except FlowsculptError:
         raise
     except Exception as error:  # readers raise whatever their parsers do
-        reason = " ".join(str(error).split()) or type(error).__name__
-        short = reason if len(reason) <= 120 else reason[:117] + "…"
-        raise MeshError(f"{path}: cannot be read as {suffix.upper()} ({short})") from error
+        raise MeshError(f"{path}: cannot be read as {suffix.upper()} ({reason_of(error)})") from error
 
 
 def _merged(loaded: FileSurface) -> tuple[PolygonMesh, AnyArray, AnyArray]:
@@ -141,7 +139,5 @@ def _existing(mesh: PolygonMesh, pairs: AnyArray) -> AnyArray:
     """Return the pairs (K, 2) that are edges; tags on others are ignored."""
     if not len(pairs):
         return pairs
-    edges, wanted = mesh.edges.astype(np.int64), np.sort(pairs, axis=1)
-    number = len(mesh.vertices)
-    known = edges[:, 0] * number + edges[:, 1]
-    return wanted[(wanted[:, 0] >= 0) & np.isin(wanted[:, 0] * number + wanted[:, 1], known)]
+    wanted = np.sort(pairs, axis=1)
+    return wanted[(wanted[:, 0] >= 0) & np.isin(edge_keys(wanted), edge_keys(mesh.edges))]

@@ -94,6 +94,13 @@ def require_existing(corners: AnyArray, vertices: int) -> None:
         )
 
 
+def edge_keys(pairs: Indices) -> AnyArray:
+    """Return int64 (N,), one number for each pair of vertices (N, 2) in either order."""
+    low, high = np.sort(pairs.astype(np.int64), axis=1).T
+    keys: AnyArray = (low << 32) + high
+    return keys
+
+
 def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
     """Return pairs (K, 2) int32, each ascending and once, in order; does not check that they are edges."""
     ends = np.asarray([] if pairs is None else pairs)

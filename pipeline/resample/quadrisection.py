@@ -14,7 +14,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from pipeline.errors import FrameError
-from pipeline.mesh.triangle_mesh import TriangleMesh
+from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
 from pipeline.resample.thresholds import Thresholds
 
 _NONE = np.empty((0, 2), np.int32)
@@ -76,16 +76,9 @@ class _Edges(NamedTuple):
     @classmethod
     def of(cls, faces: Faces) -> _Edges:
         pairs = np.stack([faces, np.roll(faces, -1, axis=1)], axis=2).reshape(-1, 2)
-        keys, sides = np.unique(_keys(pairs), return_inverse=True)
+        keys, sides = np.unique(edge_keys(pairs), return_inverse=True)
         ends = np.column_stack(np.divmod(keys, np.int64(1) << 32)).astype(np.int32)
         return cls(ends, sides.reshape(-1, 3))
-
-
-def _keys(pairs: Indices) -> AnyArray:
-    """Return an int64 (N,) that identifies each pair of vertices in either order."""
-    low, high = np.sort(pairs.astype(np.int64), axis=1).T
-    keys: AnyArray = (low << 32) + high
-    return keys
 
 
 def _to_cut(mesh: TriangleMesh, edges: _Edges, longest: float | Floats) -> AnyArray:
@@ -130,7 +123,7 @@ def _halved(creases: Indices, edges: _Edges, middles: Indices) -> Indices:
     """Return creases (K, 2) with cut edges replaced by their halves."""
     if not len(creases):
         return creases
-    middle = middles[np.searchsorted(_keys(edges.ends), _keys(creases))]
+    middle = middles[np.searchsorted(edge_keys(edges.ends), edge_keys(creases))]
     whole, two = creases[middle < 0], middle >= 0
     halves = [np.column_stack([end, middle[two]]) for end in creases[two].T]
     return np.concatenate([whole, *halves])

@@ -79,11 +79,8 @@ class Resampler:
     def vectors(self, name: str) -> Vectors | None:
         """Return a (V, 3) float64 view of a vector attribute, to write into like `vertices`, or None."""
         column = self._mesh.column(name)
-        return (
-            None
-            if column is None
-            else self._mesh.arrays.attributes[: self._mesh.sizes[0], column : column + 3]
-        )
+        attributes = self._mesh.arrays.attributes[: self._mesh.sizes[0]]
+        return None if column is None else attributes[:, column : column + 3]
 
     @property
     def mesh(self) -> TriangleMesh:

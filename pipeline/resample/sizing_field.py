@@ -105,21 +105,16 @@ class ThresholdFormula:
     unit: float = 1.0
     frame: int | None = None
     time: float | None = None
-    _expression: Expression = field(init=False, repr=False, compare=False)
+    expression: Expression = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "_expression", Expression(self.text, FORMULA_NAMES))
-
-    @property
-    def expression(self) -> Expression:
-        return self._expression
+        object.__setattr__(self, "expression", Expression(self.text, FORMULA_NAMES))
 
     def at(self, frame: int, time: float) -> ThresholdFormula:
         """Return the formula with its frame and time filled in; itself if it uses neither."""
         used = self.expression.uses
-        now = replace(
-            self, frame=frame if "frame" in used else None, time=float(time) if {"t", "time"} & used else None
-        )
+        seconds = float(time) if {"t", "time"} & used else None
+        now = replace(self, frame=frame if "frame" in used else None, time=seconds)
         return self if now == self else now
 
     def __call__(self, mesh: TriangleMesh) -> Floats:

@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.arrays import AnyArray
 from pipeline.mesh.polygon_mesh import PolygonMesh
+from pipeline.mesh.triangle_mesh import edge_keys
 from pipeline.mesh.validation import require, twin_corners
 
 OUTSIDE = -1
@@ -234,10 +235,7 @@ class Polyhedron:
     def _tagged(mesh: PolygonMesh, origin: AnyArray) -> list[bool]:
         if not len(mesh.creases):
             return [False] * (len(origin) // 2)
-        ends = np.sort(origin.reshape(-1, 2), axis=1)
-        wanted = mesh.creases.astype(np.int64)
-        keys, among = (pairs[:, 0] * len(mesh.vertices) + pairs[:, 1] for pairs in (ends, wanted))
-        tagged: list[bool] = np.isin(keys, among).tolist()
+        tagged: list[bool] = np.isin(edge_keys(origin.reshape(-1, 2)), edge_keys(mesh.creases)).tolist()
         return tagged
 
 
