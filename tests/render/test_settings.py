@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
-from render.graphics.titles import TitleCard, title_frames
+from render.graphics.cards import TitleCard, title_frames
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS, LightRig, Softbox
 from render.scene.materials import LOOKS, Diffuse, Plastic

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from render.graphics.slate import BARS, GREYS, Slate, failure_card
+from render.graphics.cards import BARS, GREYS, Slate, failure_card
 from render.graphics.typesetting import cut_short, line, wrap
 
 FACTS = (("version", "v003"), ("frames", "1-48"), ("quality", "final"))

@@ -18,7 +18,7 @@ from pipeline.production.stages import DELIVER
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.atomic_write import disk_errors
 from render.graphics.burn_in import BurnIn
-from render.graphics.slate import Slate
+from render.graphics.cards import Slate
 from render.movie.codecs import Encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame

@@ -26,7 +26,7 @@ from pipeline.production.store.store import Store
 from pipeline.production.tasks.encode import cut_together
 from pipeline.production.versions.provenance import Provenance, records
 from render.base.serialise import to_plain
-from render.graphics.slate import failure_card
+from render.graphics.cards import failure_card
 from render.movie.planes import Frame
 from render.movie.sequences import FILM_START, dissolve, mix_frames
 from render.post.colour import quantise, to_display

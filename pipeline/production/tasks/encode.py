@@ -16,7 +16,7 @@ from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key
 from pipeline.production.tasks.job import Context
-from render.graphics.titles import TitleCard, title_frames
+from render.graphics.cards import TitleCard, title_frames
 from render.movie.codecs import movie_encode
 from render.movie.encode import write_movie
 from render.movie.planes import Frame
