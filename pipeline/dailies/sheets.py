@@ -59,10 +59,7 @@ class ShotSheet:
             for number in numbers
         ]
         keys = request.picture_keys(self.store)
-        pictures = [
-            None if keys is None else shown_picture(request, keys, self.store, number, factor, 8, "srgb")
-            for number in numbers
-        ]
+        pictures = [shown_picture(request, keys, self.store, n, factor, 8, "srgb") for n in numbers]
         sheet = ContactSheet(f"{request.name}: {request.shot.title}", captions, (width, height), columns)
         header = {"shot": request.name, "frames": str(FrameRange.of(numbers))}
         write_png(path, sheet.picture(pictures, request.quality_name), header)

@@ -67,7 +67,7 @@ class TurntableRequest:
         """Return the request of each look. Raises MissingInputError or UsageError."""
         mesh = Path(self.subject)
         of_file = mesh.suffix.lower().lstrip(".") in FORMATS
-        path = self.project.around(mesh) if of_file else find_shot(self.subject)
+        path = self.project.shot_around(mesh) if of_file else find_shot(self.subject)
         return [self._take(path, of_file, look) for look in self.looks or (None,)]
 
     def _take(self, path: Path, of_file: bool, look: str | None) -> RenderRequest:

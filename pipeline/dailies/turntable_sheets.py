@@ -167,7 +167,7 @@ class TurntableSheets:
         pictures = []
         for look, number in cells:
             request, keys, picture = self._requests[look], self._keys[look], None
-            if keys is not None and self._stored_key(look, number) is not None:
+            if self._stored_key(look, number) is not None:
                 picture = shown_picture(request, keys, self._store, number, factor, bits, display)
                 if picture is None:
                     path = request.place("frame", number)

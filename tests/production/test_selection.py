@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.frame_states import FrameStates, is_in_words, picture_states, selected
+from pipeline.production.planning.frame_states import FrameStates, is_in_words, selected
 from pipeline.production.planning.plan import BATCH, batches
 from pipeline.production.store.event_log import EventLog, History
 from pipeline.production.store.paths import EVENTS
@@ -84,13 +84,9 @@ def test_what_failed_is_tried_again_by_that_word(project: Any, monkeypatch: pyte
     monkeypatch.chdir(project.path)
     log_of(project.path, ("fail", 3), ("fail", 5))
     whole_project = Project(project.path, 2)
-    assert (
-        str(FrameRange.of(whole_project._asked(NAME, "draft", "failed", picture_states).requested)) == "3,5"
-    )
+    assert str(FrameRange.of(whole_project.asked(NAME, "draft", "failed").requested)) == "3,5"
     log_of(project.path, ("frame", 3))
-    assert len(whole_project._asked(NAME, "draft", "failed", picture_states).requested) == 2, (
-        "settled for this run"
-    )
-    assert Project(project.path, 2)._asked(NAME, "draft", "failed", picture_states).requested == (5,)
+    assert len(whole_project.asked(NAME, "draft", "failed").requested) == 2, "settled for this run"
+    assert Project(project.path, 2).asked(NAME, "draft", "failed").requested == (5,)
     targets = Project(project.path, 2).pictures([NAME], "draft", "failed").targets
     assert [Path(target).suffix for target in targets] == [".exr"]

@@ -22,7 +22,6 @@ from pipeline.production.planning.planner import Planner
 from pipeline.production.planning.profile import Profile
 from pipeline.production.request.crop_and_scale import base_of
 from pipeline.production.request.edit import Edit, ResolvedEdit, resolved_edit
-from pipeline.production.request.keys import FrameKeys
 from pipeline.production.request.lookup import FILM, find_shot
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.render_request import FORMS, RenderRequest
@@ -48,6 +47,7 @@ class Project:
     allow_code  whether shots may run the Python files that they name
     profile     where the jobs of its plans run, and so how many there are of them
     force       stages that are made again, each with the time from which on stored files count
+    notes       lines to tell the user with a plan
     """
 
     root: Path
@@ -57,15 +57,10 @@ class Project:
     allow_code: bool = False
     profile: Profile = field(default_factory=Profile.local)
     force: Mapping[str, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list, repr=False)
     _texts: SourceCache = field(default_factory=SourceCache, repr=False)
-    _montages: dict[Path, ResolvedEdit] = field(default_factory=dict, repr=False)
-    _chosen: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
-    _notes: list[str] = field(default_factory=list, repr=False)
-
-    @property
-    def notes(self) -> list[str]:
-        """Lines to tell the user with a plan."""
-        return self._notes
+    _edits: dict[Path, ResolvedEdit] = field(default_factory=dict, repr=False)
+    _selected: dict[tuple[Path, str, str], FrameRange] = field(default_factory=dict, repr=False)
 
     @property
     def store(self) -> Store:
@@ -75,11 +70,21 @@ class Project:
         """Return the project with a stage, and those that follow it, made again once whatever is stored."""
         return replace(self, force=dict.fromkeys(forced_with({stage}), time.time_ns()))
 
+    def planner(self, many: int = 1) -> Planner:
+        """Return a planner for so many requests that are made side by side."""
+        cores = self.profile.side_by_side(self.cores)
+        side_by_side, share = max(1, cores // many), self.profile.share
+        return Planner(
+            self.store, side_by_side, cores, self.notes, share, force=self.force, comparable=many > 1
+        )
+
+    # Plans
+
     def meshes(self, shots: Sequence[str], frames: str | None = None) -> Plan:
         """Return the plan of the mesh frames of shots."""
         planner = self.planner()
         for shot in shots:
-            planner.simulate(self._asked(shot, "draft", frames, mesh_states, variant="none"))
+            planner.simulate(self.asked(shot, "draft", frames, mesh_states, variant="none"))
         return planner.plan()
 
     def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:
@@ -91,41 +96,34 @@ class Project:
 
     def add_pictures(self, planner: Planner, shot: str, quality: str, frames: str | None = None) -> None:
         """Ask for finished frames of a shot and their movie; of the whole shot too where they complete it."""
-        request = self._asked(shot, quality, frames, picture_states)
+        request = self.asked(shot, quality, frames)
         planner.pictures(request)
         if frames is None or not is_in_words(frames):
             planner.movie(request)
         if frames is None or self.force:
             return
-        whole = request.whole()
-        keys = whole.picture_keys(self.store)
+        whole, store = request.whole(), self.store
+        keys = whole.picture_keys(store)
         rest = set(whole.requested) - set(request.requested)
-        if keys and all(self._rendered(keys[n]) for n in rest):
+        if keys and all(store.holds("frame", keys[n].frame) or store.holds("raw", keys[n].raw) for n in rest):
             planner.pictures(whole)
             planner.movie(whole)
 
     def whole(self, shot: str, quality: str, frames: str | None = None) -> Plan:
-        """Finished frames of a shot and their movie, from the beginning, whatever is there already."""
-        nothing = Store(self.root / STATE / "nothing")
-        planner = Planner(nothing, 1, 1, self._notes)
+        """Return the plan of finished frames of a shot and their movie, whatever is stored already."""
+        planner = Planner(Store(self.root / STATE / "nothing"), 1, 1, self.notes)
         request = self.request(find_shot(shot), quality, frames)
         planner.pictures(request)
         planner.movie(request)
         return planner.plan()
 
     def stills(self, shots: Sequence[str], form: str, quality: str, frames: str | None = None) -> Plan:
-        """Finished frames of shots as a display shows them, in files of a form."""
+        """Return the plan of finished frames of shots as a display shows them, in files of a form."""
         if form not in FORMS:
             raise UsageError(f"{form!r} is not a form of stills. {suggestion(form, FORMS)}")
         planner = self.planner()
         for shot in shots:
-            planner.stills(self._asked(shot, quality, frames, picture_states), form)
-        return planner.plan()
-
-    def surfaces(self, request: RenderRequest) -> Plan:
-        """Return the plan of what pictures are made from: meshes, normals and cameras."""
-        planner = self.planner()
-        planner.surfaces(request)
+            planner.stills(self.asked(shot, quality, frames), form)
         return planner.plan()
 
     def film(self, quality: str, path: Path = FILM) -> Plan:
@@ -142,51 +140,58 @@ class Project:
             planner.movie(request)
         planner.film(edit, requests)
 
-    def edit(self, quality: str, path: Path = FILM) -> tuple[Edit, list[RenderRequest]]:
-        """Return an edit and the render requests of its clips."""
-        montage = self._montages.get(path) or self._montages.setdefault(path, self._montage(path))
-        requests = [replace(self.request(shot, quality), requested=frames) for shot, frames in montage.clips]
-        return montage.edit, requests
-
     def frames(self, requests: Sequence[RenderRequest]) -> Plan:
-        """The finished frames that takes ask for, and nothing made of them."""
+        """Return the plan of the finished frames of requests, without movies."""
         planner = self.planner()
         for request in requests:
             planner.pictures(request)
         return planner.plan()
 
-    def asked(self, shot: str, quality: str, frames: str | None = None) -> RenderRequest:
-        """The pictures of a shot by its name, of all frames or a range, in numbers or in words."""
-        return self._asked(shot, quality, frames, picture_states)
+    # Requests
 
-    def around(self, mesh: Path) -> Path:
-        """A shot that shows a mesh file as it is, under the path of a file that is not there."""
-        path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
-        self._texts.put(path, shot_around(mesh))
-        return path
+    def edit(self, quality: str, path: Path = FILM) -> tuple[Edit, list[RenderRequest]]:
+        """Return an edit and the render requests of its clips.
 
-    def _asked(
-        self, shot: str, quality: str, frames: str | None, states: States, variant: str | None = None
+        Its shots are read only where the planning cache does not hold it.
+        """
+        if path not in self._edits:
+            cache = PlanningCache(self.root)
+            self._edits[path] = resolved_edit(
+                path, self.settings, cache, lambda shot: self._source(shot).summary
+            )
+        resolved = self._edits[path]
+        requests = [replace(self.request(shot, quality), requested=frames) for shot, frames in resolved.clips]
+        return resolved.edit, requests
+
+    def asked(
+        self,
+        shot: str,
+        quality: str,
+        frames: str | None = None,
+        states: States = picture_states,
+        variant: str | None = None,
     ) -> RenderRequest:
-        """The frames of a shot that are asked for; what words mean is settled once."""
+        """Return the request of a shot by its name, of all frames or a range, in numbers or in words.
+
+        states  what words such as `missing` go by; which frames they mean is settled once
+        """
         path = find_shot(shot)
         if frames is None or not is_in_words(frames):
             return self.request(path, quality, frames, variant)
         whole = self.request(path, quality, variant=variant)
-        asked = path, quality, frames
-        if asked not in self._chosen:
-            self._chosen[asked] = selected(
+        if (path, quality, frames) not in self._selected:
+            self._selected[path, quality, frames] = selected(
                 frames, FrameRange(whole.requested), lambda: states(whole, self.store, History.of(self.root))
             )
-        return replace(whole, requested=self._chosen[asked].numbers)
+        return replace(whole, requested=self._selected[path, quality, frames].numbers)
 
     def request(
         self, path: Path, quality: str, frames: str | None = None, variant: str | None = None
     ) -> RenderRequest:
-        """The pictures of a shot file at one quality, all or a range."""
+        """Return the request of a shot file at one quality, of all frames or a range."""
         if base_of(quality) not in QUALITIES:
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
-        source = self._script(path)
+        source = self._source(path)
         whole = FrameRange(source.summary.frames)
         requested = FrameRange.parse(frames) if frames is not None else whole
         outside = requested.outside(whole)
@@ -195,25 +200,15 @@ class Project:
                 f"{source.path}: frames {outside} are not in the shot, which has {whole}; ask for frames "
                 "among those"
             )
-        chosen = variant or variant_for(self.root, source.name, self.variant, self._notes.append)
+        chosen = variant or variant_for(self.root, source.name, self.variant, self.notes.append)
         return RenderRequest(source, quality, chosen, tuple(dict.fromkeys(requested)))
 
-    def _rendered(self, keys: FrameKeys) -> bool:
-        return self.store.holds("frame", keys.frame) or self.store.holds("raw", keys.raw)
+    def shot_around(self, mesh: Path) -> Path:
+        """Return the path of a shot that shows a mesh file as it is; no such file is written."""
+        path = mesh.absolute().with_name(re.sub(r"[^\w.-]", "_", mesh.stem) + ".yaml")
+        self._texts.put(path, shot_around(mesh))
+        return path
 
-    def _script(self, path: Path) -> ShotSource:
+    def _source(self, path: Path) -> ShotSource:
         read = self._texts.source(path.absolute(), self.settings, self.allow_code)
         return replace(read, cache=PlanningCache(self.root)).with_inputs()
-
-    def _montage(self, path: Path) -> ResolvedEdit:
-        """Resolve an edit; its shots are read only where the planning cache does not hold it."""
-        cache = PlanningCache(self.root)
-        return resolved_edit(path, self.settings, cache, lambda shot: self._script(shot).summary)
-
-    def planner(self, many: int = 1) -> Planner:
-        """Return a planner for so many requests that are made side by side."""
-        cores = self.profile.side_by_side(self.cores)
-        side_by_side, share = max(1, cores // many), self.profile.share
-        return Planner(
-            self.store, side_by_side, cores, self._notes, share, force=self.force, comparable=many > 1
-        )

@@ -90,8 +90,8 @@ def run(
             outcome.restored += outcome.plan.restore_links(store)
             if not (outcome.plan.jobs and hopeful):
                 break
-            work = _Work(outcome.plan, root, policy.cores, profile or Profile.local(), patience)
-            events = work.done(watch)
+            where = profile or Profile.local()
+            events = _execute(outcome.plan, root, policy.cores, watch, where, patience)
             outcome.runs.append(outcome.plan.name)
             outcome.events += events
             outcome.plan = make_plan()
@@ -103,32 +103,28 @@ def run(
         return outcome
 
 
-@dataclass(frozen=True)
-class _Work:
-    """A plan to be carried out under `root`, with so many cores, where a profile says."""
-
-    plan: Plan
-    root: Path
-    cores: int
-    profile: Profile
-    patience: float
-
-    def done(self, watch: Callable[[Plan, EventReader], Watcher]) -> list[Event]:
-        """Execute the plan; return the events of its log."""
-        log = self.root / EVENTS / f"{self.plan.name}.jsonl"
-        self.plan.freeze(self.root)
-        EventLog(log).write("run", cores=self.cores)
-        try:
-            with watch(self.plan, EventReader(log)), watched(log, self.patience):
-                well = snakemake.execute(self.plan, self.root, self.cores, self.profile)
-        finally:
-            EventLog(log).write("ran")
-        events = list(EventReader(log).new())
-        told = {"fail", "healed", "hung", "killed"}
-        if not well and not any(event["event"] in told for event in events):
-            said = snakemake.log_of(self.plan)
-            events += _unexplained(events, said, snakemake.complaint(self.root / said))
+def _execute(
+    plan: Plan,
+    root: Path,
+    cores: int,
+    watch: Callable[[Plan, EventReader], Watcher],
+    profile: Profile,
+    patience: float,
+) -> list[Event]:
+    """Have Snakemake run a plan; return the events of its log."""
+    log = root / EVENTS / f"{plan.name}.jsonl"
+    plan.freeze(root)
+    EventLog(log).write("run", cores=cores)
+    try:
+        with watch(plan, EventReader(log)), watched(log, patience):
+            well = snakemake.execute(plan, root, cores, profile)
+    finally:
+        EventLog(log).write("ran")
+    events = list(EventReader(log).new())
+    if well or {"fail", "healed", "hung", "killed"} & {event["event"] for event in events}:
         return events
+    output = snakemake.log_of(plan)
+    return events + _unexplained(events, output, snakemake.complaint(root / output))
 
 
 def _unexplained(events: list[Event], log: Path, complaint: str | None) -> list[Event]:
@@ -141,4 +137,4 @@ def _unexplained(events: list[Event], log: Path, complaint: str | None) -> list[
         else:
             message, code = f"no job could run: {complaint} {log} says more", MachineError.exit_code
         return [{"event": "fail", "shot": "workflow", "stage": "", "message": message, "exit_code": code}]
-    return [{**each, "event": "killed", "message": f"{each['job']} was killed"} for each in killed]
+    return [{**begun, "event": "killed", "message": f"{begun['job']} was killed"} for begun in killed]

@@ -89,12 +89,11 @@ class PlannedWorkflow:
 
     def frame_inputs(self, wildcards: Any) -> list[str]:
         """Return the done-file of the job that finishes a frame."""
-        home, quality, number = wildcards.shot, wildcards.quality, int(wildcards.number)
-        plan = self.plan
-        places = [
-            place for place, stage in plan.goals if stage == "finish" and self._is_of(place, home, quality)
-        ]
-        jobs = [job for place in places for job in plan.jobs_of(place, "finish") if number in job.frames]
+        plan, number, jobs = self.plan, int(wildcards.number), []
+        for place in (place for place, stage in plan.goals if stage == "finish"):
+            request = plan.requests[place]
+            if (request.name, request.quality_name) == (wildcards.shot, wildcards.quality):
+                jobs += [job for job in plan.jobs_of(place, "finish") if number in job.frames]
         return list(dict.fromkeys(job.output for job in jobs))
 
     def words(self, rule: str, wildcards: Any) -> str:
@@ -123,8 +122,7 @@ class PlannedWorkflow:
 
     def memory(self, rule: str, wildcards: Any, threads: int = 1) -> int:
         """Return the MiB that a job needs, by what earlier pictures took."""
-        job = self._job(rule, wildcards)
-        measured = self.plan.measured.get(job.requests[0])
+        measured = self.plan.measured.get(self._job(rule, wildcards).requests[0])
         if rule == "render" and measured:
             return measured.memory_mib
         return UNMEASURED_MIB if self.plan.farm else LEAST_MIB
@@ -149,10 +147,6 @@ class PlannedWorkflow:
     def _jobs(self) -> Mapping[str, Job]:
         """The jobs by key, those of movies by the movie."""
         return {job.output if job.output.endswith(".mp4") else job.key: job for job in self.plan.jobs}
-
-    def _is_of(self, place: int, home: str, quality: str) -> bool:
-        request = self.plan.requests[place]
-        return request.quality_name == quality and request.name == home
 
     # Planning
 

@@ -6,7 +6,7 @@ renders/wedge/<shot>/<wedge>.<quality>.0024.png    the contact sheet; of several
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -93,79 +93,46 @@ class Wedge:
     # Sheets
 
     @property
-    def _first(self) -> RenderRequest:
-        """The request of the first cell, for what all cells share."""
-        return self._read[0][1]
-
-    @property
     def still_path(self) -> Path:
         return self._home / f"{self.grid.name}.{self.quality}.{self.number:04d}.png"
 
     @property
     def movie_path(self) -> Path | None:
-        """None where one frame was asked for."""
-        numbers = self._first.requested
+        """The movie of the sheet; None where one frame was asked for."""
+        numbers = self._read[0][1].requested
         if len(numbers) == 1:
             return None
         return self._home / f"{self.grid.name}.{self.quality}.{FrameRange.of(numbers)}.mp4"
 
     def draw(self) -> list[Path]:
-        """The contact sheet, and of several frames its movie; where they are, relative to the root.
+        """Draw the contact sheet, and of several frames its movie; return their paths, relative to the root.
 
         Cells that were not rendered are shown as such. Raises MachineError where the disk refuses.
         """
-        root = self.project.root
-        header = {
-            "shot": self.shot.stem,
-            "frame": self.number,
-            "wedge": [v.said for v in self.grid.variations],
-        }
-        write_png(root / self.still_path, self._page(self.number, 8, "srgb"), header)
+        root, shot = self.project.root, self.shot.stem
+        header = {"shot": shot, "frame": self.number, "wedge": [v.said for v in self.grid.variations]}
+        (page,) = self._pages([self.number], 8, "srgb")
+        write_png(root / self.still_path, page, header)
         if self.movie_path is None:
             return [self.still_path]
-        numbers = sorted(self._first.requested)
-        pages: Iterator[NDArray[Any]] = (self._page(number, 16, "rec709") for number in numbers)
-        write_movie(root / self.movie_path, pages, self._first.shot.rate.fps, H264_8_BITS)
+        first = self._read[0][1]
+        pages = self._pages(sorted(first.requested), 16, "rec709")
+        write_movie(root / self.movie_path, pages, first.shot.rate.fps, H264_8_BITS)
         return [self.still_path, self.movie_path]
 
-    def _page(self, number: int, bits: int, display: str) -> NDArray[Any]:
-        pictures = [self._picture(request, keys, number, bits, display) for request, keys in self._keys]
-        return self._sheets[bits].picture(pictures, f"frame {number} · {self.quality}")
-
-    @cached_property
-    def _sheets(self) -> dict[int, ContactSheet]:
-        first = self._first
-        width, height = (side // self._factor for side in (first.quality.width, first.quality.height))
-        heading, captions = f"{first.name}: {first.shot.title}", [cell.caption for cell, _ in self._read]
-        return {
-            bits: ContactSheet(heading, captions, (width, height), self._columns, bits) for bits in (8, 16)
-        }
-
-    @cached_property
-    def _columns(self) -> int:
-        quality = self._first.quality
-        return (
-            self.columns or self.grid.columns or columns_for(len(self.grid), (quality.width, quality.height))
-        )
-
-    @cached_property
-    def _factor(self) -> int:
-        quality = self._first.quality
-        return reduction(len(self.grid), self._columns, (quality.width, quality.height))
-
-    @cached_property
-    def _keys(self) -> list[tuple[RenderRequest, PictureKeys | None]]:
-        return [(request, request.picture_keys(self.project.store)) for _, request in self.requests]
-
-    def _picture(
-        self, request: RenderRequest, keys: PictureKeys | None, number: int, bits: int, display: str
-    ) -> NDArray[Any] | None:
-        """A cell's frame as a display shows it; None where it is not there."""
-        return (
-            None
-            if keys is None
-            else shown_picture(request, keys, self.project.store, number, self._factor, bits, display)
-        )
+    def _pages(self, numbers: Sequence[int], bits: int, display: str) -> Iterator[NDArray[Any]]:
+        """Yield the contact sheet of frames."""
+        first, store = self._read[0][1], self.project.store
+        size = first.quality.width, first.quality.height
+        columns = self.columns or self.grid.columns or columns_for(len(self.grid), size)
+        factor = reduction(len(self.grid), columns, size)
+        captions = [cell.caption for cell, _ in self._read]
+        heading, small = f"{first.name}: {first.shot.title}", (size[0] // factor, size[1] // factor)
+        sheet = ContactSheet(heading, captions, small, columns, bits)
+        cells = [(request, request.picture_keys(store)) for _, request in self.requests]
+        for number in numbers:
+            pictures = [shown_picture(*cell, store, number, factor, bits, display) for cell in cells]
+            yield sheet.picture(pictures, f"frame {number} · {self.quality}")
 
     @property
     def _home(self) -> Path:
@@ -184,10 +151,18 @@ class Wedge:
 
 
 def shown_picture(
-    request: RenderRequest, keys: PictureKeys, store: Store, number: int, factor: int, bits: int, display: str
+    request: RenderRequest,
+    keys: PictureKeys | None,
+    store: Store,
+    number: int,
+    factor: int,
+    bits: int,
+    display: str,
 ) -> NDArray[Any] | None:
-    """A frame for a sheet, `factor` times smaller, as a display shows it; None where it is not there."""
+    """Return a frame as a display shows it, `factor` times smaller; None where it is not there."""
     try:
+        if keys is None:
+            return None
         light: NDArray[np.float32] = read_exr(store.path("frame", keys[number].frame))[0]["beauty"]
     except RenderError:
         return None

@@ -62,12 +62,19 @@ class Desk:
         return self.root / "renders" / "review" / name / "index.html"
 
 
+def surfaces(project: Project, request: RenderRequest) -> Plan:
+    """Plan what pictures are made from: meshes, normals and cameras."""
+    planner = project.planner()
+    planner.surfaces(request)
+    return planner.plan()
+
+
 def simulated(root: Path, shot: str = SHOT) -> Desk:
     """A studio with a shot, its meshes and its cameras."""
     (root / "shots").mkdir(parents=True)
     (root / "shots" / f"{NAME}.yaml").write_text(shot)
     desk = Desk(root)
-    _done(root, desk.project().surfaces(desk.request("preview")))
+    _done(root, surfaces(desk.project(), desk.request("preview")))
     return desk
 
 
@@ -83,7 +90,7 @@ def furnish(root: Path) -> Desk:
     wedge = Wedge(
         project, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
     )
-    _done(root, project.surfaces(wedge.requests[0][1]))
+    _done(root, surfaces(project, wedge.requests[0][1]))
     for (_, cell), paint in zip(wedge.requests, (dusky, bright), strict=True):
         hang(desk, cell, cell.requested, paint)
     wedge.draw()
