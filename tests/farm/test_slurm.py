@@ -14,6 +14,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.store.paths import STATE
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.meshes import simulate
+from tests.production.snakemake import snakemake
 
 NAME = "T010_tiny"
 QUALITY = "preview.scale10"
@@ -34,6 +35,11 @@ def events(root, kind="frame"):
         line for log in (root / STATE / "events").glob("*.jsonl") for line in log.read_text().splitlines()
     ]
     return [event for event in map(json.loads, lines) if event["event"] == kind]
+
+
+def requested(job):
+    """Return the rule and the frames of a job of SLURM, its cores, memory and time."""
+    return [job[name] for name in ("Comment", "NumCPUs", "MinMemoryNode", "TimeLimit")]
 
 
 def wait_until(there, seconds=120):
@@ -86,6 +92,19 @@ class TestFilms:
         assert far == near
         tasks = [job["Comment"].split("_")[1] for job in slurm.jobs()[before:]]
         assert sorted(set(tasks)) == ["finish", "render", "simulate"]
+
+    def test_snakemake_asks_slurm_for_the_same_as_the_command(self, on_slurm, slurm, tmp_path_factory):
+        other = on_slurm.copy(tmp_path_factory.mktemp("other") / "root")
+        before = len(slurm.jobs())
+        done = on_slurm.run("render", NAME, "-q", QUALITY, "--profile", "slurm")
+        assert done.code == 0, done.err
+        between = len(slurm.jobs())
+        settings = ("--config", f"shot={NAME}", f"quality={QUALITY}")
+        done = snakemake(other.path, "--profile", "profiles/slurm", *settings, cores=None)
+        assert done.returncode == 0, done.stdout
+        jobs = slurm.jobs()
+        command, theirs = (sorted(map(requested, part)) for part in (jobs[before:between], jobs[between:]))
+        assert command == theirs and len(command) == 3
 
     def test_a_job_killed_mid_batch_is_tried_again_and_loses_no_frame(self, on_slurm, slurm):
         process = start(on_slurm, "--root", "far", "render", NAME, "-q", QUALITY, *SLOW)

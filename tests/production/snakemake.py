@@ -11,10 +11,14 @@ from typing import Any
 CHECKOUT = Path(__file__).parents[2]
 
 
-def snakemake(folder: Path, *words: str, cores: int = 2) -> subprocess.CompletedProcess[str]:
-    """Run `snakemake` in a folder, with the Snakefile and the settings of the checkout."""
+def snakemake(folder: Path, *words: str, cores: int | None = 2) -> subprocess.CompletedProcess[str]:
+    """Run `snakemake` in a folder, with the Snakefile and the settings of the checkout.
+
+    cores  of this machine; None where a profile runs jobs elsewhere
+    """
     command = [sys.executable, "-m", "snakemake", "--snakefile", str(CHECKOUT / "Snakefile")]
-    command += ["--workflow-profile", str(CHECKOUT / "profiles" / "default"), "--cores", str(cores), *words]
+    command += ["--workflow-profile", str(CHECKOUT / "profiles" / "default")]
+    command += [*(() if cores is None else ("--cores", str(cores))), *words]
     return subprocess.run(
         command, cwd=folder, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=300
     )
