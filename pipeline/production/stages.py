@@ -20,22 +20,22 @@ class PipelineStage:
 
     name         the rule in the Snakefile, and the function in `pipeline.production.tasks`
     version      raised when the same inputs give other results
-    packages     distributions whose versions decide the results
     doing        what it does, in the words of progress bars and reports
     makes        the kind of file in the store
+    reads        the stages whose files it reads, as the Snakefile has them
+    packages     distributions whose versions decide the results
     module       the module of `pipeline.production.tasks` with its function; empty where commands do it
-    per_frame    True if it makes one file a frame
     per_quality  True if its files differ between qualities
     on_farm      True if a farm's nodes do its jobs; the others are too short to wait in a queue
     """
 
     name: str
     version: int
-    packages: tuple[str, ...]
     doing: str
     makes: str
+    reads: tuple[str, ...] = ()
+    packages: tuple[str, ...] = ()
     module: str = ""
-    per_frame: bool = False
     per_quality: bool = True
     on_farm: bool = False
 
@@ -52,27 +52,26 @@ SIMULATE = PipelineStage(
     packages=("numba", "numpy", "trimesh"),
     doing="simulating",
     makes="mesh",
+    reads=("simulate",),  # of frames before, where another job makes them
     module="meshes",
-    per_frame=True,
     per_quality=False,
     on_farm=True,
 )
 SMOOTH_NORMALS = PipelineStage(
     "smooth_normals",
     version=1,
-    packages=(),
     doing="smoothing",
     makes="normals",
+    reads=("simulate",),
     module="meshes",
-    per_frame=True,
     per_quality=False,
 )
 FRAME_CAMERA = PipelineStage(
     "frame_camera",
     version=1,
-    packages=(),
     doing="framing",
     makes="cameras",
+    reads=("simulate",),
     module="meshes",
     per_quality=False,
 )
@@ -82,8 +81,8 @@ RENDER = PipelineStage(
     packages=("mitsuba", "drjit", "OpenImageIO"),
     doing="rendering",
     makes="raw",
+    reads=("smooth_normals", "frame_camera", "simulate"),
     module="render",
-    per_frame=True,
     on_farm=True,
 )
 FINISH = PipelineStage(
@@ -92,8 +91,8 @@ FINISH = PipelineStage(
     packages=("pyoidn", "OpenImageIO"),
     doing="denoising",
     makes="frame",
+    reads=("render",),
     module="finish",
-    per_frame=True,
     on_farm=True,
 )
 ASSEMBLE = PipelineStage(
@@ -102,6 +101,7 @@ ASSEMBLE = PipelineStage(
     packages=("av", "OpenImageIO"),
     doing="encoding",
     makes="movie",
+    reads=("finish",),
     module="encode",
 )
 FILM = PipelineStage(
@@ -110,6 +110,7 @@ FILM = PipelineStage(
     packages=("av", "OpenImageIO"),
     doing="encoding the film",
     makes="movie",
+    reads=("finish",),
     module="encode",
 )
 STILLS = tuple(
@@ -119,8 +120,8 @@ STILLS = tuple(
         packages=("OpenImageIO",),
         doing=doing,
         makes=form,
+        reads=("finish",),
         module="encode",
-        per_frame=True,
     )
     for form, doing in (("png", "writing PNG"), ("png16", "writing PNG"), ("jpeg", "writing JPEG"))
 )
@@ -137,27 +138,13 @@ DELIVER = PipelineStage(
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=1, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"
 )
-MEASURE = PipelineStage(
-    "measure", version=1, packages=(), doing="measuring", makes="measures", per_quality=False
-)
-
-READS = {
-    "simulate": ("simulate",),
-    "smooth_normals": ("simulate",),
-    "frame_camera": ("simulate",),
-    "render": ("smooth_normals", "frame_camera", "simulate"),
-    "finish": ("render",),
-    "assemble": ("finish",),
-    "film": ("finish",),
-    **dict.fromkeys((stage.name for stage in STILLS), ("finish",)),
-}
-"""The stages that a stage reads, as the Snakefile has them; a simulation may go on from another."""
+MEASURE = PipelineStage("measure", version=1, doing="measuring", makes="measures", per_quality=False)
 
 
 def forced_with(stages: Iterable[str]) -> frozenset[str]:
     """Return stages with all that read what they make, directly or not."""
     forced = set(stages)
-    for stage, read in READS.items():  # in order
-        if forced & set(read):
-            forced.add(stage)
+    for stage in STAGES.values():  # in order
+        if forced & set(stage.reads):
+            forced.add(stage.name)
     return frozenset(forced)

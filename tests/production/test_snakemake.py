@@ -14,7 +14,7 @@ import pytest
 from pipeline.production.execution.project import Project
 from pipeline.production.execution.snakefile import PlannedWorkflow, _unprotect
 from pipeline.production.planning.profile import Profile, shipped
-from pipeline.production.stages import READS, STAGES
+from pipeline.production.stages import STAGES
 from render.movie.probe import probe_movie
 from render.post.image import read_exr, read_header
 from tests.production.snakemake import CHECKOUT, snakemake, workflow
@@ -60,7 +60,7 @@ def test_every_stage_is_a_rule_with_a_line_about_it(project: Any) -> None:
 def test_the_snakefile_and_the_table_of_stages_agree_about_what_a_stage_reads() -> None:
     text = (CHECKOUT / "Snakefile").read_text()
     read = {rule: re.findall(rf'inputs\("{rule}", w, "(\w+)"\)', text) for rule in STAGE_RULES}
-    assert read == {rule: list(READS[rule]) for rule in STAGE_RULES}
+    assert read == {rule: list(STAGES[rule].reads) for rule in STAGE_RULES}
     local = text.partition("localrules:")[2].partition("rule all:")[0].replace(",", "").split()
     assert {rule for rule in STAGE_RULES if rule not in local} == {
         s.name for s in STAGES.values() if s.on_farm

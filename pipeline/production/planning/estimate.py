@@ -181,7 +181,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
     by_stage: dict[str, float] = defaultdict(float)
     chains: dict[int, float] = defaultdict(float)
     unmeasured: dict[str, None] = {}
-    samples_by_stage: dict[str, Sample] = {}
+    render: Sample | None = None
     size: float | None = 0.0
     for job in plan.jobs:
         shot, quality = _about(plan, job)
@@ -189,7 +189,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
         if sample is None:
             unmeasured[job.stage] = None
         else:
-            samples_by_stage[job.stage] = sample
+            render = sample if job.stage == "render" else render
             taken = sample.seconds * len(job.frames)
             by_stage[job.stage] += taken
             if job.stage in SHARED_STAGES:
@@ -201,7 +201,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
         cores=cores,
         core_seconds=dict(by_stage),
         unmeasured=tuple(unmeasured),
-        by=_source(samples_by_stage.get("render")),
+        by="" if render is None else f"{render.frames} frames of {render.source}",
         bytes=size,
         free=shutil.disk_usage(next(f for f in (root, *root.parents) if f.exists())).free,
     )
@@ -221,7 +221,3 @@ def _about(plan: Plan, job: Job) -> tuple[str, str]:
     if request.turntable and job.stage not in SHARED_STAGES:
         name = request.folders.home.relative_to("renders/turntable").as_posix()
     return name, request.quality_name
-
-
-def _source(sample: Sample | None) -> str:
-    return "" if sample is None else f"{sample.frames} frames of {sample.source}"

@@ -22,7 +22,7 @@ from pipeline.frames import FrameRange
 from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.edit import Edit
 from pipeline.production.request.render_request import RenderRequest
-from pipeline.production.stages import READS, STAGES
+from pipeline.production.stages import STAGES
 from pipeline.production.store.locks import lock_name
 from pipeline.production.store.paths import DONE, PLANS
 from pipeline.production.store.store import Key, Store
@@ -125,7 +125,7 @@ class Plan:
 
     def all_inputs(self, job: Job) -> list[str]:
         """Return the outputs of all jobs that make what a job reads."""
-        return [output for stage in READS[job.stage] for output in self.inputs(job, stage)]
+        return [output for stage in STAGES[job.stage].reads for output in self.inputs(job, stage)]
 
     def inputs(self, job: Job, stage: str) -> list[str]:
         """Return the outputs of the jobs of `stage` that make what a job reads."""

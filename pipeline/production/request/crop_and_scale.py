@@ -35,8 +35,7 @@ def cropped_name(quality: str, crop: str | None = None, scale: str | None = None
 
 def is_quality(name: str) -> bool:
     """Tell whether it is the name of a quality, or of a crop or scale of one."""
-    match = _NAME.fullmatch(name)
-    return match is not None and match[1] in QUALITIES
+    return base_of(name) in QUALITIES
 
 
 def base_of(name: str) -> str:

@@ -170,9 +170,11 @@ def resolved_edit(
 
     Raises what `read_film` raises.
     """
-    text = _text(path)
+    text = None
+    with suppress(OSError, UnicodeDecodeError):  # `read_film` tells why it cannot be read
+        text = path.read_text(encoding="utf-8")
     found_from = "film", text, str(path.absolute()), settings
-    known = None if text is None else cache.get(*found_from)
+    known = cache.get(*found_from)
     if known is not None:
         resolved = from_plain(ResolvedEdit, known)
         with suppress(FlowsculptError):  # reading the film tells all that is wrong
@@ -183,10 +185,3 @@ def resolved_edit(
     resolved = ResolvedEdit.of(read_film(path, settings, text), path.stem)
     cache.put(to_plain(resolved), *found_from)
     return resolved
-
-
-def _text(path: Path) -> str | None:
-    """Return None where the file cannot be read; `read_film` tells why."""
-    with suppress(OSError, UnicodeDecodeError):
-        return path.read_text(encoding="utf-8")
-    return None

@@ -42,12 +42,11 @@ def normals_keys(shot: Shot, meshes: dict[int, Key]) -> dict[int, Key]:
     motion, pieces = shot.motion, shot.picture.tessellate
     first = thresholds_at(motion, motion.frames.first).hard_angle
     is_constant = motion.resampling is None or isinstance(motion.resampling.thresholds.hard_angle, float)
-
-    def key(number: int, mesh: Key) -> Key:
+    keys = {}
+    for number, mesh in meshes.items():
         angle = first if is_constant else thresholds_at(motion, number).hard_angle
-        return key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
-
-    return {number: key(number, mesh) for number, mesh in meshes.items()}
+        keys[number] = key_of(SMOOTH_NORMALS.recipe, mesh, as_data(angle), pieces)
+    return keys
 
 
 def thresholds_at(motion: Motion, number: int) -> Thresholds:

@@ -41,7 +41,13 @@ def variant_for(root: Path, shot: str, asked: str | None = None, tell: Callable[
 
 
 def _first_but(avoided: Mapping[str, str]) -> str:
-    return choose([v for v in DEFAULT_ORDER if v not in avoided] or None).variant
+    return _first_of(tuple(v for v in DEFAULT_ORDER if v not in avoided))
+
+
+@cache
+def _first_of(order: tuple[str, ...]) -> str:
+    """Ask once a process, not for every shot."""
+    return choose(order or None).variant
 
 
 @cache

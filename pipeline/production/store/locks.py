@@ -55,7 +55,7 @@ def writing(root: Path, wait: bool = False) -> Iterator[None]:
     Raises MachineError where `clean` or `verify` holds it alone, unless this is to `wait` for them.
     """
     try:
-        with _held(root / ROOT, shared=True, wait=_nothing if wait else None):
+        with _held(root / ROOT, shared=True, wait=(lambda: None) if wait else None):
             yield
     except TakenError as taken:
         raise MachineError(
@@ -171,7 +171,3 @@ def _holders(root: Path) -> Iterator[str]:
     for path in sorted((root / LOCKS).glob("*.lock")):
         with contextlib.suppress(OSError, ValueError, KeyError):
             yield f"{json.loads(path.read_text())['words']} by {_holder_in(path)}"
-
-
-def _nothing() -> None:
-    """Wait."""
