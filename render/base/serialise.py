@@ -34,8 +34,9 @@ def to_plain(value: Any) -> Any:
     """
     if isinstance(value, str | int | float):
         return value
-    if _is_record(type(value)):
-        return {name: to_plain(getattr(value, name)) for name in _plain_names(type(value))}
+    kind: Any = type(value)
+    if _is_record(kind):
+        return {name: to_plain(getattr(value, name)) for name in _plain_names(kind)}
     if isinstance(value, list | tuple):
         return [to_plain(item) for item in value]
     if isinstance(value, Mapping):
