@@ -1,9 +1,10 @@
 """A SLURM of one node, to try `--profile slurm` on and to test it.
 
-    python tests/farm/slurm.py fetch           unpack SLURM from Debian packages under the environment, and
-                                               Snakemake's plugin for it beside
-    python tests/farm/slurm.py run COMMAND…    start it, run a command that finds it, stop it
-    python tests/farm/slurm.py serve FOLDER    start it there, print its environment as JSON, end with stdin
+    python tests/production/farm/slurm.py fetch          unpack SLURM from Debian packages under the
+                                                         environment, and Snakemake's plugin beside it
+    python tests/production/farm/slurm.py run COMMAND…   start it, run a command that finds it, stop it
+    python tests/production/farm/slurm.py serve FOLDER   start it there, print its environment as JSON,
+                                                         end with stdin
 
 Nothing is installed and root is not needed: the daemons are this user's, keep all they write in one temporary
 folder, and listen on this machine's own address, at free ports.
@@ -93,7 +94,7 @@ class Programs:
             if all(map(found.has, ("slurmctld", "slurmd", "slurmstepd", "sbatch", "munged"))):
                 return found
         raise SlurmError(
-            "SLURM is not here; python tests/farm/slurm.py fetch unpacks it from Debian packages"
+            "SLURM is not here; python tests/production/farm/slurm.py fetch unpacks it from Debian packages"
         )
 
     def has(self, name: str) -> bool:
