@@ -13,20 +13,19 @@ from pipeline.arrays import Floats, Points
 from pipeline.errors import FrameError, UsageError
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels import regions as kernels
-from pipeline.flow.kernels.fields import TRANSLATION
 from pipeline.flow.parameters import (
     ORIGIN,
     Number,
     Vector,
     VectorParameter,
-    X,
     Y,
+    kernel_points,
     number_at,
     unit,
     vector_at,
 )
 from pipeline.flow.triangle_tree import ClosedSurface
-from pipeline.flow.velocity import Instruction, grouped, velocities_at
+from pipeline.flow.velocity import Instruction
 
 FalloffType = Literal["smooth", "sine", "linear"]
 
@@ -52,8 +51,10 @@ class Region(ABC):
 
     def weight(self, points: Points, time: float) -> Floats:
         """Return weights (N,) of points (N, 3), 0 to 1. Raises FrameError where the region has no size."""
-        unit_speed = Instruction(TRANSLATION, X)
-        return velocities_at(points, grouped((unit_speed,), self.closing(time)))[:, 0]
+        points, closing = kernel_points(points), self.closing(time)
+        out = np.empty(len(points))
+        kernels.weights(points, closing.opcode, np.array(closing.numbers), out)
+        return out
 
     def closing(self, time: float) -> Instruction:
         """Return the bracket that closes a group of a velocity program by this region."""

@@ -73,14 +73,6 @@ def table_of(program: Program) -> Floats:
     return table
 
 
-def velocities_at(points: Points, program: Program) -> Vectors:
-    """Return the velocities (N, 3) of a program at points (N, 3)."""
-    points = kernel_points(points)
-    out = np.empty_like(points)
-    velocities(points, opcodes_of(program), table_of(program).ravel(), out)
-    return out
-
-
 class VelocityField(ABC):
     """Velocities in scene units per second, at any point and time, as a program for the kernels."""
 
@@ -103,7 +95,10 @@ class VelocityField(ABC):
 
     def velocity(self, points: Points, time: float) -> Vectors:
         """Return velocities (N, 3) at points (N, 3)."""
-        return velocities_at(points, self.program(time))
+        points, program = kernel_points(points), self.program(time)
+        out = np.empty_like(points)
+        velocities(points, opcodes_of(program), table_of(program).ravel(), out)
+        return out
 
 
 class BasicField(VelocityField):

@@ -19,7 +19,7 @@ from pipeline.flow.catalogue.basic import Rotation, Strain
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels.program import level_count, velocities
-from pipeline.flow.kernels.regions import ball_weight, box_weight, half_space_weight
+from pipeline.flow.kernels.regions import weights
 from pipeline.flow.velocity import Instruction, Program, grouped, opcodes_of, scaled, transformed
 from pipeline.kernels import BLOCK_SIGNATURE
 
@@ -49,13 +49,11 @@ def velocity(rows: Program, points: Points = POINTS) -> Points:
 
 
 def weight(closing: Instruction, points: Points = POINTS) -> Floats:
+    out = np.empty(len(points))
     row = np.zeros(op.COLUMNS)
     row[: len(closing.numbers)] = closing.numbers
-    inside = np.array([WEIGHTS[closing.opcode](row, 0, *point) for point in points])
-    return inside * row[7] + (1.0 - inside) * row[8]
-
-
-WEIGHTS = {op.CLOSE_BALL: ball_weight, op.CLOSE_BOX: box_weight, op.CLOSE_HALF_SPACE: half_space_weight}
+    weights(points, closing.opcode, row, out)
+    return out
 
 
 def test_a_group_is_added_with_its_factor() -> None:

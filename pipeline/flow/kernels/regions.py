@@ -29,7 +29,8 @@ import math
 import numpy as np
 from numba import carray, prange
 
-from pipeline.arrays import AnyArray, Floats
+from pipeline.arrays import AnyArray, Floats, Points
+from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels.instructions import doubles_at
 from pipeline.flow.kernels.lookups import DEEPEST, nearest
 from pipeline.kernels import kernel
@@ -240,3 +241,29 @@ def mesh_weight(p: Floats, o: int, x: float, y: float, z: float) -> float:
         int(p[o + 4]), shrink * (x - p[o]), shrink * (y - p[o + 1]), shrink * (z - p[o + 2]), rim
     )
     return falloff_weight(away, rim, p[o + 9])
+
+
+@kernel(WEIGHT)
+def _weight(row: Floats, opcode: int, x: float, y: float, z: float) -> float:
+    """Return the weight of a region by the opcode that closes it."""
+    if opcode == op.CLOSE_BALL:
+        return ball_weight(row, 0, x, y, z)
+    if opcode == op.CLOSE_BOX:
+        return box_weight(row, 0, x, y, z)
+    if opcode == op.CLOSE_HALF_SPACE:
+        return half_space_weight(row, 0, x, y, z)
+    if opcode == op.CLOSE_MESH:
+        return mesh_weight(row, 0, x, y, z)
+    if opcode == op.CLOSE_CAPSULE:
+        return capsule_weight(row, 0, x, y, z)
+    if opcode == op.CLOSE_CYLINDER:
+        return cylinder_weight(row, 0, x, y, z)
+    return sampled_weight(row, 0, x, y, z)
+
+
+@kernel("void(f8[:, ::1], i8, f8[::1], f8[::1])", parallel=True)
+def weights(points: Points, opcode: int, row: Floats, out: Floats) -> None:
+    """Compute weights (N,) at points (N, 3) into `out`, by a region's closing opcode and its numbers."""
+    for i in prange(len(points)):
+        inside = _weight(row, opcode, points[i, 0], points[i, 1], points[i, 2])
+        out[i] = inside * row[7] + (1.0 - inside) * row[8]
