@@ -90,12 +90,13 @@ class MeshFrame:
         rows, columns, and 1 for each closed direction.
         """
         attributes = {_ATTRIBUTE + name: values for name, values in self.mesh.attributes.items()}
+        polygons, births = self.polygons, self.births
         return {
             "vertices": self.mesh.vertices,
             "faces": self.mesh.faces,
             "creases": self.mesh.creases,
-            **_polygon_arrays(self.polygons),
-            **self._identity_arrays(),
+            **({} if polygons is None else {"offsets": polygons.offsets, "corners": polygons.corners}),
+            **({} if births is None else {"births": births, "identities": np.array(self.identities)}),
             **({} if self.lattice is None else {"net": self.lattice.as_array()}),
             **attributes,
             "number": np.array(self.number),
@@ -120,13 +121,6 @@ class MeshFrame:
             identities=int(arrays.get("identities", 0)),
             lattice=_lattice(mesh, arrays),
         )
-
-    def _identity_arrays(self) -> dict[str, AnyArray]:
-        return {} if self.births is None else {"births": self.births, "identities": np.array(self.identities)}
-
-
-def _polygon_arrays(polygons: PolygonMesh | None) -> dict[str, AnyArray]:
-    return {} if polygons is None else {"offsets": polygons.offsets, "corners": polygons.corners}
 
 
 def _lattice(mesh: TriangleMesh, arrays: Mapping[str, AnyArray]) -> Lattice | None:

@@ -26,15 +26,13 @@ from render.base.kernel_cache import cache_folder
 
 _MATH = ("sin", "cos", "tan", "asin", "acos", "atan", "atan2", "sqrt", "exp", "log")
 _NUMPY = ("floor", "ceil")
-_BINARY: dict[type[ast.AST], str] = {
+_SYMBOLS: dict[type[ast.AST], str] = {
     ast.Add: "+",
     ast.Sub: "-",
     ast.Mult: "*",
     ast.Div: "/",
     ast.Mod: "%",
     ast.Pow: "**",
-}
-_COMPARED: dict[type[ast.AST], str] = {
     ast.Lt: "<",
     ast.LtE: "<=",
     ast.Gt: ">",
@@ -104,11 +102,11 @@ class ScalarCode:
         power = right.value if isinstance(node.op, ast.Pow) and isinstance(right, ast.Constant) else None
         if isinstance(power, int | float) and power == int(power):
             return self._line(f"{{}} ** {int(power)}", left)  # compiled to a product
-        return self._line(f"{{}} {_BINARY[type(node.op)]} {{}}", left, self.value(right))
+        return self._line(f"{{}} {_SYMBOLS[type(node.op)]} {{}}", left, self.value(right))
 
     def _comparison(self, node: ast.Compare) -> str:
         sides = [self.value(side) for side in (node.left, *node.comparators)]
-        tests = " and ".join(f"{{}} {_COMPARED[type(op)]} {{}}" for op in node.ops)
+        tests = " and ".join(f"{{}} {_SYMBOLS[type(op)]} {{}}" for op in node.ops)
         pairs = [side for pair in pairwise(sides) for side in pair]
         return self._line(f"1.0 if {tests} else 0.0", *pairs)
 

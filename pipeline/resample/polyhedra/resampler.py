@@ -118,7 +118,8 @@ class PolyhedralResampler:
         Raises FrameError where a vertex is not finite or the vertices would exceed the budget; the surface is
         then still sound.
         """
-        self._require_finite()
+        if not (np.abs(self._vertices) < _LARGEST).all():
+            raise not_finite(self._vertices)
         mesh = self.mesh
         self._surface.points = [(x, y, z) for x, y, z in mesh.vertices.tolist()]
         this_pass = _Pass(self._surface, mesh, self.thresholds)
@@ -135,11 +136,6 @@ class PolyhedralResampler:
             mesh.vertices, mesh.offsets, mesh.corners, attributes, mesh.creases
         )
         self._vertices = np.array(mesh.vertices)
-
-    def _require_finite(self) -> None:
-        sound = (np.abs(self._vertices) < _LARGEST).all(axis=1)
-        if not sound.all():
-            raise not_finite(self._vertices)
 
 
 class _Pass:
