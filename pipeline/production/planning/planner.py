@@ -13,6 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import groupby
+from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError
@@ -180,24 +181,18 @@ class Planner:
     def movie(self, request: RenderRequest) -> None:
         """Ask for the movie of a request, whose frames are there or have been asked for."""
         entry = self._enter(request, "assemble")
-        path, frames = request.movie_path.as_posix(), sorted(request.requested)
-        self._targets.append(path)
+        frames = sorted(request.requested)
         key = request.movie_key([entry.names[n].frame for n in frames])
-        present = entry.keys is not None and self._has("assemble", "movie", key, path)
-        if self.whole or not present:
-            self._movie("assemble", (entry,), frames, key, path, present)
+        self._movie("assemble", [entry], frames, key, request.movie_path)
 
     def film(self, edit: Edit, requests: Sequence[RenderRequest]) -> None:
         """Ask for the film of requests, whose frames are there or have been asked for."""
         entries = [self._enter(request) for request in requests]
-        path = edit.path(requests[0].quality_name).as_posix()
-        self._targets.append(path)
         self._goals.append((entries[0].place, "film"))
         self._cut = edit
         key = edit.key(requests, [entry.names for entry in entries])
-        present = all(entry.keys is not None for entry in entries) and self._has("film", "movie", key, path)
-        if self.whole or not present:
-            self._movie("film", entries, range(1, edit.length + 1), key, path, present)
+        path = edit.path(requests[0].quality_name)
+        self._movie("film", entries, range(1, edit.length + 1), key, path)
 
     def plan(self) -> Plan:
         """Return what has been collected, with the cores dealt out among the jobs."""
@@ -349,11 +344,15 @@ class Planner:
         self._jobs.append(replace(job, **fields))
 
     def _movie(
-        self, stage: str, entries: Sequence[_Entry], frames: Sequence[int], key: Key, path: str, present: bool
+        self, stage: str, entries: Sequence[_Entry], frames: Sequence[int], key: Key, path: Path
     ) -> None:
-        if self._is_new(entries[0], stage, key, present, 0):
+        """Plan the job of a movie of all frames of some requests."""
+        place = path.as_posix()
+        self._targets.append(place)
+        present = all(entry.keys is not None for entry in entries) and self._has(stage, "movie", key, place)
+        if (self.whole or not present) and self._is_new(entries[0], stage, key, present, 0):
             places = tuple(entry.place for entry in entries)
-            self._add(entries[0], stage, frames, [key], frames, present, output=path, requests=places)
+            self._add(entries[0], stage, frames, [key], frames, present, output=place, requests=places)
 
     # Simulations
 

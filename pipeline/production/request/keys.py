@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 from pipeline.errors import FrameError
-from pipeline.production.stages import FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
+from pipeline.production.stages import FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.errors import BadInputError
 from render.base.serialise import from_plain, to_plain
@@ -197,9 +197,10 @@ class PictureKeys(Mapping[int, FrameKeys]):
     def __getitem__(self, number: int) -> FrameKeys:
         if number not in self._keys:
             window = self._request.window(number, self._is_available)
-            neighbours = [self._raw(n) for n in window] if len(window) > 1 else []
+            averaged = [self._raw(n) for n in window] if len(window) > 1 else []
             raw = self._raw(number)
-            self._keys[number] = FrameKeys(raw, self._request.frame_key(raw, neighbours), window)
+            frame = key_of(FINISH.recipe, raw, self._request.quality.denoise, averaged)
+            self._keys[number] = FrameKeys(raw, frame, window)
         return self._keys[number]
 
     def __iter__(self) -> Iterator[int]:

@@ -22,7 +22,7 @@ from pipeline.production.request.keys import (
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole
-from pipeline.production.stages import ASSEMBLE, FINISH, STAGES, STILLS
+from pipeline.production.stages import ASSEMBLE, STAGES, STILLS
 from pipeline.production.store.paths import Folders
 from pipeline.production.store.store import Key, Store, key_of
 from render.base.serialise import from_plain, to_plain
@@ -314,10 +314,6 @@ class RenderRequest:
     def appearance(self) -> Key:
         """The digest of what all pictures share."""
         return appearance(self)
-
-    def frame_key(self, raw: Key, neighbours: list[Key]) -> Key:
-        """Return the key of a denoised frame; `neighbours`: raw keys of the frames it is averaged with."""
-        return key_of(FINISH.recipe, raw, self.quality.denoise, neighbours)
 
     def picture_keys(self, store: Store) -> PictureKeys | None:
         """Return the keys of its frames, or None before its cameras are found."""
