@@ -195,9 +195,8 @@ def _keyframes(keyed: Keyed[Any], clock: Clock, unit: float) -> Keyframes:
     def handle(offset: list[Any] | None) -> Handle | None:
         return None if offset is None else Handle(_known(clock.length(offset[0])), values(offset[1]))
 
-    keys = [
-        item if isinstance(item, KeyDocument) else KeyDocument(value=item) for item in keyed.keys.values()
-    ]
+    items = keyed.keys.values()
+    keys = [item if isinstance(item, KeyDocument) else KeyDocument(value=item) for item in items]
     with_handles = any(key.left or key.right for key in keys)
     return Keyframes(
         tuple(_known(clock.seconds(time)) for time in keyed.keys),

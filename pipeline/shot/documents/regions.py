@@ -73,12 +73,13 @@ class CapsuleDocument(Document):
     radius: PositiveField = Field(description="around the segment (units)")
 
     def build(self, clock: Clock, **falloff: Any) -> Region:
-        centre, length, radius = (
-            place(self.centre, clock),
-            number(self.length, clock),
-            number(self.radius, clock),
+        return self.region(
+            axis=axis(self.axis),
+            centre=place(self.centre, clock),
+            length=number(self.length, clock),
+            radius=number(self.radius, clock),
+            **falloff,
         )
-        return self.region(axis=axis(self.axis), centre=centre, length=length, radius=radius, **falloff)
 
 
 class CylinderDocument(CapsuleDocument):
