@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import typer
 from rich.console import Console
 from rich.table import Table
 
 from render.base.atomic_write import disk_errors
+
+if TYPE_CHECKING:
+    from rich.progress import Progress, ProgressColumn
 
 out = Console(highlight=False, emoji=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
@@ -63,3 +69,39 @@ def size(count: float) -> str:
         if count >= factor:
             return f"{count / factor:.3g} {unit}"
     return f"{count:.3g} bytes"
+
+
+def frame_progress(*more: ProgressColumn) -> Progress:
+    """Return bars on standard error: frames done of all, time elapsed and time left."""
+    from rich.progress import (  # takes time to import, and most commands draw none
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    return Progress(
+        TextColumn("{task.description:>16}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TextColumn("left"),
+        TimeRemainingColumn(),
+        *more,
+        console=err,
+    )
+
+
+@contextmanager
+def progress_bars(wanted: bool) -> Iterator[Callable[[str, int], Callable[[], None]]]:
+    """Yield a function that adds a bar, by name and total, and returns what advances it by one.
+
+    Nothing is drawn unless `wanted`.
+    """
+    if not wanted:
+        yield lambda name, total: lambda: None
+        return
+    with frame_progress() as progress:
+        yield lambda name, total: partial(progress.advance, progress.add_task(name, total=total))

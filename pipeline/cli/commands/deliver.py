@@ -12,8 +12,7 @@ import typer
 
 from pipeline.cli.execution import execute, report_plan
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality
-from pipeline.cli.output import duration, out, print_result, print_warning
-from pipeline.cli.progress import progress_bars
+from pipeline.cli.output import duration, out, print_result, print_warning, progress_bars
 from pipeline.dailies.delivery.deliver import (
     SLATES,
     DeliveredFile,

@@ -12,8 +12,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions
-from pipeline.cli.output import err, make_folder_of, print_error, print_result
-from pipeline.cli.progress import progress_bars
+from pipeline.cli.output import err, make_folder_of, print_error, print_result, progress_bars
 from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
 from pipeline.dailies.preview.live_server import LiveFeed, serving
 from pipeline.dailies.preview.live_session import LiveSession, files_of, stamp, wait_for_edit

@@ -8,8 +8,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.options import Common, ShotOptions, Shots
-from pipeline.cli.output import print_result, print_warning
-from pipeline.cli.progress import progress_bars
+from pipeline.cli.output import print_result, print_warning, progress_bars
 from pipeline.dailies.review.page import ReviewPage
 from pipeline.dailies.review.sequences import Search
 from pipeline.dailies.review.view_3d import HINT, three_js

@@ -9,7 +9,7 @@ import typer
 
 from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Variant
-from pipeline.cli.progress import progress_bars
+from pipeline.cli.output import progress_bars
 from pipeline.dailies.turntable import BOTH, TurntableRequest
 from pipeline.dailies.turntable_sheets import TurntableSheets
 from pipeline.errors import UsageError

@@ -10,8 +10,7 @@ import typer
 from pipeline.cli.commands.clean import begun_requests
 from pipeline.cli.execution import execute
 from pipeline.cli.options import Common, Settings, project_of
-from pipeline.cli.output import print_error, print_result, print_warning
-from pipeline.cli.progress import progress_bars
+from pipeline.cli.output import print_error, print_result, print_warning, progress_bars
 from pipeline.production.maintenance.verify import (
     PublishedFile,
     StoredFile,
