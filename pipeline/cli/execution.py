@@ -4,17 +4,24 @@ from __future__ import annotations
 
 import time
 from collections import Counter
-from collections.abc import Callable, Mapping, Sequence
-from contextlib import ExitStack, nullcontext
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
-import typer
 from rich.progress import TaskID, TextColumn
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import duration, err, frame_progress, print_error, print_result, print_warning, size
+from pipeline.cli.output import (
+    duration,
+    err,
+    exit_with,
+    frame_progress,
+    print_error,
+    print_result,
+    print_warning,
+    size,
+)
 from pipeline.production.execution.recovery import PATIENCE
 from pipeline.production.execution.run import Outcome, run
 from pipeline.production.maintenance.run_report import RunReport
@@ -49,28 +56,36 @@ def execute_and_report(
         words += f"\nWhere the time went: {spending.in_brief()}. flowsculpt report says more."
     facts = {**_outcome_facts(outcome, seconds), **({"sheets": sheets} if draw else {})}
     print_result(words, facts, common.json)
-    if outcome.exit_code:
-        raise typer.Exit(outcome.exit_code)
+    exit_with(outcome.exit_code)
 
 
 def report_plan(common: Common, plan: Plan) -> None:
     """Report what a plan would do, how long it takes and how much disk it needs."""
-    _report_notes(plan, set())
+    report_notes(plan, set())
     expected = estimate(plan, common.root, common.cores)
     if not expected.fits:
-        print_warning(_too_large(expected))
-    words = _intended(plan) + (f"\n{estimate_words(expected)}" if plan.jobs else "")
-    print_result(words, {**_plan_facts(plan), "estimate": expected.as_data()}, common.json)
+        print_warning(
+            f"what is to be made needs about {size(expected.bytes or 0.0)}, and the disk has "
+            f"{size(expected.free)} left; free some space, or choose another disk with --root"
+        )
+    words = "Nothing to be done."
+    if plan.jobs:
+        words = f"To be done: {count_words(plan.frame_counts())}.\n{estimate_words(expected)}"
+    facts = {"jobs": job_facts(plan), "targets": list(plan.targets), "estimate": expected.as_data()}
+    print_result(words, facts, common.json)
 
 
 def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
     """Execute a plan with progress bars, and report warnings and failures."""
-    watch = StageBars if common.progress else lambda plan, reader: nullcontext()
+
+    def watch(plan: Plan, reader: EventReader) -> AbstractContextManager[None]:
+        return StageBars(plan, reader).drawn() if common.progress else nullcontext()
+
     reported: set[str] = set()
 
     def planned() -> Plan:
         plan = make_plan()
-        _report_notes(plan, reported)
+        report_notes(plan, reported)
         return plan
 
     patience = common.patience or PATIENCE
@@ -88,7 +103,7 @@ def made_by_stage(outcome: Outcome) -> dict[str, int]:
 
 
 class StageBars:
-    """A context manager that draws a bar for each stage of a plan while it is executed.
+    """A bar for each stage of a plan while it is executed.
 
     reader  of the run's event log
     """
@@ -104,19 +119,16 @@ class StageBars:
         }
         self._settled: Counter[str] = Counter()
         self._under_way: dict[tuple[str, object], dict[object, float]] = {}
-        self._ends = ExitStack()
 
-    def __enter__(self) -> StageBars:
-        self._progress.start()
-        self._ends.callback(self._progress.stop)
-        self._ends.callback(self._read)
-        self._ends.enter_context(poll(POLL_SECONDS, self._read))
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self._ends.close()
+    @contextmanager
+    def drawn(self) -> Iterator[None]:
+        """Draw the bars, and once more at the end."""
+        with self._progress:
+            try:
+                with poll(POLL_SECONDS, self._read):
+                    yield
+            finally:
+                self._read()
 
     def _read(self) -> None:
         for event in self._reader.new():
@@ -161,18 +173,12 @@ def _named(now: Mapping[object, float]) -> str:
     return f"frame{'s' * (len(parts) > 1)} {', '.join(parts)}" if parts else ""
 
 
-def _report_notes(plan: Plan, reported: set[str]) -> None:
+def report_notes(plan: Plan, reported: set[str]) -> None:
     """Print notes of a plan that are not yet reported."""
     for note in plan.notes:
         if note not in reported:
             print_warning(note)
             reported.add(note)
-
-
-def _intended(plan: Plan) -> str:
-    if not plan.jobs:
-        return "Nothing to be done."
-    return f"To be done: {count_words(plan.frame_counts())}."
 
 
 def count_words(counts: Mapping[str, int]) -> str:
@@ -192,13 +198,6 @@ def estimate_words(expected: Estimate) -> str:
     if expected.bytes:
         told.append(f"It needs {size(expected.bytes)} of the {size(expected.free)} that are free.")
     return " ".join(told)
-
-
-def _too_large(expected: Estimate) -> str:
-    return (
-        f"what is to be made needs about {size(expected.bytes or 0.0)}, and the disk has "
-        f"{size(expected.free)} left; free some space, or choose another disk with --root"
-    )
 
 
 def _achieved(outcome: Outcome, seconds: float) -> str:
@@ -227,9 +226,9 @@ def _failure(event: dict[str, Any]) -> str:
     return f"{event['shot']} frame {frame}: {message}" if frame is not None else f"{event['shot']}: {message}"
 
 
-def _plan_facts(plan: Plan) -> dict[str, Any]:
-    jobs = [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in plan.jobs]
-    return {"jobs": jobs, "targets": list(plan.targets)}
+def job_facts(plan: Plan) -> list[dict[str, Any]]:
+    """Return the jobs of a plan as JSON-able data."""
+    return [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in plan.jobs]
 
 
 def _outcome_facts(outcome: Outcome, seconds: float) -> dict[str, Any]:

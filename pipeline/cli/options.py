@@ -5,7 +5,7 @@ from __future__ import annotations
 import functools
 import inspect
 import os
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, fields, is_dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_type_hints
 import typer
 
 from pipeline.cli.output import print_error
+from pipeline.errors import UsageError, suggestion
 from render.mitsuba.engine import VARIANTS, available_cores
 from render.scene.quality import QUALITIES
 
@@ -25,16 +26,30 @@ INTERRUPTED = 130
 
 _common = functools.partial(typer.Option, rich_help_panel="Options of every command")
 
+
+def shots_argument(help: str) -> Any:
+    return typer.Argument(metavar="SHOT…", help=help)
+
+
+def frames_option(help: str) -> Any:
+    return typer.Option("-f", "--frames", metavar="RANGE", help=help)
+
+
+def at_option(help: str) -> Any:
+    return typer.Option("--at", metavar="FRAME", help=help)
+
+
+def output_option(help: str, metavar: str = "FILE") -> Any:
+    return typer.Option("-o", "--output", metavar=metavar, help=help)
+
+
 Shot = Annotated[str, typer.Argument(metavar="SHOT", help="A name in shots/, or the path of a shot file.")]
-Shots = Annotated[list[str], typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")]
+Shots = Annotated[list[str], shots_argument("Names in shots/, or paths of shot files.")]
 Frames = Annotated[
     str | None,
-    typer.Option(
-        "-f",
-        "--frames",
-        metavar="RANGE",
-        help="Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or by state, as `status` lists "
-        "them: missing, stale, failed. Default: all.",
+    frames_option(
+        "Frames: 12, 1-48, 1-48x2, 1-24,30; 1-100:10 is coarse first. Or by state, as `status` lists them: "
+        "missing, stale, failed. Default: all."
     ),
 ]
 Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
@@ -60,12 +75,7 @@ Force = Annotated[
         "`snakemake --forcerun simulate` makes these again too.",
     ),
 ]
-Plot = Annotated[
-    Path | None,
-    typer.Option(
-        "-o", "--output", metavar="FILE", help="Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT."
-    ),
-]
+Plot = Annotated[Path | None, output_option("Write this SVG, PNG or PDF. Default: an SVG in renders/SHOT.")]
 Settings = Annotated[
     list[str] | None,
     typer.Option(
@@ -94,6 +104,10 @@ class Common:
     patience: float | None
     profile: Profile
     wait: bool = False
+
+    def done(self, verb: str) -> str:
+        """Return what became of an output: `written`, or `would be written` with --dry-run."""
+        return f"would be {verb}" if self.dry_run else verb
 
 
 @dataclass(frozen=True)
@@ -202,6 +216,20 @@ def project_of(
     from pipeline.production.execution.project import Project
 
     return Project(common.root, common.cores, variant, tuple(settings or ()), allow_code, common.profile)
+
+
+def require_one_of(word: str, known: Collection[str], fact: str) -> None:
+    """Raise UsageError, with a fact and a suggestion, for a word that is not known."""
+    if word not in known:
+        raise UsageError(f"{fact} {suggestion(word, known)}")
+
+
+def words_of(text: str, fault: str) -> tuple[str, ...]:
+    """Return the words between commas, each once. Raises UsageError where there are none."""
+    words = tuple(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
+    if not words:
+        raise UsageError(fault)
+    return words
 
 
 def with_options(function: Callable[..., None]) -> Callable[..., None]:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
-from rich.console import Console
+from rich.console import Console, RenderableType
 from rich.table import Table
 
 from render.base.atomic_write import disk_errors
@@ -22,9 +22,12 @@ out = Console(highlight=False, emoji=False, soft_wrap=True)
 err = Console(stderr=True, highlight=False, emoji=False, soft_wrap=True)
 
 
-def print_result(words: str, facts: Any, as_json: bool) -> None:
-    """Print the result of a command: words for people, or facts as JSON for programs."""
-    typer.echo(json.dumps(facts, indent=2) if as_json else words)
+def print_result(words: str | RenderableType, facts: Any, as_json: bool) -> None:
+    """Print the result of a command: words or a table for people, or facts as JSON for programs."""
+    if as_json or isinstance(words, str):
+        typer.echo(json.dumps(facts, indent=2) if as_json else words)
+    else:
+        out.print(words)
 
 
 def print_error(words: str) -> None:
@@ -41,6 +44,12 @@ def table(*headings: str) -> Table:
     for heading in headings:
         empty.add_column(heading)
     return empty
+
+
+def exit_with(code: int) -> None:
+    """End the command with an exit code; 0 lets it go on."""
+    if code:
+        raise typer.Exit(code)
 
 
 def make_folder_of(path: Path) -> None:

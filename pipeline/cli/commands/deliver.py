@@ -11,8 +11,16 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.execution import execute, report_plan
-from pipeline.cli.options import Common, Frames, PictureOptions, Quality
-from pipeline.cli.output import duration, out, print_result, print_warning, progress_bars
+from pipeline.cli.options import (
+    Common,
+    Frames,
+    PictureOptions,
+    Quality,
+    output_option,
+    require_one_of,
+    words_of,
+)
+from pipeline.cli.output import duration, exit_with, out, print_result, print_warning, progress_bars
 from pipeline.dailies.delivery.deliver import (
     SLATES,
     DeliveredFile,
@@ -22,7 +30,7 @@ from pipeline.dailies.delivery.deliver import (
     lost_frames,
 )
 from pipeline.dailies.delivery.source import film_source, shot_source
-from pipeline.errors import UsageError, suggestion
+from pipeline.errors import UsageError
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import edit_names, find_edit
@@ -61,8 +69,7 @@ def deliver(
         typer.Option(metavar="FILE", help="Add this sound. An edit may name its own."),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option("-o", "--output", metavar="DIR", help="Default: the folder deliver beside the frames."),
+        Path | None, output_option("Default: the folder deliver beside the frames.", metavar="DIR")
     ] = None,
 ) -> None:
     """Encode shots and films for review, editing, archive or web, rendering what is missing.
@@ -74,9 +81,12 @@ def deliver(
     review: H.264 of intra frames, to step through · h264, h265: 10 bits · prores4444: with the subject's
     alpha · av1: for the web · ffv1: lossless, for the archive · webp: for pages.
     """
+    if slate is not None:
+        require_one_of(slate, SLATES, f"--slate {slate}: a slate goes to the head or apart.")
+    words = words_of(forms, f"--as {forms!r} names no deliverable. There are: {', '.join(ENCODES)}.")
     order = DeliveryOptions(
-        encodes=tuple(encode_named(word) for word in _words(forms)),
-        slate=_slate(slate),
+        encodes=tuple(encode_named(word) for word in words),
+        slate=slate,
         burn_in=None if burn_in is None else BurnIn.parse(burn_in),
         audio=None if sound is None else audio_track(sound),
         folder=output,
@@ -101,8 +111,7 @@ def deliver(
     if lost:
         print_warning(f"{'; '.join(lost)}: shown as cards that state the reason")
     _report(common, done, lost, time.monotonic() - started)
-    if outcome.exit_code:
-        raise typer.Exit(outcome.exit_code)
+    exit_with(outcome.exit_code)
 
 
 @dataclass(frozen=True)
@@ -140,19 +149,6 @@ class _Wanted:
 def _is_of_edit(name: str) -> bool:
     path = Path(name)
     return is_edit(path) if path.suffix in (".yaml", ".yml") else name in edit_names()
-
-
-def _words(text: str) -> list[str]:
-    words = list(dict.fromkeys(word.strip() for word in text.split(",") if word.strip()))
-    if not words:
-        raise UsageError(f"--as {text!r} names no deliverable. There are: {', '.join(ENCODES)}.")
-    return words
-
-
-def _slate(word: str | None) -> str | None:
-    if word is not None and word not in SLATES:
-        raise UsageError(f"--slate {word}: a slate goes to the head or apart. {suggestion(word, SLATES)}")
-    return word
 
 
 def _report(common: Common, done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> None:

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import print_result
+from pipeline.cli.output import exit_with, print_result
 from pipeline.kernels import compile_all
 from render import raster
 from render.base.kernel_cache import cache_folder
@@ -51,8 +51,7 @@ def doctor(
         "free_gigabytes": round(shutil.disk_usage(existing).free / 1e9, 1),
     }
     print_result(_diagnosis(facts), facts, common.json)
-    if renderer["renderer"] == "none":
-        raise typer.Exit(4)
+    exit_with(4 if renderer["renderer"] == "none" else 0)
 
 
 def _diagnosis(facts: dict[str, Any]) -> str:

@@ -8,10 +8,10 @@ from typing import Annotated
 import typer
 from ruamel.yaml import YAML
 
-from pipeline.cli.options import Common, Frames, PictureOptions, Quality
+from pipeline.cli.options import Common, Frames, PictureOptions, Quality, output_option, require_one_of
 from pipeline.cli.output import print_result
 from pipeline.dailies.delivery.timeline import MEDIA, Timeline
-from pipeline.errors import UsageError, suggestion
+from pipeline.errors import UsageError
 from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
 from pipeline.production.request.lookup import FILM, find_edit
@@ -37,10 +37,7 @@ def export(
         ),
     ] = None,
     output: Annotated[
-        Path | None,
-        typer.Option(
-            "-o", "--output", metavar="FILE", help="Default: template.yaml, or the edit's name and .otio."
-        ),
+        Path | None, output_option("Default: template.yaml, or the edit's name and .otio.")
     ] = None,
     media: Annotated[
         str, typer.Option(metavar="NAME", help=f"Media that otio clips refer to: {', '.join(MEDIA)}.")
@@ -59,8 +56,7 @@ def export(
     shots/showreel.yaml. Clips refer to frames, relative to the file, or to files that `flowsculpt deliver`
     wrote: `--media prores4444`.
     """
-    if form not in FORMATS:
-        raise UsageError(f"{form!r} is not a format to export. {suggestion(form, FORMATS)}")
+    require_one_of(form, FORMATS, f"{form!r} is not a format to export.")
     project, quality = options.project(common), options.quality(quality)
     if form == "otio":
         _timeline(common, project, quality, name or FILM.stem, output, media, frames)
@@ -77,8 +73,7 @@ def _timeline(
     media: str,
     frames: str | None,
 ) -> None:
-    if media not in MEDIA:
-        raise UsageError(f"--media {media}: clips cannot refer to it. {suggestion(media, MEDIA)}")
+    require_one_of(media, MEDIA, f"--media {media}: clips cannot refer to it.")
     if frames is not None:
         raise UsageError(f"-f {frames} chooses frames of shots; an edit names its own")
     path = find_edit(edit)
@@ -88,7 +83,7 @@ def _timeline(
     cut, requests = project.edit(quality, path)
     if not common.dry_run:
         Timeline(cut, requests, common.root, media, place).write()
-    done = f"{place}: {cut.length} frames, {'would be ' if common.dry_run else ''}written."
+    done = f"{place}: {cut.length} frames, {common.done('written')}."
     print_result(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
 
 
@@ -113,7 +108,5 @@ def _job(
                 yaml = YAML()
                 yaml.width = 100
                 yaml.dump(made, file)
-    done = f"{output}, {beside}: {'would be ' if common.dry_run else ''}written."
-    print_result(
-        done, {"template": str(output), "plan": str(beside), "targets": list(plan.targets)}, common.json
-    )
+    facts = {"template": str(output), "plan": str(beside), "targets": list(plan.targets)}
+    print_result(f"{output}, {beside}: {common.done('written')}.", facts, common.json)

@@ -11,7 +11,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import Common, Frames, Shot, ShotOptions
+from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
 from pipeline.cli.output import err, make_folder_of, print_error, print_result, progress_bars
 from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
 from pipeline.dailies.preview.live_server import LiveFeed, serving
@@ -28,10 +28,7 @@ def preview(
     common: Common,
     shot: Shot,
     options: ShotOptions,
-    at: Annotated[
-        int | None,
-        typer.Option("--at", metavar="FRAME", help="Draw a still of this frame. Default: a movie."),
-    ] = None,
+    at: Annotated[int | None, at_option("Draw a still of this frame. Default: a movie.")] = None,
     frames: Frames = None,
     flow: Annotated[
         bool, typer.Option("--flow", help="Draw the flow: its streamlines at each frame, coloured by speed.")
@@ -57,9 +54,7 @@ def preview(
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the live page in a browser.")
     ] = True,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write this PNG or MP4.")
-    ] = None,
+    output: Annotated[Path | None, output_option("Write this PNG or MP4.")] = None,
 ) -> None:
     """Draw a shot in seconds, without a path tracer: with its camera, lights and look, but no reflections.
 
@@ -111,8 +106,11 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
-    words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
-    print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
+    print_result(
+        f"{path}: {frames}{' would be drawn' if common.dry_run else ''}.",
+        {"path": str(path), "frames": len(numbers)},
+        common.json,
+    )
 
 
 def _redraw(

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.execution import execute, execute_and_report, report_plan
-from pipeline.cli.options import Common, Force, Frames, PictureOptions
-from pipeline.cli.output import print_result, print_warning
+from pipeline.cli.options import Common, Force, Frames, PictureOptions, shots_argument
+from pipeline.cli.output import exit_with, print_result, print_warning
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from render.scene.quality import QUALITIES
@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 def render(
     common: Common,
     options: PictureOptions,
-    shots: Annotated[
-        list[str] | None, typer.Argument(metavar="SHOT…", help="Names in shots/, or paths of shot files.")
-    ] = None,
+    shots: Annotated[list[str] | None, shots_argument("Names in shots/, or paths of shot files.")] = None,
     frames: Frames = None,
     quality: Annotated[
         str | None,
@@ -100,8 +98,7 @@ def _reproduce(common: Common, source: Path, frames: str | None, project: Projec
         "not_made": [each.what for each in unlike if each.same is None],
     }
     print_result(_compared(record, again.home, comparisons), facts, common.json)
-    if outcome.exit_code or unlike:
-        raise typer.Exit(outcome.exit_code or 1)
+    exit_with(outcome.exit_code or (1 if unlike else 0))
 
 
 def _compared(record: Provenance, home: Path, comparisons: Sequence[Comparison]) -> str:

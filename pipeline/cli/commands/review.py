@@ -7,12 +7,12 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import Common, ShotOptions, Shots
+from pipeline.cli.options import Common, ShotOptions, Shots, require_one_of
 from pipeline.cli.output import print_result, print_warning, progress_bars
 from pipeline.dailies.review.page import ReviewPage
 from pipeline.dailies.review.sequences import Search
 from pipeline.dailies.review.view_3d import HINT, three_js
-from pipeline.errors import UsageError, suggestion
+from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
 from pipeline.production.store.event_log import History
@@ -53,10 +53,7 @@ def review(
     for quality in qualities or ():
         if not is_quality(quality):
             raise UsageError(f"{quality!r} is not a quality; choose {', '.join(QUALITIES)}")
-    if form not in FORMS:
-        raise UsageError(
-            f"--as {form}: pictures of a page are {' or '.join(FORMS)}. {suggestion(form, FORMS)}"
-        )
+    require_one_of(form, FORMS, f"--as {form}: pictures of a page are {' or '.join(FORMS)}.")
     project = options.project(common)
     search = Search(project, tuple(qualities or ()), History.of(common.root))
     material = [search.shot(shot) for shot in dict.fromkeys(shots)]

@@ -8,9 +8,9 @@ from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.options import Common
+from pipeline.cli.options import Common, output_option, require_one_of
 from pipeline.cli.output import print_result
-from pipeline.errors import FlowsculptError, UsageError, suggestion
+from pipeline.errors import FlowsculptError
 from pipeline.production.request.lookup import SHOTS
 from pipeline.shot.documents.reference import defaults_schema, film_schema, shot_schema
 from pipeline.shot.yaml.lookup import DEFAULTS
@@ -26,17 +26,14 @@ KINDS = ("shot", "film", "defaults")
 def schema(
     common: Common,
     kind: Annotated[str, typer.Argument(metavar="|".join(KINDS), help="The kind of file.")] = KINDS[0],
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write it to this file.")
-    ] = None,
+    output: Annotated[Path | None, output_option("Write it to this file.")] = None,
 ) -> None:
     """Print the JSON Schema by which editors complete and check shot files.
 
     `flowsculpt schema film -o film.json` writes the schema of edits. In the schema of shots, names that
     shots/defaults.yaml gives are not required.
     """
-    if kind not in KINDS:
-        raise UsageError(f"there is no schema of {kind!r}. {suggestion(kind, KINDS)}")
+    require_one_of(kind, KINDS, f"there is no schema of {kind!r}.")
     content = _schema_of(kind, SHOTS)
     if output is None:
         print_result(_as_text(content), content, common.json)
@@ -45,8 +42,7 @@ def schema(
         with disk_errors(output):
             output.parent.mkdir(parents=True, exist_ok=True)
             output.write_text(_as_text(content), encoding="utf-8")
-    words = f"{output}: {'would be ' if common.dry_run else ''}written."
-    print_result(words, {"path": str(output)}, common.json)
+    print_result(f"{output}: {common.done('written')}.", {"path": str(output)}, common.json)
 
 
 def write_schemas(folder: Path) -> None:

@@ -8,8 +8,16 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.execution import execute, report_plan
-from pipeline.cli.options import Common, PictureOptions, Quality, Shot
-from pipeline.cli.output import print_result
+from pipeline.cli.options import (
+    Common,
+    PictureOptions,
+    Quality,
+    Shot,
+    at_option,
+    frames_option,
+    output_option,
+)
+from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import UsageError
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
@@ -19,23 +27,15 @@ def sheet(
     common: Common,
     shot: Shot,
     options: PictureOptions,
-    frames: Annotated[
-        str | None,
-        typer.Option("-f", "--frames", metavar="RANGE", help="Default: up to twelve, evenly over the shot."),
-    ] = None,
+    frames: Annotated[str | None, frames_option("Default: up to twelve, evenly over the shot.")] = None,
     looks: Annotated[
         str | None,
         typer.Option(metavar="NAMES", help="One frame in each of these looks, as in clay,glaze."),
     ] = None,
-    at: Annotated[
-        int | None,
-        typer.Option("--at", metavar="FRAME", help="The frame of --looks. Default: the middle one."),
-    ] = None,
+    at: Annotated[int | None, at_option("The frame of --looks. Default: the middle one.")] = None,
     quality: Quality = "preview",
     columns: Annotated[int | None, typer.Option(min=1, help="Columns of the sheet.")] = None,
-    output: Annotated[
-        Path | None, typer.Option("-o", "--output", metavar="FILE", help="Write this PNG.")
-    ] = None,
+    output: Annotated[Path | None, output_option("Write this PNG.")] = None,
 ) -> None:
     """Put frames of a shot on one contact sheet, rendering what is missing.
 
@@ -53,8 +53,7 @@ def sheet(
 
         if "," not in looks:
             raise UsageError(f"--looks {looks}: one look needs no sheet; name several, as in clay,glaze")
-        varied = [f"look={looks}"]
-        wedge(common, shot, options, varied, None, at, quality, columns)
+        wedge(common, shot, options, [f"look={looks}"], None, at, quality, columns)
         return
     if at is not None:
         raise UsageError("--at is the frame of --looks; name the frames of a sheet with -f")
@@ -78,5 +77,4 @@ def sheet(
     print_result(
         f"{path}: {many} frame{'s' * (many > 1)}, {outcome.made('render')} rendered.", facts, common.json
     )
-    if outcome.exit_code:
-        raise typer.Exit(outcome.exit_code)
+    exit_with(outcome.exit_code)

@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from typing import Annotated
 
-import typer
-
-from pipeline.cli.options import Common, Settings, project_of
-from pipeline.cli.output import duration, out, print_error, print_result, table
+from pipeline.cli.options import Common, Settings, project_of, shots_argument
+from pipeline.cli.output import duration, exit_with, print_error, print_result, table
 from pipeline.errors import FlowsculptError
 from pipeline.production.planning.frame_states import FrameStates, states
 from pipeline.production.request.lookup import find_shot, shot_names
@@ -17,9 +15,7 @@ from render.scene.quality import QUALITIES
 
 def status(
     common: Common,
-    shots: Annotated[
-        list[str] | None, typer.Argument(metavar="SHOT…", help="Names or paths of shots. Default: all.")
-    ] = None,
+    shots: Annotated[list[str] | None, shots_argument("Names or paths of shots. Default: all.")] = None,
     settings: Settings = None,
 ) -> None:
     """List which frames of shots are done, stale and missing, at each quality begun so far.
@@ -40,14 +36,10 @@ def status(
             errors.append(error)
             print_error(str(error))
     _report(rows, common.json)
-    if errors:
-        raise typer.Exit(max(error.exit_code for error in errors))
+    exit_with(max((error.exit_code for error in errors), default=0))
 
 
 def _report(rows: list[FrameStates], as_json: bool) -> None:
-    if as_json:
-        print_result("", [row.as_data() for row in rows], as_json=True)
-        return
     columns = ["done", "stale", "missing"]
     columns += [name for name in ("failed", "running") if any(getattr(row, name) for row in rows)]
     timed = any(row.seconds_left for row in rows)
@@ -55,4 +47,5 @@ def _report(rows: list[FrameStates], as_json: bool) -> None:
     for row in rows:
         left = [] if not timed else ["–" if row.seconds_left is None else duration(row.seconds_left)]
         listing.add_row(row.shot, row.what, *(str(getattr(row, name)) or "–" for name in columns), *left)
-    out.print(listing if rows else "No shots here; flowsculpt new makes one.")
+    words = listing if rows else "No shots here; flowsculpt new makes one."
+    print_result(words, [row.as_data() for row in rows], as_json)

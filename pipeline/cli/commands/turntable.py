@@ -8,11 +8,10 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.execution import execute_and_report
-from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Variant
+from pipeline.cli.options import Common, Quality, Scale, ShotOptions, Variant, at_option, words_of
 from pipeline.cli.output import progress_bars
 from pipeline.dailies.turntable import BOTH, TurntableRequest
 from pipeline.dailies.turntable_sheets import TurntableSheets
-from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import cropped_name
 
 
@@ -22,9 +21,7 @@ def turntable(
         str, typer.Argument(metavar="SHOT|MESHFILE", help="A shot, or an OBJ, PLY, STL, OFF or GLB.")
     ],
     options: ShotOptions,
-    at: Annotated[
-        int | None, typer.Option(metavar="FRAME", help="The frame of the shot. Default: its first.")
-    ] = None,
+    at: Annotated[int | None, at_option("The frame of the shot. Default: its first.")] = None,
     frames: Annotated[int, typer.Option(help="Pictures of a full turn.")] = 72,
     turn: Annotated[
         str,
@@ -53,19 +50,12 @@ def turntable(
     """
     project = options.project(common, variant)
     named = cropped_name(quality, None, scale)
-    request = TurntableRequest(project, subject, named, at, frames, turn, _looks(look), bare)
+    fault = "--look names no look; write one, or several as in clay,glaze,chrome"
+    looks = () if look is None else words_of(look, fault)
+    request = TurntableRequest(project, subject, named, at, frames, turn, looks, bare)
 
     def draw() -> list[Path]:
         with progress_bars(common.progress) as bar:
             return TurntableSheets(request).draw(bar)
 
     execute_and_report(common, request.plan, draw)
-
-
-def _looks(text: str | None) -> tuple[str, ...]:
-    if text is None:
-        return ()
-    looks = tuple(dict.fromkeys(name.strip() for name in text.split(",") if name.strip()))
-    if not looks:
-        raise UsageError("--look names no look; write one, or several as in clay,glaze,chrome")
-    return looks

@@ -5,10 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Annotated, Any
 
-import typer
-
-from pipeline.cli.options import Common, Settings
-from pipeline.cli.output import print_error, print_result
+from pipeline.cli.options import Common, Settings, shots_argument
+from pipeline.cli.output import exit_with, print_error, print_result
 from pipeline.errors import FlowsculptError
 from pipeline.flow.flow import python_flows
 from pipeline.production.request.lookup import edit_names, find_edit, find_shot, shot_names
@@ -17,9 +15,7 @@ from pipeline.shot import read_film, read_shot
 
 def validate(
     common: Common,
-    shots: Annotated[
-        list[str] | None, typer.Argument(metavar="SHOT…", help="Shots and edits. Default: all.")
-    ] = None,
+    shots: Annotated[list[str] | None, shots_argument("Shots and edits. Default: all.")] = None,
     settings: Settings = None,
 ) -> None:
     """Check shot files and report every error by file, line and column.
@@ -44,8 +40,7 @@ def validate(
     notes = [f"Note: {note}" for fact in facts for note in fact.get("notes", [])]
     summary = f"Good: {', '.join(good)}" if good else "No shot is good."
     print_result("\n".join([summary, *notes]), facts, common.json)
-    if errors:
-        raise typer.Exit(max(error.exit_code for error in errors))
+    exit_with(max((error.exit_code for error in errors), default=0))
 
 
 def _notes(path: Path, settings: tuple[str, ...]) -> list[str]:

@@ -9,7 +9,7 @@ from typing import Annotated, Any
 import typer
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import out, print_error, print_result, table
+from pipeline.cli.output import exit_with, print_error, print_result, table
 from pipeline.errors import MissingInputError
 from pipeline.frames import FrameRange
 from pipeline.production.store.paths import PUBLISHED, published
@@ -43,29 +43,19 @@ def versions(
                 errors.append(record)
                 print_error(str(record))
     _report(provenances, common.json)
-    if errors:
-        raise typer.Exit(max(error.exit_code for error in errors))
+    exit_with(max((error.exit_code for error in errors), default=0))
 
 
 def _report(provenances: Sequence[tuple[Path, Provenance]], as_json: bool) -> None:
-    if as_json:
-        print_result("", [_facts(folder, record) for folder, record in provenances], as_json=True)
-        return
     listing = table("shot", "version", "quality", "frames", "published (UTC)", "by", "note")
     for _, record in provenances:
         when = record.published.replace("T", " ").removesuffix("Z")
         frames = str(FrameRange.of(record.frames))
-        row = (
-            record.shot,
-            record.version,
-            record.quality,
-            frames,
-            when,
-            record.user or "–",
-            record.note or "–",
-        )
+        who, note = record.user or "–", record.note or "–"
+        row = (record.shot, record.version, record.quality, frames, when, who, note)
         listing.add_row(*(word.replace("[", r"\[") for word in row))
-    out.print(listing if provenances else "Nothing is published here; flowsculpt publish does it.")
+    words = listing if provenances else "Nothing is published here; flowsculpt publish does it."
+    print_result(words, [_facts(folder, record) for folder, record in provenances], as_json)
 
 
 def _facts(folder: Path, record: Provenance) -> dict[str, Any]:

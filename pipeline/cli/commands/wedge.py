@@ -6,9 +6,16 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.execution import count_words, estimate_words, execute, made_by_stage
-from pipeline.cli.options import Common, PictureOptions, Quality, Shot
-from pipeline.cli.output import print_result, print_warning
+from pipeline.cli.execution import (
+    count_words,
+    estimate_words,
+    execute,
+    job_facts,
+    made_by_stage,
+    report_notes,
+)
+from pipeline.cli.options import Common, PictureOptions, Quality, Shot, at_option, frames_option
+from pipeline.cli.output import exit_with, print_result
 from pipeline.production.planning.estimate import estimate
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import STAGES
@@ -29,14 +36,8 @@ def wedge(
             "combinations.",
         ),
     ] = None,
-    frames: Annotated[
-        str | None,
-        typer.Option("-f", "--frames", metavar="RANGE", help="Frames of every cell. Default: the sheet's."),
-    ] = None,
-    at: Annotated[
-        int | None,
-        typer.Option("--at", metavar="FRAME", help="The frame of the sheet. Default: the middle one."),
-    ] = None,
+    frames: Annotated[str | None, frames_option("Frames of every cell. Default: the sheet's.")] = None,
+    at: Annotated[int | None, at_option("The frame of the sheet. Default: the middle one.")] = None,
     quality: Quality = "preview",
     columns: Annotated[
         int | None,
@@ -68,8 +69,7 @@ def wedge(
     }
     rendered = f"{len(grid)} cells, {outcome.made('render')} frames rendered"
     print_result(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
-    if outcome.exit_code:
-        raise typer.Exit(outcome.exit_code)
+    exit_with(outcome.exit_code)
 
 
 def _report(common: Common, made: Wedge) -> None:
@@ -77,8 +77,7 @@ def _report(common: Common, made: Wedge) -> None:
     plan = made.plan()
     expected = estimate(plan, common.root, common.cores)
     counts, spared = plan.frame_counts(), plan.spared
-    for note in plan.notes:
-        print_warning(note)
+    report_notes(plan, set())
     todo = {stage: counts[stage] for stage in STAGES if counts[stage]}
     facts = {
         "cells": _cells(made),
@@ -86,7 +85,7 @@ def _report(common: Common, made: Wedge) -> None:
         "to_be_made": todo,
         "shared": dict(spared),
         "estimate": expected.as_data(),
-        "jobs": [{"job": job.name, "task": job.stage, "frames": list(job.frames)} for job in plan.jobs],
+        "jobs": job_facts(plan),
     }
     lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
     frames = len(made.requests[0][1].requested)
