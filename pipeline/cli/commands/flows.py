@@ -5,9 +5,11 @@ from __future__ import annotations
 from typing import Annotated, Any
 
 import typer
+from rich.console import Group
+from rich.text import Text
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import out, print_result, table
+from pipeline.cli.output import print_result, table
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.documents.reference import default_text, facts, markdown
 
@@ -25,19 +27,15 @@ def flows(
     """
     if name is not None:
         _report_one(facts(name), common.json)
-    elif as_markdown or common.json:
-        print_result("" if common.json else markdown(), [facts(flow) for flow in DOCUMENTS], common.json)
-    else:
-        listing = table("flow", "is a", "what it does")
-        for flow in map(facts, DOCUMENTS):
-            listing.add_row(flow["name"], flow["kind"], flow["description"])
-        out.print(listing)
+        return
+    flows = [facts(flow) for flow in DOCUMENTS]
+    listing = table("flow", "is a", "what it does")
+    for flow in flows:
+        listing.add_row(flow["name"], flow["kind"], flow["description"])
+    print_result(markdown() if as_markdown else listing, flows, common.json)
 
 
 def _report_one(flow: dict[str, Any], as_json: bool) -> None:
-    if as_json:
-        print_result("", flow, as_json=True)
-        return
     listing = table("parameter", "default", "unit", "what it is")
     for parameter in flow["parameters"]:
         choices = f": {', '.join(parameter['choices'])}" if parameter["choices"] else ""
@@ -48,5 +46,5 @@ def _report_one(flow: dict[str, Any], as_json: bool) -> None:
             parameter["unit"],
             f"{parameter['description']}{choices}{keyed}",
         )
-    out.print(f"{flow['name']}, a {flow['kind']}. {flow['description']}", markup=False)
-    out.print(listing)
+    title = Text(f"{flow['name']}, a {flow['kind']}. {flow['description']}")
+    print_result(Group(title, listing), flow, as_json)

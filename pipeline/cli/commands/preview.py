@@ -106,11 +106,8 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
-    print_result(
-        f"{path}: {frames}{' would be drawn' if common.dry_run else ''}.",
-        {"path": str(path), "frames": len(numbers)},
-        common.json,
-    )
+    words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
+    print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
 
 
 def _redraw(

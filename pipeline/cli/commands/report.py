@@ -5,9 +5,10 @@ from __future__ import annotations
 from typing import Annotated
 
 import typer
+from rich.console import Group
 
 from pipeline.cli.options import Common
-from pipeline.cli.output import duration, out, print_result, table
+from pipeline.cli.output import duration, print_result, table
 from pipeline.production.maintenance.run_report import LABELS, RunReport, named_run
 
 
@@ -25,14 +26,11 @@ def report(
     `flowsculpt report` shows the last run of this root; `flowsculpt report --json` the same as numbers.
     """
     spending = RunReport.of(common.root, named_run(common.root, run), common.cores)
-    if common.json:
-        print_result("", spending.as_data(), as_json=True)
-        return
-    out.print(f"{spending.run}: {duration(spending.seconds)} on {spending.cores} cores")
+    title = f"{spending.run}: {duration(spending.seconds)} on {spending.cores} cores"
     listing = table("", "of the cores", "core-seconds", "frames")
     for column in listing.columns[1:]:
         column.justify = "right"
     for what, share in spending.shares.items():
         frames = str(spending.frames.get(what, ""))
         listing.add_row(LABELS[what], f"{share:.1%}", f"{spending.core_seconds[what]:.1f}", frames)
-    out.print(listing)
+    print_result(Group(title, listing), spending.as_data(), common.json)

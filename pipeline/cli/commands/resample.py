@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
 from dataclasses import asdict
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from rich.console import Group
+from rich.table import Table
 
-from pipeline.cli.options import Common
-from pipeline.cli.output import out, print_result, table
-from pipeline.errors import MeshError, UsageError, suggestion
+from pipeline.cli.options import Common, require_one_of
+from pipeline.cli.output import print_result, table
+from pipeline.errors import MeshError, UsageError
 from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
 from pipeline.mesh.read import read_polygons
 from pipeline.mesh.write import WRITERS
@@ -98,26 +99,25 @@ def resample(
         print_result(f"{target}: would be written, from {len(before.vertices)} vertices.", facts, common.json)
         return
     after: TriangleMesh | PolygonMesh
+    report: Report
     if method == "polyhedra":
-        after, report = _sliced(before, thresholds)
+        slicer = PolyhedralResampler(before, thresholds)
+        report = slicer.resample()
+        after = slicer.mesh
     else:
         split: Splits = "faces" if splits == "faces" else "edges"
         triangles, placed = before.triangulated(), PLACEMENTS[placement or "chord"]
         after, report = resample_triangles(triangles, thresholds, placed, splits=split)
     write_mesh(after, target)
-    _report(source, target, before, after, report, common.json)
+    facts = {"in": str(source), "out": str(target), **_facts(before, after, report)} if common.json else {}
+    print_result(Group(_listing(before, report), f"{target}: written."), facts, common.json)
 
 
 def _check_options(method: str, placement: str | None, splits: str | None) -> None:
     """Raise UsageError for unknown words and for options that exclude each other."""
-    words: tuple[tuple[str, str, Iterable[str]], ...] = (
-        ("method", method, METHODS),
-        ("placement", placement or "chord", PLACEMENTS),
-        ("splits", splits or "edges", SPLITS),
-    )
-    for option, given, known in words:
-        if given not in known:
-            raise UsageError(f"--{option} {given!r} is not known. {suggestion(given, known)}")
+    require_one_of(method, METHODS, f"--method {method!r} is not known.")
+    require_one_of(placement or "chord", PLACEMENTS, f"--placement {placement!r} is not known.")
+    require_one_of(splits or "edges", SPLITS, f"--splits {splits!r} is not known.")
     for option, word in (("placement", placement), ("splits", splits)):
         if method == "polyhedra" and word:
             raise UsageError(
@@ -130,39 +130,18 @@ def _check_options(method: str, placement: str | None, splits: str | None) -> No
         )
 
 
-def _sliced(mesh: PolygonMesh, thresholds: Thresholds) -> tuple[PolygonMesh, Report]:
-    slicer = PolyhedralResampler(mesh, thresholds)
-    report = slicer.resample()
-    return slicer.mesh, report
+def _facts(before: PolygonMesh, after: TriangleMesh | PolygonMesh, report: Report) -> dict[str, Any]:
+    triangles = after if isinstance(after, TriangleMesh) else after.triangulated()
+    return {
+        **vars(report),
+        "refused": dict(report.refused),
+        "within_limits": report.within_limits,
+        "before": asdict(mesh_statistics(before.triangulated())),
+        "after": asdict(mesh_statistics(triangles)),
+    }
 
 
-def _report(
-    source: Path,
-    target: Path,
-    before: PolygonMesh,
-    after: TriangleMesh | PolygonMesh,
-    report: Report,
-    as_json: bool,
-) -> None:
-    if as_json:
-        facts = {**vars(report), "refused": dict(report.refused), "within_limits": report.within_limits}
-        shapes = {"before": _shape(before), "after": _shape(after)}
-        print_result("", {"in": str(source), "out": str(target), **facts, **shapes}, as_json=True)
-        return
-    listing = table("", "")
-    listing.show_header = False
-    for row in _rows(before, report):
-        listing.add_row(*row)
-    out.print(listing)
-    print_result(f"{target}: written.", None, as_json=False)
-
-
-def _shape(mesh: TriangleMesh | PolygonMesh) -> dict[str, float]:
-    triangles = mesh if isinstance(mesh, TriangleMesh) else mesh.triangulated()
-    return asdict(mesh_statistics(triangles))
-
-
-def _rows(before: PolygonMesh, report: Report) -> list[tuple[str, str]]:
+def _listing(before: PolygonMesh, report: Report) -> Table:
     rows = [
         ("vertices", f"{len(before.vertices)} → {report.vertices}"),
         ("faces", f"{len(before)} → {report.faces}"),
@@ -173,4 +152,8 @@ def _rows(before: PolygonMesh, report: Report) -> list[tuple[str, str]]:
     ]
     for reason, count in report.refused.items():
         rows.append(("kept though short", f"{count}: {REFUSALS[reason]}"))
-    return rows
+    listing = table("", "")
+    listing.show_header = False
+    for row in rows:
+        listing.add_row(*row)
+    return listing
