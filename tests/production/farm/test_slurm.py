@@ -39,7 +39,8 @@ def events(root, kind="frame"):
 
 def requested(job):
     """Return the rule and the frames of a job of SLURM, its cores, memory and time."""
-    return [job[name] for name in ("Comment", "NumCPUs", "MinMemoryNode", "TimeLimit")]
+    rule = job["Comment"].rpartition("_")[0]  # without the job's key
+    return [rule, *(job[name] for name in ("NumCPUs", "MinMemoryNode", "TimeLimit"))]
 
 
 def wait_until(there, seconds=120):
