@@ -71,14 +71,21 @@ def _measures(
             f"size of a {name} has {wanted} numbers, not {len(size)}. Write all of them.",
         )
     elif not unknown:
-        yield from _contradictions(where, name, {m: given[m] for m in measures if m in given})
+        known = {m: given[m] for m in measures if m in given}
+        if all(_has_form(value, measures[m]) for m, value in known.items()):
+            yield from _contradictions(where, name, known)
+
+
+def _has_form(value: Any, default: Measure) -> bool:
+    """Tell whether a measure has the form of its default; the document reports others."""
+    if isinstance(default, str):
+        return isinstance(value, str)
+    parts = value if isinstance(default, tuple) and isinstance(value, list) else [value]
+    return all(is_number(part) and 0 < part <= LARGEST for part in parts)
 
 
 def _contradictions(where: Where, name: str, given: dict[str, Any]) -> Iterator[Problem]:
     """Check that measures are consistent, by building the coarsest mesh of them."""
-    parts = [part for value in given.values() for part in (value if isinstance(value, list) else [value])]
-    if not all(isinstance(part, str) or (is_number(part) and 0 < part <= LARGEST) for part in parts):
-        return
     try:
         if where[-1] == "net":
             NetOfSolid.of(name, given).build()

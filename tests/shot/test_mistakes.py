@@ -66,6 +66,11 @@ BROKEN = [
      "a.yaml:4:23: radius is no measure of a box. There are: size."),
     ("solid: box", "solid: box, size: [1, 2]",
      "a.yaml:4:23: size of a box has 3 numbers, not 2. Write all of them."),
+    ("solid: box", "solid: box, size: wide",
+     "a.yaml:4:23: subject.size is 'wide'; it must be a list. Write it as [a, b, c]."),
+    ("solid: box", "solid: icosphere, radius: wide",
+     "a.yaml:4:29: subject.radius is 'wide'; "
+     "it must be a number. Write it plainly, without quotes or units."),
     ("solid: box", "model: bunny.obj",
      "a.yaml:4:11: model file bunny.obj is not there; it is looked for beside the shot file, as bunny.obj. "
      "Put it there or correct the name."),
