@@ -52,15 +52,9 @@ def log_of(plan: Plan) -> Path:
 
 def complaint(log: Path) -> str | None:
     """Return the first message about a job that could not be run, such as that a farm refused it."""
-    told = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", _text(log), re.MULTILINE)
-    return told.group(1).strip().rstrip(".") + "." if told else None
-
-
-def _text(log: Path) -> str:
-    try:
-        return log.read_text(errors="replace")
-    except OSError:
-        return ""
+    text = log.read_text(errors="replace") if log.exists() else ""
+    message = re.search(r"^ +message: (?!None)(.+?)(?:For further error details.*)?$", text, re.MULTILINE)
+    return message.group(1).strip().rstrip(".") + "." if message else None
 
 
 def execute(plan: Plan, root: Path, cores: int, profile: Profile) -> bool:

@@ -56,8 +56,7 @@ class RunReport:
     def of(cls, root: Path, run: str, cores: int) -> RunReport:
         """Return the report of a run; `cores` is used if its log does not name them."""
         events = list(EventReader(root / EVENTS / f"{run}.jsonl").new())
-        begun = [event for event in events if event["event"] == "run"]
-        cores = int(begun[0]["cores"]) if begun else cores
+        cores = next((int(event["cores"]) for event in events if event["event"] == "run"), cores)
         times = [float(event["time"]) for event in events]
         seconds = max(times, default=0.0) - min(times, default=0.0)
         threads = {
@@ -69,9 +68,8 @@ class RunReport:
             taken = float(event["seconds"]) * threads.get(event["job"], 1)
             for what, share in _parts(root, event, taken).items():
                 spent[what] += share
-        held = sum(
-            (end - begin) * threads.get(job, 1) for job, begin, end in _held(events, max(times, default=0.0))
-        )
+        spans = _held(events, max(times, default=0.0))
+        held = sum((end - begin) * threads.get(job, 1) for job, begin, end in spans)
         spent[STARTING] = max(0.0, held - sum(spent.values()))
         spent[WAITING] = max(0.0, seconds * cores - sum(spent.values()))
         frames = Counter(str(event["stage"]) for event in made if not event["found"])
@@ -100,14 +98,9 @@ class RunReport:
         return ", ".join(f"{LABELS[what]} {share:.0%}" for what, share in largest)
 
 
-def runs(root: Path) -> list[str]:
-    """Return the runs that left an event log, the latest last."""
-    return [log.stem for log in logs_of(root)]
-
-
 def named_run(root: Path, name: str | None) -> str:
     """Return a run by its name, or the last. Raises MissingInputError where there is none."""
-    known = runs(root)
+    known = [log.stem for log in logs_of(root)]
     if name is None and known:
         return known[-1]
     if name in known:

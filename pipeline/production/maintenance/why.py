@@ -86,13 +86,8 @@ class Explanation:
     edits: tuple[Difference, ...] = ()
 
     def as_data(self) -> dict[str, Any]:
-        return {
-            "state": self.state,
-            "file": str(self.file),
-            "reasons": list(self.reasons),
-            "parts": [str(part) for part in self.parts],
-            "edits": [str(edit) for edit in self.edits],
-        }
+        lists = {name: [str(part) for part in getattr(self, name)] for name in ("reasons", "parts", "edits")}
+        return {"state": self.state, "file": str(self.file), **lists}
 
 
 def explain(request: RenderRequest, number: int, store: Store) -> Explanation:
@@ -105,10 +100,6 @@ class _Frame:
     request: RenderRequest
     number: int
     store: Store
-
-    @property
-    def _root(self) -> Path:
-        return self.store.root
 
     @cached_property
     def _keys(self) -> PictureKeys | None:
@@ -123,10 +114,10 @@ class _Frame:
         file, keys = self.request.place("frame", self.number), self._keys
         if keys and self.store.shows("frame", keys[self.number].frame, file):
             return Explanation("done", file)
-        if not (self._root / file).exists():
+        if not (self.store.root / file).exists():
             return Explanation("missing", file, (self._first_missing(),))
         try:
-            header = read_header(self._root / file)
+            header = read_header(self.store.root / file)
         except RenderError as error:
             return Explanation("corrupt", file, (str(error),))
         reasons, parts = list(self._mesh_reasons(header)), self._parts(header)
@@ -162,7 +153,7 @@ class _Frame:
     def _first_changed(self) -> int | None:
         """Return the first frame whose mesh is there and is not today's."""
         for number in sorted(self.request.source.summary.meshes):
-            key = _key_in(self._root / self.request.place("mesh", number))
+            key = _key_in(self.store.root / self.request.place("mesh", number))
             if key is not None and key != self.request.mesh_key(number):
                 return number
         return None
@@ -197,7 +188,7 @@ class _Frame:
     def _source_of_run(self) -> ShotSource | None:
         request = self.request
         subject = request.folders.name, request.quality_name, self.number
-        for log in reversed(logs_of(self._root)):
+        for log in reversed(logs_of(self.store.root)):
             for event in EventReader(log).new():
                 if (
                     (event.get("shot"), event.get("quality"), event.get("frame")) == subject
@@ -205,7 +196,7 @@ class _Frame:
                     and event["stage"] == "finish"
                     and not event["found"]
                 ):
-                    return _source_in(self._root / PLANS / f"{log.stem}.json", event["job"])
+                    return _source_in(self.store.root / PLANS / f"{log.stem}.json", event["job"])
         return None
 
 

@@ -141,23 +141,19 @@ class Provenance:
 
     def differences(self, variant: str) -> list[str]:
         """Return the differences of today's environment, each in a line; `variant` renders now."""
-        lines = []
+        lines, versions, machine = [], packages(), host()
         if variant != self.variant:
             lines.append(f"variant {variant} renders now, {self.variant} did then; pixels will differ")
         for name, then in self.packages.items():
-            now = packages().get(name, "not there")
-            if now != then:
+            if (now := versions.get(name, "not there")) != then:
                 lines.append(f"{name} is {now} now and was {then}; pixels may differ")
         for name, number in stage_versions().items():
-            if number != self.stages.get(name):
-                was = self.stages.get(name, "unknown")
+            if (was := self.stages.get(name, "unknown")) != number:
                 lines.append(f"stage {name} has version {number} now and had {was}; pixels may differ")
-        today = host()
-        return lines + [
-            f"the {what} is {today[what]} now and was {self.host.get(what)}; last bits may differ"
-            for what in ("machine", "processor")
-            if today[what] != self.host.get(what)
-        ]
+        for part in ("machine", "processor"):
+            if machine[part] != (before := self.host.get(part)):
+                lines.append(f"the {part} is {machine[part]} now and was {before}; last bits may differ")
+        return lines
 
 
 def _require_whole(record: Provenance) -> None:
@@ -183,10 +179,8 @@ def pixels_of(path: Path) -> str:
 
 def portable(source: ShotSource) -> ShotSource:
     """Return the source with paths relative to the working folder, so that a project may be moved."""
-    inputs = None
-    if source.inputs is not None:
-        inputs = tuple((_within(Path(path)), digest) for path, digest in source.inputs)
-    return replace(source, path=Path(_within(source.path)), inputs=inputs)
+    inputs = tuple((_within(Path(path)), digest) for path, digest in source.inputs or ())
+    return replace(source, path=Path(_within(source.path)), inputs=inputs or source.inputs)
 
 
 def _within(path: Path) -> str:

@@ -19,7 +19,6 @@ import time
 import uuid
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
 
 from pipeline.errors import FrameError, MissingInputError, UsageError
 from pipeline.frames import FrameRange
@@ -135,24 +134,20 @@ class Release:
             place = request.place("frame", number)
             if not store.shows("frame", keys[number].frame if keys else None, place):
                 (stale if (store.root / place).exists() else missing).append(number)
-        self._require(missing, stale, "frames")
+        self._require(*(f"frames {FrameRange.of(n)}" if n else "" for n in (missing, stale)))
         assert keys is not None, "frames that are shown have keys"
         if not store.shows("movie", self._movie_key(keys), request.movie_path):
-            there = (store.root / request.movie_path).exists()
-            self._require(
-                [] if there else [request.movie_path.name], [request.movie_path.name] if there else [], ""
-            )
+            name, there = request.movie_path.name, (store.root / request.movie_path).exists()
+            self._require("" if there else name, name if there else "")
         return keys
 
     def _movie_key(self, keys: PictureKeys) -> Key:
         return self.request.movie_key([keys[n].frame for n in sorted(self.request.angles)])
 
-    def _require(self, missing: list[Any], stale: list[Any], what: str) -> None:
-        facts = [
-            f"{what} {FrameRange.of(found) if what else found[0]}".strip() + f" {state}"
-            for found, state in ((missing, "missing"), (stale, "stale: made from another shot file"))
-            if found
-        ]
+    def _require(self, missing: str, stale: str) -> None:
+        """Raise MissingInputError or UsageError if a file is missing or stale."""
+        facts = [f"{missing} missing"] if missing else []
+        facts += [f"{stale} stale: made from another shot file"] if stale else []
         if facts:
             kind = MissingInputError if missing else UsageError
             raise kind(
@@ -185,15 +180,15 @@ class Release:
 
     def _frame(self, number: int, keys: PictureKeys) -> FrameRecord:
         request, found = self.request, keys[number]
-        file = self.store.path("frame", found.frame)
+        file, mesh = self.store.path("frame", found.frame), request.angles[number].mesh
         try:
             pixels = pixels_of(file)
         except (CorruptImageError, MissingImageError):
-            raise self._forgotten("frame", found.frame, f"frame {number}") from None
+            raise self._evicted("frame", found.frame, f"frame {number}") from None
         return FrameRecord(
             file=f"frames/{request.name}.{number:04d}.exr",
-            mesh=request.mesh_key(request.angles[number].mesh),
-            normals=request.normals_key(request.angles[number].mesh),
+            mesh=request.mesh_key(mesh),
+            normals=request.normals_key(mesh),
             raw=found.raw,
             frame=found.frame,
             seed=request.seed(number),
@@ -210,10 +205,10 @@ class Release:
         except (CorruptImageError, MissingImageError):
             whole = False
         if not whole:
-            raise self._forgotten("movie", key, self.request.movie_path.name)
+            raise self._evicted("movie", key, self.request.movie_path.name)
         return digest_of_file(file)
 
-    def _forgotten(self, kind: str, key: Key, what: str) -> FrameError:
+    def _evicted(self, kind: str, key: Key, what: str) -> FrameError:
         """Evict a damaged file, so that the next run makes it again, and return the error."""
         self.store.discard(kind, key)
         return FrameError(
