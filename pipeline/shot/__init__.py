@@ -8,28 +8,18 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from pipeline.shot.camera import CameraPath
-    from pipeline.shot.clock import Clock
-    from pipeline.shot.film_reader import read_film
-    from pipeline.shot.motion import Motion, Resampling
-    from pipeline.shot.shot import Film, Picture, Shot
-    from pipeline.shot.shot_reader import read_shot
-    from pipeline.shot.subject import Model, Solid, Subject
-
-__all__ = [
-    "CameraPath",
-    "Clock",
-    "Film",
-    "Model",
-    "Motion",
-    "Picture",
-    "Resampling",
-    "Shot",
-    "Solid",
-    "Subject",
-    "read_film",
-    "read_shot",
-]
+    from pipeline.shot.camera import CameraPath as CameraPath
+    from pipeline.shot.clock import Clock as Clock
+    from pipeline.shot.film_reader import read_film as read_film
+    from pipeline.shot.motion import Motion as Motion
+    from pipeline.shot.motion import Resampling as Resampling
+    from pipeline.shot.shot import Film as Film
+    from pipeline.shot.shot import Picture as Picture
+    from pipeline.shot.shot import Shot as Shot
+    from pipeline.shot.shot_reader import read_shot as read_shot
+    from pipeline.shot.subject import Model as Model
+    from pipeline.shot.subject import Solid as Solid
+    from pipeline.shot.subject import Subject as Subject
 
 _MODULES = {
     "camera": ("CameraPath",),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import nullcontext
 from typing import Annotated
 
 import typer
@@ -34,11 +35,8 @@ def clean(
     """
     project = project_of(common, settings)
     requests = list(begun_requests(project))
-    if common.dry_run:
-        done = collect_garbage(project.store, requests, keep, dry_run=True)
-    else:
-        with exclusive(common.root):
-            done = collect_garbage(project.store, requests, keep, dry_run=False)
+    with nullcontext() if common.dry_run else exclusive(common.root):
+        done = collect_garbage(project.store, requests, keep, common.dry_run)
     verb = "Would free" if common.dry_run else "Freed"
     words = f"{verb} {size(done.freed)} in {len(done.removed)} files; {done.kept} files stay."
     facts = {"removed": len(done.removed), "freed_bytes": done.freed, "kept": done.kept}
@@ -46,7 +44,7 @@ def clean(
 
 
 def begun_requests(project: Project) -> Iterator[RenderRequest]:
-    """Yield today's shots at every quality begun so far; print_warning of shots that cannot be read."""
+    """Yield today's shots at every quality begun so far; warn of shots that cannot be read."""
     for name in shot_names():
         try:
             requests = [project.request(find_shot(name), quality) for quality in QUALITIES]
