@@ -14,13 +14,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from pipeline.dailies.turntable import (
-    EIGHTHS,
-    QUARTERS,
-    TurntableRequest,
-    key_numbers,
-    turn_and_angle,
-)
+from pipeline.dailies.turntable import EIGHTHS, QUARTERS, TurntableRequest, key_numbers, turn_and_angle
 from pipeline.errors import FrameError
 from pipeline.production.request.crop_and_scale import movie_bits
 from pipeline.production.request.keys import PictureKeys

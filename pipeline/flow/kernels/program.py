@@ -27,19 +27,7 @@ from numba import prange
 from pipeline.arrays import Floats, Indices, Points, Vectors
 from pipeline.flow.kernels import instructions as op
 from pipeline.flow.kernels.fields import add_field
-from pipeline.flow.kernels.instructions import (
-    BLOCK,
-    LEVEL,
-    U,
-    V,
-    W,
-    X,
-    Y,
-    Z,
-    call_external,
-    load,
-    store,
-)
+from pipeline.flow.kernels.instructions import BLOCK, LEVEL, U, V, W, X, Y, Z, call_external, load, store
 from pipeline.flow.kernels.regions import (
     ball_weight,
     box_weight,

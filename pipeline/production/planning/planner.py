@@ -17,15 +17,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError
-from pipeline.production.planning.plan import (
-    FEWEST,
-    Job,
-    Link,
-    Plan,
-    batches,
-    done_file,
-    with_threads,
-)
+from pipeline.production.planning.plan import FEWEST, Job, Link, Plan, batches, done_file, with_threads
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.edit import Edit

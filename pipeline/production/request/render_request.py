@@ -13,12 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 from pipeline.frames import FrameRange
 from pipeline.production.request.crop_and_scale import base_of, movie_bits, quality_named
-from pipeline.production.request.keys import (
-    CameraFile,
-    PictureKeys,
-    appearance,
-    cameras_key,
-)
+from pipeline.production.request.keys import CameraFile, PictureKeys, appearance, cameras_key
 from pipeline.production.request.planning_cache import PlanningCache
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.request.turntable import Turntable, TurntableAngle, framed_whole

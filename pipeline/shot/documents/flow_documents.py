@@ -35,14 +35,7 @@ from pipeline.formula.syntax import CONSTANTS
 from pipeline.mesh.read import read_mesh
 from pipeline.shot.clock import Clock
 from pipeline.shot.documents.curves import NumberField, number
-from pipeline.shot.documents.fields import (
-    NumberOrText,
-    Positive,
-    Triple,
-    exactly_one,
-    parsed_formula,
-    vector,
-)
+from pipeline.shot.documents.fields import NumberOrText, Positive, Triple, exactly_one, parsed_formula, vector
 from pipeline.shot.documents.flow_parameters import FlowParameters, document_of
 from pipeline.shot.yaml.validation import ParseContext, as_finding, finding
 

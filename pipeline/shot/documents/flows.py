@@ -13,16 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Generic, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, ConfigDict, Field, create_model, model_validator
 
-from pipeline.flow import (
-    Flow,
-    Repeated,
-    Reversed,
-    Sequence,
-    Streamlines,
-    Sum,
-    Transform,
-    VelocityField,
-)
+from pipeline.flow import Flow, Repeated, Reversed, Sequence, Streamlines, Sum, Transform, VelocityField
 from pipeline.flow.composed_fields import RegionField, ScaledField, TransformedField, blended, placed, within
 from pipeline.flow.composed_maps import Mirror
 from pipeline.flow.parameters import Number
