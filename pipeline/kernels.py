@@ -58,8 +58,7 @@ def readable(array: NDArray[Any], kind: type = np.float64) -> NDArray[Any]:
 
 def higher_kernel(function: F) -> F:
     """A kernel that takes kernels: written out in each that calls it, and filed with that one."""
-    inlined: F = numba.njit(inline="always")(function)
-    return inlined
+    return numba.njit(inline="always")(function)
 
 
 DECLARED: list[tuple[Any, Any]] = []

@@ -96,14 +96,12 @@ def surviving(before: TriangleMesh, after: TriangleMesh) -> tuple[Indices, Indic
 
 def undivided(shaded: ShadedMesh) -> AnyArray:
     """Return flags (V,) of the vertices with a single normal."""
-    once: AnyArray = np.bincount(shaded.source_vertex) == 1
-    return once
+    return np.bincount(shaded.source_vertex) == 1
 
 
 def _angles(one: Vectors, other: Vectors) -> Floats:
     """Return the angles between unit vectors (N, 3), radians; half chords keep the digits of small ones."""
-    angles: Floats = 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(one - other, axis=1), 1.0))
-    return angles
+    return 2 * np.arcsin(np.minimum(0.5 * np.linalg.norm(one - other, axis=1), 1.0))
 
 
 def _rms(values: Floats) -> float:

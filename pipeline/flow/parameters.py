@@ -48,8 +48,7 @@ def across(axis: Vector, direction: Vector) -> Vector:
 def transform(matrix: Floats, points: Points) -> Points:
     """Return matrix (3, 3) · each of points (N, 3), with bits that do not depend on the other points."""
     x, y, z = points.T[:, :, None]
-    out: Points = x * matrix[:, 0] + y * matrix[:, 1] + z * matrix[:, 2]
-    return out
+    return x * matrix[:, 0] + y * matrix[:, 1] + z * matrix[:, 2]
 
 
 def kernel_points(points: Points) -> Points:

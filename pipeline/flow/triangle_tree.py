@@ -154,8 +154,7 @@ def _box_sums(tree: TriangleTree, rows: Floats) -> Floats:
     """Return the sums (B, k) of rows (T, k) over the triangles of each box."""
     sums = np.concatenate([np.zeros((1, rows.shape[1])), np.cumsum(rows, axis=0)])
     first, last = tree.ranges.T
-    differences: Floats = sums[last] - sums[first]
-    return differences
+    return sums[last] - sums[first]
 
 
 def _vector(row: Floats) -> Vector:

@@ -135,8 +135,7 @@ class CylinderSurface(AnalyticSurface):
 
     def encloses(self, points: Points) -> AnyArray:
         low = np.abs(points[:, 1]) <= 0.5 * self.length
-        inside: AnyArray = low & _is_within(points * (1.0, 0.0, 1.0), self.radius)
-        return inside
+        return low & _is_within(points * (1.0, 0.0, 1.0), self.radius)
 
 
 @dataclass(frozen=True)
@@ -182,5 +181,4 @@ class SheetSurface(AnalyticSurface):
 
 def _is_within(points: Points, distance: float) -> AnyArray:
     """Return flags (N,) of the points within a distance from the origin."""
-    near: AnyArray = np.einsum("ij,ij->i", points, points) <= distance * distance
-    return near
+    return np.einsum("ij,ij->i", points, points) <= distance * distance

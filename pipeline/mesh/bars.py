@@ -74,14 +74,12 @@ class BarLattice(AnalyticSurface):
     @cached_property
     def pitch(self) -> Floats:
         """(3,): the adjusted spacing, scene units; 0 across a single layer."""
-        pitch: Floats = (np.array(self.size) - self.thickness) / np.maximum(1, np.array(self.crossings) - 1)
-        return pitch
+        return (np.array(self.size) - self.thickness) / np.maximum(1, np.array(self.crossings) - 1)
 
     def middles(self, axis: int) -> Floats:
         """Return the coordinates of the crossings along an axis."""
         last = self.crossings[axis] - 1
-        places: Floats = self.pitch[axis] * (np.arange(last + 1) - 0.5 * last)
-        return places
+        return self.pitch[axis] * (np.arange(last + 1) - 0.5 * last)
 
     def __call__(self, points: Points) -> Points:
         return self._closest(points)[0]
@@ -125,8 +123,7 @@ class BarLattice(AnalyticSurface):
         if last == 0:
             return np.zeros(len(points), np.int64)
         place = np.rint(points[:, axis] / self.pitch[axis] + 0.5 * last)
-        nearest: NDArray[np.int64] = np.clip(place, 0, last).astype(np.int64)
-        return nearest
+        return np.clip(place, 0, last).astype(np.int64)
 
     @cached_property
     def _rectangles(self) -> tuple[Floats, Floats, Floats, AnyArray, AnyArray]:

@@ -95,8 +95,7 @@ class Ancestry:
     @property
     def survives(self) -> AnyArray:
         """(V,) flags of the vertices that existed earlier; a vertex born since has at least two ancestors."""
-        survives: AnyArray = np.bincount(self.heirs) == 1
-        return survives
+        return np.bincount(self.heirs) == 1
 
     def mixed(self, values: AnyArray) -> Floats:
         """Return weighted means (V, …) of earlier values (U, …); a survivor keeps its own."""
@@ -146,8 +145,7 @@ def _index_of(wanted: AnyArray, ascending: AnyArray) -> AnyArray:
     place = np.searchsorted(ascending, wanted)
     exists = place < len(ascending)
     exists[exists] = ascending[place[exists]] == wanted[exists]
-    index: AnyArray = np.where(exists, place, -1)
-    return index
+    return np.where(exists, place, -1)
 
 
 def _merged(heirs: AnyArray, names: AnyArray, weights: Floats) -> tuple[AnyArray, AnyArray, Floats]:

@@ -157,8 +157,7 @@ def on_surface(mesh: TriangleMesh, count: int, seed: int) -> Points:
     u, v = random.random((2, count, 1))
     u, v = np.where(u + v > 1.0, 1.0 - u, u), np.where(u + v > 1.0, 1.0 - v, v)
     u, v = 0.5 * u + 1.0 / 6.0, 0.5 * v + 1.0 / 6.0
-    points: Points = a[face] + u * (b - a)[face] + v * (c - a)[face]
-    return points
+    return a[face] + u * (b - a)[face] + v * (c - a)[face]
 
 
 def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, seed: int) -> Points:
@@ -175,8 +174,7 @@ def within(bounds: Floats, inside: Callable[[Points], AnyArray], count: int, see
     shift, step = random.random(3), _GOLDEN ** -np.arange(1.0, 4.0)
 
     def places(first: int, last: int) -> Points:
-        there: Points = low + extent * ((shift + np.arange(first, last)[:, None] * step) % 1.0)
-        return there
+        return low + extent * ((shift + np.arange(first, last)[:, None] * step) % 1.0)
 
     share = max(float(inside(places(0, _PROBES)).mean()), 1.0 / _PROBES)
     reach = 0.4 * float((extent.prod() * share / count) ** (1.0 / 3.0))

@@ -126,8 +126,7 @@ class PolygonMesh:
             return np.empty(0)
         at, starts = self.vertices[self.corners], self.offsets[:-1]
         size: Floats = np.maximum.reduceat(at, starts) - np.minimum.reduceat(at, starts)
-        longest: Floats = size.max(axis=1)
-        return longest
+        return size.max(axis=1)
 
     @property
     def area_vectors(self) -> Vectors:
@@ -141,16 +140,14 @@ class PolygonMesh:
     @property
     def areas(self) -> Floats:
         """(F,) area of each face, seen along its Newell normal."""
-        areas: Floats = np.linalg.norm(self.area_vectors, axis=1)
-        return areas
+        return np.linalg.norm(self.area_vectors, axis=1)
 
     @property
     def normals(self) -> Vectors:
         """(F, 3) unit Newell normals, pointing outwards; zero for a face without area."""
         vectors = self.area_vectors
         length = np.linalg.norm(vectors, axis=1, keepdims=True)
-        unit: Vectors = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
-        return unit
+        return np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
 
     @property
     def edges(self) -> Indices:
@@ -241,8 +238,7 @@ def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Fac
 
 def _starts(offsets: Indices) -> Indices:
     """Return the start of each face's triangles, (F + 1,)."""
-    starts: Indices = offsets - 2 * np.arange(len(offsets), dtype=np.int32)
-    return starts
+    return offsets - 2 * np.arange(len(offsets), dtype=np.int32)
 
 
 def _doubled(triangles: Faces, offsets: Indices, corners: Indices) -> Indices:

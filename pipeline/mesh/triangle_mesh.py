@@ -97,8 +97,7 @@ def require_existing(corners: AnyArray, vertices: int) -> None:
 def edge_keys(pairs: Indices) -> AnyArray:
     """Return int64 (N,), one number for each pair of vertices (N, 2) in either order."""
     low, high = np.sort(pairs.astype(np.int64), axis=1).T
-    keys: AnyArray = (low << 32) + high
-    return keys
+    return (low << 32) + high
 
 
 def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:

@@ -28,8 +28,7 @@ class WithinBox:
     high: tuple[float, float, float]
 
     def __call__(self, points: Points) -> AnyArray:
-        within: AnyArray = np.all((points >= self.low) & (points <= self.high), axis=1)
-        return within
+        return np.all((points >= self.low) & (points <= self.high), axis=1)
 
 
 @dataclass(frozen=True)
@@ -40,8 +39,7 @@ class WithinBall:
     radius: float
 
     def __call__(self, points: Points) -> AnyArray:
-        within: AnyArray = np.linalg.norm(points - np.asarray(self.centre), axis=1) <= self.radius
-        return within
+        return np.linalg.norm(points - np.asarray(self.centre), axis=1) <= self.radius
 
 
 def edges_by_angle(mesh: Mesh, hard_angle: float | Floats) -> Indices:

@@ -198,8 +198,7 @@ def _write(mesh: HalfedgeMesh, name: str, vertices: AnyArray, values: AnyArray) 
 
 
 def _following(h: Indices) -> Indices:
-    after: Indices = np.where(h % 3 == 2, h - 2, h + 1)
-    return after
+    return np.where(h % 3 == 2, h - 2, h + 1)
 
 
 def _lengths(points: Points, one: Indices, other: Indices) -> Floats:

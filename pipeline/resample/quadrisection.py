@@ -169,14 +169,12 @@ def _pieces(points: Points, faces: Faces, middles: Indices) -> Faces:
         case[where[second]] += 8
     pieces = np.take_along_axis(slots[:, None, :], _PIECES[case].reshape(len(faces), 1, -1), axis=2)
     used = np.arange(4) < _COUNTS[case][:, None]
-    kept: Faces = pieces.reshape(len(faces), 4, 3)[used]
-    return kept
+    return pieces.reshape(len(faces), 4, 3)[used]
 
 
 def _distances(points: Points, a: Indices, b: Indices) -> Floats:
     """Return squared distances (N,)."""
-    squares: Floats = ((points[a] - points[b]) ** 2).sum(axis=1)
-    return squares
+    return ((points[a] - points[b]) ** 2).sum(axis=1)
 
 
 def _fixed(fields: Floats, thresholds: Thresholds) -> Thresholds:

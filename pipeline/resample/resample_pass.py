@@ -206,8 +206,7 @@ class ResamplePass:
     def _refused(self, reason: int) -> Indices:
         """Return a half-edge of each short edge that was refused for that reason."""
         waiting = items_of(self.changes.short_edges)
-        chosen: Indices = waiting[self.changes.edge_states[waiting] == REFUSED + reason]
-        return chosen
+        return waiting[self.changes.edge_states[waiting] == REFUSED + reason]
 
     def _keep_to_budget(self, more: int) -> None:
         vertices, budget = int(self.mesh.sizes[0]), self.thresholds.max_vertices

@@ -83,8 +83,7 @@ class RestRings:
 
     def middle(self) -> Points:
         """Return the means (N, 3) of the corners."""
-        middle: Points = np.nanmean(self.corners.reshape(len(self.spokes), -1, 3), axis=1)
-        return middle
+        return np.nanmean(self.corners.reshape(len(self.spokes), -1, 3), axis=1)
 
 
 PointMap = Callable[[Points], Points]

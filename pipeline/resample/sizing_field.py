@@ -53,8 +53,7 @@ class DistanceToCamera:
         """Return edge lengths (V,), scene units."""
         distance = np.linalg.norm(mesh.vertices - np.array(self.position), axis=1)
         pixel = 2.0 * math.tan(0.5 * self.field_of_view) / self.width
-        lengths: Floats = np.clip(self.pixels * pixel * distance, self.finest, self.coarsest)
-        return lengths
+        return np.clip(self.pixels * pixel * distance, self.finest, self.coarsest)
 
 
 @dataclass(frozen=True)

@@ -42,8 +42,7 @@ def compiled(**options: Any) -> Callable[[F], F]:
 
     def decorate(function: F) -> F:
         use_kernel_cache()
-        dispatcher: F = numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
-        return dispatcher
+        return numba.njit(cache=True, nogil=True, error_model="numpy", **options)(function)
 
     return decorate
 

@@ -117,10 +117,7 @@ def jpeg_bytes(picture: NDArray[np.uint8]) -> bytes:
     """Return a JPEG of display values (H, W, 3), for a live page: OpenImageIO writes only files."""
     import imageio.v3 as iio  # takes a moment, and only live pages ask for it
 
-    encoded: bytes = iio.imwrite(
-        "<bytes>", picture, extension=".jpeg", plugin="pillow", quality=90, subsampling=0
-    )
-    return encoded
+    return iio.imwrite("<bytes>", picture, extension=".jpeg", plugin="pillow", quality=90, subsampling=0)
 
 
 def read_png(path: Path) -> NDArray[Any]:

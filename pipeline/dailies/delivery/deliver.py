@@ -160,8 +160,7 @@ class Delivery:
             return frame
         code = timecode(self.source.start + index, self.source.rate.fps)
         labelled = self.options.burn_in.over(frame[..., :3], {**labels, "timecode": code})
-        burnt: Frame = np.concatenate([labelled, frame[..., 3:]], axis=2) if frame.shape[2] == 4 else labelled
-        return burnt
+        return np.concatenate([labelled, frame[..., 3:]], axis=2) if frame.shape[2] == 4 else labelled
 
     def _slates(self, encode: Encode, form: FrameFormat) -> Iterator[Frame]:
         """Yield the slate SLATE_SECONDS long."""

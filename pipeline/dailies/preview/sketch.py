@@ -169,8 +169,7 @@ def _velocity(motion: Motion, frame: int, points: Points) -> Vectors:
     """Return velocities (N, 3), units per second of the film's time."""
     time, dt = motion.clock.between(frame, frame + STEP)
     moved = checked_displacement(motion.flow, points, time, dt, frame)
-    velocity: Vectors = (moved - points) / motion.rate.seconds(STEP)
-    return velocity
+    return (moved - points) / motion.rate.seconds(STEP)
 
 
 def _trace(motion: Motion, frame: int, points: Points, step: float, limit: float) -> Floats:
@@ -192,5 +191,4 @@ def _even_points(count: int) -> Floats:
     """Return points (N, 3) spread evenly over the unit cube: the additive recurrence of Roberts (2018)."""
     root = 1.2207440846057596  # of x⁴ = x + 1
     steps = root ** -np.arange(1.0, 4.0)
-    points: Floats = (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0
-    return points
+    return (0.5 + np.arange(1, count + 1)[:, None] * steps) % 1.0

@@ -111,8 +111,7 @@ def work(context: Context) -> int:
 def task_of(stage: str) -> Callable[[Context], bool]:
     """Return the function that does the jobs of a stage; it returns True if all went well."""
     module = import_module(f"pipeline.production.tasks.{STAGES[stage].module}")
-    task: Callable[[Context], bool] = getattr(module, stage)
-    return task
+    return getattr(module, stage)
 
 
 def _limit_kernels(threads: int) -> None:

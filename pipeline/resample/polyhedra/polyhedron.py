@@ -235,8 +235,7 @@ class Polyhedron:
     def _tagged(mesh: PolygonMesh, origin: AnyArray) -> list[bool]:
         if not len(mesh.creases):
             return [False] * (len(origin) // 2)
-        tagged: list[bool] = np.isin(edge_keys(origin.reshape(-1, 2)), edge_keys(mesh.creases)).tolist()
-        return tagged
+        return np.isin(edge_keys(origin.reshape(-1, 2)), edge_keys(mesh.creases)).tolist()
 
 
 def newell(polygon: Sequence[Point]) -> Point:

@@ -227,5 +227,4 @@ def _measured(surface: Polyhedron, limit: Floats) -> tuple[AnyArray, Floats, Flo
 
 
 def _list(numbers: AnyArray) -> list[int]:
-    listed: list[int] = numbers.tolist()
-    return listed
+    return numbers.tolist()

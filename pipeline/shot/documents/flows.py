@@ -234,8 +234,7 @@ class VelocityDocument(Velocities):
             return chosen.of_field(Sum(tuple(entry.build(clock) for entry in chosen.flows)), clock)
         if isinstance(chosen, BlendDocument):
             return chosen.of_fields([entry.build(clock) for entry in chosen.flows], clock)
-        field: VelocityField = chosen.build(clock)
-        return field
+        return chosen.build(clock)
 
 
 class FlowDocument(Flows):

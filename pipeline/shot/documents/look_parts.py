@@ -92,8 +92,7 @@ class PigmentDocument(Document):
 
     def build(self) -> Pigment:
         (pattern,) = self.model_fields_set
-        pigment: Pigment = getattr(self, pattern).build(pattern)
-        return pigment
+        return getattr(self, pattern).build(pattern)
 
 
 class ScaleDocument(Document):

@@ -143,7 +143,6 @@ class RegionDocument(Document):
     def build(self, clock: Clock) -> Region:
         shape = next(shape for name in SHAPES if (shape := getattr(self, name)) is not None)
         falloff_type: FalloffType = self.falloff_type  # type: ignore[assignment]  # as its validator says
-        region: Region = shape.build(
+        return shape.build(
             clock, falloff=number(self.falloff, clock), falloff_type=falloff_type, invert=self.invert
         )
-        return region

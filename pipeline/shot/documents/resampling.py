@@ -81,8 +81,7 @@ class WithinFormula:
     def __call__(self, points: Points) -> AnyArray:
         """Return (N,) flags of points (N, 3). Raises UsageError where the formula is not finite."""
         x, y, z = points.T
-        inside: AnyArray = self._expression(x=x, y=y, z=z) != 0
-        return inside
+        return self._expression(x=x, y=y, z=z) != 0
 
 
 class CurvatureDocument(Document):

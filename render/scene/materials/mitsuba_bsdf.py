@@ -99,8 +99,7 @@ class Bsdf:
     @property
     def description(self) -> Plain:
         """The parsed `text`."""
-        parsed: Plain = json.loads(self.text)
-        return parsed
+        return json.loads(self.text)
 
     @property
     def is_clear(self) -> bool:
