@@ -54,8 +54,7 @@ Frames = Annotated[
 ]
 Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
 Variant = Annotated[
-    str | None,
-    typer.Option(help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works."),
+    str | None, typer.Option(help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works.")
 ]
 Scale = Annotated[
     str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")

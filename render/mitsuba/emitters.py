@@ -121,11 +121,7 @@ def _environment(environment: Environment) -> dict[str, Any]:
 def _daylight(daylight: Daylight) -> dict[str, Any]:
     """Return Mitsuba's sun and sky (Wilkie and Hošek 2012/2013), exposed by `daylight_exposure`."""
     strength = daylight_exposure(daylight)
-    return {
-        **_sunsky(daylight),
-        "sun_scale": strength * daylight.sun,
-        "sky_scale": strength * daylight.sky,
-    }
+    return {**_sunsky(daylight), "sun_scale": strength * daylight.sun, "sky_scale": strength * daylight.sky}
 
 
 def daylight_exposure(daylight: Daylight) -> float:

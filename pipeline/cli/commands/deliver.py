@@ -47,8 +47,7 @@ def deliver(
     ],
     options: PictureOptions,
     forms: Annotated[
-        str,
-        typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(ENCODES)}."),
+        str, typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(ENCODES)}.")
     ] = "review",
     quality: Quality = "final",
     frames: Frames = None,
@@ -65,8 +64,7 @@ def deliver(
         ),
     ] = None,
     sound: Annotated[
-        Path | None,
-        typer.Option(metavar="FILE", help="Add this sound. An edit may name its own."),
+        Path | None, typer.Option(metavar="FILE", help="Add this sound. An edit may name its own.")
     ] = None,
     output: Annotated[
         Path | None, output_option("Default: the folder deliver beside the frames.", metavar="DIR")

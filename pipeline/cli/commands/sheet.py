@@ -29,8 +29,7 @@ def sheet(
     options: PictureOptions,
     frames: Annotated[str | None, frames_option("Default: up to twelve, evenly over the shot.")] = None,
     looks: Annotated[
-        str | None,
-        typer.Option(metavar="NAMES", help="One frame in each of these looks, as in clay,glaze."),
+        str | None, typer.Option(metavar="NAMES", help="One frame in each of these looks, as in clay,glaze.")
     ] = None,
     at: Annotated[int | None, at_option("The frame of --looks. Default: the middle one.")] = None,
     quality: Quality = "preview",

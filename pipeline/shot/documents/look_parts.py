@@ -207,8 +207,7 @@ class ProjectionDocument(Document):
     repeats: Annotated[int, Field(ge=1, le=1000)] = Field(1, description="pictures on the way around")
     turn: Degrees = Field(0.0, description="in its plane, anticlockwise, or about the axis (degrees)")
     offset: Annotated[list[Real], Field(min_length=2, max_length=2)] = Field(
-        default_factory=lambda: [0.0, 0.0],
-        description="to the right and up, as fractions of the picture",
+        default_factory=lambda: [0.0, 0.0], description="to the right and up, as fractions of the picture"
     )
 
     @model_validator(mode="after")

@@ -225,8 +225,7 @@ class ShotDocument(Document):
     shutter: ShutterDocument | None = optional("exposure of a frame in time: motion blur")
     aovs: AovsField = Field(default_factory=list, description="AOVs by name, or by name with half or float")
     view: ViewDocument = Field(
-        default=ViewDocument(),
-        description="a view of an OpenColorIO config; by default ACES 2.0",
+        default=ViewDocument(), description="a view of an OpenColorIO config; by default ACES 2.0"
     )
     quality: QualitiesDocument = Field(
         default=QualitiesDocument(), description="settings that this shot replaces"
