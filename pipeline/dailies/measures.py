@@ -141,7 +141,7 @@ def _of_frame(request: RenderRequest, store: Store, number: int) -> dict[str, An
     if place is None:
         return None
     path, mesh = place
-    key = measures_key(mesh, maximum := _maximum(request, number))
+    key = key_of(MEASURE.recipe, mesh, maximum := _maximum(request, number))
     known = store.path("measures", key)
     try:
         return dict(json.loads(known.read_text()))
@@ -167,10 +167,6 @@ def simulated(request: RenderRequest, store: Store, number: int, kind: str) -> t
     except (OSError, ValueError, KeyError, BadZipFile):
         key = request.mesh_key(number) if kind == "mesh" else request.normals_key(number)
         return (store.path(kind, key), key) if store.holds(kind, key) else None
-
-
-def measures_key(mesh: Key, maximum: float | None) -> Key:
-    return key_of(MEASURE.recipe, mesh, maximum)
 
 
 def limits_of(request: RenderRequest) -> tuple[float | None, float | None]:

@@ -121,15 +121,11 @@ def _archive(path: Path) -> PointSet:
     return PointSet(points, {n.removeprefix(_ATTRIBUTE): a for n, a in numbers.items()})
 
 
-def _wavefront(path: Path) -> PointSet:
-    return PointSet(read_wavefront(path).points, {})
-
-
 _READERS: Mapping[str, Callable[[Path], PointSet]] = {
     "ply": _polygon_file,
     "xyz": _xyz,
     "npz": _archive,
-    "obj": _wavefront,
+    "obj": lambda path: PointSet(read_wavefront(path).points, {}),
 }
 
 

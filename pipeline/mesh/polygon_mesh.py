@@ -236,11 +236,6 @@ def triangulate(points: Points, offsets: Indices, corners: Indices) -> tuple[Fac
     return _recut(points, offsets, corners, triangles, doubled)
 
 
-def _starts(offsets: Indices) -> Indices:
-    """Return the start of each face's triangles, (F + 1,)."""
-    return offsets - 2 * np.arange(len(offsets), dtype=np.int32)
-
-
 def _doubled(triangles: Faces, offsets: Indices, corners: Indices) -> Indices:
     """Return the faces with a side or diagonal that joins the same vertices as one of another face."""
     tails = triangles.reshape(-1).astype(np.int64)
@@ -258,7 +253,8 @@ def _recut(
     points: Points, offsets: Indices, corners: Indices, triangles: Faces, doubled: Indices
 ) -> tuple[Faces, Indices]:
     """Cut the doubled faces again, one after the other, with regard to all edges there are."""
-    starts, redo = _starts(offsets), set(doubled.tolist())
+    starts = offsets - 2 * np.arange(len(offsets), dtype=np.int32)  # of each face's triangles
+    redo = set(doubled.tolist())
     taken: set[Edge] = set()
     for f in range(len(offsets) - 1):
         sides = corners[offsets[f] : offsets[f + 1]]

@@ -192,7 +192,9 @@ def shot_of_flow(flow: str, name: str) -> str:
         lights=_choice(LIGHTS),
         stage=_choice(STAGES),
     )
-    return re.sub(r"^(.*\S)  # (.*)$", _aligned, text, flags=re.MULTILINE)
+    return re.sub(
+        r"^(.*\S)  # (.*)$", lambda line: f"{line[1]:<{COLUMN}}  # {line[2]}", text, flags=re.MULTILINE
+    )
 
 
 def shot_of_shot(text: str, name: str) -> str:
@@ -211,10 +213,6 @@ def _title(name: str) -> str:
 def _choice(registry: Any) -> str:
     first, *others = registry
     return f"{first}  # or {', '.join(others)}"
-
-
-def _aligned(line: re.Match[str]) -> str:
-    return f"{line[1]:<{COLUMN}}  # {line[2]}"
 
 
 def _entry(flow: str, preset: FlowPreset) -> list[str]:

@@ -201,15 +201,12 @@ class _Card:
         """Draw rows of a name and a value."""
         size = self._size(2.75)
         tab = max((line(name, _SANS, size).shape[1] for name, _ in facts), default=0) + 2.6 * self.unit
-        edge = self._picture_left() - 4.0 * self.unit if with_picture else self.width - self.margin
+        edge = self.width - self.margin - ((58.0 + 4.0) * self.unit if with_picture else 0.0)
         room = edge - self.margin - tab
         for number, (name, value) in enumerate(facts):
             y = self._down(46.0 + 4.55 * number)
             write(self.page, name, _SANS, size, (self.margin, y), QUIET)
             write(self.page, cut_short(value, _SANS, size, room), _SANS, size, (self.margin + tab, y), INK)
-
-    def _picture_left(self) -> float:
-        return self.width - self.margin - 58.0 * self.unit
 
     def _picture(self, picture: Floats | None) -> None:
         """Draw the picture small, below the rule on the right."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
-from itertools import accumulate, count, pairwise
+from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -118,12 +118,6 @@ class Edit:
     def length(self) -> int:
         """Frames of the whole film; those of dissolves count once."""
         return sum(item.frames - item.dissolve for item in self.items)
-
-    @property
-    def starts(self) -> tuple[int, ...]:
-        """The first frame of each item, counted from 0."""
-        lengths = (item.frames - following.dissolve for item, following in pairwise(self.items))
-        return tuple(accumulate(lengths, initial=0))
 
     def path(self, quality_name: str) -> Path:
         return paths.film(quality_name, self.name)

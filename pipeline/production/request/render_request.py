@@ -231,7 +231,9 @@ class RenderRequest:
         known = cache.get(*found_from)
         if known is not None:
             return from_plain(_Facts, known)
-        follow_flow = tuple(n for n in self.angles if self._needs_flow(n))
+        follow_flow = tuple(
+            n for n in self.angles if self.measures_speed or (self.turntable is None and self.offsets(n))
+        )
         facts = _Facts(
             cameras=cameras_key(self),
             reach=self.temporal_reach,
@@ -250,9 +252,6 @@ class RenderRequest:
         data = {**to_plain(self), "requested": None}
         data["source"] = {**data["source"], "inputs": summary.inputs}
         return key_of(data, summary.meshes, summary.normals)
-
-    def _needs_flow(self, number: int) -> bool:
-        return self.measures_speed or (self.turntable is None and bool(self.offsets(number)))
 
     @property
     def quality(self) -> Quality:

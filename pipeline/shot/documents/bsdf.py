@@ -88,7 +88,7 @@ def _plugin(
         place = (*where, name)
         if name in form.parameters:
             yield from _value(value, form.parameters[name], place, folder)
-        elif _nests(form, value):
+        elif isinstance(value, dict) and (form.materials[1] or form.textures):
             is_texture = value.get("type") in TEXTURES
             inner[is_texture] += 1
             yield from _plugin(value, place, folder, "texture" if is_texture else "material", tuple(PLUGINS))
@@ -98,10 +98,6 @@ def _plugin(
             yield place, f"{name} is no parameter of {kind}. {hint}"
     yield from _count(kind, form, inner, where)
     yield from _file(plugin, where, folder)
-
-
-def _nests(form: Plugin, value: Any) -> bool:
-    return isinstance(value, dict) and bool(form.materials[1] or form.textures)
 
 
 def _count(kind: str, form: Plugin, inner: list[int], where: Where) -> Iterator[Problem]:
