@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import hashlib
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any, ClassVar, Literal
 
 import numpy as np
@@ -102,12 +101,6 @@ class Region(ABC):
         return size
 
 
-def _without_address(closing: Instruction, digest: str, owner: Any) -> Instruction:
-    """Return a closing bracket with a digest in keys instead of the address, its number 4."""
-    known = [*closing.numbers[:4], digest, *closing.numbers[5:]]
-    return closing._replace(cache_data=known, owner=owner)
-
-
 @dataclass(frozen=True)
 class SphereRegion(Region):
     """All points within a radius of a centre."""
@@ -201,51 +194,6 @@ class CylinderRegion(_RoundRegion):
     opcode: ClassVar[int] = op.CLOSE_CYLINDER
 
 
-@dataclass(frozen=True, eq=False)
-class SampledRegion(Region):
-    """A region of any shape, by the distance from it at the nodes of a grid; negative inside.
-
-    distances  float64 (nx, ny, nz), at least 2 along each axis; trilinear between nodes
-    origin     position of the first node
-    spacing    between nodes, scene units
-
-    Beyond the grid the distances of its border hold, so it should reach `falloff` around the region. Raises
-    UsageError where the distances are no such grid, or not finite.
-    """
-
-    opcode: ClassVar[int] = op.CLOSE_SAMPLED
-
-    distances: Floats
-    origin: Vector = ORIGIN
-    spacing: float = 1.0
-    _numbers: Floats = field(init=False, repr=False)
-    _digest: str = field(init=False, repr=False)
-
-    def __post_init__(self) -> None:
-        grid = np.array(self.distances, dtype=np.float64, order="C")
-        if grid.ndim != 3 or min(grid.shape) < 2 or not np.isfinite(grid).all() or not self.spacing > 0:
-            raise UsageError(
-                f"distances of shape {grid.shape} with a spacing of {self.spacing:g} are no grid; they must "
-                "be finite numbers (nx, ny, nz), at least 2 along each axis. Sample them again."
-            )
-        numbers = np.concatenate([np.array(grid.shape, np.float64), grid.ravel()])
-        object.__setattr__(self, "_numbers", numbers)
-        object.__setattr__(self, "_digest", hashlib.sha256(numbers.tobytes()).hexdigest())
-
-    def closing(self, time: float) -> Instruction:
-        """Return the closing bracket, with a digest of the distances instead of their address in keys."""
-        return _without_address(super().closing(time), self._digest, self)
-
-    def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
-        address = float(self._numbers.ctypes.data)
-        return (*self.origin, self.spacing, address), ()
-
-    def bounds(self, time: float) -> tuple[Vector, Vector]:
-        half = 0.5 * self.spacing * (np.array(self.distances.shape) - 1.0)
-        (x, y, z), (u, v, w) = (np.array(self.origin) + half).tolist(), half.tolist()
-        return (x, y, z), (u, v, w)
-
-
 @dataclass(frozen=True)
 class MeshRegion(Region):
     """All points inside a closed surface, by their exact distance from it.
@@ -263,7 +211,9 @@ class MeshRegion(Region):
 
     def closing(self, time: float) -> Instruction:
         """Return the closing bracket, with a digest of the surface instead of its address in keys."""
-        return _without_address(super().closing(time), self.surface.digest, self.surface.lookup)
+        closing = super().closing(time)
+        known = [*closing.numbers[:4], self.surface.digest, *closing.numbers[5:]]
+        return closing._replace(cache_data=known, owner=self.surface.lookup)
 
     def _measures(self, time: float) -> tuple[tuple[float, ...], tuple[float, ...]]:
         address = float(self.surface.lookup.memory.ctypes.data)

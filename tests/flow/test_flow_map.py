@@ -23,8 +23,10 @@ from pipeline.flow.catalogue.deformations import Shear, Stretch, Taper, Twist
 from pipeline.flow.catalogue.vortices import Vortex
 from pipeline.flow.composed_fields import RegionField
 from pipeline.flow.flow_map import FlowMap, FrameStep
-from pipeline.flow.regions import SampledRegion
+from pipeline.flow.regions import MeshRegion
 from pipeline.flow.streamlines import StepPlan
+from pipeline.flow.triangle_tree import ClosedSurface, _lookup
+from pipeline.mesh import icosphere
 
 DT = 1 / 24
 AMOUNT = keyed((0.0, 0.6), (1.0, 1.4))
@@ -100,8 +102,7 @@ def test_what_a_step_plan_reads_lives_as_long_as_the_plan(points: Points) -> Non
     """Fields, and regions, that are gone when it is followed, and their memory filled by others."""
 
     def flows() -> tuple[Streamlines, Streamlines]:
-        distances = np.linalg.norm(np.indices((40, 40, 40)) - 20.0, axis=0) - 10.0
-        region = SampledRegion(0.1 * distances, (-2.0, -2.0, -2.0), 0.1, falloff=0.5)
+        region = MeshRegion(ClosedSurface.of(icosphere(8)), falloff=0.5)
         pull = Attraction(Target.points(np.random.default_rng(1).normal(size=(5000, 3))), 2.0, 3.0)
         return Streamlines(Sum((pull, Vortex())), 2), Streamlines(RegionField(Rotation(), region), 2)
 
@@ -116,6 +117,7 @@ def test_what_a_step_plan_reads_lives_as_long_as_the_plan(points: Points) -> Non
         return StepPlan.joined([flow.step_plan(0.0, DT) for flow in made])
 
     joined = step_plan()
+    _lookup.cache_clear()  # which holds the surface's memory too
     gc.collect()
     assert [known() for known in gone] == [None, None]
     overwritten = [np.full(shape, np.nan) for shape in (64_003, 45_000, 85_000, 90_000) for _ in range(5)]

@@ -21,7 +21,6 @@ from pipeline.flow.regions import (
     CylinderRegion,
     HalfSpaceRegion,
     Region,
-    SampledRegion,
     SphereRegion,
 )
 
@@ -36,14 +35,6 @@ REGIONS: list[Region] = [
     CapsuleRegion(**LINE, falloff=0.7),
     CylinderRegion(**LINE, falloff=0.7),
 ]
-
-
-def sampled(radius: float = 0.9, spacing: float = 0.05, **rim: object) -> SampledRegion:
-    """A ball about (0.2, 0.1, 0), looked at from node to node."""
-    nodes = np.arange(-2.0, 2.0 + spacing / 2, spacing)
-    grid = np.stack(np.meshgrid(nodes, nodes, nodes, indexing="ij"), axis=-1)
-    distances = np.linalg.norm(grid - [0.2, 0.1, 0.0], axis=-1) - radius
-    return SampledRegion(distances, (-2.0, -2.0, -2.0), spacing, **rim)  # type: ignore[arg-type]
 
 
 def distance(region: Region, points: Points) -> Floats:
@@ -123,40 +114,12 @@ def test_a_weight_depends_on_no_other_point(many: int, first: int) -> None:
         assert part.tobytes() == region.weight(POINTS, 0.0)[first : first + many].tobytes()
 
 
-def test_a_sampled_region_is_as_good_as_its_grid() -> None:
-    """Between nodes h apart a distance from a ball errs by about h² / (4 r), and the weight by no more."""
-    exact = SphereRegion(centre=(0.2, 0.1, 0.0), radius=0.9, falloff=0.7).weight(POINTS, 0.0)
-    found = [sampled(spacing=h, falloff=0.7).weight(POINTS, 0.0) for h in (0.1, 0.05)]
-    errors = [np.abs(weights - exact).max() for weights in found]
-    assert errors[1] < 2.5e-3 and errors[0] / errors[1] > 3
-    region = sampled(falloff=0.7, invert=True)
-    velocity = RegionField(Translation((1.0, 0.0, 0.0)), region).velocity(POINTS, 0.0)
-    np.testing.assert_allclose(velocity[:, 0], region.weight(POINTS, 0.0), atol=1e-15)
-    far = np.array([[50.0, 0.0, 0.0], [0.0, -9.0, 3.0]])
-    assert sampled(falloff=0.5).weight(far, 0.0).tolist() == [0.0, 0.0]
-
-
-def test_a_sampled_region_is_known_by_its_distances_and_not_by_where_they_lie() -> None:
-    one, same, other = sampled(spacing=0.5), sampled(spacing=0.5), sampled(radius=0.8, spacing=0.5)
-    assert one.cache_data(0.0) == same.cache_data(0.0) != other.cache_data(0.0)
-    flows = [Streamlines(RegionField(Translation(), region)) for region in (one, same, other)]
-    assert flows[0].cache_data(0.0, 0.1) == flows[1].cache_data(0.0, 0.1) != flows[2].cache_data(0.0, 0.1)
-
-
-def test_what_is_at_no_place_is_in_no_sampled_region_and_harms_nobody() -> None:
+def test_a_point_at_no_place_harms_no_other() -> None:
     bad = POINTS.copy()
     bad[[3, 40, 41]] = [(np.nan, 0.0, 0.0), (0.0, np.nan, 0.0), (0.0, 0.0, np.nan)]
     others = np.delete(np.arange(len(bad)), [3, 40, 41])
-    for region in (*REGIONS, sampled(spacing=0.1, falloff=0.7)):
+    for region in REGIONS:
         found = region.weight(bad, 0.0)
         assert found[others].tobytes() == region.weight(POINTS, 0.0)[others].tobytes()
         moved = Streamlines(RegionField(Translation((1.0, 0.0, 0.0)), region), 2).displace(bad, 0.0, 0.1)
         assert np.isfinite(moved[others]).all() and np.isnan(moved[[3, 40, 41]]).any(axis=1).all()
-        if isinstance(region, SampledRegion):
-            assert found[[3, 40, 41]].tolist() == [0.0, 0.0, 0.0]
-
-
-@pytest.mark.parametrize("distances", [np.zeros((3, 3)), np.zeros((1, 4, 4)), np.full((2, 2, 2), np.nan)])
-def test_a_grid_that_is_none_is_refused(distances: Floats) -> None:
-    with pytest.raises(UsageError, match="are no grid"):
-        SampledRegion(distances)

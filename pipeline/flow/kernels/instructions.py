@@ -51,7 +51,6 @@ CLOSE_BOX = 5  # centre 0:3, half its sides 3:6
 CLOSE_HALF_SPACE = 6  # point on the plane 0:3, unit normal outwards 3:6
 CLOSE_CAPSULE = 7  # centre 0:3, unit axis 3:6, half the length of its line 10, radius 11
 CLOSE_CYLINDER = 8  # centre 0:3, unit axis 3:6, half its length 10, radius 11
-CLOSE_SAMPLED = 9  # distances at the nodes of a grid: origin 0:3, spacing 3, address of the numbers 4
 CLOSE_MESH = 10  # a closed surface: position of its origin 0:3, scale 3, address of the numbers 4
 # all regions: falloff 6, factor inside 7, factor outside 8, type of the falloff 9 (see `regions`)
 UNPLACE = 11  # -, matrix 3:12: outside, velocities are matrix · velocity

@@ -35,7 +35,6 @@ from pipeline.flow.kernels.regions import (
     cylinder_weight,
     half_space_weight,
     mesh_weight,
-    sampled_weight,
 )
 from pipeline.kernels import higher_kernel, kernel
 
@@ -143,8 +142,6 @@ def run_program(
                 close_region(capsule_weight, p, o, n, s, b)
             elif opcode == op.CLOSE_CYLINDER:
                 close_region(cylinder_weight, p, o, n, s, b)
-            elif opcode == op.CLOSE_SAMPLED:
-                close_region(sampled_weight, p, o, n, s, b)
             elif opcode == op.CLOSE_MESH:
                 close_region(mesh_weight, p, o, n, s, b)
             else:

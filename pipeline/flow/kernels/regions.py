@@ -27,7 +27,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import carray, prange
+from numba import prange
 
 from pipeline.arrays import AnyArray, Floats, Points
 from pipeline.flow.kernels import instructions as op
@@ -196,37 +196,6 @@ def cylinder_weight(p: Floats, o: int, x: float, y: float, z: float) -> float:
     return falloff_weight(math.sqrt(beyond * beyond + out * out), p[o + 6], p[o + 9])
 
 
-@kernel("f8(f8[::1], i8, i8, f8, f8)", forceinline=True)
-def _bilinear(d: Floats, at: int, nz: int, fy: float, fz: float) -> float:
-    """Interpolate between four nodes, the first of which is d[at]."""
-    near = (1.0 - fz) * d[at] + fz * d[at + 1]
-    far = (1.0 - fz) * d[at + nz] + fz * d[at + nz + 1]
-    value: float = (1.0 - fy) * near + fy * far
-    return value
-
-
-@kernel(WEIGHT, forceinline=True)
-def sampled_weight(p: Floats, o: int, x: float, y: float, z: float) -> float:
-    """Numbers: origin 0:3, spacing 3, address 4 of the node counts along x, y, z and the distances.
-
-    z runs fastest. Distances are trilinear between nodes; beyond the grid those of its border hold. A NaN
-    is outside.
-    """
-    if math.isnan(x) or math.isnan(y) or math.isnan(z):
-        return 0.0
-    sizes = carray(doubles_at(int(p[o + 4])), 3)
-    nx, ny, nz = int(sizes[0]), int(sizes[1]), int(sizes[2])
-    d = carray(doubles_at(int(p[o + 4]) + 24), nx * ny * nz)
-    gx = min(max((x - p[o]) / p[o + 3], 0.0), nx - 1.0)
-    gy = min(max((y - p[o + 1]) / p[o + 3], 0.0), ny - 1.0)
-    gz = min(max((z - p[o + 2]) / p[o + 3], 0.0), nz - 1.0)
-    i, j, k = min(int(gx), nx - 2), min(int(gy), ny - 2), min(int(gz), nz - 2)
-    fx, fy, fz = gx - i, gy - j, gz - k
-    at = (i * ny + j) * nz + k
-    distance: float = (1.0 - fx) * _bilinear(d, at, nz, fy, fz) + fx * _bilinear(d, at + ny * nz, nz, fy, fz)
-    return falloff_weight(distance, p[o + 6], p[o + 9])
-
-
 @kernel(WEIGHT)
 def mesh_weight(p: Floats, o: int, x: float, y: float, z: float) -> float:
     """Numbers: position of the surface's origin 0:3, scale 3, address 4 of the surface's array.
@@ -252,13 +221,11 @@ def _weight(row: Floats, opcode: int, x: float, y: float, z: float) -> float:
         return box_weight(row, 0, x, y, z)
     if opcode == op.CLOSE_HALF_SPACE:
         return half_space_weight(row, 0, x, y, z)
-    if opcode == op.CLOSE_MESH:
-        return mesh_weight(row, 0, x, y, z)
     if opcode == op.CLOSE_CAPSULE:
         return capsule_weight(row, 0, x, y, z)
     if opcode == op.CLOSE_CYLINDER:
         return cylinder_weight(row, 0, x, y, z)
-    return sampled_weight(row, 0, x, y, z)
+    return mesh_weight(row, 0, x, y, z)
 
 
 @kernel("void(f8[:, ::1], i8, f8[::1], f8[::1])", parallel=True)
