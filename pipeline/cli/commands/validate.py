@@ -28,7 +28,8 @@ def validate(
     facts: list[dict[str, Any]] = []
     for name in shots or [*shot_names(), *edits]:
         try:
-            notes = _film_notes(find_edit(name), given) if name in edits else _notes(find_shot(name), given)
+            is_edit = name in edits
+            notes = _notes(find_edit(name) if is_edit else find_shot(name), is_edit, given)
             facts.append({"file": name, "errors": [], "notes": notes})
         except FlowsculptError as error:
             errors.append(error)
@@ -43,12 +44,9 @@ def validate(
     exit_with(max((error.exit_code for error in errors), default=0))
 
 
-def _notes(path: Path, settings: tuple[str, ...]) -> list[str]:
-    """Read a shot and return advice about its Python flows. Raises ShotError."""
+def _notes(path: Path, is_edit: bool, settings: tuple[str, ...]) -> list[str]:
+    """Read a shot or an edit; return advice about the shot's Python flows. Raises ShotError."""
+    if is_edit:
+        read_film(path, settings=settings)
+        return []
     return [flow.advice for flow in python_flows(read_shot(path, settings=settings).motion.flow)]
-
-
-def _film_notes(path: Path, settings: tuple[str, ...]) -> list[str]:
-    """Read an edit, of which there is nothing to note. Raises ShotError."""
-    read_film(path, settings=settings)
-    return []

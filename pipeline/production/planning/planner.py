@@ -11,17 +11,17 @@ import re
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from itertools import groupby
 from pathlib import Path
 from typing import Any
 
 from pipeline.errors import UsageError
+from pipeline.production.planning.entry import PlanEntry
 from pipeline.production.planning.plan import FEWEST, Job, Link, Plan, batches, done_file, with_threads
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.edit import Edit
-from pipeline.production.request.keys import CameraFile, FrameKeys, PictureKeys
+from pipeline.production.request.keys import PictureKeys
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Key, Store, key_of
@@ -29,75 +29,6 @@ from pipeline.production.store.store import Key, Store, key_of
 LONG = 8
 """Frames that a simulation has in common with others from which on these wait for them: to wait costs the
 start of one more process."""
-
-
-class _Promises(CameraFile):
-    """Stand-ins for framings that are not known yet: where these are equal, so will the framings be."""
-
-    def __getitem__(self, number: int) -> Any:
-        return {"cameras": self.key, "number": number}
-
-
-class _Recipes(dict[int, FrameKeys]):
-    """Stand-ins for the keys of a request's pictures, which tell them apart within one shot file."""
-
-    def __init__(self, request: RenderRequest) -> None:
-        super().__init__()
-        self._request, self._asked = request, frozenset(request.requested)
-
-    def __missing__(self, number: int) -> FrameKeys:
-        window = self._request.window(number, self._asked.__contains__)
-        raw = f"{self._request.identity}.{number}"
-        self[number] = FrameKeys(raw, f"{raw}.{window[0]}.{window[-1]}", window)
-        return self[number]
-
-
-@dataclass(eq=False)
-class _Entry:
-    """A request in the plan, and what is known of its pictures.
-
-    keys        those of its pictures; None where its cameras are not known
-    comparable  what stands for the keys must tell equal pictures of other shot files
-    meshes      mesh frames by number: wanted, present, or idle, where nothing needs them
-    """
-
-    place: int
-    request: RenderRequest
-    keys: PictureKeys | None
-    store: Store
-    comparable: bool
-    meshes: dict[int, str] = field(default_factory=dict)
-
-    @cached_property
-    def names(self) -> Mapping[int, FrameKeys]:
-        """The keys of the pictures, or what stands for them until the cameras are known."""
-        request = self.request
-        if self.keys is not None:
-            return self.keys
-        if not self.comparable:
-            return _Recipes(request)
-        promised = _Promises(self.store, f"promised {request.cameras_key}", dict.fromkeys(request.angles))
-        return PictureKeys(request, self.store, promised)
-
-    @cached_property
-    def shown(self) -> list[int]:
-        """The mesh frames that pictures of the whole request show."""
-        return sorted({angle.mesh for angle in self.request.angles.values()})
-
-    def numbers(self, state: str) -> list[int]:
-        """Return the mesh frames in a state."""
-        return sorted(n for n, found in self.meshes.items() if found == state)
-
-    def key(self, stage: str, number: int) -> Key:
-        """The key by which a frame of a stage is known in the plan."""
-        if stage == "simulate":
-            return self.request.mesh_key(number)
-        if stage == "smooth_normals":
-            return self.request.normals_key(number)
-        keys = self.names[number]
-        if stage == "render":
-            return keys.raw
-        return keys.frame if stage == "finish" else self.request.still_key(stage, keys.frame)
 
 
 @dataclass
@@ -121,7 +52,7 @@ class Planner:
     whole: bool = False
     force: Mapping[str, int] = field(default_factory=dict)
     comparable: bool = False
-    _entries: dict[RenderRequest, _Entry] = field(default_factory=dict)
+    _entries: dict[RenderRequest, PlanEntry] = field(default_factory=dict)
     _jobs: list[Job] = field(default_factory=list)
     _makers: defaultdict[str, dict[Key, int]] = field(default_factory=lambda: defaultdict(dict))
     _links: dict[str, Link] = field(default_factory=dict)
@@ -207,7 +138,7 @@ class Planner:
 
     # What is missing
 
-    def _enter(self, request: RenderRequest, *goals: str) -> _Entry:
+    def _enter(self, request: RenderRequest, *goals: str) -> PlanEntry:
         """Return the request's entry in the plan. Raises UsageError where another shot has its name."""
         if request not in self._entries:
             for other in self._entries:
@@ -217,7 +148,7 @@ class Planner:
                         "and so would their frames be; rename one of them"
                     )
             keys = request.picture_keys(self.store)
-            self._entries[request] = _Entry(len(self._entries), request, keys, self.store, self.comparable)
+            self._entries[request] = PlanEntry(len(self._entries), request, keys, self.store, self.comparable)
         entry = self._entries[request]
         self._goals += [(entry.place, goal) for goal in goals]
         return entry
@@ -231,7 +162,7 @@ class Planner:
         self._links[place] = Link(kind, key, place)
         return True
 
-    def _absent(self, entry: _Entry, stage: str, numbers: Sequence[int]) -> list[int]:
+    def _absent(self, entry: PlanEntry, stage: str, numbers: Sequence[int]) -> list[int]:
         """Return the frames that the store does not hold."""
         if entry.keys is None and STAGES[stage].per_quality:
             return list(numbers)
@@ -239,7 +170,7 @@ class Planner:
         placed = zip(numbers, entry.request.places(kind, numbers), strict=True)
         return [n for n, place in placed if not self._has(stage, kind, entry.key(stage, n), place)]
 
-    def _surfaces(self, entry: _Entry, unrendered: Sequence[int]) -> None:
+    def _surfaces(self, entry: PlanEntry, unrendered: Sequence[int]) -> None:
         """Plan what rendering needs: the normals of the meshes shown, and cameras, which see all meshes."""
         request = entry.request
         shown = sorted({request.angles[n].mesh for n in unrendered})
@@ -257,7 +188,7 @@ class Planner:
         if (self.whole or not framed) and self._is_new(entry, "frame_camera", key, framed, len(frames)):
             self._add(entry, "frame_camera", frames, [key], entry.shown, framed)
 
-    def _meshes(self, entry: _Entry, wanted: Sequence[int]) -> None:
+    def _meshes(self, entry: PlanEntry, wanted: Sequence[int]) -> None:
         """Note the mesh frames that are not there; which jobs simulate them is known last."""
         missing = self._absent(entry, "simulate", wanted)
         if missing:
@@ -270,7 +201,7 @@ class Planner:
 
     # Jobs
 
-    def _batches(self, entry: _Entry, stage: str, frames: Sequence[int], present: bool = False) -> None:
+    def _batches(self, entry: PlanEntry, stage: str, frames: Sequence[int], present: bool = False) -> None:
         """Plan the jobs of frames that are made one by one."""
         request = entry.request
         least = self.share.frames if self.share else FEWEST
@@ -287,13 +218,13 @@ class Planner:
                 reads = _union(entry.names[n].window for n in batch)
             self._add(entry, stage, batch, [keys[n] for n in batch], reads, present, meshes=meshes)
 
-    def _rest(self, entry: _Entry, stage: str, numbers: Sequence[int]) -> None:
+    def _rest(self, entry: PlanEntry, stage: str, numbers: Sequence[int]) -> None:
         """Plan the jobs of files that are there, and of those that nothing needs."""
         absent = set(self._absent(entry, stage, numbers))
         for present in (True, False):
             self._batches(entry, stage, [n for n in numbers if (n not in absent) == present], present)
 
-    def _is_new(self, entry: _Entry, stage: str, key: Key, present: bool, frames: int = 1) -> bool:
+    def _is_new(self, entry: PlanEntry, stage: str, key: Key, present: bool, frames: int = 1) -> bool:
         """Tell whether no job makes a file yet; a job that does then serves this request too."""
         maker = self._makers[stage].get(key)
         if maker is None:
@@ -303,7 +234,7 @@ class Planner:
             self._spared[stage] += frames
         return False
 
-    def _serve(self, maker: int, entry: _Entry) -> None:
+    def _serve(self, maker: int, entry: PlanEntry) -> None:
         """Note that a request needs what a job makes."""
         job = self._jobs[maker]
         if entry.place not in job.requests:
@@ -311,7 +242,7 @@ class Planner:
 
     def _add(
         self,
-        entry: _Entry,
+        entry: PlanEntry,
         stage: str,
         frames: Sequence[int],
         keys: Sequence[Key],
@@ -336,7 +267,7 @@ class Planner:
         self._jobs.append(replace(job, **fields))
 
     def _movie(
-        self, stage: str, entries: Sequence[_Entry], frames: Sequence[int], key: Key, path: Path
+        self, stage: str, entries: Sequence[PlanEntry], frames: Sequence[int], key: Key, path: Path
     ) -> None:
         """Plan the job of a movie of all frames of some requests."""
         place = path.as_posix()
@@ -352,11 +283,11 @@ class Planner:
         """Add the jobs that simulate; a long beginning that requests share is made once."""
         makers = self._makers["simulate"]
         wanted = [(entry, entry.numbers("wanted")) for entry in self._entries.values()]
-        users = Counter(key for chain in {_chain(e, numbers) for e, numbers in wanted} for key in chain)
+        users = Counter(key for chain in {e.mesh_keys(numbers) for e, numbers in wanted} for key in chain)
         for entry, numbers in wanted:
             before: list[int] = []
             for is_shared, piece in _pieces(entry, numbers, users):
-                keys = _chain(entry, piece)
+                keys = entry.mesh_keys(piece)
                 if all(key in makers for key in keys) or (is_shared and keys[0] in makers):
                     for maker in {makers[key] for key in keys if key in makers}:
                         self._serve(maker, entry)
@@ -367,7 +298,7 @@ class Planner:
         for entry in self._entries.values():
             for state in ("present", "idle"):
                 if numbers := entry.numbers(state):
-                    self._add(entry, "simulate", numbers, _chain(entry, numbers), (), state == "present")
+                    self._add(entry, "simulate", numbers, entry.mesh_keys(numbers), (), state == "present")
 
     def _measured(self, places: Iterable[int]) -> Mapping[int, MeasuredResources]:
         """Return what earlier renders of each request took, where any were measured."""
@@ -381,11 +312,9 @@ class Planner:
         return measured
 
 
-def _chain(entry: _Entry, numbers: Sequence[int]) -> tuple[Key, ...]:
-    return tuple(entry.request.mesh_key(n) for n in numbers)
-
-
-def _pieces(entry: _Entry, numbers: Sequence[int], users: Mapping[Key, int]) -> list[tuple[bool, list[int]]]:
+def _pieces(
+    entry: PlanEntry, numbers: Sequence[int], users: Mapping[Key, int]
+) -> list[tuple[bool, list[int]]]:
     """Return frames that the same number of simulations go through, and whether one makes them for all.
 
     Short pieces are not worth waiting for: each simulation makes those itself, to the same bits.
