@@ -27,6 +27,7 @@ from pipeline.resample.kernels.limits import (
     length_limits,
     push,
     squared_length,
+    varying_limits,
 )
 
 BLOCK = 16
@@ -58,10 +59,10 @@ def _widened(low: float, high: float, small: float, large: float) -> tuple[float
     return small if small < low else low, large if large > high else high
 
 
-@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64, LIMITS), **LEAN)
-def _is_outside(mesh: MeshArrays, h: int, length: float, limits: Limits) -> bool:
-    """Tell whether the edge of h, of that squared length, is outside its own limits."""
-    max_squared, min_squared = length_limits(mesh, limits, mesh.vert[h], mesh.vert[following(h)])
+@kernel(numba.boolean(MESH_ARRAYS, numba.int64, numba.float64, numba.int64), **LEAN)
+def _is_outside(mesh: MeshArrays, h: int, length: float, column: int) -> bool:
+    """Tell whether the edge of h, of that squared length, is outside the limits of its vertices."""
+    max_squared, min_squared = varying_limits(mesh, column, mesh.vert[h], mesh.vert[following(h)])
     return bool((length > max_squared) | (length < min_squared))
 
 
@@ -78,7 +79,7 @@ def _flag_chunk(
     """Run `flag_faces` on one chunk."""
     max_squared = limits.max_edge_length * limits.max_edge_length
     min_squared = limits.min_edge_length * limits.min_edge_length
-    longest_share, varies = limits.longest_share, limits.field_column >= 0
+    longest_share, column = limits.longest_share, limits.field_column
     first, last = CHUNK * chunk, min(CHUNK * (chunk + 1), faces)
     start = first + chunk  # each chunk has a spare entry: the next one is written before it counts
     count, total = 0, 0.0
@@ -90,9 +91,9 @@ def _flag_chunk(
             total_squared = ab + bc + ca
             total += total_squared
             out = (large > max_squared) | (small < min_squared)
-            if varies:
-                out = _is_outside(mesh, 3 * f, ab, limits) | _is_outside(mesh, 3 * f + 1, bc, limits)
-                out |= _is_outside(mesh, 3 * f + 2, ca, limits)
+            if column >= 0:  # the test stays out of `_is_outside`, or each edge pays for it
+                out = _is_outside(mesh, 3 * f, ab, column) | _is_outside(mesh, 3 * f + 1, bc, column)
+                out |= _is_outside(mesh, 3 * f + 2, ca, column)
             flagged[np.uint64(start + count)] = f
             count += out | (large > longest_share * total_squared)
             low, high = _widened(low, high, np.inf if out else small, 0.0 if out else large)

@@ -40,15 +40,20 @@ _PAIR = numba.types.UniTuple(numba.float64, 2)
 _TRIPLE = numba.types.UniTuple(numba.float64, 3)
 
 
+@kernel(_PAIR(MESH_ARRAYS, numba.int64, numba.int64, numba.int64), **LEAN)
+def varying_limits(mesh: MeshArrays, column: int, a: int, b: int) -> tuple[float, float]:
+    """Return the largest and the smallest squared length of an edge, by the limits of its vertices."""
+    limits = mesh.attributes
+    return limits[a, column] * limits[b, column], limits[a, column + 1] * limits[b, column + 1]
+
+
 @kernel(_PAIR(MESH_ARRAYS, LIMITS, numba.int64, numba.int64), **LEAN)
 def length_limits(mesh: MeshArrays, limits: Limits, a: int, b: int) -> tuple[float, float]:
     """Return the largest and the smallest squared length that an edge between a and b may have."""
-    column, attributes = limits.field_column, mesh.attributes
-    if column < 0:
-        longest, shortest = limits.max_edge_length, limits.min_edge_length
-        return longest * longest, shortest * shortest
-    max_squared = attributes[a, column] * attributes[b, column]
-    return max_squared, attributes[a, column + 1] * attributes[b, column + 1]
+    if limits.field_column >= 0:
+        return varying_limits(mesh, limits.field_column, a, b)
+    longest, shortest = limits.max_edge_length, limits.min_edge_length
+    return longest * longest, shortest * shortest
 
 
 @kernel(numba.float64(MESH_ARRAYS, LIMITS, numba.int64), **LEAN)
