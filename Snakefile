@@ -127,7 +127,7 @@ rule render:
     retries: 2
     threads: lambda w: plan.threads("render", w)
     resources:
-        mem_mb=lambda w, attempt, threads: plan.memory("render", w, threads) * attempt,
+        mem_mb=lambda w, attempt: plan.memory("render", w) * attempt,
         runtime=lambda w, attempt, threads: plan.minutes("render", w, threads, attempt),
     params:
         job=lambda w, output: plan.words("render", w),

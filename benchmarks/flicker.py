@@ -30,7 +30,7 @@ from render.mitsuba.engine import Engine, choose
 from render.mitsuba.scene import build_scene
 from render.post.colour import to_display
 from render.post.denoise import denoise
-from render.post.temporal_denoise import DenoisedFrame, residual_noise, temporal_denoise
+from render.post.temporal_denoise import DenoisedFrame, removed_noise, temporal_denoise
 from render.scene.aovs import RenderedFrame
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
@@ -95,7 +95,7 @@ def moment_of(layers: RenderedFrame) -> DenoisedFrame:
     light = denoise(layers)
     known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
     return DenoisedFrame(
-        light, residual_noise(layers["beauty"], light), **known, camera=CAMERA, placement=StagePlacement()
+        light, removed_noise(layers["beauty"], light), **known, camera=CAMERA, placement=StagePlacement()
     )
 
 

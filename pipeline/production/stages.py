@@ -18,7 +18,7 @@ from typing import Any
 class PipelineStage:
     """One stage of the way from a shot file to a film.
 
-    name         the rule in the Snakefile, and the function in `pipeline.production.tasks`
+    name         the rule in the Snakefile (of still formats: `stills`), and the function of its task
     version      raised when the same inputs give other results
     doing        what it does, in the words of progress bars and reports
     makes        the kind of file in the store

@@ -49,8 +49,8 @@ class Report:
                                feature    two corners or two creases would become one
                                too_long   an edge over the maximum would appear
                                fold       a face would turn over or become a sliver
-                               shape      the tip of something thin would be lost
-                               crowded    an end has more than 500 neighbours
+                               shape      a tendril would lose over 5% of the maximum edge at its tip
+                               crowded    an end has more than 511 neighbours
     vertices, faces, edges     counts after the pass
     too_long, too_short        edges outside their limits; too_long is 0, too_short the sum of `refused`
     shortest, longest          edge lengths, scene units

@@ -28,7 +28,7 @@ POSITION_TOLERANCE = 2.5
 """Pixels by which a reprojected point may lie beside the expected one."""
 
 NOISE_LEFT = 0.5
-"""The share of the noise removed by the denoiser that may still be in its picture."""
+"""Noise that may be left after denoising, as a fraction of what was removed."""
 
 MIN_SPREAD = 0.004
 """The share of a light below which a difference is never taken for a change."""
@@ -58,7 +58,7 @@ class DenoisedFrame:
     placement: StagePlacement
 
 
-def residual_noise(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:
+def removed_noise(beauty: Floats, denoised: Floats, radius: int = 3) -> Floats:
     """Return what denoising changed (H, W), as a share of the light: its root mean square in a square."""
     light = np.maximum(denoised.max(axis=2), 0.02)
     share = (np.abs(beauty - denoised).max(axis=2) / light).astype(np.float64) ** 2

@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.production.execution.project import Project
-from pipeline.production.planning.plan import BATCH, FEWEST, LAST, Plan, batches
+from pipeline.production.planning.plan import MAX_BATCH, MIN_BATCH, MIN_LAST_BATCH, Plan, batches
 from pipeline.production.stages import STAGES, forced_with
 
 pytestmark = pytest.mark.quick
@@ -26,13 +26,13 @@ def test_batches_hold_every_frame_once_and_shrink_towards_the_end(count: int, co
     assert [number for batch in found for number in batch] == list(range(count))
     sizes = [len(batch) for batch in found]
     assert sizes == sorted(sizes, reverse=True)
-    assert max(sizes) <= BATCH
-    assert len(found) >= min(cores, count // max(FEWEST, -(-count // cores)))
+    assert max(sizes) <= MAX_BATCH
+    assert len(found) >= min(cores, count // max(MIN_BATCH, -(-count // cores)))
 
 
 def test_long_shots_begin_with_long_batches_and_end_with_short_ones() -> None:
     sizes = [len(batch) for batch in batches(range(1000), 2)]
-    assert sizes[0] == 250 and sizes[-2] == LAST
+    assert sizes[0] == 250 and sizes[-2] == MIN_LAST_BATCH
     assert len(sizes) < 12
     assert [len(batch) for batch in batches(range(96), 2)] == [48, 48]
 

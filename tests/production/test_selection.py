@@ -13,7 +13,7 @@ from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
 from pipeline.production.execution.project import Project
 from pipeline.production.planning.frame_states import FrameStates, is_in_words, selected
-from pipeline.production.planning.plan import BATCH, batches
+from pipeline.production.planning.plan import MAX_BATCH, batches
 from pipeline.production.store.event_log import EventLog, History
 from pipeline.production.store.paths import EVENTS
 
@@ -51,7 +51,7 @@ def test_what_is_neither_is_told(text: str, told: str) -> None:
 def test_batches_hold_every_frame_once_and_the_first_of_them_go_first(order: list[int], cores: int) -> None:
     found = batches(order, cores)
     assert sorted(n for batch in found for n in batch) == sorted(order)
-    assert max(map(len, found)) <= BATCH
+    assert max(map(len, found)) <= MAX_BATCH
     if order != sorted(order):
         side_by_side = min(cores, len(found))
         assert {batch[0] for batch in found[:side_by_side]} == set(order[:side_by_side])

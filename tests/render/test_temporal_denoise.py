@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from render.post.temporal_denoise import DenoisedFrame, residual_noise, temporal_denoise
+from render.post.temporal_denoise import DenoisedFrame, removed_noise, temporal_denoise
 from render.scene.camera import Camera
 from render.scene.stage import StagePlacement
 
@@ -105,7 +105,7 @@ def test_noise_is_told_where_the_denoiser_changed_the_picture():
     truth = np.full((32, 32, 3), 0.5, np.float32)
     beauty = truth.copy()
     beauty[:, 16:] *= 1.0 + 0.1 * np.random.default_rng(1).choice([-1.0, 1.0], size=(32, 16, 1))
-    found = residual_noise(beauty, truth)
+    found = removed_noise(beauty, truth)
     assert found[:, :12].max() == 0.0
     np.testing.assert_allclose(found[:, 20:], 0.1, rtol=1e-3)
 

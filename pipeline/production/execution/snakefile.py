@@ -120,7 +120,7 @@ class PlannedWorkflow:
         """Return the threads of a job."""
         return self._job(rule, wildcards).threads
 
-    def memory(self, rule: str, wildcards: Any, threads: int = 1) -> int:
+    def memory(self, rule: str, wildcards: Any) -> int:
         """Return the MiB that a job needs, by what earlier pictures took."""
         measured = self.plan.measured.get(self._job(rule, wildcards).requests[0])
         if rule == "render" and measured:

@@ -24,7 +24,7 @@ STARTING, WAITING = "starting", "waiting"
 _PARTS = {
     "preparing": "preparing",
     "building": "building scenes",
-    "rendering": "light and guides",
+    "rendering": "light and auxiliary AOVs",
     "reading and writing": "reading and writing",
 }
 """Parts of rendering, as statistics name them."""

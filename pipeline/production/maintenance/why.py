@@ -30,7 +30,7 @@ from render.base.errors import RenderError
 from render.base.serialise import from_plain
 from render.post.image import read_header
 
-_NOT_COMPARED = ("key", "mesh_key", "normals_key", "stages", "steadied_with")
+_NOT_COMPARED = ("key", "mesh_key", "normals_key", "stages", "temporal_neighbours")
 """Entries of a header that the reasons cover."""
 
 MISSING = object()
@@ -170,7 +170,7 @@ class _Frame:
 
     def _finish_reason(self, header: Mapping[str, Any]) -> str:
         window = () if self._keys is None else self._keys[self.number].window
-        others, before = [n for n in window if n != self.number], header.get("steadied_with", [])
+        others, before = [n for n in window if n != self.number], header.get("temporal_neighbours", [])
         if before != others:
             return f"it was averaged with frames {before}, and would be with frames {others} now"
         return "what finishes it differs: its denoiser, or the version of finish"

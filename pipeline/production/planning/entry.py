@@ -12,14 +12,14 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.store import Key, Store
 
 
-class _Promises(CameraFile):
+class _PlaceholderFramings(CameraFile):
     """Stand-ins for framings that are not known yet: where these are equal, so will the framings be."""
 
     def __getitem__(self, number: int) -> Any:
         return {"cameras": self.key, "number": number}
 
 
-class _Recipes(dict[int, FrameKeys]):
+class _PlaceholderKeys(dict[int, FrameKeys]):
     """Stand-ins for the keys of a request's pictures, which tell them apart within one shot file."""
 
     def __init__(self, request: RenderRequest) -> None:
@@ -56,9 +56,10 @@ class PlanEntry:
         if self.keys is not None:
             return self.keys
         if not self.comparable:
-            return _Recipes(request)
-        promised = _Promises(self.store, f"promised {request.cameras_key}", dict.fromkeys(request.angles))
-        return PictureKeys(request, self.store, promised)
+            return _PlaceholderKeys(request)
+        key = f"promised {request.cameras_key}"
+        framings = _PlaceholderFramings(self.store, key, dict.fromkeys(request.angles))
+        return PictureKeys(request, self.store, framings)
 
     @cached_property
     def shown(self) -> list[int]:

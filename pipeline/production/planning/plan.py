@@ -32,13 +32,13 @@ from render.base.serialise import NOT_PLAIN, from_plain, to_plain
 if TYPE_CHECKING:
     from pipeline.production.planning.profile import Share
 
-BATCH = 256
+MAX_BATCH = 256
 """Frames a process renders at most before it gives its memory back."""
 
-FEWEST = 4
+MIN_BATCH = 4
 """Frames that are not worth the start of a second process: one renders them on all cores."""
 
-LAST = 64
+MIN_LAST_BATCH = 64
 """Frames of a batch from which on batches become no smaller, while there are more of them than cores."""
 
 
@@ -239,8 +239,8 @@ def write_manifest(path: Path, kind: str, keys: Sequence[Key]) -> None:
         draft.write_text(json.dumps({"kind": kind, "keys": list(keys)}))
 
 
-def batches(numbers: Sequence[int], cores: int, least: int = FEWEST) -> list[tuple[int, ...]]:
-    """Split frames into batches, none longer than BATCH, enough of them to keep the cores busy, but none
+def batches(numbers: Sequence[int], cores: int, least: int = MIN_BATCH) -> list[tuple[int, ...]]:
+    """Split frames into batches, none longer than MAX_BATCH, enough of them to keep the cores busy, but none
     needlessly shorter than `least`.
 
     Frames in ascending order are split into neighbours, long batches first, for each costs a process the time
@@ -251,8 +251,8 @@ def batches(numbers: Sequence[int], cores: int, least: int = FEWEST) -> list[tup
     cores = max(1, cores)
     share = -(-len(numbers) // cores)
     if list(numbers) == sorted(numbers):
-        return list(_guided(numbers, cores, max(least, min(LAST, share))))
-    size = min(BATCH, max(least, share))
+        return list(_guided(numbers, cores, max(least, min(MIN_LAST_BATCH, share))))
+    size = min(MAX_BATCH, max(least, share))
     hands = [numbers[i : i + size * cores] for i in range(0, len(numbers), size * cores)]
     dealt = (tuple(hand[i::cores]) for hand in hands for i in range(cores))
     return [batch for batch in dealt if batch]
@@ -262,7 +262,7 @@ def _guided(numbers: Sequence[int], cores: int, least: int) -> Iterator[tuple[in
     """Yield batches of half of each core's share of what is left."""
     begun = 0
     while begun < len(numbers):
-        size = min(BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
+        size = min(MAX_BATCH, max(least, (len(numbers) - begun) // (2 * cores)))
         yield tuple(numbers[begun : begun + size])
         begun += size
 

@@ -17,7 +17,7 @@ from typing import Any
 
 from pipeline.errors import UsageError
 from pipeline.production.planning.entry import PlanEntry
-from pipeline.production.planning.plan import FEWEST, Job, Link, Plan, batches, done_file, with_threads
+from pipeline.production.planning.plan import MIN_BATCH, Job, Link, Plan, batches, done_file, with_threads
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import MeasuredResources
 from pipeline.production.request.edit import Edit
@@ -26,7 +26,7 @@ from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.stages import STAGES
 from pipeline.production.store.store import Key, Store, key_of
 
-LONG = 8
+MIN_SHARED = 8
 """Frames that a simulation has in common with others from which on these wait for them: to wait costs the
 start of one more process."""
 
@@ -204,7 +204,7 @@ class Planner:
     def _batches(self, entry: PlanEntry, stage: str, frames: Sequence[int], present: bool = False) -> None:
         """Plan the jobs of frames that are made one by one."""
         request = entry.request
-        least = self.share.frames if self.share else FEWEST
+        least = self.share.frames if self.share else MIN_BATCH
         keys = {n: entry.key(stage, n) for n in frames}
         fresh = [n for n in frames if self._is_new(entry, stage, keys[n], present)]
         split = [fresh] if stage == "smooth_normals" else batches(fresh, self.side_by_side, least)
@@ -322,7 +322,7 @@ def _pieces(
     pieces: list[tuple[bool, list[int]]] = []
     for many, group in groupby(numbers, key=lambda n: users[entry.request.mesh_key(n)]):
         piece = list(group)
-        is_shared = many > 1 and len(piece) >= LONG
+        is_shared = many > 1 and len(piece) >= MIN_SHARED
         if pieces and not is_shared and not pieces[-1][0]:
             pieces[-1][1].extend(piece)
         else:

@@ -40,7 +40,7 @@ HALF_A_SCULPTURE = 100.0
 blur a small one and its enlarged copy alike."""
 
 UPRIGHT = 1e-6
-"""The cosine of an elevation from which on the vertical does not tell which way is up in the picture."""
+"""Below this cosine of its elevation a camera looks straight up or down, and its own up axis is used."""
 
 NEAR, FAR = 1e-2, 1e4
 """Where cameras begin and cease to see, scene units; in scenes that are too small or too large for these, a

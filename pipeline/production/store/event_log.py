@@ -13,6 +13,7 @@ healed         a damaged file is made again
 warn           a frame was made in spite of something
 resumed        a frame goes on from its checkpoint
 renewed        a renderer was replaced by a fresh one
+waits          a job waits for another that makes the same files
 hung, killed   a job was ended since it went silent; something else ended it
 """
 

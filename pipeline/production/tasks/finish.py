@@ -65,7 +65,7 @@ class _Denoiser:
             self._denoised = {n: self._denoised.get(n) or self._single(n) for n in window}
             corner = quality.crop[:2] if quality.crop else (0, 0)
             light = temporal_denoise(self._denoised, number, (quality.width, quality.height), corner)
-            header = {**header, "steadied_with": [n for n in window if n != number]}
+            header = {**header, "temporal_neighbours": [n for n in window if n != number]}
         return RenderedFrame({"beauty": light}, layers.facts), header
 
     def _read(self, number: int) -> tuple[RenderedFrame, dict[str, Any]]:
@@ -73,11 +73,11 @@ class _Denoiser:
 
     def _single(self, number: int) -> DenoisedFrame:
         """Return a picture denoised by itself, with what the temporal denoiser needs of it."""
-        from render.post.temporal_denoise import DenoisedFrame, residual_noise
+        from render.post.temporal_denoise import DenoisedFrame, removed_noise
 
         layers, _ = self._read(number)
         light = denoise(layers, self.context.request.quality.denoise)
         known = {name: layers[name] for name in ("position", "normal", "matte", "before", "after")}
         framing = self.framings[number]
-        noise = residual_noise(layers["beauty"], light)
+        noise = removed_noise(layers["beauty"], light)
         return DenoisedFrame(light, noise, **known, camera=framing.camera, placement=framing.placement)
