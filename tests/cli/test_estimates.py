@@ -37,7 +37,7 @@ def test_the_report_accounts_for_a_whole_run(finished_project):
     assert sum(spent.values()) >= 0.99 * facts["seconds"] * facts["cores"]
     assert facts["frames"]["render"] == 6
     words = finished_project.run("report", facts["run"]).out
-    assert "rendering: light and guides" in words and "starting processes" in words
+    assert "rendering: light and auxiliary AOVs" in words and "starting processes" in words
 
 
 def test_a_run_that_is_not_there_is_told_in_one_line(finished_project):

@@ -79,7 +79,7 @@ def test_every_second_of_every_core_is_accounted_for(tmp_path: Path) -> None:
 
 def test_one_line_names_the_largest_parts_first(tmp_path: Path) -> None:
     said = a_run(tmp_path).in_brief()
-    assert said.startswith("planning, Snakemake, waiting 40%, rendering: light and guides 30%")
+    assert said.startswith("planning, Snakemake, waiting 40%, rendering: light and auxiliary AOVs 30%")
 
 
 def test_a_job_that_was_killed_held_its_core_to_the_end(tmp_path: Path) -> None:
