@@ -244,9 +244,9 @@ def test_a_simulation_that_was_shared_has_the_bits_of_one_that_was_not(desk: Des
     (tmp_path / "shots").mkdir()
     (tmp_path / "shots" / f"{NAME}.yaml").write_text(SHOT)
     folders = []
-    for many in (planner.LONG, 1000):
+    for many in (planner.MIN_SHARED, 1000):
         with pytest.MonkeyPatch.context() as patch:
-            patch.setattr(planner, "LONG", many)
+            patch.setattr(planner, "MIN_SHARED", many)
             root = tmp_path / str(many)
             root.mkdir()
             wedge = Wedge(
