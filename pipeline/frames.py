@@ -90,10 +90,10 @@ class FrameRate:
     fps: Fraction
 
     @classmethod
-    def of(cls, value: int | float | str | Fraction) -> FrameRate:
+    def of(cls, value: object) -> FrameRate:
         """Return the rate for 24, 29.97 (read as 30000/1001) or "24000/1001".
 
-        Raises UsageError for other text, and for rates outside SLOWEST to FASTEST.
+        Raises UsageError for anything else, and for rates outside SLOWEST to FASTEST.
         """
         try:
             if not _RATE.fullmatch(str(value)):

@@ -6,6 +6,7 @@ import io
 from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -162,9 +163,8 @@ def _shading(mesh: TriangleMesh) -> Floats:
 def _npz(mesh: Mesh) -> bytes:
     mesh = _triangles(mesh)
     out = io.BytesIO()
-    named = {f"attribute:{name}": values for name, values in mesh.attributes.items()}
-    arrays: dict[str, AnyArray] = {"vertices": mesh.vertices, "faces": mesh.faces, "creases": mesh.creases}
-    np.savez(out, **{**arrays, **named})  # type: ignore[arg-type]  # numpy's stub takes a flag by that name
+    named: dict[str, Any] = {f"attribute:{name}": values for name, values in mesh.attributes.items()}
+    np.savez(out, vertices=mesh.vertices, faces=mesh.faces, creases=mesh.creases, **named)
     return out.getvalue()
 
 

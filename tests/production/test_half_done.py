@@ -26,7 +26,7 @@ from pipeline.production.tasks.supervisor import (
     RESTART_WORKER,
     VARIABLE,
     MemoryGuard,
-    RestartWorker,
+    MemoryLimitError,
     Supervisor,
     _verdict,
 )
@@ -166,7 +166,7 @@ def test_a_renderer_that_has_grown_leaves_its_other_frames_to_a_fresh_one(
 ) -> None:
     monkeypatch.setenv(VARIABLE, "1")
     plan = bench.plan("2-3")
-    with pytest.raises(RestartWorker) as worn:
+    with pytest.raises(MemoryLimitError) as worn:
         bench.do(plan, "render")
     assert worn.value.held > worn.value.limit == 1.0
     assert [e["frame"] for e in bench.events(plan, "frame") if e["stage"] == "render"] == [2]
@@ -184,7 +184,7 @@ def test_a_renderer_may_grow_by_half_and_to_a_gibibyte(monkeypatch: pytest.Monke
         process.check()
         process.measure()
         if worn:
-            with pytest.raises(RestartWorker):
+            with pytest.raises(MemoryLimitError):
                 process.check()
         else:
             process.check()

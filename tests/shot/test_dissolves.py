@@ -123,7 +123,7 @@ def test_sound_that_is_not_there_is_a_missing_input(folder: Path) -> None:
 
 
 REQUEST: Any = SimpleNamespace(requested=(), shown_as="a", quality_name="draft")
-"""What a film's key reads of a request, of no frames."""
+"""The part of a request, one of no frames, that a film's key reads."""
 
 
 def test_the_sound_itself_is_in_the_key_of_a_film_and_its_place_is_not(folder: Path) -> None:

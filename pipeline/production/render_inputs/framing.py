@@ -43,8 +43,8 @@ UPRIGHT = 1e-6
 """Below this cosine of its elevation a camera looks straight up or down, and its own up axis is used."""
 
 NEAR, FAR = 1e-2, 1e4
-"""Where cameras begin and cease to see, scene units; in scenes that are too small or too large for these, a
-tenth of the distance of the target, and a hundred times that."""
+"""Near and far clipping distance of cameras, scene units; in scenes too small or too large for these, a tenth
+of the distance of the target, and a hundred times that."""
 
 DOWN = (0.0, -1.0, 0.0)
 
@@ -68,7 +68,7 @@ class BoundingSpheres(NamedTuple):
 
 
 Extent = AnyArray | BoundingSpheres
-"""What a picture must hold: points (N, 3) of any float type, or spheres."""
+"""Points (N, 3) of any float type, or spheres, all of which a picture must show."""
 
 
 def frame_all(

@@ -39,8 +39,8 @@ if TYPE_CHECKING:  # what only some pictures need takes half a second
 def render(context: Context) -> bool:
     """Render the raw pictures of a batch: sample batches averaged, AOVs beside the beauty.
 
-    Raises KeyboardInterrupt where the process is to end, and RestartWorker where it has grown too large; both
-    leave the pictures not yet made to another process.
+    Raises KeyboardInterrupt where the process is to end, and MemoryLimitError where it has grown too
+    large; both leave the pictures not yet made to another process.
     """
     request = context.request
     engine = choose([request.variant], threads=context.job.threads)

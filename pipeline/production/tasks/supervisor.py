@@ -185,7 +185,7 @@ def deferred_signals() -> Iterator[StopRequest]:
 # Memory
 
 
-class RestartWorker(Exception):  # noqa: N818 - a request, not an error
+class MemoryLimitError(Exception):
     """Raised when resident memory exceeds the limit; the supervisor starts a new worker.
 
     held, limit  MiB
@@ -214,9 +214,9 @@ class MemoryGuard:
         self._excess = held if held > self._limit else None
 
     def check(self) -> None:
-        """Raise RestartWorker if the last measurement exceeded the limit."""
+        """Raise MemoryLimitError if the last measurement exceeded the limit."""
         if self._excess is not None:
-            raise RestartWorker(self._excess, self._limit)
+            raise MemoryLimitError(self._excess, self._limit)
 
 
 def _resident_mib() -> float:

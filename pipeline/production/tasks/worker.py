@@ -26,7 +26,7 @@ from pipeline.production.store.locks import of_key, writing
 from pipeline.production.tasks.job import Context
 from pipeline.production.tasks.supervisor import (
     RESTART_WORKER,
-    RestartWorker,
+    MemoryLimitError,
     Supervisor,
     fall_back_to_other_variant,
     renderer,
@@ -92,7 +92,7 @@ def work(context: Context) -> int:
     well = False
     try:
         well = task_of(job.stage)(context)
-    except RestartWorker as restart:
+    except MemoryLimitError as restart:
         message = f"the renderer grew to {restart.held:.0f} MiB; a fresh one goes on"
         context.write("renewed", message=message, held_mib=restart.held, most_mib=restart.limit)
         return RESTART_WORKER

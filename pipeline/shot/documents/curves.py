@@ -1,13 +1,13 @@
 """Values that change over time in a shot file: a constant, keys, or a formula."""
 
 import math
-from typing import Annotated, Any, Generic, NamedTuple, TypeVar
+from typing import Annotated, Any, Generic, NamedTuple, TypeVar, cast, get_args
 
 from pydantic import AfterValidator, Field, ValidationInfo
 
 from pipeline.errors import UsageError
 from pipeline.flow.easing import BEZIER, EASINGS, Handle
-from pipeline.flow.keyframes import FormulaCurve, Keyframes
+from pipeline.flow.keyframes import Extrapolation, FormulaCurve, Keyframes
 from pipeline.flow.parameters import Curve, Number, Values, VectorParameter
 from pipeline.formula import TIME
 from pipeline.shot.clock import TIME_PATTERN, Clock
@@ -34,7 +34,7 @@ MOST_SAMPLES = 4000
 """Most times at which a curve is checked while the shot is read."""
 
 Ease = Annotated[str, one_of((*EASINGS, BEZIER), "easing")]
-Extrapolation = Annotated[str, one_of(("hold", "loop", "ping_pong", "offset", "continue"), "extrapolation")]
+ExtrapolationName = Annotated[str, one_of(get_args(Extrapolation), "extrapolation")]
 
 BezierHandle = Annotated[
     Any,
@@ -67,8 +67,8 @@ class Keyed(Document, Generic[T]):
         min_length=1, description="values by their times: frames, or seconds as 0.5s"
     )
     ease: Ease = Field("sine_in_out", description="interpolation from each key to the next")
-    before: Extrapolation = Field("hold", description="values before the first key")
-    after: Extrapolation = Field("hold", description="values after the last key")
+    before: ExtrapolationName = Field("hold", description="values before the first key")
+    after: ExtrapolationName = Field("hold", description="values after the last key")
 
 
 FormulaText = Annotated[NumberOrText, formula_over(TIME)]
@@ -204,8 +204,8 @@ def _keyframes(keyed: Keyed[Any], clock: Clock, unit: float) -> Keyframes:
         tuple(key.ease or (BEZIER if key.right else keyed.ease) for key in keys),
         tuple(handle(key.left) for key in keys) if with_handles else (),
         tuple(handle(key.right) for key in keys) if with_handles else (),
-        keyed.before,  # type: ignore[arg-type]  # one of them, as its validator says
-        keyed.after,  # type: ignore[arg-type]  # likewise
+        cast(Extrapolation, keyed.before),
+        cast(Extrapolation, keyed.after),
     )
 
 

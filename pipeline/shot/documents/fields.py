@@ -64,12 +64,12 @@ class ByForm:
 
     def __get_pydantic_core_schema__(self, union: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
         members = [Annotated[member, Tag(f"form {i}")] for i, member in enumerate(get_args(union))]
-        tagged: Any = Union[tuple(members)]  # noqa: UP007  # there is no other way for members of a list
+        tagged: Any = Union[*members]
         return handler(Annotated[tagged, Discriminator(lambda value: f"form {int(self.choose(value))}")])
 
 
 MAPPING_IS_SECOND = ByForm(lambda value: isinstance(value, dict))
-"""Of two members, such as a name and a document: the second is a mapping in the file."""
+"""The form of a union of two, such as a name and a document: a mapping in the file is the second."""
 
 
 @dataclass(frozen=True)
