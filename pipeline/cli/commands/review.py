@@ -67,7 +67,8 @@ def review(
     if three_js() is None:
         print_warning(HINT)
     verb = " would show" if common.dry_run else ""
-    words = f"{page.index}:{verb} {counts['sequences']} sequences, {counts['pictures']} pictures."
+    plural = "s" if counts["sequences"] != 1 else ""
+    words = f"{page.index}:{verb} {counts['sequences']} sequence{plural}, {counts['pictures']} pictures."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
     print_result(words, {"page": str(page.index), **counts, "not_as_asked_for": missing}, common.json)
 
