@@ -68,7 +68,7 @@ SMOOTH_NORMALS = PipelineStage(
 )
 FRAME_CAMERA = PipelineStage(
     "frame_camera",
-    version=1,
+    version=2,
     doing="framing",
     makes="cameras",
     reads=("simulate",),

@@ -23,7 +23,7 @@ BEVEL = 0.025
 FLAT_RADIUS, HORIZON_RADIUS, HORIZON_HEIGHT = 40.0, 400.0, 4.0
 """The ground: radius to which it is flat, its outer radius, and its height there, stage units."""
 
-_CAMERA_MOVES = {"plinth": (1.36, 0.22), "turntable": (1.16, 0.05)}
+_CAMERA_MOVES = {"plinth": (1.14, 0.13), "turntable": (1.08, 0.04)}
 """Camera distance as a multiple of the distance for the subject alone, and stage units to lower the
 camera."""
 

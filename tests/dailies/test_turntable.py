@@ -17,7 +17,8 @@ from pipeline.dailies.turntable import TurntableRequest, key_numbers, turn_and_a
 from pipeline.dailies.turntable_sheets import TurntableSheets
 from pipeline.errors import FrameError
 from pipeline.production.execution.project import Project
-from pipeline.production.render_inputs.framing import Framing, frame_all, rotate_y, with_stage_in_view
+from pipeline.production.render_inputs.framing import Framing, frame_all, with_stage_in_view
+from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.production.request.keys import raw_key
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable, TurntableAngle, framed_whole

@@ -5,16 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import (
-    AHEAD,
-    BoundingSpheres,
-    Framer,
-    envelope,
-    fitting_distance,
-    frame_all,
-    rotate_y,
-    smooth,
-)
+from pipeline.production.render_inputs.framing import AHEAD, Framer, envelope, frame_all, smooth
+from pipeline.production.render_inputs.view_geometry import BoundingSpheres, fitting_distance, rotate_y
 from pipeline.shot.camera import View
 from render.base.errors import BadInputError
 
@@ -59,6 +51,33 @@ def test_a_sculpture_at_rest_stands_on_the_floor_and_fills_the_safe_area():
     assert framing.placement.origin[1] == pytest.approx(-1)
     x, y, _ = framing.camera.project(cube, ASPECT).T
     assert max(np.abs(x).max(), np.abs(y).max()) == pytest.approx(1 - 2 * 0.08)
+
+
+def filled(framings, clouds):
+    """The larger of width and height of each sculpture in its picture, as fractions of the picture's."""
+    boxes = [
+        np.ptp(f.camera.project(c, ASPECT)[:, :2], axis=0) for f, c in zip(framings, clouds, strict=True)
+    ]
+    return np.max(boxes, axis=1) / 2
+
+
+@settings(max_examples=25, deadline=None)
+@given(st.integers(0, 10_000), st.floats(-3, 3), st.floats(0, 1.2), st.floats(0.1, 1.0))
+def test_a_sculpture_at_rest_is_in_the_middle_of_the_picture(seed, azimuth, elevation, field_of_view):
+    (cloud,) = blobs(seed, 1)
+    (framing,) = frame_all([View(azimuth, elevation, field_of_view, 0.1)], lambda i: cloud, ASPECT)
+    low, high = (edge(framing.camera.project(cloud, ASPECT)[:, :2], axis=0) for edge in (np.min, np.max))
+    assert np.abs(low + high).max() < 0.05
+    assert filled([framing], [cloud]) == pytest.approx(0.8)
+
+
+@pytest.mark.parametrize("growth", [0.96, 1.0, 1.04])
+def test_a_sculpture_that_grows_or_shrinks_steadily_fills_the_picture_all_along(growth):
+    (cloud,) = blobs(1, 1)
+    clouds = [cloud * growth**i for i in range(80)]
+    views = [View(0.4 + 0.01 * i, 0.25, np.radians(26), 0.1) for i in range(80)]
+    shares = filled(frame_all(views, clouds.__getitem__, ASPECT), clouds)
+    assert shares.min() > 0.7 and shares.max() <= 0.8 + 1e-9
 
 
 @settings(max_examples=25, deadline=None)
@@ -157,6 +176,7 @@ def test_one_ball_fills_the_safe_area_and_stands_on_the_floor():
     assert 2 / distance == pytest.approx(np.sin(np.arctan(high)))  # the ball touches the plane of the margin
 
 
+@settings(deadline=None)
 @given(st.integers(0, 2**16), st.lists(st.integers(1, 25), min_size=1, max_size=12))
 def test_cameras_are_settled_while_frames_come_and_are_those_of_the_whole(
     seed: int, steps: list[int]

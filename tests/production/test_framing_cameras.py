@@ -7,7 +7,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, BoundingSpheres, Framing, frame_all
+from pipeline.production.render_inputs.framing import FOOTING, STEADINESS, Framing, frame_all
+from pipeline.production.render_inputs.view_geometry import BoundingSpheres
 from pipeline.shot.camera import Lens, View
 from render.base.serialise import from_plain, to_plain
 

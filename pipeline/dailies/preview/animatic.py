@@ -15,13 +15,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.sketch import Sketch, is_closed
 from pipeline.dailies.preview.surface_stream import SurfaceStream
-from pipeline.production.render_inputs.framing import (
-    AHEAD,
-    BoundingSpheres,
-    Framer,
-    Framing,
-    with_stage_in_view,
-)
+from pipeline.production.render_inputs.framing import AHEAD, Framer, Framing, with_stage_in_view
+from pipeline.production.render_inputs.view_geometry import BoundingSpheres
 from pipeline.production.request.render_request import RenderRequest
 from render.movie.codecs import PLAYBLAST
 from render.movie.encode import write_movie

@@ -1,10 +1,10 @@
 """Automatic framing: the camera and the stage follow the sculpture, calmly.
 
-For each frame the centre of the sculpture, the height of its lowest point and the distance from which it just
-fits the safe area are found. The three tracks are smoothed so that the camera never jumps and nothing leaves
-the picture: the distance from above, the floor from below. A frame's camera depends on frames at most
-`3 * STEADINESS` away, so an edit late in a shot leaves early pictures alone, and cameras can be found while
-frames still come.
+For each frame the point that shows the sculpture in the middle of the picture, the height of its lowest point
+and the distance from which it just fits the safe area are found. The three tracks are smoothed so that the
+camera never jumps and nothing leaves the picture: the distance from above, the floor from below. A frame's
+camera depends on frames at most `3 * STEADINESS` away, so an edit late in a shot leaves early pictures alone,
+and cameras can be found while frames still come.
 """
 
 from __future__ import annotations
@@ -12,11 +12,19 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from pipeline.arrays import AnyArray, Floats
+from pipeline.arrays import Floats
+from pipeline.production.render_inputs.view_geometry import (
+    Extent,
+    axes_of,
+    bearing,
+    bounds,
+    fitting_distance,
+    picture_centre,
+)
 from render.scene.camera import Camera
 from render.scene.stage import Stage, StagePlacement
 
@@ -24,7 +32,7 @@ if TYPE_CHECKING:
     from pipeline.shot.camera import Lens, View
 
 STEADINESS = 10
-"""Frames to either side over which the camera is smoothed; at 24 a second, about an eye's patience."""
+"""Frames to either side over which the camera is smoothed: even; at 24 a second, about an eye's patience."""
 
 FOOTING = 1
 """Frames to either side over which the floor is smoothed: few, so that the sculpture stands, not hovers."""
@@ -46,11 +54,6 @@ NEAR, FAR = 1e-2, 1e4
 """Near and far clipping distance of cameras, scene units; in scenes too small or too large for these, a tenth
 of the distance of the target, and a hundred times that."""
 
-DOWN = (0.0, -1.0, 0.0)
-
-BLOCK = 4096
-"""Points that are projected together, so that results stay in a core's cache."""
-
 
 @dataclass(frozen=True)
 class Framing:
@@ -58,17 +61,6 @@ class Framing:
 
     camera: Camera
     placement: StagePlacement
-
-
-class BoundingSpheres(NamedTuple):
-    """Spheres: centres (N, 3) of any float type, and radii (N,), scene units."""
-
-    points: AnyArray
-    radii: AnyArray
-
-
-Extent = AnyArray | BoundingSpheres
-"""Points (N, 3) of any float type, or spheres, all of which a picture must show."""
 
 
 def frame_all(
@@ -95,7 +87,7 @@ class Framer:
         many = len(views)
         self._views, self._points_of, self._aspect, self._follow = views, points_of, aspect, follow
         self._half_widths = np.array([np.tan(view.field_of_view / 2) for view in views])
-        self._centres, self._floors = np.zeros((many, 3)), np.zeros(many)
+        self._boxes, self._centres, self._floors = np.zeros((many, 3)), np.zeros((many, 3)), np.zeros(many)
         self._middles, self._aims, self._sides = (np.zeros((many, 3, *more)) for more in ((), (), (3,)))
         self._reach, self._around = np.zeros(many), np.zeros(many)
         self._surveyed = self._aimed = self._given = 0
@@ -114,22 +106,28 @@ class Framer:
 
     def _survey(self, come: int) -> None:
         for i in range(self._surveyed, come):
-            self._centres[i], self._floors[i] = bounds(self._points_of(i), self._views[i])
+            points, view = self._points_of(i), self._views[i]
+            self._boxes[i], self._floors[i] = bounds(points, view)
+            self._centres[i] = picture_centre(points, self._boxes[i], view, self._aspect)
         self._surveyed = come
 
     def _aim(self, last: int) -> None:
         """Find the look-at points up to frame `last`, and the least distances to them."""
         first = self._aimed
         last = self._aimed = max(first, last)
-        moving = _part(self._centres[: self._surveyed], first, last, STEADINESS, _calm)
-        self._middles[first:last] = _between(self._centres.mean(axis=0), moving, self._follow)
+        self._middles[first:last] = self._calm_part(self._boxes, first, last)
+        centres = self._calm_part(self._centres, first, last)
         for i in range(first, last):
-            view, middle, points = self._views[i], self._middles[i], self._points_of(i)
-            aim = self._aims[i] = middle if view.target is None else np.array(view.target)
+            view, centre, points = self._views[i], centres[i - first], self._points_of(i)
+            aim = self._aims[i] = centre if view.target is None else np.array(view.target)
             side = self._sides[i] = axes_of(view, aim)
             self._reach[i] = self._around[i] = fitting_distance(points, aim, side, view, self._aspect)
             if view.target is not None:
-                self._around[i] = fitting_distance(points, middle, side, view, self._aspect)
+                self._around[i] = fitting_distance(points, centre, side, view, self._aspect)
+
+    def _calm_part(self, track: Floats, first: int, last: int) -> Floats:
+        moving = _part(track[: self._surveyed], first, last, STEADINESS, _calm)
+        return _between(track.mean(axis=0), moving, self._follow)
 
     def _place(self, last: int) -> list[Framing]:
         first = self._given
@@ -188,8 +186,13 @@ _calm = partial(smooth, radius=STEADINESS)
 
 
 def _beyond(track: Floats) -> Floats:
-    """Return a smooth track that is nowhere below another."""
-    return smooth(envelope(track, STEADINESS, np.max), STEADINESS)
+    """Return a smooth track that is nowhere below another, and close to it.
+
+    The smoothed track is raised by the smoothed envelope of what exceeds it. Where a sculpture grows steadily
+    that is little; an envelope of the track itself would be as far ahead as its radius.
+    """
+    calm = _calm(track)
+    return calm + smooth(envelope(track - calm, STEADINESS // 2, np.max), STEADINESS // 2)
 
 
 def _standing(track: Floats) -> Floats:
@@ -202,87 +205,6 @@ def _between(held: Floats | float, moving: Floats, follow: float) -> Floats:
     if follow == 1.0:
         return moving
     return np.asarray(held + follow * (moving - held))
-
-
-# Geometry of a view
-
-
-def rotate_y(points: AnyArray, angle: float, about_origin: bool = False) -> AnyArray:
-    """Turn (N, 3) points about the vertical axis of their bounds, or directions about y."""
-    if angle == 0.0:
-        return points
-    low, high = points.min(axis=0), points.max(axis=0)
-    pivot = np.zeros(3) if about_origin else (low + high) / 2
-    c, s = np.cos(angle), np.sin(angle)
-    turn = np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
-    return np.asarray((points - pivot) @ turn.T + pivot)
-
-
-def bounds(points: Extent, view: View) -> tuple[Floats, float]:
-    """Return the centre (3,) of the bounds of points along the axes of a view, and their lowest height."""
-    axes = _axes(view.azimuth + view.orbit, view.elevation)
-    reach = _extents(points, np.vstack([axes, -axes, DOWN]), np.ones(7))
-    return (reach[:3] - reach[3:6]) / 2 @ axes, float(-reach[6])
-
-
-def fitting_distance(points: Extent, target: Floats, axes: Floats, view: View, aspect: float) -> float:
-    """Return the least distance from `target` at which all points or spheres lie within the margins.
-
-    axes  (3, 3): rows right, up and back, the camera's
-
-    A sphere lies beside a plane through the lens if its centre is its radius away from it.
-    """
-    right, up, back = axes
-    wide = np.tan(view.field_of_view / 2) * (1 - 2 * view.margin)
-    high = wide / aspect
-    sides = np.stack([back + right / wide, back - right / wide, back + up / high, back - up / high])
-    slant = np.repeat([np.hypot(1.0, wide) / wide, np.hypot(1.0, high) / high], 2)
-    return float((_extents(points, sides, slant) - sides @ target).max())
-
-
-def _extents(points: Extent, directions: Floats, slant: Floats) -> Floats:
-    """Return (K,) the extents of points or spheres along directions (K, 3); radii count `slant` (K,) times.
-
-    Planes bound a picture, so framing needs nothing else.
-    """
-    centres, radii = points if isinstance(points, BoundingSpheres) else (points, None)
-    reach = np.full(len(directions), -np.inf)
-    for some in (slice(i, i + BLOCK) for i in range(0, len(centres), BLOCK)):
-        along = directions @ centres[some].T
-        if radii is not None:
-            along += slant[:, None] * radii[some]
-        np.maximum(reach, along.max(axis=1), out=reach)
-    return reach
-
-
-def bearing(view: View, aim: Floats) -> tuple[float, float]:
-    """Return azimuth and elevation of the camera seen from its look-at point, radians."""
-    if view.position is None:
-        return view.azimuth + view.orbit, view.elevation
-    x, y, z = np.subtract(view.position, aim)
-    return float(np.arctan2(x, z)), float(np.arctan2(y, np.hypot(x, z)))
-
-
-def _axes(azimuth: float, elevation: float) -> Floats:
-    """Return (3, 3): rows right, up and back of a camera without roll."""
-    sin_a, cos_a = np.sin(azimuth), np.cos(azimuth)
-    sin_e, cos_e = np.sin(elevation), np.cos(elevation)
-    return np.array(
-        [
-            [cos_a, 0.0, -sin_a],
-            [-sin_e * sin_a, cos_e, -sin_e * cos_a],
-            [cos_e * sin_a, sin_e, cos_e * cos_a],
-        ]
-    )
-
-
-def axes_of(view: View, aim: Floats) -> Floats:
-    """Return (3, 3): the axes of a view's camera, with roll."""
-    right, up, back = _axes(*bearing(view, aim))
-    if view.roll == 0.0:
-        return np.stack([right, up, back])
-    cos, sin = np.cos(view.roll), np.sin(view.roll)
-    return np.stack([cos * right - sin * up, cos * up + sin * right, back])
 
 
 def camera_of(view: View, aim: Floats, axes: Floats, distance: float, size: float) -> Camera:

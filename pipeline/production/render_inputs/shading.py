@@ -20,7 +20,8 @@ from pipeline.mesh import TriangleMesh
 from pipeline.mesh.control_net import bspline_surface, bspline_values
 from pipeline.mesh.normals import ShadedMesh, split_at_creases, vertex_normals
 from pipeline.mesh.pn_triangles import MOST_PIECES, spread, tessellate
-from pipeline.production.render_inputs.framing import Framing, rotate_y
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.resample import Thresholds
 from pipeline.shot import Motion
 from pipeline.shot.point_subjects import RADIUS

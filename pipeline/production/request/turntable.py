@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 TURNS = ("object", "lights")
 """The turns of a turntable, in their order."""
 
-MARGIN, WIDEST = 0.08, math.radians(40.0)
+MARGIN, WIDEST = 0.1, math.radians(40.0)
 """The least margin around the object, as in `View`, and the widest field of view of a turntable with balls
 and chart: in a wider one what is near would hide them."""
 

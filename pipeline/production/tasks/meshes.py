@@ -13,8 +13,9 @@ import numpy as np
 from pipeline.animation import MeshFrame, animate
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
-from pipeline.production.render_inputs.framing import BoundingSpheres, frame_all, rotate_y, with_stage_in_view
+from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
 from pipeline.production.render_inputs.shading import Shading, radii
+from pipeline.production.render_inputs.view_geometry import BoundingSpheres, rotate_y
 from pipeline.production.request.keys import thresholds_at
 from pipeline.production.store import readers
 from pipeline.production.store.readers import write_npz

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import AnyArray
-from pipeline.production.render_inputs.framing import Framing, rotate_y
+from pipeline.production.render_inputs.framing import Framing
+from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
 from pipeline.production.store import readers
 from pipeline.production.store.store import Key

@@ -98,7 +98,7 @@ class CameraDocument(Document):
         default=FULL_FRAME, description="of the sensor; full frame by default (mm)"
     )
     margin: MarginField = Field(
-        default=0.08, description="fraction of the picture left empty on each side; action; title"
+        default=0.1, description="fraction of the picture left empty on each side; action; title"
     )
     follow: ZeroToOne = Field(default=1.0, description="1 follows the sculpture, 0 stands still")
     dolly: PositiveField | None = optional("factor on the distance that framing finds: below 1 is closer")
