@@ -6,27 +6,39 @@ from typing import NamedTuple
 
 import numpy as np
 
-from pipeline.arrays import AnyArray
+from pipeline.arrays import AnyArray, Points
+from pipeline.errors import MeshError
+from pipeline.mesh.face_soup import FaceSoup
 from pipeline.mesh.polygon_files import FileSurface
-from pipeline.mesh.polygon_mesh import PolygonMesh
-from pipeline.mesh.triangle_mesh import edge_keys
-from pipeline.mesh.validation import twin_corners
 
 _MERGE = 1e-9  # of the bounding box's diagonal: closer vertices are one
 
 
 class MergedSurface(NamedTuple):
-    """A file's polygons over merged vertices, not checked; `creases` (K, 2) are edges of the mesh."""
+    """Faces of a file over merged vertices, each with three different corners at least.
 
-    mesh: PolygonMesh
-    creases: AnyArray
+    joined     (V of the file,) the first vertex of the file at the same position
+    unused     vertices of the file (K,) that no face names
+    collapsed  faces of the file (L,) with fewer than three corners left, which were dropped
+    """
+
+    soup: FaceSoup
+    joined: AnyArray
+    unused: AnyArray
+    collapsed: AnyArray
 
 
-def merge_coincident(loaded: FileSurface) -> MergedSurface:
-    """Merge coincident vertices; drop unused ones and faces with fewer than three corners left."""
-    points, offsets = loaded.points, loaded.offsets
-    joined = _first_alike(points)
-    corners, face = joined[loaded.corners], np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
+def merge_coincident(surface: FileSurface) -> MergedSurface:
+    """Merge coincident vertices; drop unused ones, and faces with fewer than three corners left.
+
+    Raises MeshError where a face names a vertex whose coordinates are no numbers.
+    """
+    points, offsets = surface.points, surface.offsets
+    named = np.zeros(len(points), bool)
+    named[surface.corners] = True
+    _require_numbers(surface, named)
+    joined = _first_alike(points, named)
+    corners, face = joined[surface.corners], np.repeat(np.arange(len(offsets) - 1), np.diff(offsets))
     following = np.arange(1, len(corners) + 1)
     some = offsets[1:] > offsets[:-1]
     following[offsets[1:][some] - 1] = offsets[:-1][some]
@@ -34,34 +46,36 @@ def merge_coincident(loaded: FileSurface) -> MergedSurface:
     sides = np.bincount(face[kept], minlength=len(offsets) - 1)
     whole = sides >= 3
     used, renumbered = np.unique(corners[kept & whole[face]], return_inverse=True)
-    mesh = PolygonMesh.from_arrays(
-        points[used], np.cumsum([0, *sides[whole].tolist()]), renumbered.reshape(-1)
+    starts = np.concatenate([[0], np.cumsum(sides[whole])])
+    soup = FaceSoup(points[used], starts, renumbered.reshape(-1), np.flatnonzero(whole), used)
+    return MergedSurface(soup, joined, np.flatnonzero(~named), np.flatnonzero(~whole))
+
+
+def _require_numbers(surface: FileSurface, named: AnyArray) -> None:
+    wrong = np.flatnonzero(named & ~np.isfinite(surface.points).all(axis=1))
+    if not len(wrong):
+        return
+    at = ", ".join(f"{value:g}" for value in surface.points[wrong[0]])
+    more = f" (and {len(wrong) - 1} more)" if len(wrong) > 1 else ""
+    raise MeshError(
+        f"vertex {wrong[0] + (surface.base or 0)}{more} is at ({at}), which is not finite; "
+        "coordinates must be numbers. Export the model again, or remove the vertex with its faces."
     )
-    number = np.full(len(points), -1)
-    number[used] = np.arange(len(used))
-    inside = ((loaded.tagged >= 0) & (loaded.tagged < len(points))).all(axis=1)
-    tagged = _existing(mesh, number[joined[loaded.tagged[inside]]])
-    return MergedSurface(mesh, np.concatenate([_between_groups(mesh, loaded.groups[whole]), tagged]))
 
 
-def _first_alike(points: AnyArray) -> AnyArray:
-    """Return for each point (V,) the first one at the same position."""
-    span = float(np.linalg.norm(np.ptp(points, axis=0))) or 1.0
-    cells = np.round((points - points.min(axis=0)) / (_MERGE * span)).astype(np.int64)
-    _, first, cell = np.unique(cells, axis=0, return_index=True, return_inverse=True)
-    return first[cell.reshape(-1)]
-
-
-def _between_groups(mesh: PolygonMesh, groups: AnyArray) -> AnyArray:
-    """Return the edges (K, 2) whose two faces belong to different groups."""
-    twin, mine = twin_corners(mesh), groups[mesh.owners]
-    parting = (twin >= 0) & (mine != mine[twin])
-    return np.column_stack([mesh.corners[parting], mesh.heads[parting]])
-
-
-def _existing(mesh: PolygonMesh, pairs: AnyArray) -> AnyArray:
-    """Return the pairs (K, 2) that are edges; tags on others are ignored."""
-    if not len(pairs):
-        return pairs
-    wanted = np.sort(pairs, axis=1)
-    return wanted[(wanted[:, 0] >= 0) & np.isin(edge_keys(wanted), edge_keys(mesh.edges))]
+def _first_alike(points: Points, named: AnyArray) -> AnyArray:
+    """Return for each point (V,) the first one at the same position; those not `named` set no tolerance."""
+    if not named.any():
+        return np.arange(len(points))
+    lowest = points[named].min(axis=0)
+    span = float(np.linalg.norm(points[named].max(axis=0) - lowest)) or 1.0
+    if not np.isfinite(span):
+        raise MeshError("its coordinates are too large to be measured; export the model in other units")
+    number = np.flatnonzero(np.isfinite(points).all(axis=1))
+    steps = (points[number] - lowest) / max(_MERGE * span, np.finfo(float).smallest_subnormal)
+    cells = np.round(np.clip(steps, -1e18, 1e18)).astype(np.int64)
+    order = np.lexsort(cells.T)
+    starts = np.append(True, (np.diff(cells[order], axis=0) != 0).any(axis=1))
+    first = np.arange(len(points))
+    first[number[order]] = number[order[starts]][np.cumsum(starts) - 1]
+    return first

@@ -24,6 +24,8 @@ class FileSurface(NamedTuple):
     corners  int64 (C,), from 0
     groups   int64 (F,): edges between faces with different numbers are creases
     tagged   int64 (K, 2): edges that the file itself marks as creases
+    base     number of the first vertex and the first face in the file; None in formats without numbers, whose
+             faces share no vertices
     """
 
     points: Points
@@ -31,6 +33,11 @@ class FileSurface(NamedTuple):
     corners: AnyArray
     groups: AnyArray
     tagged: AnyArray
+    base: int | None = 0
+
+    @property
+    def shares_vertices(self) -> bool:
+        return self.base is not None
 
 
 def file_surface(
@@ -38,6 +45,7 @@ def file_surface(
     faces: Sequence[Sequence[int]] | AnyArray,
     groups: Sequence[int] | None = None,
     tagged: Sequence[tuple[int, int]] = (),
+    base: int | None = 0,
 ) -> FileSurface:
     """Return the surface of one corner sequence a face, or (F, n) where all faces have n corners.
 
@@ -52,9 +60,13 @@ def file_surface(
     if outside.any():
         c = int(np.argmax(outside))
         face = int(np.searchsorted(offsets, c, side="right")) - 1
-        raise ValueError(f"face {face} names vertex {corners[c]} of {len(points)}, numbered from 0")
+        first = base or 0
+        raise ValueError(
+            f"face {face + first} names vertex {corners[c] + first}; the file has {len(points)} vertices, "
+            f"numbered from {first}"
+        )
     alike = np.zeros(len(faces), np.int64) if groups is None else np.array(groups, np.int64)
-    return FileSurface(points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2))
+    return FileSurface(points, offsets, corners, alike, np.array(tagged, np.int64).reshape(-1, 2), base)
 
 
 _PARTING = ("o", "g", "s", "usemtl")
@@ -94,8 +106,8 @@ def read_wavefront(path: Path) -> FileSurface:
             raise ValueError(f"line {line}: {' '.join(words)[:40]}: {error}") from error
     short = next((k for k, point in enumerate(points) if len(point) != 3), None)
     if short is not None:
-        raise ValueError(f"vertex {short} has {len(points[short])} coordinates, not 3")
-    return file_surface(np.array(points, np.float64).reshape(-1, 3), faces, groups, tagged)
+        raise ValueError(f"vertex {short + 1} has {len(points[short])} coordinates, not 3")
+    return file_surface(np.array(points, np.float64).reshape(-1, 3), faces, groups, tagged, base=1)
 
 
 def _statements(path: Path) -> Iterator[tuple[int, list[str]]]:

@@ -76,10 +76,10 @@ def read_surface(path: str | Path, repair: bool = True) -> ImportedSurface:
     loaded = read_by_suffix(path, _READERS, "a mesh format")
     if len(loaded.corners) == 0:
         raise MeshError(f"{path}: it holds no faces; a surface needs at least one triangle")
-    if not np.isfinite(loaded.points).all():
-        vertex = int(np.argmin(np.isfinite(loaded.points).all(axis=1)))
-        raise MeshError(f"{path}: vertex {vertex} is not finite; coordinates must be numbers")
-    mesh, repairs = repair_surface(loaded, repair, str(path))
+    try:
+        mesh, repairs = repair_surface(loaded, repair)
+    except MeshError as error:
+        raise MeshError(f"{path}: {error}") from None
     suffix = path.suffix.lstrip(".").upper()
     return ImportedSurface(mesh, repairs, suffix, len(loaded.points), len(loaded.offsets) - 1)
 
@@ -88,7 +88,7 @@ def _read_by_trimesh(path: Path) -> FileSurface:
     import trimesh
 
     scene = trimesh.load(path, force="mesh", process=False, maintain_order=True)
-    return file_surface(np.asarray(scene.vertices, np.float64), np.asarray(scene.faces))
+    return file_surface(np.asarray(scene.vertices, np.float64), np.asarray(scene.faces), base=None)
 
 
 _READERS: dict[str, Callable[[Path], FileSurface]] = {

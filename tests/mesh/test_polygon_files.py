@@ -149,8 +149,12 @@ def test_an_off_file_may_have_comments_colours_and_its_counts_on_the_first_line(
 @pytest.mark.parametrize(
     ("name", "content", "fault"),
     [
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n", "face 0 names vertex 8 of 3"),
-        ("a.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "vertex 1 has 2 coordinates"),
+        (
+            "a.obj",
+            "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 9\n",
+            "face 1 names vertex 9; the file has 3 vertices, numbered from 1",
+        ),
+        ("a.obj", "v 0 0 0\nv 1 0\nv 0 1 0\nf 1 2 3\n", "vertex 2 has 2 coordinates"),
         ("a.obj", "v 0 0 0\nv 1 zero 0\n", "line 2: v 1 zero 0"),
         ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 0 1 2\n", "line 4.*numbered from 1"),
         ("a.off", "OFF\n3 1 0\n0 0 0\n1 0 0\n", "cannot be read as OFF"),

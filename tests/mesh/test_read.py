@@ -52,7 +52,8 @@ def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
         ("a.ply", "this is no ply", "cannot be read"),
         ("a.glb", "this is no glb", "cannot be read"),
         ("a.stl", "this is no stl", "cannot be read|no faces"),
-        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 1 1 1\nf 1 2 3\nf 2 1 4\nf 1 2 5\n", "3 faces"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 0 nan 0\nf 1 2 3\n", r"vertex 3 is at \(0, nan, 0\)"),
+        ("a.obj", "v 0 0 0\nv 1 0 0\nv 2 0 0\nf 1 2 1\n", "degenerate"),
     ],
 )
 def test_a_bad_file_is_named_with_its_fault(tmp_path: Path, name: str, content: str, fault: str) -> None:
