@@ -1,6 +1,6 @@
 """Cost of clouds: spheres as triangles, built into a scene and rendered.
 
-    python -m benchmarks.clouds 20000 preview
+    python -m benchmarks.clouds 20000 draft
 
 Prints spheres, quality, triangles, seconds of building and of rendering, and the peak memory of the process.
 """

@@ -73,25 +73,25 @@ def main(frames: int = 1000) -> list[Target]:
 
 def planning(names: list[str], frames: int, most: float) -> Iterator[Target]:
     """Measure planning with empty and with filled caches, and Snakemake's part."""
-    work, words = f"{len(names)} × {frames} frames", ("render", *names, "-q", "preview")
+    work, words = f"{len(names)} × {frames} frames", ("render", *names, "-q", "draft")
     for when, bound in (("first plan", most), ("planned again", most)):
         spent = timed(lambda: command("--dry-run", *words))
         yield Target(work, f"{when}: s of a core", spent.cpu, most=bound)
         yield Target(work, f"{when}: s by the clock", spent.clock)
-    plan = Project(Path.cwd(), CORES).pictures(names, "preview")
+    plan = Project(Path.cwd(), CORES).pictures(names, "draft")
     spent = timed(lambda: snakemake_looks_at(plan))
     yield Target(work, f"Snakemake's graph of {len(plan.jobs)} jobs: s of a core", spent.cpu)
 
 
 def running(name: str, frames: int) -> Iterator[Target]:
     """Measure a run of jobs that find all their outputs, and a run that has nothing to do."""
-    plan = Project(Path.cwd(), CORES).pictures([name], "preview")
+    plan = Project(Path.cwd(), CORES).pictures([name], "draft")
     fill(plan)
     work, spent = f"{frames} frames", timed(lambda: carry_out(plan))
     yield Target(work, "ms a frame, two cores", 1000 * spent.cpu / CORES / frames, most=10.0)
     yield Target(work, "ms a frame by the clock", 1000 * spent.clock / frames)
     for _ in range(2):  # the first notes the keys that it finds
-        spent = timed(lambda: command("render", name, "-q", "preview"))
+        spent = timed(lambda: command("render", name, "-q", "draft"))
     yield Target(work, "nothing to be done: s of a core", spent.cpu, most=1.5)
     yield Target(work, "nothing to be done: s by the clock", spent.clock)
 

@@ -113,7 +113,7 @@ def edited(root: Path) -> tuple[float, int]:
         requests: list[Any] = []
 
         def sketch() -> Sketch:
-            requests.append(Project(root, 2).request(shot, "preview", None, variant="none"))
+            requests.append(Project(root, 2).request(shot, "draft", None, variant="none"))
             return Sketch(requests[-1])
 
         session = LiveSession(sketch, feed, stream, lambda ready: None, {shot})

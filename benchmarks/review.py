@@ -22,7 +22,7 @@ from tests.dailies.review.chromium import running
 from tests.dailies.review.studio import NAME, SHOT, Desk, Picture, hang, simulated
 
 FRAMES = 240
-QUALITIES = {"preview": (480, 270), "daily": (960, 540), "final": (1920, 1080)}
+QUALITIES = {"draft": (480, 270), "daily": (960, 540), "final": (1920, 1080)}
 PLAYED = 4.0
 """Seconds of playback."""
 
@@ -115,7 +115,7 @@ def main() -> None:
         os.chdir(folder)
         try:
             desk = simulated(Path(folder), SHOT.replace("frames: 1-24", f"frames: 1-{FRAMES}"))
-            rows = [measured(desk, quality) for quality in sys.argv[1:] or ("preview", "daily")]
+            rows = [measured(desk, quality) for quality in sys.argv[1:] or ("draft", "daily")]
         finally:
             os.chdir(before)
     show(f"a review page of {FRAMES} frames", rows)

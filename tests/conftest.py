@@ -111,7 +111,7 @@ class ProjectFolder:
             assert time.monotonic() < limit, "waited in vain"
             time.sleep(0.01)
 
-    def frames(self, quality: str = "preview", kind: str = "frames") -> list[Path]:
+    def frames(self, quality: str = "draft", kind: str = "frames") -> list[Path]:
         return sorted((self.path / "renders" / "T010_tiny" / quality / kind).glob("*.exr"))
 
     def copy(self, place: Path) -> ProjectFolder:
@@ -127,9 +127,9 @@ def project(tmp_path: Path) -> ProjectFolder:
 
 @pytest.fixture(scope="session")
 def finished_project(tmp_path_factory: pytest.TempPathFactory) -> ProjectFolder:
-    """A project whose film is made at preview quality; tests work on copies of it."""
+    """A project whose film is made at draft quality; tests work on copies of it."""
     made = _new_project(tmp_path_factory.mktemp("finished"))
-    done = made.run("film", "-q", "preview")
+    done = made.run("film", "-q", "draft")
     assert done.code == 0, done.err
     return made
 

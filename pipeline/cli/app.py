@@ -71,10 +71,11 @@ class _Commands(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
         name, _, rest = super().resolve_command(ctx, args)
-        return name, _command_named(str(name)), rest
+        return name, command_named(str(name)), rest
 
 
-def _command_named(name: str) -> Any:
+def command_named(name: str) -> Any:
+    """Return the command of a name, with its options, as click has it."""
     function = getattr(import_module(f"pipeline.cli.commands.{name}"), name)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
     alone.command(name)(with_options(function))

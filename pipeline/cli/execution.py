@@ -30,6 +30,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.render_request import FORMS
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import Event, EventReader, poll
+from render.base.plural import plural
 
 POLL_SECONDS = 0.2
 
@@ -183,7 +184,9 @@ def report_notes(plan: Plan, reported: set[str]) -> None:
 
 def count_words(counts: Mapping[str, int]) -> str:
     """Return frames by stage in words: `simulating 3 frames, rendering 2 frames`."""
-    return ", ".join(f"{STAGES[name].doing} {counts[name]} frames" for name in STAGES if counts.get(name))
+    return ", ".join(
+        f"{STAGES[name].doing} {plural(counts[name], 'frame')}" for name in STAGES if counts.get(name)
+    )
 
 
 def estimate_words(expected: Estimate) -> str:
@@ -191,7 +194,7 @@ def estimate_words(expected: Estimate) -> str:
     told = []
     if expected.core_seconds:
         by = f", by {expected.by}" if expected.by else ""
-        told.append(f"It takes about {duration(expected.seconds)} on {expected.cores} cores{by}.")
+        told.append(f"It takes about {duration(expected.seconds)} on {plural(expected.cores, 'core')}{by}.")
     if expected.unmeasured:
         stages = ", ".join(dict.fromkeys(STAGES[stage].doing for stage in expected.unmeasured))
         told.append(f"How long {stages} takes is not known: none was done here yet.")
@@ -205,11 +208,11 @@ def _achieved(outcome: Outcome, seconds: float) -> str:
     films = films or _folders(outcome.plan.targets)
     if outcome.unfinished:
         return f"Not finished after {seconds:.0f} s; what is done stays done."
-    shown = ", ".join(films) or f"{len(outcome.plan.targets)} files"
+    shown = ", ".join(films) or plural(len(outcome.plan.targets), "file")
     if not outcome.events:
-        again = f" ({outcome.restored} links restored)" if outcome.restored else ""
+        again = f" ({plural(outcome.restored, 'link')} restored)" if outcome.restored else ""
         return f"Nothing to be done{again}: {shown}"
-    return f"Done in {seconds:.0f} s ({outcome.made('render')} frames rendered): {shown}"
+    return f"Done in {seconds:.0f} s ({plural(outcome.made('render'), 'frame')} rendered): {shown}"
 
 
 def _folders(targets: Sequence[str]) -> list[str]:

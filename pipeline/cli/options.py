@@ -14,6 +14,7 @@ import typer
 
 from pipeline.cli.output import print_error
 from pipeline.errors import UsageError, suggestion
+from pipeline.production.request.crop_and_scale import today_name
 from render.mitsuba.engine import VARIANTS, available_cores
 from render.scene.quality import QUALITIES
 
@@ -52,7 +53,18 @@ Frames = Annotated[
         "missing, stale, failed. Default: all."
     ),
 ]
-Quality = Annotated[str, typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.")]
+
+
+def _today_names(given: str | list[str] | None) -> str | list[str] | None:
+    """Return the names of qualities as they are today."""
+    return [today_name(name) for name in given] if isinstance(given, list) else given and today_name(given)
+
+
+def quality_option(help: str = f"One of {', '.join(QUALITIES)}.", **settings: Any) -> Any:
+    return typer.Option("-q", "--quality", help=help, callback=_today_names, **settings)
+
+
+Quality = Annotated[str, quality_option()]
 Variant = Annotated[
     str | None, typer.Option(help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works.")
 ]

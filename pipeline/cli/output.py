@@ -14,6 +14,7 @@ from rich.console import Console, RenderableType
 from rich.table import Table
 
 from render.base.atomic_write import disk_errors
+from render.base.plural import plural
 
 if TYPE_CHECKING:
     from rich.progress import Progress, ProgressColumn
@@ -69,7 +70,7 @@ def duration(seconds: float) -> str:
     if hours < 48:
         return f"{hours} h {minutes:02d} min"
     days, hours = divmod(hours, 24)
-    return f"{days} days {hours} h"
+    return f"{plural(days, 'day')} {hours} h"
 
 
 def size(count: float) -> str:
@@ -77,7 +78,7 @@ def size(count: float) -> str:
     for unit, factor in (("TB", 1e12), ("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
         if count >= factor:
             return f"{count / factor:.3g} {unit}"
-    return f"{count:.3g} bytes"
+    return plural(round(count), "byte")
 
 
 def frame_progress(*more: ProgressColumn) -> Progress:

@@ -14,6 +14,7 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.request.turntable import TURNS, Turntable
+from render.base.plural import plural
 from render.scene.materials import LOOKS
 
 BOTH = "both"
@@ -48,7 +49,8 @@ class TurntableRequest:
     def __post_init__(self) -> None:
         if self.frames < 2:
             raise UsageError(
-                f"a turntable of {self.frames} frames does not turn; it needs at least 2, and 72 is usual"
+                f"a turntable of {plural(self.frames, 'frame')} does not turn; it needs at least 2, "
+                "and 72 is usual"
             )
         if self.turn not in (*TURNS, BOTH):
             raise UsageError(

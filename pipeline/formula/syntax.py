@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import UsageError, suggestion
+from render.base.plural import plural
 
 CONSTANTS = {"pi": np.pi, "e": np.e}
 
@@ -195,8 +196,8 @@ class _Check:
             raise self.error(node, f"{name} takes plain arguments, one after another")
         if given < wanted or (given > wanted and name not in ("min", "max")):
             more = " or more" if name in ("min", "max") else ""
-            plural = "s" if wanted > 1 or more else ""
-            raise self.error(node, f"{name} takes {wanted}{more} argument{plural}, not {given}")
+            arguments = f"{wanted}{more} arguments" if more else plural(wanted, "argument")
+            raise self.error(node, f"{name} takes {arguments}, not {given}")
 
     def error(self, node: ast.expr, message: str) -> FormulaError:
         before = self.line[: node.col_offset].decode(errors="ignore")

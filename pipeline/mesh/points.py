@@ -13,6 +13,7 @@ from pipeline.errors import MeshError
 from pipeline.mesh.polygon_files import read_elements, read_wavefront
 from pipeline.mesh.read import read_by_suffix
 from pipeline.mesh.triangle_mesh import TriangleMesh
+from render.base.plural import plural
 
 _POINTS = ("points", "vertices")
 _ATTRIBUTE = "attribute:"
@@ -60,14 +61,16 @@ def read_net(path: str | Path, columns: int | None = None) -> Floats:
     if points.ndim == 3:
         if columns not in (None, points.shape[1]):
             raise MeshError(
-                f"{path}: its rows have {points.shape[1]} points, not {columns}; leave columns out"
+                f"{path}: its rows have {plural(points.shape[1], 'point')}, not {columns}; leave columns out"
             )
         grid = points
     else:
         if columns is None:
             raise MeshError(f"{path}: its points stand in one list; say how many make a row, as columns")
         if not len(points) or len(points) % columns:
-            raise MeshError(f"{path}: {len(points)} points make no rows of {columns}; correct columns")
+            raise MeshError(
+                f"{path}: {plural(len(points), 'point')} cannot make rows of {columns}; correct columns"
+            )
         grid = points.reshape(len(points) // columns, columns, -1)
     if grid.shape[2] != 3:
         raise MeshError(f"{path}: its points have shape {points.shape}; they must be (rows, columns, 3)")
@@ -101,7 +104,9 @@ def _xyz(path: Path) -> PointSet:
     rows = [" ".join(row).split("#", 1)[0].split() for row in rows]
     uneven = next((k for k, row in enumerate(rows) if len(row) < 3 or len(row) != len(rows[0])), None)
     if uneven is not None:
-        raise ValueError(f"point {uneven} has {len(rows[uneven])} numbers; all need the same, three at least")
+        raise ValueError(
+            f"point {uneven} has {plural(len(rows[uneven]), 'number')}; all need the same, three at least"
+        )
     table = np.array(rows, np.float64).reshape(len(rows), len(rows[0]) if rows else 3)
     columns = range(3, table.shape[1])
     return PointSet(table[:, :3].copy(), {f"column_{k + 1}": table[:, k].copy() for k in columns})

@@ -13,6 +13,7 @@ from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points, Vectors
 from pipeline.errors import MeshError
 from pipeline.mesh.kernels.triangulation import FORBIDDEN, triangulate_all, triangulate_polygon
 from pipeline.mesh.triangle_mesh import TriangleMesh, frozen, require_existing
+from render.base.plural import plural
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -198,7 +199,7 @@ def _check_faces(offsets: AnyArray, corners: AnyArray, vertices: int) -> None:
     if len(small):
         f = int(small[0])
         raise MeshError(
-            f"face {f} has {int(offsets[f + 1] - offsets[f])} corners; a polygon has three at least"
+            f"face {f} has {plural(int(offsets[f + 1] - offsets[f]), 'corner')}; a polygon has three at least"
         )
     require_existing(corners, vertices)
 

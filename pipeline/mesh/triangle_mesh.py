@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from pipeline.errors import MeshError
+from render.base.plural import plural
 
 
 @dataclass(frozen=True, init=False, eq=False)
@@ -52,7 +53,9 @@ class TriangleMesh:
         named = {name: frozen(values) for name, values in (attributes or {}).items()}
         for name, values in named.items():
             if values.ndim == 0 or len(values) != len(points):
-                raise MeshError(f"attribute {name!r} has shape {values.shape}; it needs {len(points)} rows")
+                raise MeshError(
+                    f"attribute {name!r} has shape {values.shape}; it needs {plural(len(points), 'row')}"
+                )
         object.__setattr__(self, "creases", frozen(_sorted_pairs(creases, len(points)), np.int32))
         object.__setattr__(self, "vertices", points)
         object.__setattr__(self, "faces", frozen(corners, np.int32))
@@ -90,7 +93,7 @@ def require_existing(corners: AnyArray, vertices: int) -> None:
     if corners.size and (corners.min() < 0 or corners.max() >= vertices):
         raise MeshError(
             f"faces name vertex {int(corners.max())} and {int(corners.min())}; "
-            f"there are {vertices} vertices, numbered from 0"
+            f"the mesh has {plural(vertices, 'vertex', 'vertices')}, numbered from 0"
         )
 
 
@@ -108,7 +111,9 @@ def _sorted_pairs(pairs: ArrayLike | None, vertices: int) -> Indices:
     if ends.ndim != 2 or ends.shape[1] != 2:
         raise MeshError(f"creases have shape {ends.shape}; they must be pairs of vertices, (K, 2)")
     if ends.min() < 0 or ends.max() >= vertices:
-        raise MeshError(f"creases name vertex {int(ends.max())}; there are {vertices} vertices")
+        raise MeshError(
+            f"creases name vertex {int(ends.max())}; the mesh has {plural(vertices, 'vertex', 'vertices')}"
+        )
     return np.unique(np.sort(ends, axis=1), axis=0).astype(np.int32)
 
 

@@ -15,6 +15,7 @@ from pipeline.shot.shot_reader import read_rate, read_shot
 from pipeline.shot.yaml.lookup import DEFAULTS, digest_of_file, is_edit, is_there, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import validated
+from render.base.plural import plural
 
 SOUNDS = (".wav", ".flac", ".aif", ".aiff", ".mp3", ".m4a", ".ogg", ".opus")
 """Usual endings of sound files, for suggestions; any file that FFmpeg reads will do."""
@@ -155,7 +156,7 @@ def _dissolves(
         elif entry.dissolve and index == 0 and entry.dissolve > title_frames:
             yield (
                 (*where, "dissolve"),
-                f"a dissolve of {entry.dissolve} frames needs as many of the title, which has "
+                f"a dissolve of {plural(entry.dissolve, 'frame')} needs as many of the title, which has "
                 f"{title_frames}. Shorten it, or raise title_seconds.",
             )
         elif entry.dissolve + after > length:
@@ -163,8 +164,8 @@ def _dissolves(
             name = f"the card {entry.title!r}" if isinstance(entry, Card) else entry.shot.name
             yield (
                 ("shots", index if entry.dissolve else index + 1, "dissolve"),
-                f"{name} shows {length} frames, and {both or entry.dissolve or after} are to dissolve. "
-                "Shorten that, or show more frames.",
+                f"{name} shows {plural(length, 'frame')}, and {both or entry.dissolve or after} are to "
+                "dissolve. Shorten that, or show more frames.",
             )
 
 

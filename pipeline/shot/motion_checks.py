@@ -13,6 +13,7 @@ from pipeline.shot.clock import Clock
 from pipeline.shot.documents.fields import is_number
 from pipeline.shot.documents.flow_documents import DOCUMENTS
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from render.base.plural import plural
 
 AXIAL = {
     name: {p.name: p.default_in_file for p in document.parameters}
@@ -115,7 +116,8 @@ def _handle_fault(side: str, handle: Any, value: Any, clock: Clock) -> str | Non
     if not all(is_number(part) and abs(part) <= 1e12 for part in parts):
         return f"{side} has {shortened(away)} for its value; {rule}"
     if len(parts) != wanted or isinstance(away, list) != isinstance(value, list):
-        return f"{side} has {len(parts)} numbers and its key {wanted}; they need as many. Write all of them."
+        count = plural(len(parts), "number")
+        return f"{side} has {count} and its key {wanted}; they need as many. Write all of them."
     return None
 
 

@@ -17,6 +17,7 @@ from pipeline.shot.subject import SOLIDS, Measure, Solid
 from pipeline.shot.yaml.lookup import digest_of_file, is_there
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
 from pipeline.shot.yaml.validation import missing_file
+from render.base.plural import plural
 
 MEASURES = {measure for kind in SOLIDS.values() for measure in kind.measures}
 
@@ -68,7 +69,7 @@ def _measures(
         wanted = np.size(measures["size"])
         yield (
             (*where, "size"),
-            f"size of a {name} has {wanted} numbers, not {len(size)}. Write all of them.",
+            f"size of a {name} has {plural(wanted, 'number')}, not {len(size)}. Write all of them.",
         )
     elif not unknown:
         known = {m: given[m] for m in measures if m in given}
@@ -166,8 +167,8 @@ def _bad_rows(rows: list[Any]) -> Iterator[Problem]:
     if odd is not None:
         yield (
             (*where, odd),
-            f"row {odd} has {len(rows[odd])} points and row 0 has {len(rows[0])}; all rows of a net are "
-            "equally long. Add or remove points.",
+            f"row {odd} has {plural(len(rows[odd]), 'point')} and row 0 has {len(rows[0])}; all rows of a "
+            "net are equally long. Add or remove points.",
         )
         return
     try:

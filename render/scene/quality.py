@@ -97,8 +97,13 @@ class Quality:
 
 
 QUALITIES = {
-    "preview": Quality(480, 270, samples=4, depth=3, auxiliary_samples=4, denoise="balanced"),
     "draft": Quality(480, 270, samples=4, depth=4, auxiliary_samples=4, denoise="balanced"),
     "daily": Quality(960, 540, samples=16, depth=6, auxiliary_samples=16, temporal_denoise=2),
     "final": Quality(1920, 1080, samples=64, depth=10, auxiliary_samples=64, temporal_denoise=2),
 }
+
+DEFAULT_QUALITY = "draft"
+"""The quality of every command that names none."""
+
+FORMER_NAMES = {"preview": "draft"}
+"""Former names of qualities, which shot files, scripts and versions may still use."""

@@ -138,7 +138,7 @@ def test_a_preview_is_drawn_without_rendering(project):
     done = project.run("--json", "preview", NAME, "--at", "3", "--flow")
     assert done.code == 0, done.err
     made = json.loads(done.out)["path"]
-    assert made.endswith("renders/T010_tiny/sketch/T010_tiny.0003.flow.png")
+    assert made.endswith("renders/T010_tiny/preview/T010_tiny.0003.flow.png")
     assert read_png(Path(made)).shape == (540, 960, 3)
     done = project.run("--json", "preview", NAME, "-f", "2-3", "-o", "two.mp4")
     assert done.code == 0 and probe_movie(project.path / "two.mp4").frames == 2, done.err
@@ -201,7 +201,7 @@ def test_validate_tells_everything_at_once_with_line_and_column(project):
         (("render", "shots/none.yaml"), 3, "none.yaml"),
         (("render", NAME, "-f", "5-9"), 2, "7-9"),
         (("render", NAME, "-f", "a-b"), 2, "frame range"),
-        (("render", NAME, "-q", "best"), 2, "preview, draft, daily, final"),
+        (("render", NAME, "-q", "best"), 2, "draft, daily, final"),
         (("turntable", "none.obj"), 3, "none.obj"),
         (("turntable", NAME, "--at", "99"), 2, "1-6"),
         (("turntable", NAME, "--frames", "1"), 2, "72"),
@@ -239,13 +239,13 @@ def test_a_mesh_that_is_no_surface_is_refused_in_one_line(project, name, text, s
 
 def test_status_tells_done_stale_and_missing(finished):
     rows = {row["what"]: row for row in json.loads(finished.run("--json", "status").out)}
-    assert rows["preview"]["done"] == [1, 2, 3, 4, 5, 6]
+    assert rows["draft"]["done"] == [1, 2, 3, 4, 5, 6]
     finished.frames()[0].unlink()
     finished.shot.write_text(finished.shot.read_text().replace("azimuth: -30", "azimuth: 5"))
     rows = {row["what"]: row for row in json.loads(finished.run("--json", "status").out)}
     assert rows["meshes"]["done"] == [1, 2, 3, 4, 5, 6]
-    assert rows["preview"]["missing"] == [1]
-    assert rows["preview"]["stale"] == [2, 3, 4, 5, 6]
+    assert rows["draft"]["missing"] == [1]
+    assert rows["draft"]["stale"] == [2, 3, 4, 5, 6]
 
 
 def test_a_shot_that_goes_wrong_on_the_way_does_not_hide_the_others(project):
@@ -267,16 +267,16 @@ def test_doctor_says_which_renderer_is_in_use(project):
 
 
 def test_stills_are_pictures_that_any_program_shows(project):
-    done = project.run("stills", NAME, "-f", "2,4", "-q", "preview", "--as", "jpeg")
-    folder = project.path / "renders" / NAME / "preview" / "jpeg"
-    assert done.code == 0 and "renders/T010_tiny/preview/jpeg/" in done.out
+    done = project.run("stills", NAME, "-f", "2,4", "-q", "draft", "--as", "jpeg")
+    folder = project.path / "renders" / NAME / "draft" / "jpeg"
+    assert done.code == 0 and "renders/T010_tiny/draft/jpeg/" in done.out
     assert sorted(file.name for file in folder.iterdir()) == [f"{NAME}.0002.jpg", f"{NAME}.0004.jpg"]
-    again = project.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16")
+    again = project.run("stills", NAME, "-f", "2", "-q", "draft", "--as", "png16")
     assert again.code == 0 and "(0 frames rendered)" in again.out
-    deep = read_png(project.path / "renders" / NAME / "preview" / "png16" / f"{NAME}.0002.png")
+    deep = read_png(project.path / "renders" / NAME / "draft" / "png16" / f"{NAME}.0002.png")
     shown = read_png(folder / f"{NAME}.0002.jpg")
     assert deep.dtype == "uint16" and deep.shape == shown.shape == (270, 480, 3)
     assert abs(deep / 257.0 - shown).mean() < 1.0
-    assert project.run("stills", NAME, "-f", "2", "-q", "preview", "--as", "png16").out.startswith("Nothing")
+    assert project.run("stills", NAME, "-f", "2", "-q", "draft", "--as", "png16").out.startswith("Nothing")
     unknown = project.run("stills", NAME, "--as", "jpg")
     assert unknown.code == 2 and "Did you mean 'jpeg'?" in unknown.err

@@ -19,14 +19,14 @@ def told(finished_project):
 
 def test_a_dry_run_says_how_long_and_how_large(told):
     words, facts = told
-    assert "It takes about" in words and f"6 frames of {NAME} at preview" in words
+    assert "It takes about" in words and f"6 frames of {NAME} at draft" in words
     assert "It needs" in words and "that are free" in words
     assert facts["seconds"] > 1.0 and facts["unmeasured"] == []
     assert 4e6 < facts["bytes"] < 4e8
 
 
 def test_where_nothing_was_measured_a_dry_run_says_so(project):
-    words = project.run("--dry-run", "render", NAME, "-q", "preview").out
+    words = project.run("--dry-run", "render", NAME, "-q", "draft").out
     assert "is not known: none was done here yet" in words
 
 

@@ -36,6 +36,6 @@ def test_a_command_that_computes_nothing_imports_nothing_heavy(words: tuple[str,
 
 
 def test_what_is_up_to_date_is_found_without_anything_heavy(finished: Any) -> None:
-    words = ("render", "T010_tiny", "-q", "preview")
+    words = ("render", "T010_tiny", "-q", "draft")
     assert finished.run(*words).code == 0, "plans are remembered by the paths of shots, and this is a copy"
     assert not modules_of("--no-progress", *words, folder=finished.path).intersection(HEAVY)

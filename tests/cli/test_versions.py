@@ -10,7 +10,7 @@ import pytest
 from render.movie.probe import probe_movie
 
 NAME = "T010_tiny"
-SMALL = ("-q", "preview", "--scale", "10%")
+SMALL = ("-q", "draft", "--scale", "10%")
 
 
 @pytest.mark.soak
@@ -45,7 +45,7 @@ def test_a_wedge_is_one_run_and_the_second_does_nothing(project: Any) -> None:
     assert len(facts["cells"]) == 8 and facts["made"]["render"] == 8
     still, movie = (project.path / sheet for sheet in facts["sheets"])
     assert still.is_file() and probe_movie(movie).frames == 2
-    frames = [project.path / cell["folder"] / "preview.scale10" / "frames" for cell in facts["cells"]]
+    frames = [project.path / cell["folder"] / "draft.scale10" / "frames" for cell in facts["cells"]]
     assert all(len(list(folder.glob("*.exr"))) == 2 for folder in frames)
     again = json.loads(project.run("--json", "wedge", NAME, *vary, "-f", "5-6", *SMALL).out)
     assert again["made"] == {} and again["done"]

@@ -46,7 +46,7 @@ class Follower:
         return messages
 
     def _sketch(self) -> Sketch:
-        return Sketch(Project(self.root, 2).request(self.shot, "preview", None, variant="none"))
+        return Sketch(Project(self.root, 2).request(self.shot, "draft", None, variant="none"))
 
     def _done(self, ready: object) -> None:
         self.movies += 1

@@ -31,7 +31,7 @@ def quiet(stage: str, number: int) -> None:
 
 def take_of(root: Path, *settings: str) -> RenderRequest:
     project = Project(root, 2, settings=settings)
-    return project.request(root / "shots" / f"{NAME}.yaml", "preview", None, variant="none")
+    return project.request(root / "shots" / f"{NAME}.yaml", "draft", None, variant="none")
 
 
 @pytest.fixture

@@ -29,7 +29,7 @@ def there(project, monkeypatch):
 
 
 def exported(there, *words: str) -> otio.schema.Timeline:
-    done = there.run("export", "otio", "reel", "-q", "preview", *words)
+    done = there.run("export", "otio", "reel", "-q", "draft", *words)
     assert done.code == 0, done.err
     return otio.adapters.read_from_file(words[words.index("-o") + 1] if "-o" in words else "reel.otio")
 
@@ -78,8 +78,8 @@ def test_media_lie_where_the_timeline_says(finished, monkeypatch):
     clip = next(c for c in exported(finished, "-o", "cuts/reel.otio").find_clips() if c.name == NAME)
     media = clip.media_reference
     assert all((Path("cuts") / media.target_url_for_image_number(n)).is_file() for n in range(6))
-    assert media.target_url_for_image_number(0) == f"../renders/{NAME}/preview/frames/{NAME}.0001.exr"
-    assert finished.run("deliver", NAME, "-q", "preview", "--as", "prores4444").code == 0
+    assert media.target_url_for_image_number(0) == f"../renders/{NAME}/draft/frames/{NAME}.0001.exr"
+    assert finished.run("deliver", NAME, "-q", "draft", "--as", "prores4444").code == 0
     clip = next(c for c in exported(finished, "--media", "prores4444").find_clips() if c.name == NAME)
     assert Path(clip.media_reference.target_url).is_file()
     assert clip.available_range() == clip.media_reference.available_range

@@ -33,7 +33,7 @@ from tests.conftest import commanded
 
 NAME = "T010_tiny"
 SCALE = "20%"
-QUALITY = "preview.scale20"
+QUALITY = "draft.scale20"
 SHOT = """\
 title: A box, twisted
 frames: 1-3
@@ -42,7 +42,7 @@ resample: off
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 3: 40}}}
 camera: {position: [3, 1, 0], target: [0, 1, 0], roll: 20}
-quality: {preview: {samples: 4, auxiliary_samples: 1}}
+quality: {draft: {samples: 4, auxiliary_samples: 1}}
 """
 MESH = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
 ASPECT = 16 / 9

@@ -126,7 +126,7 @@ def test_a_net_reads_as_rows_from_a_grid_or_a_list(tmp_path: Path) -> None:
             None,
             "a.npz: its points stand in one list; say how many make a row, as columns",
         ),
-        (GRID.reshape(-1, 3), 6, "a.npz: 20 points make no rows of 6; correct columns"),
+        (GRID.reshape(-1, 3), 6, "a.npz: 20 points cannot make rows of 6; correct columns"),
         (GRID[..., :2], None, r"a.npz: its points have shape .4, 5, 2.; they must be .rows, columns, 3."),
         (
             np.where(GRID[1, 2, 0] == GRID, np.inf, GRID),

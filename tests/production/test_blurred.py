@@ -14,7 +14,7 @@ MORE = "shutter: {angle: 360}\naovs: {velocity: float, motion: half, before: flo
 
 def test_a_shot_is_blurred_and_tells_its_motion(project) -> None:
     project.shot.write_text(project.shot.read_text().replace("6: 60}", "6: 120}") + MORE)
-    done = project.run("render", NAME, "-f", "5", "-q", "preview")
+    done = project.run("render", NAME, "-f", "5", "-q", "draft")
     assert done.code == 0, done.err
     (raw,) = project.frames(kind="raw")
     layers, header = read_exr(raw)
@@ -31,7 +31,7 @@ def test_a_shot_is_blurred_and_tells_its_motion(project) -> None:
 
 
 def test_what_a_picture_took_stands_beside_it_and_not_in_it(finished_project) -> None:
-    home = finished_project.path / "renders" / NAME / "preview"
+    home = finished_project.path / "renders" / NAME / "draft"
     told = {path.stem: json.loads(path.read_text()) for path in (home / "statistics").glob("*.json")}
     assert len(told) == 6
     for path in finished_project.frames(kind="raw"):

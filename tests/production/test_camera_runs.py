@@ -10,19 +10,19 @@ NAME = "T010_tiny"
 
 def test_a_part_of_a_smaller_picture_has_a_folder_of_its_own(project):
     part = ("--scale", "50%", "--crop", "0.25,0.25,0.75,0.75")
-    done = project.run("render", NAME, "-f", "2", "-q", "preview", *part)
+    done = project.run("render", NAME, "-f", "2", "-q", "draft", *part)
     assert done.code == 0, done.err
-    quality = "preview.scale50.crop60-33-180-102"
+    quality = "draft.scale50.crop60-33-180-102"
     frames = project.frames(quality)
     assert [path.name for path in frames] == [f"{NAME}.0002.exr"]
     assert read_exr(frames[0])[0].size == (120, 69)
     assert read_header(frames[0])["quality"] == quality
     assert probe_movie(project.path / f"renders/{NAME}/{quality}/{NAME}.2.mp4").frames == 1
     assert not project.frames()
-    whole = project.run("--json", "render", NAME, "-f", "2", "-q", "preview")
+    whole = project.run("--json", "render", NAME, "-f", "2", "-q", "draft")
     assert whole.code == 0 and '"render": 1' in whole.out
     assert "frame_camera" not in whole.out, "whole pictures have the same cameras"
-    assert project.run("render", NAME, "-f", "2", "-q", "preview", *part).out.startswith("Nothing to be done")
+    assert project.run("render", NAME, "-f", "2", "-q", "draft", *part).out.startswith("Nothing to be done")
 
 
 def test_a_part_without_size_is_told_in_a_line(project):
@@ -35,7 +35,7 @@ def test_a_frame_whose_camera_is_inside_fails_and_the_others_are_made(project):
     text = project.shot.read_text()
     way = "position: {ease: linear, keys: {1: [0, 0.5, 6], 2: [0, 0.5, 4], 3: [0.1, 0, 0.1]}}"
     project.shot.write_text(re.sub("camera: .*", f"camera: {{{way}}}", text))
-    done = project.run("render", NAME, "-f", "1-3", "-q", "preview")
+    done = project.run("render", NAME, "-f", "1-3", "-q", "draft")
     assert done.code == 1
     assert done.err.count("frame 3: the camera is inside the sculpture, at 0.1, 0, 0.1") == 1
     assert [path.name for path in project.frames()] == [f"{NAME}.{n:04d}.exr" for n in (1, 2)]

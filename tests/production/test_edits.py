@@ -76,10 +76,10 @@ def test_an_edit_is_no_shot_to_render(there, name):
 
 def test_each_edit_has_a_film_of_its_own(there):
     project = Project(there.path, cores=2)
-    assert "renders/film/preview/film.mp4" in project.film("preview", find_edit("film")).targets
-    reel = project.film("preview", find_edit("reel"))
-    assert "renders/film/preview/reel.mp4" in reel.targets
-    assert "renders/film/preview/film.mp4" not in reel.targets
+    assert "renders/film/draft/film.mp4" in project.film("draft", find_edit("film")).targets
+    reel = project.film("draft", find_edit("reel"))
+    assert "renders/film/draft/reel.mp4" in reel.targets
+    assert "renders/film/draft/film.mp4" not in reel.targets
     (film,) = [job for job in reel.jobs if job.stage == "film"]
     shown = [number for place in film.requests for number in reel.requests[place].requested]
     assert shown == [2, 3, 4, 1, 2, 3, 4, 5, 6, 6, 5]
@@ -90,7 +90,7 @@ def test_each_edit_has_a_film_of_its_own(there):
 
 def test_only_the_part_that_an_edit_shows_is_rendered(there):
     Path("shots/reel.yaml").write_text("title: R\nshots: [{shot: T010_tiny, frames: 2-4}]\n")
-    plan = Project(there.path, cores=2).film("preview", find_edit("reel"))
+    plan = Project(there.path, cores=2).film("draft", find_edit("reel"))
     assert sorted(n for job in plan.jobs if job.stage == "render" for n in job.frames) == [2, 3, 4]
 
 
@@ -109,10 +109,10 @@ def never(*arguments: object, **others: object) -> None:
 
 def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeypatch):
     Path(".flowsculpt").mkdir()
-    first = Project(there.path, cores=2).film("preview", find_edit("reel"))
+    first = Project(there.path, cores=2).film("draft", find_edit("reel"))
     monkeypatch.setattr("pipeline.shot.film_reader.read_film", never)
     monkeypatch.setattr("pipeline.shot.shot_reader.read_shot", never)
-    again = Project(there.path, cores=2).film("preview", find_edit("reel"))
+    again = Project(there.path, cores=2).film("draft", find_edit("reel"))
     assert (again.jobs, again.film, again.targets) == (first.jobs, first.film, first.targets)
 
 
@@ -126,20 +126,20 @@ def test_an_edit_is_planned_again_without_reading_it_or_its_shots(there, monkeyp
 )
 def test_what_became_wrong_since_an_edit_was_planned_is_told(there, file, old, new, says):
     Path(".flowsculpt").mkdir()
-    Project(there.path, cores=2).film("preview", find_edit("reel"))
+    Project(there.path, cores=2).film("draft", find_edit("reel"))
     path = Path(f"shots/{file}.yaml")
     assert old in path.read_text()
     path.write_text(path.read_text().replace(old, new, 1))
     with pytest.raises(ShotError, match=says):
-        Project(there.path, cores=2).film("preview", find_edit("reel"))
+        Project(there.path, cores=2).film("draft", find_edit("reel"))
 
 
 def test_an_edit_of_whole_shots_shows_what_they_have_by_now(there):
     Path(".flowsculpt").mkdir()
     shot, project = Path("shots/T010_tiny.yaml"), Project(there.path, cores=2)
-    before = project.film("preview", find_edit("film"))
+    before = project.film("draft", find_edit("film"))
     shot.write_text(shot.read_text().replace("frames: 1-6", "frames: 1-7"))
-    after = Project(there.path, cores=2).film("preview", find_edit("film"))
+    after = Project(there.path, cores=2).film("draft", find_edit("film"))
     assert [len(plan.requests[0].requested) for plan in (before, after)] == [6, 7]
 
 
@@ -171,18 +171,23 @@ def test_a_clip_of_a_shot_that_is_not_there_is_a_missing_input(there):
 
 
 def test_plain_snakemake_plans_the_edit_that_it_is_given(there):
-    plan = PlannedWorkflow(workflow(), {"edit": "reel", "quality": "preview"}).plan
+    plan = PlannedWorkflow(workflow(), {"edit": "reel", "quality": "draft"}).plan
     assert plan.film is not None and plan.film.name == "reel"
+
+
+def test_plain_snakemake_takes_the_former_name_of_draft(there):
+    plan = PlannedWorkflow(workflow(), {"edit": "reel", "quality": "preview"}).plan
+    assert "renders/film/draft/reel.mp4" in plan.outputs
 
 
 def test_the_command_makes_the_film_of_an_edit_beside_the_main_one(finished):
     (finished.path / "shots" / "reel.yaml").write_text(REEL)
-    before = (finished.path / "renders/film/preview/film.mp4").read_bytes()
-    done = finished.run("film", "reel", "-q", "preview")
+    before = (finished.path / "renders/film/draft/film.mp4").read_bytes()
+    done = finished.run("film", "reel", "-q", "draft")
     assert done.code == 0, done.err
-    assert "renders/film/preview/reel.mp4" in done.out
-    assert probe_movie(finished.path / "renders/film/preview/reel.mp4").frames == 6 + 11
-    assert (finished.path / "renders/film/preview/film.mp4").read_bytes() == before
+    assert "renders/film/draft/reel.mp4" in done.out
+    assert probe_movie(finished.path / "renders/film/draft/reel.mp4").frames == 6 + 11
+    assert (finished.path / "renders/film/draft/film.mp4").read_bytes() == before
     assert "reel" in finished.run("validate").out
 
 
@@ -198,12 +203,12 @@ def test_the_film_dissolves_between_its_pieces_and_is_heard(finished):
         "  - {card: Two, seconds: 0.5}\n  - {shot: T010_tiny, frames: 2-6, dissolve: 2}\n"
         "sound: {file: tone.wav}\n"
     )
-    assert finished.run("film", "reel", "-q", "preview").code == 0
-    facts = probe_movie(finished.path / "renders/film/preview/reel.mp4")
+    assert finished.run("film", "reel", "-q", "draft").code == 0
+    facts = probe_movie(finished.path / "renders/film/draft/reel.mp4")
     assert facts.frames == 12 + 6 + 12 + 5 - 3 - 2
     assert facts.sound == "aac"
     assert facts.frames / 24 <= facts.seconds <= facts.frames / 24 + 0.05
-    again = finished.run("film", "reel", "-q", "preview")
+    again = finished.run("film", "reel", "-q", "draft")
     assert "Nothing to be done" in again.out
     (shots / "tone.wav").write_bytes((shots / "tone.wav").read_bytes()[:-2] + b"\x01\x20")
-    assert "encoding the film" in finished.run("--dry-run", "film", "reel", "-q", "preview").out
+    assert "encoding the film" in finished.run("--dry-run", "film", "reel", "-q", "draft").out

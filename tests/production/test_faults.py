@@ -47,7 +47,7 @@ def left_over(project: Any) -> list[Path]:
 def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
     project: Any, finished_project: Any
 ) -> None:
-    process = project.start("render", NAME, "-q", "preview", "--timeout", "0.5")
+    process = project.start("render", NAME, "-q", "draft", "--timeout", "0.5")
     project.wait_until(lambda: renderers(process))
     renderers(process)[0].suspend()
     out, err = process.communicate(timeout=300)
@@ -59,7 +59,7 @@ def test_a_worker_that_hangs_is_ended_and_its_frame_made_by_another(
 def test_a_worker_that_is_killed_for_its_memory_is_followed_by_fewer(
     project: Any, finished_project: Any
 ) -> None:
-    process = project.start("render", NAME, "-q", "preview")
+    process = project.start("render", NAME, "-q", "draft")
     project.wait_until(lambda: len(renderers(process)) == 2)
     renderers(process)[0].kill()
     out, err = process.communicate(timeout=300)
@@ -73,7 +73,7 @@ def test_the_time_of_files_decides_nothing(finished: Any) -> None:
     for path in finished.path.rglob("*.*"):
         when = time.time() + chance.uniform(-3e7, 3e7)
         os.utime(path, (when, when))
-    assert finished.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
+    assert finished.run("render", NAME, "-q", "draft").out.startswith("Nothing to be done")
 
 
 @pytest.fixture
@@ -96,11 +96,11 @@ def test_a_full_disk_is_told_in_one_line_and_once_there_is_room_the_run_goes_on(
 ) -> None:
     ballast = small_disk / "ballast"
     ballast.write_bytes(bytes((40 << 20) - 65536))
-    full = project.run("--root", str(small_disk), "render", NAME, "-q", "preview")
+    full = project.run("--root", str(small_disk), "render", NAME, "-q", "draft")
     assert full.code == 4 and "full" in full.err, full.out + full.err
     valid = sorted((small_disk / ".flowsculpt" / "store").rglob("*.npz"))
     ballast.unlink()
-    done = project.run("--root", str(small_disk), "render", NAME, "-q", "preview")
+    done = project.run("--root", str(small_disk), "render", NAME, "-q", "draft")
     assert done.code == 0, done.err
     assert all(path.exists() for path in valid)
     (project.path / "renders").symlink_to(small_disk / "renders")
@@ -120,7 +120,7 @@ def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
 ) -> None:
     chance, kills = random.Random(KILLS), 0
     while kills < KILLS:
-        process = project.start("film", "-q", "preview")
+        process = project.start("film", "-q", "draft")
         try:
             out, err = process.communicate(timeout=chance.uniform(0.5, 14.0))
         except subprocess.TimeoutExpired:
@@ -130,6 +130,6 @@ def test_a_film_killed_fifty_times_is_the_film_of_an_undisturbed_run(
         else:
             assert process.returncode == 0, out + err
             forget_pictures(project)
-    done = project.run("film", "-q", "preview")
+    done = project.run("film", "-q", "draft")
     assert done.code == 0, done.err
     assert same_pixels(project, finished_project) and not left_over(project)

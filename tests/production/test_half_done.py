@@ -35,8 +35,8 @@ from render.frame import sample_batches as passes
 from render.post.image import read_exr
 
 NAME = "T010_tiny"
-QUALITY = "preview.scale10"
-SETTINGS = ("quality.preview={samples: 64, auxiliary_samples: 16, denoise: off}",)
+QUALITY = "draft.scale10"
+SETTINGS = ("quality.draft={samples: 64, auxiliary_samples: 16, denoise: off}",)
 
 
 @dataclass
@@ -127,11 +127,11 @@ def test_what_was_begun_otherwise_or_is_corrupt_is_never_gone_on_with(
     (half,) = bench.halves()
     ended_in_pass(2, signal.SIGTERM)
     with pytest.raises(KeyboardInterrupt):
-        bench.do(bench.plan("2", "quality.preview.samples=80"), "render")
+        bench.do(bench.plan("2", "quality.draft.samples=80"), "render")
     (other,) = bench.halves()
     assert other != half
     os.truncate(other, 1000)
-    again = bench.plan("2", "quality.preview.samples=80")
+    again = bench.plan("2", "quality.draft.samples=80")
     bench.do(again, "render")
     (told,) = bench.events(again, "warn")
     assert told["frame"] == 2 and "rendered from the start" in told["message"]

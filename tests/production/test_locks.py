@@ -18,7 +18,7 @@ from pipeline.production.execution.project import Project
 from pipeline.production.store.locks import exclusive, lock_name, making, of_key, writing
 
 NAMES = ("T010_tiny", "T020_other")
-QUALITY = "preview"
+QUALITY = "draft"
 
 
 def names(shot: str, quality: str = "draft") -> dict[str, str]:
@@ -87,7 +87,7 @@ def test_whoever_waits_goes_on_once_the_other_has_ended(tmp_path: Path) -> None:
 def test_a_plan_locks_the_shots_that_it_writes(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project.path)
     made = Project(project.path, 2)
-    assert made.film(QUALITY).lock_names == {"T010_tiny.preview": "T010_tiny at preview"}
+    assert made.film(QUALITY).lock_names == {"T010_tiny.draft": "T010_tiny at draft"}
     assert made.meshes([NAMES[0]]).lock_names == {"T010_tiny.meshes": "the meshes of T010_tiny"}
 
 

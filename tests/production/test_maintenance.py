@@ -51,7 +51,7 @@ def test_verify_makes_again_what_is_damaged_and_nothing_else(finished: Any) -> N
     facts = json.loads(done.out)
     assert facts["healed"] and len(facts["faulty"]) == 2
     assert not [each for each in verify(Store(finished.path), 2) if each.fault]
-    assert finished.run("render", NAME, "-q", "preview").out.startswith("Nothing to be done")
+    assert finished.run("render", NAME, "-q", "draft").out.startswith("Nothing to be done")
 
 
 def test_cleaning_keeps_what_today_and_the_last_runs_need(
@@ -63,7 +63,7 @@ def test_cleaning_keeps_what_today_and_the_last_runs_need(
     everything = {path for _, _, path in store.entries()}
 
     def requests() -> list[Any]:
-        return [Project(finished.path, 2).request(find_shot(NAME), "preview")]
+        return [Project(finished.path, 2).request(find_shot(NAME), "draft")]
 
     def gone_but_films(keep: int) -> list[Path]:
         """Return the collected files but movies, which belong to no shot."""

@@ -29,7 +29,7 @@ LATE = "flows:\n  - translation: {rate: {ease: linear, keys: {1: [0, 0, 0], 3: [
 
 
 def take_of(text: str, turntable: Turntable | None = None) -> RenderRequest:
-    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "preview", "none", (1,), turntable)
+    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "draft", "none", (1,), turntable)
 
 
 def raw_keys(request: RenderRequest) -> list[str]:

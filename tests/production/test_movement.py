@@ -133,7 +133,7 @@ def test_cameras_go_from_picture_to_picture_and_on_at_the_ends() -> None:
 
 
 def take_of(text: str) -> RenderRequest:
-    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "preview", "none", (1,))
+    return RenderRequest(ShotSource(text, Path("T010_tiny.yaml")), "draft", "none", (1,))
 
 
 def raw_keys(text: str) -> list[str]:

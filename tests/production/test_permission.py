@@ -128,7 +128,7 @@ def test_a_file_that_joins_a_sequence_is_told_too(shot: str, tmp_path: Path) -> 
 def plain_snakemake(folder: Path, *config: str) -> subprocess.CompletedProcess[str]:
     """Simulate a shot by plain Snakemake, as its users call it."""
     return snakemake(
-        folder, "--until", "simulate", "--config", "shot=P010", "quality=preview", *config, cores=1
+        folder, "--until", "simulate", "--config", "shot=P010", "quality=draft", *config, cores=1
     )
 
 

@@ -40,7 +40,7 @@ def test_long_shots_begin_with_long_batches_and_end_with_short_ones() -> None:
 @pytest.fixture
 def plan(tmp_path: Path) -> Plan:
     (tmp_path / "a.yaml").write_text(SHOT.format(frames=300))
-    return Project(tmp_path, 2, variant="scalar_rgb").pictures([str(tmp_path / "a.yaml")], "preview")
+    return Project(tmp_path, 2, variant="scalar_rgb").pictures([str(tmp_path / "a.yaml")], "draft")
 
 
 def test_a_frozen_plan_knows_what_each_job_reads(plan: Plan, tmp_path: Path) -> None:
@@ -56,7 +56,7 @@ def test_a_frozen_plan_knows_what_each_job_reads(plan: Plan, tmp_path: Path) -> 
         "finish": {"render"},
         "assemble": {"finish"},
     }
-    assert "renders/a/preview/a.mp4" in thawed.outputs
+    assert "renders/a/draft/a.mp4" in thawed.outputs
 
 
 def test_a_frozen_plan_does_not_grow_by_a_file_name_a_frame(plan: Plan, tmp_path: Path) -> None:
@@ -70,12 +70,12 @@ def test_done_files_change_with_the_shot_and_back(tmp_path: Path) -> None:
         path.write_text(text)
         return [
             job.output
-            for job in Project(tmp_path, 2, variant="scalar_rgb").pictures([str(path)], "preview").jobs
+            for job in Project(tmp_path, 2, variant="scalar_rgb").pictures([str(path)], "draft").jobs
         ]
 
     shot = SHOT.format(frames=6)
     before = outputs(shot)
-    assert not set(outputs(shot.replace("5: 60", "5: 61"))) & set(before) - {"renders/a/preview/a.mp4"}
+    assert not set(outputs(shot.replace("5: 60", "5: 61"))) & set(before) - {"renders/a/draft/a.mp4"}
     assert outputs(shot) == before
 
 

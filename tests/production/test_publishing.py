@@ -28,7 +28,7 @@ from render.post.image import read_exr, write_exr
 from tests.conftest import commanded
 
 NAME = "T010_tiny"
-QUALITY = "preview.scale10"
+QUALITY = "draft.scale10"
 SHOT = """\
 title: A wedge, twisted
 frames: 1-4
@@ -36,10 +36,10 @@ subject: {model: ../models/wedge.obj}
 resample: {max_edge_length: 0.9}
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 4: 40}}}
-quality: {preview: {samples: 2, auxiliary_samples: 2, denoise: fast, temporal_denoise: 1}}
+quality: {draft: {samples: 2, auxiliary_samples: 2, denoise: fast, temporal_denoise: 1}}
 """
 MODEL = "v 0 0 0\nv 2 0 0\nv 0 1 0\nv 0 0 1\nf 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n"
-RENDER = f"flowsculpt render {NAME} -q preview --scale 10%"
+RENDER = f"flowsculpt render {NAME} -q draft --scale 10%"
 
 
 @dataclass(frozen=True)
@@ -135,14 +135,14 @@ def test_the_same_content_is_published_once(desk: Desk) -> None:
         again = desk.release("once more", asked).publish()
         assert (again.version, again.before) == ("v001", True)
     assert [place.name for place in desk.home.iterdir()] == ["v001"]
-    code, said = desk.command("publish", NAME, "-q", "preview", "--scale", "10%")
+    code, said = desk.command("publish", NAME, "-q", "draft", "--scale", "10%")
     assert code == 0 and "already published as v001" in said
 
 
 def test_what_was_edited_since_is_stale_until_it_is_rendered_and_then_the_next_version(desk: Desk) -> None:
     before = {path: path.read_bytes() for path in desk.home.rglob("*") if path.is_file()}
     desk.shot.write_text(SHOT.replace("4: 40", "4: 60"))
-    code, said = desk.command("publish", NAME, "-q", "preview", "--scale", "10%")
+    code, said = desk.command("publish", NAME, "-q", "draft", "--scale", "10%")
     assert code == 2 and "frames 1-4 stale: made from another shot file" in said
     assert said.endswith(f"{RENDER} makes it.")
     desk.render()
@@ -201,7 +201,7 @@ def test_a_version_shares_its_bytes_with_the_store_unless_copies_are_asked_for(d
     frozen = desk.home / "v001" / record.file
     assert frozen.samefile(stored)
     shutil.rmtree(desk.home / "v001")
-    code, said = desk.command("publish", NAME, "-q", "preview", "--scale", "10%", "--copy")
+    code, said = desk.command("publish", NAME, "-q", "draft", "--scale", "10%", "--copy")
     assert code == 0, said
     assert not frozen.samefile(stored) and digest_of_file(frozen) == record.sha256
     assert all(path.stat().st_mode & 0o222 == 0 for path in frozen.parents[1].rglob("*.*"))

@@ -59,7 +59,7 @@ def test_batches_hold_every_frame_once_and_the_first_of_them_go_first(order: lis
 
 def test_coarse_frames_of_a_range_are_rendered_first(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project.path)
-    plan = Project(project.path, 1).pictures([NAME], "preview", "1-6:5")
+    plan = Project(project.path, 1).pictures([NAME], "draft", "1-6:5")
     (render,) = [job for job in plan.jobs if job.stage == "render"]
     assert render.frames == (1, 6, 2, 3, 4, 5) or render.frames[:2] == (1, 6)
 

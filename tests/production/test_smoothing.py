@@ -34,7 +34,7 @@ resample: {max_edge_length: 0.5}
 
 def take_of(text: str) -> RenderRequest:
     source = ShotSource(text, Path("T010_tiny.yaml"))
-    return RenderRequest(source, quality_name="preview", variant="none", requested=(1,))
+    return RenderRequest(source, quality_name="draft", variant="none", requested=(1,))
 
 
 def test_patches_change_the_picture_and_no_mesh() -> None:
@@ -51,7 +51,7 @@ def test_a_number_of_pieces_that_cannot_be_is_told_with_its_place() -> None:
 
 def test_rendered_surfaces_are_cut_into_the_pieces_asked_for(project) -> None:
     project.shot.write_text(TINY + "smooth: {tessellate: 2}\n")
-    done = project.run("render", "T010_tiny", "-f", "1", "-q", "preview")
+    done = project.run("render", "T010_tiny", "-f", "1", "-q", "draft")
     assert done.code == 0, done.err
     home = project.path / "renders" / "T010_tiny"
     with np.load(home / "meshes" / "T010_tiny.0001.npz") as mesh:
@@ -127,9 +127,9 @@ def test_diced_pictures_are_of_finer_surfaces_the_finer_they_are(project) -> Non
     project.shot.write_text(TINY + "smooth: {dicing: 4px}\naovs: [velocity]\n")
     cut = []
     for scale in ("50%", "100%"):
-        done = project.run("render", "T010_tiny", "-f", "2", "-q", "preview", "--scale", scale)
+        done = project.run("render", "T010_tiny", "-f", "2", "-q", "draft", "--scale", scale)
         assert done.code == 0, done.err
-        quality = "preview" if scale == "100%" else "preview.scale50"
+        quality = "draft" if scale == "100%" else "draft.scale50"
         told = project.path / "renders" / "T010_tiny" / quality / "statistics" / "T010_tiny.0002.json"
         cut.append(json.loads(told.read_text())["faces"])
     with np.load(project.path / "renders" / "T010_tiny" / "meshes" / "T010_tiny.0002.npz") as mesh:

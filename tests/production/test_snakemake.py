@@ -20,7 +20,7 @@ from render.post.image import read_exr, read_header
 from tests.production.snakemake import CHECKOUT, snakemake, workflow
 
 NAME = "T010_tiny"
-QUALITY = "preview"
+QUALITY = "draft"
 STAGE_RULES = ("simulate", "smooth_normals", "frame_camera", "render", "finish", "assemble", "film")
 TARGETS = ("all", "shots", "frame", "stills")
 FRAME = f"renders/{NAME}/{QUALITY}/frames/{NAME}.0003.exr"
@@ -244,9 +244,9 @@ def test_the_message_is_all_that_the_command_says_and_it_ends_with_1(project: An
 def test_a_profile_means_the_same_through_snakemake(project: Any, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project.path)
     monkeypatch.setattr(Profile, "executor", "slurm")
-    ours = Project(project.path, 2, profile=Profile.named("slurm")).film("preview")
+    ours = Project(project.path, 2, profile=Profile.named("slurm")).film("draft")
     monkeypatch.setattr(sys, "argv", ["snakemake", "--profile", str(shipped() / "slurm")])
-    planned = PlannedWorkflow(workflow(nodes=100), {"quality": "preview"})
+    planned = PlannedWorkflow(workflow(nodes=100), {"quality": "draft"})
     theirs = planned.plan
     assert theirs.farm and ours.farm
     shapes = [{(j.stage, j.frames, j.threads) for j in plan.jobs} for plan in (ours, theirs)]
@@ -262,13 +262,13 @@ def test_a_setting_on_the_command_line_leaves_the_others_of_the_profile(
     (project.path / "mine").mkdir()
     (project.path / "mine/profile.yaml").write_text("config: {threads: 3, min_frames: 2}\n")
     monkeypatch.setattr(sys, "argv", ["snakemake", "--profile=mine", "--config", "min_frames=6"])
-    plan = PlannedWorkflow(workflow(nodes=100), {"quality": "preview", "min_frames": 6}).plan
+    plan = PlannedWorkflow(workflow(nodes=100), {"quality": "draft", "min_frames": 6}).plan
     assert {(job.frames, job.threads) for job in plan.jobs if job.stage == "render"} == {
         (tuple(range(1, 7)), 3)
     }
     monkeypatch.setattr(sys, "argv", ["snakemake"])
     monkeypatch.setenv("SNAKEMAKE_PROFILE", "mine")
-    plan = PlannedWorkflow(workflow(nodes=100), {"quality": "preview"}).plan
+    plan = PlannedWorkflow(workflow(nodes=100), {"quality": "draft"}).plan
     assert [job.frames for job in plan.jobs if job.stage == "render"] == [(1, 2), (3, 4), (5, 6)]
 
 

@@ -5,11 +5,11 @@ from pathlib import Path
 from render.post.image import read_exr, read_header
 
 NAME = "T010_tiny"
-STEADY = ("-q", "preview", "--set", "quality.preview={temporal_denoise: 2}")
+STEADY = ("-q", "draft", "--set", "quality.draft={temporal_denoise: 2}")
 
 
 def frame(project, number: int, kind: str = "frames") -> Path:
-    return project.path / "renders" / NAME / "preview" / kind / f"{NAME}.{number:04d}.exr"
+    return project.path / "renders" / NAME / "draft" / kind / f"{NAME}.{number:04d}.exr"
 
 
 def test_every_picture_takes_light_from_those_around_it_and_none_is_stale_for_it(project):
@@ -36,6 +36,6 @@ def test_pictures_that_came_alone_take_in_what_comes_later(project):
 
 
 def test_it_is_off_where_noise_is_wanted(project):
-    done = project.run("render", NAME, "-f", "2-3", *STEADY, "--set", "quality.preview.denoise=off")
+    done = project.run("render", NAME, "-f", "2-3", *STEADY, "--set", "quality.draft.denoise=off")
     assert done.code == 0 and "temporal_neighbours" not in read_header(frame(project, 2))
     assert "before" not in read_exr(frame(project, 2, "raw"))[0].arrays

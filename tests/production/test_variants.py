@@ -76,7 +76,7 @@ def test_another_variant_that_crashed_is_not_replaced_behind_the_users_back(tmp_
 def test_a_plan_tells_it_once(project: Any, machine: dict[str, int], monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(project.path)
     asked = Project(project.path, 1, ON_GPU)
-    plans = [asked.pictures([NAME, NAME], "preview") for _ in range(2)]
+    plans = [asked.pictures([NAME, NAME], "draft") for _ in range(2)]
     assert [len(plan.notes) for plan in plans] == [1, 1]
     assert machine["asked"] == 1
     assert {request.variant for plan in plans for request in plan.requests} <= set(DEFAULT_ORDER)
@@ -92,7 +92,7 @@ def test_a_gpu_that_fails_at_a_frame_is_given_up_for_the_shot(
     monkeypatch.chdir(project.path)
     monkeypatch.setattr(render, "render", fails)
     monkeypatch.setattr(worker, "_limit_kernels", lambda threads: None)
-    plan = Project(project.path, 1, ON_GPU).pictures([NAME], "preview")
+    plan = Project(project.path, 1, ON_GPU).pictures([NAME], "draft")
     (job,) = [job for job in plan.jobs if job.stage == "render"]
     assert worker.main(plan.freeze(project.path).as_posix(), job.name, 0) == 1
     events = list(EventReader(project.path / EVENTS / f"{plan.name}.jsonl").new())

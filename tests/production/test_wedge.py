@@ -24,7 +24,7 @@ from render.post.image import read_exr, read_png
 from tests.conftest import commanded
 
 NAME = "T010_tiny"
-QUALITY = "preview.scale10"
+QUALITY = "draft.scale10"
 SHOT = """\
 title: A box, twisted
 frames: 1-12
@@ -32,7 +32,7 @@ subject: {solid: box, size: [2, 2, 2]}
 resample: {max_edge_length: 1}
 flows:
   - twist: {axis: y, amount: {ease: linear, keys: {1: 0, 9: 20, 12: 60}}}
-quality: {preview: {samples: 1, auxiliary_samples: 1, denoise: off}}
+quality: {draft: {samples: 1, auxiliary_samples: 1, denoise: off}}
 """
 LATE, LOOK = "flows.0.twist.amount.keys.12=50,60,70", "look=clay,glaze"
 

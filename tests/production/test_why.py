@@ -35,7 +35,7 @@ def test_a_difference_is_told_as_a_path() -> None:
 
 def ask(project: Any, frame: int) -> Explanation:
     there = Project(project.path, 2)
-    return explain(there.request(find_shot(NAME), "preview", str(frame)), frame, there.store)
+    return explain(there.request(find_shot(NAME), "draft", str(frame)), frame, there.store)
 
 
 def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -66,7 +66,7 @@ def test_why_a_frame_is_made_again(finished: Any, monkeypatch: pytest.MonkeyPatc
 
 def test_why_is_told_at_the_command_line(finished: Any) -> None:
     finished.shot.write_text(finished.shot.read_text().replace("azimuth: -30", "azimuth: 20"))
-    told = finished.run("why", NAME, "3", "-q", "preview")
+    told = finished.run("why", NAME, "3", "-q", "draft")
     assert told.code == 0 and "is stale" in told.out and "camera.azimuth: -30 → 20" in told.out
-    outside = finished.run("why", NAME, "60", "-q", "preview")
+    outside = finished.run("why", NAME, "60", "-q", "draft")
     assert outside.code == 2 and "1-6" in outside.err

@@ -30,7 +30,7 @@ def test_a_picture_may_be_scaled_by_per_cent_or_by_a_factor():
 def test_a_part_is_said_in_shares_or_in_pixels():
     assert cropped_name("final", "0.25,0.5,0.75,1") == cropped_name("final", "480,540,1440,1080")
     assert quality("480,540,1440,1080").crop == (480, 540, 1440, 1080)
-    assert cropped_name("preview", "0,0,1,1") == "preview.crop0-0-480-270"
+    assert cropped_name("draft", "0,0,1,1") == "draft.crop0-0-480-270"
 
 
 def test_a_part_of_a_scaled_picture_is_in_pixels_of_that():

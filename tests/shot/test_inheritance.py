@@ -56,6 +56,14 @@ def told(folder: Path, name: str, *settings: str) -> list[str]:
     return str(error.value).replace(f"{folder}/", "").split("\n")
 
 
+def test_former_names_of_qualities_merge_as_those_of_today(folder: Path) -> None:
+    (folder / "defaults.yaml").write_text("quality: {preview: {samples: 2, denoise: off}}\n")
+    (folder / "D.yaml").write_text("extends: A\nquality: {draft: {samples: 6}}\n")
+    draft = read(folder, "D").picture.qualities["draft"]
+    assert (draft.samples, draft.denoise) == (6, "off")
+    assert read(folder, "D", "quality.preview.samples=9").picture.qualities["draft"].samples == 9
+
+
 def test_mappings_merge_and_lists_replace(folder: Path) -> None:
     a, b, c = (read(folder, name) for name in "ABC")
     assert (b.title, b.frames) == ("B", a.frames)

@@ -17,6 +17,7 @@ from pipeline.production.planning.frame_states import is_begun
 from pipeline.production.request.lookup import find_shot, shot_names
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store.locks import exclusive
+from render.base.plural import plural
 from render.scene.quality import QUALITIES
 
 
@@ -38,7 +39,8 @@ def clean(
     with nullcontext() if common.dry_run else exclusive(common.root):
         done = collect_garbage(project.store, requests, keep, common.dry_run)
     verb = "Would free" if common.dry_run else "Freed"
-    words = f"{verb} {size(done.freed)} in {len(done.removed)} files; {done.kept} files stay."
+    freed = f"{size(done.freed)} in {plural(len(done.removed), 'file')}"
+    words = f"{verb} {freed}, and {'keep' if common.dry_run else 'kept'} {plural(done.kept, 'file')}."
     facts = {"removed": len(done.removed), "freed_bytes": done.freed, "kept": done.kept}
     print_result(words, facts, common.json)
 

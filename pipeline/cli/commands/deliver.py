@@ -36,8 +36,10 @@ from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import edit_names, find_edit
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.shot.yaml.lookup import is_edit
+from render.base.plural import plural
 from render.graphics.burn_in import FIELDS, BurnIn
 from render.movie.codecs import ENCODES, encode_named
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def deliver(
@@ -49,7 +51,7 @@ def deliver(
     forms: Annotated[
         str, typer.Option("--as", metavar="NAME,…", help=f"One or more of {', '.join(ENCODES)}.")
     ] = "review",
-    quality: Quality = "final",
+    quality: Quality = DEFAULT_QUALITY,
     frames: Frames = None,
     slate: Annotated[
         str | None,
@@ -150,7 +152,9 @@ def _is_of_edit(name: str) -> bool:
 
 
 def _report(common: Common, done: Sequence[DeliveredFile], lost: Sequence[str], seconds: float) -> None:
-    lines = [f"{file.path}: {file.frames} frames{', up to date' if file.reused else ''}" for file in done]
+    lines = [
+        f"{file.path}: {plural(file.frames, 'frame')}{', up to date' if file.reused else ''}" for file in done
+    ]
     facts = {
         "deliverables": [
             {"path": str(f.path), "as": f.encode, "frames": f.frames, "up_to_date": f.reused} for f in done

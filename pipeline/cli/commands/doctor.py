@@ -14,6 +14,7 @@ from pipeline.cli.output import exit_with, print_result
 from pipeline.kernels import compile_all
 from render import raster
 from render.base.kernel_cache import cache_folder
+from render.base.plural import plural
 from render.mitsuba import engine
 from render.movie import planes
 from render.post import colour
@@ -57,7 +58,7 @@ def doctor(
 def _diagnosis(facts: dict[str, Any]) -> str:
     packages = ", ".join(f"{name} {number}" for name, number in facts["packages"].items())
     lines = [
-        f"flowsculpt {facts['flowsculpt']} on Python {facts['python']}, {facts['cores']} cores",
+        f"flowsculpt {facts['flowsculpt']} on Python {facts['python']}, {plural(facts['cores'], 'core')}",
         f"Renderer: {facts['renderer']} ({facts['why']})",
         f"Faster:   {facts['faster'] or 'nothing to be done'}",
         f"Packages: {packages}",

@@ -16,6 +16,8 @@ from pipeline.production.execution import openjd as job_description
 from pipeline.production.execution.project import Project
 from pipeline.production.request.lookup import FILM, find_edit
 from render.base.atomic_write import disk_errors
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY
 
 FORMATS = ("openjd", "otio")
 
@@ -43,7 +45,7 @@ def export(
         str, typer.Option(metavar="NAME", help=f"Media that otio clips refer to: {', '.join(MEDIA)}.")
     ] = "frames",
     frames: Frames = None,
-    quality: Quality = "draft",
+    quality: Quality = DEFAULT_QUALITY,
 ) -> None:
     """Write a render manager's job, or an editing program's timeline.
 
@@ -83,7 +85,7 @@ def _timeline(
     cut, requests = project.edit(quality, path)
     if not common.dry_run:
         Timeline(cut, requests, common.root, media, place).write()
-    done = f"{place}: {cut.length} frames, {common.done('written')}."
+    done = f"{place}: {plural(cut.length, 'frame')}, {common.done('written')}."
     print_result(done, {"timeline": str(place), "frames": cut.length, "media": media}, common.json)
 
 

@@ -10,10 +10,11 @@ from pipeline.errors import MissingInputError
 from pipeline.production.planning.timings import LatestTimings, render_seconds
 from pipeline.production.request.lookup import find_shot
 from render.graphics.plot import plot_panels
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def figures(
-    common: Common, shot: Shot, options: ShotOptions, quality: Quality = "draft", output: Plot = None
+    common: Common, shot: Shot, options: ShotOptions, quality: Quality = DEFAULT_QUALITY, output: Plot = None
 ) -> None:
     """Plot the measures of a shot's meshes, and the seconds of its frames, over its frames.
 

@@ -9,6 +9,7 @@ import typer
 from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Force, Quality, ShotOptions, Variant
 from pipeline.production.request.lookup import FILM, find_edit
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def film(
@@ -17,7 +18,7 @@ def film(
     edit: Annotated[
         str, typer.Argument(help="An edit: its name in shots/, or the path of its file.")
     ] = FILM.stem,
-    quality: Quality = "draft",
+    quality: Quality = DEFAULT_QUALITY,
     variant: Variant = None,
     force: Force = False,
 ) -> None:

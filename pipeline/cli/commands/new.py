@@ -62,7 +62,7 @@ def new(
             path.write_text(SCHEMA.format((SCHEMAS / "shot.json").as_posix()) + text, encoding="utf-8")
     written = ", ".join(map(str, files))
     permitted = " --allow-code" if source == "python" else ""
-    done = f"{written}: written. Look at it: flowsculpt render {name} -q preview{permitted}"
+    done = f"{written}: written. Look at it: flowsculpt render {name}{permitted}"
     facts = {"path": str(path), "files": [str(file) for file in files]}
     print_result(f"{written}: would be written." if common.dry_run else done, facts, common.json)
 

@@ -21,7 +21,9 @@ from pipeline.dailies.preview.surface_stream import SurfaceStream
 from pipeline.errors import FlowsculptError, UsageError
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.store.store import Store
+from render.base.plural import plural
 from render.graphics.burn_in import BurnIn
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def preview(
@@ -58,7 +60,7 @@ def preview(
 ) -> None:
     """Draw a shot in seconds, without a path tracer: with its camera, lights and look, but no reflections.
 
-    `flowsculpt preview A010_cube` writes a movie to renders/A010_cube/sketch; `flowsculpt preview A010_cube
+    `flowsculpt preview A010_cube` writes a movie to renders/A010_cube/preview; `flowsculpt preview A010_cube
     --at 22 --edges` a still with its faces. Frames that are not simulated yet are simulated for the picture
     only; `flowsculpt simulate` stores meshes.
 
@@ -77,7 +79,7 @@ def preview(
     def read() -> Sketch:
         """Return the shot as its file is now."""
         numbers = str(at) if at is not None else frames
-        request = options.project(common).request(path, "preview", numbers, variant="none")
+        request = options.project(common).request(path, DEFAULT_QUALITY, numbers, variant="none")
         return Sketch(request, flow, edges, fields)
 
     sketch, store = read(), Store(common.root)
@@ -96,7 +98,7 @@ def preview(
 def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, path: Path) -> None:
     """Draw a still of frame `at`, or the movie of all requested frames."""
     numbers = {at} if at is not None else set(sketch.request.requested)
-    frames = f"{len(numbers)} frame{'s' if len(numbers) > 1 else ''}"
+    frames = plural(len(numbers), "frame")
     if not common.dry_run:
         with SurfaceStream(store, once=True) as stream:
             make_folder_of(path)
@@ -157,7 +159,7 @@ def _serve(
 
 
 def _report_movie(common: Common, movie: Path, frames: int) -> None:
-    print_result(f"{movie}: {frames} frames.", {"path": str(movie), "frames": frames}, common.json)
+    print_result(f"{movie}: {plural(frames, 'frame')}.", {"path": str(movie), "frames": frames}, common.json)
 
 
 @contextmanager
@@ -177,4 +179,4 @@ def _default_path(sketch: Sketch, at: int | None) -> Path:
     mark = ".flow" * sketch.flow + ".edges" * sketch.edges
     part = "" if request.is_whole else f".{min(request.requested)}-{max(request.requested)}"
     file = f"{name}{part}{mark}.mp4" if at is None else f"{name}.{at:04d}{mark}.png"
-    return request.folders.home / "sketch" / file
+    return request.folders.home / "preview" / file

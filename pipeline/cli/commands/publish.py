@@ -12,13 +12,15 @@ from pipeline.cli.output import print_result
 from pipeline.production.request.lookup import find_shot
 from pipeline.production.versions.provenance import FILE
 from pipeline.production.versions.publish import Release
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def publish(
     common: Common,
     shot: Shot,
     options: PictureOptions,
-    quality: Quality = "final",
+    quality: Quality = DEFAULT_QUALITY,
     version: Annotated[
         str | None, typer.Option(metavar="V003", help="Name the version. Default: the next number.")
     ] = None,
@@ -62,4 +64,4 @@ def _published(shot: str, frames: int, done: Any, dry: bool) -> str:
     if done.before:
         return f"{shot} is already published as {done.version}, with the same frames: {done.folder}"
     verb = "would be published" if dry else "published"
-    return f"{shot} {done.version}: {verb}, {frames} frames and the movie, in {done.folder}"
+    return f"{shot} {done.version}: {verb}, {plural(frames, 'frame')} and the movie, in {done.folder}"

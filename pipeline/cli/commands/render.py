@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from pipeline.cli.execution import execute, execute_and_report, report_plan
-from pipeline.cli.options import Common, Force, Frames, PictureOptions, shots_argument
+from pipeline.cli.options import Common, Force, Frames, PictureOptions, quality_option, shots_argument
 from pipeline.cli.output import exit_with, print_result, print_warning
 from pipeline.errors import UsageError
 from pipeline.frames import FrameRange
-from render.scene.quality import QUALITIES
+from render.scene.quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
     from pipeline.production.execution.project import Project
@@ -27,10 +27,7 @@ def render(
     options: PictureOptions,
     shots: Annotated[list[str] | None, shots_argument("Names in shots/, or paths of shot files.")] = None,
     frames: Frames = None,
-    quality: Annotated[
-        str | None,
-        typer.Option("-q", "--quality", help=f"One of {', '.join(QUALITIES)}.", show_default="draft"),
-    ] = None,
+    quality: Annotated[str | None, quality_option(show_default=DEFAULT_QUALITY)] = None,
     provenance: Annotated[
         Path | None,
         typer.Option(
@@ -43,9 +40,9 @@ def render(
 ) -> None:
     """Render shots, or some of their frames, and assemble their movies.
 
-    `flowsculpt render A010_cube -f 10-20x2 -q preview` renders six frames to renders/A010_cube/preview; the
+    `flowsculpt render A010_cube -f 10-20x2` renders six frames to renders/A010_cube/draft; the
     second time it renders none, for only what is missing or stale is made. Crops and scaled pictures have
-    folders of their own, such as preview.scale50. A crop shows what the whole picture shows there, with other
+    folders of their own, such as draft.scale50. A crop shows what the whole picture shows there, with other
     noise.
 
     Keys decide what is stale, and stored results are trusted. After a change that no key knows, such as of a
@@ -67,7 +64,7 @@ def render(
         raise UsageError(
             "render needs the name of a shot, or --from and a provenance; flowsculpt status lists shots"
         )
-    named = options.quality(quality or "draft")
+    named = options.quality(quality or DEFAULT_QUALITY)
     execute_and_report(common, lambda: project.pictures(shots, named, frames))
 
 

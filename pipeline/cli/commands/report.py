@@ -10,6 +10,7 @@ from rich.console import Group
 from pipeline.cli.options import Common
 from pipeline.cli.output import duration, print_result, table
 from pipeline.production.maintenance.run_report import LABELS, RunReport, named_run
+from render.base.plural import plural
 
 
 def report(
@@ -26,7 +27,7 @@ def report(
     `flowsculpt report` shows the last run of this root; `flowsculpt report --json` the same as numbers.
     """
     spending = RunReport.of(common.root, named_run(common.root, run), common.cores)
-    title = f"{spending.run}: {duration(spending.seconds)} on {spending.cores} cores"
+    title = f"{spending.run}: {duration(spending.seconds)} on {plural(spending.cores, 'core')}"
     listing = table("", "of the cores", "core-seconds", "frames")
     for column in listing.columns[1:]:
         column.justify = "right"

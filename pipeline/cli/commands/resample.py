@@ -21,6 +21,7 @@ from pipeline.resample import Chord, Curved, Placement, PolyhedralResampler, Rep
 from pipeline.resample import resample as resample_triangles
 from pipeline.resample.resampler import Splits
 from pipeline.statistics import mesh_statistics
+from render.base.plural import plural
 
 PLACEMENTS: dict[str, Placement] = {"chord": Chord(), "curved": Curved()}
 METHODS = ("triangles", "polyhedra")
@@ -96,7 +97,11 @@ def resample(
     before = read_polygons(source)
     if common.dry_run:
         facts = {"in": str(source), "out": str(target), "vertices": len(before.vertices)}
-        print_result(f"{target}: would be written, from {len(before.vertices)} vertices.", facts, common.json)
+        print_result(
+            f"{target}: would be written, from {plural(len(before.vertices), 'vertex', 'vertices')}.",
+            facts,
+            common.json,
+        )
         return
     after: TriangleMesh | PolygonMesh
     report: Report

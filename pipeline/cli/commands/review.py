@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from pipeline.cli.options import Common, ShotOptions, Shots, require_one_of
+from pipeline.cli.options import Common, ShotOptions, Shots, quality_option, require_one_of
 from pipeline.cli.output import print_result, print_warning, progress_bars
 from pipeline.dailies.review.page import ReviewPage
 from pipeline.dailies.review.sequences import Search
@@ -16,6 +16,7 @@ from pipeline.errors import UsageError
 from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.lookup import NAME
 from pipeline.production.store.event_log import History
+from render.base.plural import plural
 from render.scene.quality import QUALITIES
 
 FORMS = ("jpeg", "png")
@@ -27,11 +28,7 @@ def review(
     options: ShotOptions,
     qualities: Annotated[
         list[str] | None,
-        typer.Option(
-            "-q",
-            "--quality",
-            help=f"Show only this quality, of {', '.join(QUALITIES)}. Repeatable. Default: all.",
-        ),
+        quality_option(f"Show only this quality, of {', '.join(QUALITIES)}. Repeatable. Default: all."),
     ] = None,
     name: Annotated[
         str | None,
@@ -67,8 +64,8 @@ def review(
     if three_js() is None:
         print_warning(HINT)
     verb = " would show" if common.dry_run else ""
-    plural = "s" if counts["sequences"] != 1 else ""
-    words = f"{page.index}:{verb} {counts['sequences']} sequence{plural}, {counts['pictures']} pictures."
+    shown = f"{plural(counts['sequences'], 'sequence')}, {plural(counts['pictures'], 'picture')}"
+    words = f"{page.index}:{verb} {shown}."
     missing = {f"{s.shot} {s.label}": sorted(s.states()) for s in page.sequences if s.states()}
     print_result(words, {"page": str(page.index), **counts, "not_as_asked_for": missing}, common.json)
 

@@ -21,6 +21,8 @@ from pipeline.cli.output import exit_with, print_result
 from pipeline.errors import UsageError
 from pipeline.production.planning.plan import Plan
 from pipeline.production.request.lookup import find_shot
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def sheet(
@@ -32,7 +34,7 @@ def sheet(
         str | None, typer.Option(metavar="NAMES", help="One frame in each of these looks, as in clay,glaze.")
     ] = None,
     at: Annotated[int | None, at_option("The frame of --looks. Default: the middle one.")] = None,
-    quality: Quality = "preview",
+    quality: Quality = DEFAULT_QUALITY,
     columns: Annotated[int | None, typer.Option(min=1, help="Columns of the sheet.")] = None,
     output: Annotated[Path | None, output_option("Write this PNG.")] = None,
 ) -> None:
@@ -73,7 +75,5 @@ def sheet(
     made.write(path)
     many = len(made.request.requested)
     facts = {"path": str(path), "frames": list(made.request.requested), "rendered": outcome.made("render")}
-    print_result(
-        f"{path}: {many} frame{'s' * (many > 1)}, {outcome.made('render')} rendered.", facts, common.json
-    )
+    print_result(f"{path}: {plural(many, 'frame')}, {outcome.made('render')} rendered.", facts, common.json)
     exit_with(outcome.exit_code)

@@ -9,6 +9,7 @@ import typer
 from pipeline.cli.execution import execute_and_report
 from pipeline.cli.options import Common, Frames, PictureOptions, Quality, Shots
 from pipeline.production.request.render_request import FORMS
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def stills(
@@ -16,7 +17,7 @@ def stills(
     shots: Shots,
     options: PictureOptions,
     frames: Frames = None,
-    quality: Quality = "final",
+    quality: Quality = DEFAULT_QUALITY,
     form: Annotated[
         str, typer.Option("--as", help=f"One of {', '.join(FORMS)}: 8 bits, 16 bits, or 8 bits compressed.")
     ] = "png",

@@ -13,6 +13,7 @@ from pipeline.cli.output import progress_bars
 from pipeline.dailies.turntable import BOTH, TurntableRequest
 from pipeline.dailies.turntable_sheets import TurntableSheets
 from pipeline.production.request.crop_and_scale import cropped_name
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def turntable(
@@ -37,7 +38,7 @@ def turntable(
         bool,
         typer.Option("--bare", help="Keep the shot's own stage, without grey ball, chrome ball and chart."),
     ] = False,
-    quality: Quality = "preview",
+    quality: Quality = DEFAULT_QUALITY,
     scale: Scale = None,
     variant: Variant = None,
 ) -> None:

@@ -21,6 +21,8 @@ from pipeline.production.request.lookup import find_shot
 from pipeline.production.stages import STAGES
 from pipeline.production.versions.grid import MOST_CELLS, OPTION, Grid
 from pipeline.production.versions.wedge import Wedge
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def wedge(
@@ -38,7 +40,7 @@ def wedge(
     ] = None,
     frames: Annotated[str | None, frames_option("Frames of every cell. Default: the sheet's.")] = None,
     at: Annotated[int | None, at_option("The frame of the sheet. Default: the middle one.")] = None,
-    quality: Quality = "preview",
+    quality: Quality = DEFAULT_QUALITY,
     columns: Annotated[
         int | None, typer.Option(min=1, help="Columns of the sheet. Default: the values of the last --vary.")
     ] = None,
@@ -66,7 +68,7 @@ def wedge(
         "made": made_by_stage(outcome),
         "done": not outcome.unfinished,
     }
-    rendered = f"{len(grid)} cells, {outcome.made('render')} frames rendered"
+    rendered = f"{plural(len(grid), 'cell')}, {plural(outcome.made('render'), 'frame')} rendered"
     print_result(f"{', '.join(path.as_posix() for path in sheets)}: {rendered}.", facts, common.json)
     exit_with(outcome.exit_code)
 
@@ -88,9 +90,7 @@ def _report(common: Common, made: Wedge) -> None:
     }
     lines = [f"{'  '.join(cell.settings)}" for cell, _ in made.requests]
     frames = len(made.requests[0][1].requested)
-    lines.append(
-        f"{len(lines)} cells of {frames} frame{'s' if frames > 1 else ''}, the sheet at {made.number}."
-    )
+    lines.append(f"{plural(len(lines), 'cell')} of {plural(frames, 'frame')}, the sheet at {made.number}.")
     lines.append(f"To be done: {count_words(counts)}." if todo else "Nothing to be done but the sheet.")
     if spared:
         lines.append(f"Shared by cells, and done once: {count_words(spared)}.")

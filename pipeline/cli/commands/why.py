@@ -10,13 +10,14 @@ from pipeline.cli.options import Common, Quality, Settings, Shot, project_of
 from pipeline.cli.output import print_result
 from pipeline.production.maintenance.why import Explanation, explain
 from pipeline.production.request.lookup import find_shot
+from render.scene.quality import DEFAULT_QUALITY
 
 
 def why(
     common: Common,
     shot: Shot,
     frame: Annotated[int, typer.Argument(metavar="FRAME", help="A frame of the shot.")],
-    quality: Quality = "draft",
+    quality: Quality = DEFAULT_QUALITY,
     settings: Settings = None,
 ) -> None:
     """Explain why a frame would be rendered again, or that it is up to date.

@@ -25,6 +25,7 @@ from pipeline.production.store.event_log import History
 from pipeline.production.store.store import Store
 from pipeline.production.tasks.encode import cut_together
 from pipeline.production.versions.provenance import Provenance, records
+from render.base.plural import plural
 from render.base.serialise import to_plain
 from render.graphics.cards import failure_card
 from render.movie.planes import Frame
@@ -284,6 +285,6 @@ def _facts(request: RenderRequest, frames: str, count: int, rate: FrameRate) -> 
     return (
         ("frames", frames if frames == str(count) else f"{frames}, {count} of them"),
         ("length", f"{length:.2f} s at {per_second} frames per second"),
-        ("quality", f"{request.quality_name}, {quality.samples} samples{noise}"),
+        ("quality", f"{request.quality_name}, {plural(quality.samples, 'sample')}{noise}"),
         ("size", f"{width} × {height}"),
     )

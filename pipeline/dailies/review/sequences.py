@@ -27,6 +27,7 @@ from pipeline.production.versions.wedge import Wedge
 from render.base.errors import RenderError
 from render.post.image import read_header
 from render.post.view import ACES, ColourView
+from render.scene.quality import DEFAULT_QUALITY
 
 
 @dataclass(frozen=True)
@@ -147,13 +148,13 @@ class Search:
         cells = [sequence for wedge in wedges for sequence in wedge.sequences]
         sequences = tuple(sequence for sequence in (*renders, *versions, *cells) if sequence.files)
         if not sequences:
-            quality = self.qualities[0] if self.qualities else "draft"
+            quality = self.qualities[0] if self.qualities else DEFAULT_QUALITY
             at = f" at {', '.join(self.qualities)}" if self.qualities else ""
             raise MissingInputError(
                 f"{path.stem} has no rendered frames{at}, and a review page shows such; flowsculpt render "
                 f"{path.stem} -q {quality} makes them"
             )
-        return ShotMaterial(self.project.request(path, "draft", variant="none"), sequences, wedges)
+        return ShotMaterial(self.project.request(path, DEFAULT_QUALITY, variant="none"), sequences, wedges)
 
     def _includes(self, quality: str) -> bool:
         return not self.qualities or quality in self.qualities

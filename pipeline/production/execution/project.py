@@ -31,7 +31,7 @@ from pipeline.production.stages import forced_with
 from pipeline.production.store.event_log import History
 from pipeline.production.store.paths import STATE
 from pipeline.production.store.store import Store
-from render.scene.quality import QUALITIES
+from render.scene.quality import DEFAULT_QUALITY, QUALITIES
 
 States = Callable[[RenderRequest, Store, History], FrameStates]
 
@@ -84,7 +84,7 @@ class Project:
         """Return the plan of the mesh frames of shots."""
         planner = self.planner()
         for shot in shots:
-            planner.simulate(self.asked(shot, "draft", frames, mesh_states, variant="none"))
+            planner.simulate(self.asked(shot, DEFAULT_QUALITY, frames, mesh_states, variant="none"))
         return planner.plan()
 
     def pictures(self, shots: Sequence[str], quality: str, frames: str | None = None) -> Plan:

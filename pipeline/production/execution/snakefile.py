@@ -26,11 +26,13 @@ from pipeline.errors import FlowsculptError, UsageError, suggestion
 from pipeline.production.planning.plan import Job, Plan, movie_record, write_manifest
 from pipeline.production.planning.profile import Share
 from pipeline.production.planning.timings import LEAST_MIB, UNMEASURED_MIB
+from pipeline.production.request.crop_and_scale import today_name
 from pipeline.production.request.lookup import FILM, find_edit, find_shot
 from pipeline.production.stages import STAGES, forced_with
 from pipeline.production.store.locks import making, writing
 from pipeline.production.store.store import Store
 from render.base.atomic_write import atomic_write
+from render.scene.quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
     from pipeline.production.execution.project import Project
@@ -41,8 +43,6 @@ SETTINGS = ("edit", "shot", "shots", "frames", "quality", "allow_code")
 
 PROFILE_SETTINGS = ("threads", "min_frames")
 """Names that `config` of a profile accepts."""
-
-DEFAULT_QUALITY = "draft"
 
 DEFAULT_CORES = 2
 """Cores to plan for when a command such as --rulegraph runs nothing and names none."""
@@ -183,7 +183,7 @@ class PlannedWorkflow:
 
     def _ask(self, project: Project, planner: Planner, targets: list[str]) -> None:
         """Ask the planner for what the targets and `--config` name: by default the film of an edit."""
-        config, quality = self._config, str(self._config.get("quality", DEFAULT_QUALITY))
+        config, quality = self._config, today_name(str(self._config.get("quality", DEFAULT_QUALITY)))
         frames = str(config["frames"]) if "frames" in config else None
         edit = str(config.get("edit", FILM.stem))
         shots = [name for name in str(config.get("shots", config.get("shot", ""))).split(",") if name]

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import FlowsculptError
+from pipeline.production.request.crop_and_scale import is_quality
 from pipeline.production.request.render_request import FORMS, RenderRequest
 from pipeline.production.store.event_log import RUNS
 from pipeline.production.store.paths import DONE, EVENTS, LOGS, PLANS
@@ -86,6 +87,8 @@ def _of_last_runs(root: Path, count: int) -> Iterator[RenderRequest]:
     for path in sorted((root / PLANS).glob("*.json"), reverse=True):
         with contextlib.suppress(OSError, ValueError, KeyError):
             for data in json.loads(path.read_text())["requests"]:
+                if not is_quality(data["quality_name"]):
+                    continue  # a quality of an earlier version
                 about = data["source"]["path"], data["quality_name"], str(data["turntable"])
                 seen[about] += 1
                 if seen[about] <= count:

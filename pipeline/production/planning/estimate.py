@@ -15,7 +15,8 @@ from typing import Any
 from pipeline.production.planning.plan import Job, Plan
 from pipeline.production.planning.timings import SHARED_STAGES, frame_timings, statistics_in
 from pipeline.production.request.crop_and_scale import base_of, quality_named
-from render.scene.quality import QUALITIES
+from render.base.plural import plural
+from render.scene.quality import DEFAULT_QUALITY, QUALITIES
 
 _RUNS = 30
 """The number of latest runs that are read."""
@@ -95,7 +96,7 @@ class MeanTimings:
         """Core-seconds of the latest runs by stage, shot and quality."""
         logged: dict[str, dict[tuple[str, str], list[float]]] = defaultdict(lambda: defaultdict(list))
         for timing in frame_timings(self._root, _RUNS):
-            quality = timing.quality if base_of(timing.quality) in QUALITIES else "draft"
+            quality = timing.quality if base_of(timing.quality) in QUALITIES else DEFAULT_QUALITY
             logged[timing.stage][timing.shot, quality].append(timing.seconds * timing.threads)
         return logged
 
@@ -201,7 +202,7 @@ def estimate(plan: Plan, root: Path, cores: int) -> Estimate:
         cores=cores,
         core_seconds=dict(by_stage),
         unmeasured=tuple(unmeasured),
-        by="" if render is None else f"{render.frames} frames of {render.source}",
+        by="" if render is None else f"{plural(render.frames, 'frame')} of {render.source}",
         bytes=size,
         free=shutil.disk_usage(next(f for f in (root, *root.parents) if f.exists())).free,
     )

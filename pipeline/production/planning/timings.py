@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.production.stages import STAGES
 from pipeline.production.store.event_log import EventReader, logs_of
+from render.scene.quality import DEFAULT_QUALITY
 
 if TYPE_CHECKING:
     from pipeline.production.request.render_request import RenderRequest
@@ -96,7 +97,7 @@ def frame_timings(root: Path, runs: int | None = None) -> Iterator[FrameTiming]:
                 yield FrameTiming(
                     str(event["stage"]),
                     str(event["shot"]),
-                    str(event.get("quality", "draft")),
+                    str(event.get("quality", DEFAULT_QUALITY)),
                     event["frame"],
                     float(event["seconds"]),
                     threads.get(event["job"], 1),

@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from dataclasses import replace
 
 from pipeline.errors import UsageError
-from render.scene.quality import QUALITIES, Crop, Quality
+from render.scene.quality import FORMER_NAMES, QUALITIES, Crop, Quality
 
 LEAST, MOST = 1.0, 400.0
 """Limits of `--scale`, per cent."""
@@ -31,6 +31,12 @@ def cropped_name(quality: str, crop: str | None = None, scale: str | None = None
         whole = quality_named(name, QUALITIES)
         name += ".crop" + "-".join(map(str, _pixels(crop, whole.width, whole.height)))
     return name
+
+
+def today_name(name: str) -> str:
+    """Return the name of a quality, or of a crop or scale of one, as it is today: draft for preview."""
+    base = base_of(name)
+    return FORMER_NAMES.get(base, base) + name[len(base) :]
 
 
 def is_quality(name: str) -> bool:

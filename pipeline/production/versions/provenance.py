@@ -17,7 +17,7 @@ import numpy as np
 import psutil
 
 from pipeline.errors import MissingInputError, UsageError
-from pipeline.production.request.crop_and_scale import is_quality
+from pipeline.production.request.crop_and_scale import is_quality, today_name
 from pipeline.production.request.lookup import NAME
 from pipeline.production.request.shot_source import ShotSource
 from pipeline.production.stages import ASSEMBLE, FINISH, FRAME_CAMERA, RENDER, SIMULATE, SMOOTH_NORMALS
@@ -112,6 +112,7 @@ class Provenance:
             fields |= {"source": {**source, "inputs": inputs}, "stages": {}}
         elif data["format"] != FORMAT:
             raise ValueError
+        fields["quality"] = today_name(str(fields["quality"]))
         record = from_plain(cls, fields)
         _require_whole(record)
         return record

@@ -171,10 +171,7 @@ class QualityDocument(Document):
 
 
 class QualitiesDocument(Document):
-    preview: QualityDocument = Field(
-        default=QualityDocument(), description="480×270, for looks while working"
-    )
-    draft: QualityDocument = Field(default=QualityDocument(), description="480×270, one bounce more")
+    draft: QualityDocument = Field(default=QualityDocument(), description="480×270, for looks while working")
     daily: QualityDocument = Field(default=QualityDocument(), description="960×540, for review")
     final: QualityDocument = Field(default=QualityDocument(), description="1920×1080, for delivery")
 

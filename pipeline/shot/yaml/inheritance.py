@@ -17,6 +17,8 @@ from pipeline.errors import MissingInputError, ShotError, UsageError, suggestion
 from pipeline.shot.clock import Clock, parse_frames, parse_rate
 from pipeline.shot.yaml.lookup import DEFAULTS, shown
 from pipeline.shot.yaml.source import Where, YamlSource
+from render.base.plural import plural
+from render.scene.quality import FORMER_NAMES
 
 KIND_NAMES = frozenset({"keys", "formula", "curvature", "camera", "solid", "model", "cloud", "net", "bsdf"})
 """Names that define the kind of their mapping: one that has any of them replaces the inherited mapping."""
@@ -40,10 +42,10 @@ def inherited(
     extend each other in a circle, and where a setting has no place in the shot.
     """
     read_text = beside.get if beside is not None else lambda name: _text(path.with_name(name))
-    source = _extended(YamlSource.read(path, text), read_text, (path.name,))
+    source = _extended(_read(path, text), read_text, (path.name,))
     defaults = read_text(DEFAULTS) if path.name != DEFAULTS else None
     if defaults is not None and isinstance(source.data, dict):
-        source = over(source, _require_mapping(YamlSource.read(path.with_name(DEFAULTS), defaults)))
+        source = over(source, _require_mapping(_read(path.with_name(DEFAULTS), defaults)))
     return with_settings(source, settings)
 
 
@@ -62,10 +64,20 @@ def inherited_files(path: Path, text: str) -> dict[str, str]:
 
     read_text(DEFAULTS)
     try:
-        _extended(YamlSource.read(path, text), read_text, (path.name,))
+        _extended(_read(path, text), read_text, (path.name,))
     except (ShotError, MissingInputError):
         return texts
     return texts
+
+
+def _read(path: Path, text: str | None) -> YamlSource:
+    """Read a file with the names of qualities of today. One that is there beside its former name stays."""
+    source = YamlSource.read(path, text)
+    for former, name in FORMER_NAMES.items():
+        given = source.get("quality")
+        if isinstance(given, dict) and former in given and name not in given:
+            source = source.renamed(("quality", former), name)
+    return source
 
 
 def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -> YamlSource:
@@ -84,7 +96,7 @@ def _extended(source: YamlSource, read_text: ReadText, chain: tuple[str, ...]) -
         raise MissingInputError(
             f"{place}: there is no shot {shown(parent)} beside this file to extend. {hint}"
         )
-    base = _require_mapping(YamlSource.read(source.path.with_name(name), text))
+    base = _require_mapping(_read(source.path.with_name(name), text))
     return over(source, _extended(base, read_text, (*chain, name)))
 
 
@@ -156,6 +168,8 @@ def with_settings(source: YamlSource, settings: Iterable[str]) -> YamlSource:
 
 def _set(source: YamlSource, setting: str) -> YamlSource:
     place = f"{OPTION} {setting}"
+    for former, name in FORMER_NAMES.items():
+        setting = re.sub(rf"^(\s*quality\.){former}\b", rf"\1{name}", setting)
     match = _FORM.fullmatch(setting)
     if not match:
         raise ShotError(f"{place}: this is no setting. Write name=value, such as flows.0.twist.amount=90.")
@@ -188,7 +202,8 @@ def _put(data: Any, steps: list[str], value: Any, place: str) -> Where:
         step = _take(steps, holder, in_keys=where[-1:] == ("keys",))
         if isinstance(holder, list):
             if not step.isdigit() or int(step) >= len(holder):
-                items = f"it has {len(holder)} items, 0 to {len(holder) - 1}" if holder else "it is empty"
+                numbers = f"0 to {len(holder) - 1}" if len(holder) > 1 else "number 0"
+                items = f"it has {plural(len(holder), 'item')}, {numbers}" if holder else "it is empty"
                 raise ShotError(f"{place}: {name} has no item {step}; {items}. Name one of them.")
             key: Any = int(step)
         elif isinstance(holder, dict):

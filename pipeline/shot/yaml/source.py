@@ -6,6 +6,7 @@ and column, and every duplicate key reported instead of the first only.
 
 from __future__ import annotations
 
+import copy
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field, replace
@@ -127,6 +128,29 @@ class YamlSource:
             return {where: spot for where, spot in spots.items() if not is_dropped(where)}
 
         return replace(self, places=kept(self.places), texts=kept(self.texts), others=kept(self.others))
+
+    def renamed(self, where: Where, name: str) -> YamlSource:
+        """Return the source with another name for a key that is there, at the position of the old one."""
+        *parents, former = where
+        data = copy.deepcopy(self.data)
+        holder = data
+        for step in parents:
+            holder = holder[step]
+        values = {name if key == former else key: value for key, value in holder.items()}
+        holder.clear()
+        holder.update(values)
+
+        def moved(path: Where) -> Where:
+            return (*parents, name, *path[len(where) :]) if path[: len(where)] == where else path
+
+        return replace(
+            self,
+            data=data,
+            places={moved(path): spot for path, spot in self.places.items()},
+            problems=[(moved(path), problem) for path, problem in self.problems],
+            texts={moved(path): spot for path, spot in self.texts.items()},
+            others={moved(path): file for path, file in self.others.items()},
+        )
 
     def mappings(self) -> Iterator[tuple[Where, dict[Any, Any]]]:
         """Yield all mappings of the file with their paths, from the top down."""

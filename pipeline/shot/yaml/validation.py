@@ -18,6 +18,7 @@ from pipeline.errors import FlowsculptError, MissingInputError, ShotError, sugge
 from pipeline.frames import shortened
 from pipeline.shot.yaml.lookup import digest_of_file, is_there, shown
 from pipeline.shot.yaml.source import Problem, Where, YamlSource
+from render.base.plural import plural
 
 T = TypeVar("T")
 D = TypeVar("D", bound=BaseModel)
@@ -244,7 +245,7 @@ def _message(details: ErrorDetails, where: Where, models: list[type[BaseModel]])
     if kind in ("too_short", "too_long"):
         bound = context.get("min_length", context.get("max_length"))
         least = "at least" if kind == "too_short" else "at most"
-        return f"{name} has {context['actual_length']} items; it must have {least} {bound}"
+        return f"{name} has {plural(context['actual_length'], 'item')}; it must have {least} {bound}"
     if kind in _EXPECTED:
         return f"{name} is {_shown(value)}; it must be {_EXPECTED[kind]}."
     if kind == "bad_curve":

@@ -35,6 +35,7 @@ subject: {{solid: box, size: [2, 2, 2]}}
 resample: {{max_edge_length: 0.5}}
 flows:
   - twist: {{axis: y, amount: {{ease: linear, keys: {{1: 0, 16: 36, {LAST}: 60}}}}}}
+quality: {{daily: {{temporal_denoise: 0}}}}
 """
 
 WIDTH, HEIGHT, BITS = 480, 270, 8
@@ -74,22 +75,20 @@ def simulated(root: Path, shot: str = SHOT) -> Desk:
     (root / "shots").mkdir(parents=True)
     (root / "shots" / f"{NAME}.yaml").write_text(shot)
     desk = Desk(root)
-    _done(root, surfaces(desk.project(), desk.request("preview")))
+    _done(root, surfaces(desk.project(), desk.request("draft")))
     return desk
 
 
 def furnish(root: Path) -> Desk:
     """Simulate the shot, and lay numbered pictures where renders would lie: of two qualities and a wedge."""
     desk = simulated(root)
-    project, request = desk.project(), desk.request("preview")
+    project, request = desk.project(), desk.request("draft")
     there = [number for number in request.angles if number not in (MISSING, FAILED)]
     hang(desk, request, there, dark)
-    hang(desk, desk.request("draft"), request.angles, bright)
+    hang(desk, desk.request("daily.scale50"), request.angles, bright)
     log = EventLog(root / EVENTS / "20260101-000000-1.jsonl", "render_0000")
-    log.write("fail", stage="render", shot=NAME, quality="preview", frame=FAILED, message="a lamp fell over")
-    wedge = Wedge(
-        project, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "preview", "1-4"
-    )
+    log.write("fail", stage="render", shot=NAME, quality="draft", frame=FAILED, message="a lamp fell over")
+    wedge = Wedge(project, root / "shots" / f"{NAME}.yaml", Grid.parse(["look=chrome,glaze"]), "draft", "1-4")
     _done(root, surfaces(project, wedge.requests[0][1]))
     for (_, cell), paint in zip(wedge.requests, (dusky, bright), strict=True):
         hang(desk, cell, cell.requested, paint)

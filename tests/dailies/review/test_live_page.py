@@ -45,7 +45,7 @@ def follower(browser: Browser, tmp_path: Path) -> Iterator[Follower]:
     shot.write_text(TINY)
 
     def sketch() -> Sketch:
-        return Sketch(Project(tmp_path, 2).request(shot, "preview", None, variant="none"))
+        return Sketch(Project(tmp_path, 2).request(shot, "draft", None, variant="none"))
 
     feed, complaints = LiveFeed(), []
     with SurfaceStream(Project(tmp_path, 2).store) as stream, serving(feed) as address:

@@ -89,7 +89,7 @@ def opened(tab: Tab, desk: Desk, tmp_path: Path) -> Iterator[Opened]:
         tab.on(name, listener)  # type: ignore[call-overload]
 
     def open_page(page: Path | None = None, **said: object) -> Looker:
-        words = "&".join(f"{name}={value}" for name, value in {"a": "T010_tiny · preview", **said}.items())
+        words = "&".join(f"{name}={value}" for name, value in {"a": "T010_tiny · draft", **said}.items())
         tab.goto("about:blank")
         tab.goto(f"{(page or desk.page()).as_uri()}#{words}")
         looker = Looker(tab, tmp_path)
@@ -120,7 +120,7 @@ def test_every_key_press_is_one_frame(opened: Opened) -> None:
 
 
 def test_playing_shows_every_frame_of_the_loop_in_turn(opened: Opened) -> None:
-    look = opened(a="T010_tiny · draft", frame=3)
+    look = opened(a="T010_tiny · daily.scale50", frame=3)
     look.press("[")
     look.press(*["ArrowRight"] * 3, "]")
     assert look.tab.inner_text("#range") == "Loop 3–6"
@@ -171,7 +171,7 @@ def test_frames_that_are_not_there_can_be_left_out(opened: Opened) -> None:
 
 
 def test_the_wipe_can_be_drawn_over_the_picture(opened: Opened) -> None:
-    look = opened(b="T010_tiny · draft", frame=4)
+    look = opened(b="T010_tiny · daily.scale50", frame=4)
     look.press("w")
     place = look.ask("review.stage.places()[0]")
     box = look.tab.locator("#stage").bounding_box()
@@ -188,7 +188,7 @@ def test_the_wipe_can_be_drawn_over_the_picture(opened: Opened) -> None:
 
 
 def test_the_difference_is_black_where_a_and_b_are_alike_and_grows_by_its_gain(opened: Opened) -> None:
-    look = opened(a="T010_tiny · look chrome · preview", b="T010_tiny · preview", frame=2)
+    look = opened(a="T010_tiny · look chrome · draft", b="T010_tiny · draft", frame=2)
     look.press("d")
     look.tab.select_option("#gain", "1")
     faint = look.picture()
@@ -199,7 +199,7 @@ def test_the_difference_is_black_where_a_and_b_are_alike_and_grows_by_its_gain(o
 
 
 def test_side_by_side_shows_a_left_and_b_right(opened: Opened) -> None:
-    look = opened(b="T010_tiny · draft", frame=6)
+    look = opened(b="T010_tiny · daily.scale50", frame=6)
     look.press("s")
     look.settled()
     places, whole = look.ask("review.stage.places()"), look.seen()
@@ -208,7 +208,7 @@ def test_side_by_side_shows_a_left_and_b_right(opened: Opened) -> None:
         assert number_in(whole[y : y + h, x : x + w]) == 6
         assert abs(int(whole[y + h - 8, x + w // 2, 0]) - light) < 8
     look.press("x")
-    assert look.tab.inner_text("#tag-a") == "draft"
+    assert look.tab.inner_text("#tag-a") == "daily.scale50"
 
 
 def test_a_click_on_a_chart_goes_to_its_frame(opened: Opened) -> None:
@@ -258,7 +258,7 @@ def test_a_click_in_the_grid_makes_a_cell_a_and_with_shift_b(opened: Opened) -> 
     assert look.tab.locator("#grid .cell").count() == 4
     look.tab.get_by_role("button", name="look glaze").click()
     look.tab.get_by_role("button", name="look chrome").click(modifiers=["Shift"])
-    assert look.ask("[review.a.label, review.b.label]") == ["look glaze · preview", "look chrome · preview"]
+    assert look.ask("[review.a.label, review.b.label]") == ["look glaze · draft", "look chrome · draft"]
     look.press("1")
     assert look.number == 3 and look.picture()[-8].min() > 235
 
@@ -290,14 +290,14 @@ def test_a_page_without_three_works_and_says_how_to_get_it(
 
 
 def test_the_address_tells_what_is_shown(opened: Opened) -> None:
-    look = opened(b="T010_tiny · look glaze · preview", frame=4)
+    look = opened(b="T010_tiny · look glaze · draft", frame=4)
     look.press("w", "ArrowRight")
     look.wait("location.hash.includes('frame=5')")
     address = look.ask("location.href")
     look.tab.goto("about:blank")
     look.tab.goto(address)
     look.wait("window.review")
-    assert look.ask("[review.mode, review.b.label]") == ["wipe", "look glaze · preview"]
+    assert look.ask("[review.mode, review.b.label]") == ["wipe", "look glaze · draft"]
     assert look.frame == 5
 
 

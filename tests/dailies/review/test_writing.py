@@ -52,18 +52,16 @@ def files_in(folder: Path) -> dict[str, tuple[int, int]]:
 def test_a_page_has_what_was_rendered_and_the_cells_of_wedges(desk: Desk) -> None:
     data = data_of(desk)
     labels = [each["label"] for each in data["sequences"]]
-    assert labels == ["draft", "preview", "look chrome · preview", "look glaze · preview"]
-    preview = data["sequences"][1]
-    assert preview["states"] == {
+    assert labels == ["daily.scale50", "draft", "look chrome · draft", "look glaze · draft"]
+    draft = data["sequences"][1]
+    assert draft["states"] == {
         str(FAILED): ["failed", "a lamp fell over"],
         str(MISSING): ["missing", "it is not rendered"],
     }
-    assert [bool(name) for name in preview["files"]] == [
-        n not in (FAILED, MISSING) for n in range(1, LAST + 1)
-    ]
+    assert [bool(name) for name in draft["files"]] == [n not in (FAILED, MISSING) for n in range(1, LAST + 1)]
     assert data["sequences"][2]["numbers"] == [1, 2, 3, 4]
     assert data["wedges"][0]["cells"] == [2, 3]
-    shown = desk.page().parent / "pictures" / preview["files"][11]
+    shown = desk.page().parent / "pictures" / draft["files"][11]
     assert number_in(read_png(shown)) == 12
     measures = data["shots"][NAME]["measures"]
     assert len(measures) == LAST and measures["1"]["volume"] == pytest.approx(8.0)
@@ -78,11 +76,11 @@ def test_a_second_time_nothing_is_made_and_the_same_is_written(copy: Desk) -> No
 
 
 def test_pictures_that_are_no_more_shown_leave_the_page(copy: Desk) -> None:
-    frame = copy.root / "renders" / NAME / "draft" / "frames" / f"{NAME}.0003.exr"
+    frame = copy.root / "renders" / NAME / "daily.scale50" / "frames" / f"{NAME}.0003.exr"
     old = data_of(copy)["sequences"][0]
     frame.unlink()
     code, words = copy.command("review", NAME, "--json")
-    assert code == 0 and json.loads(words)["not_as_asked_for"][f"{NAME} draft"] == [3]
+    assert code == 0 and json.loads(words)["not_as_asked_for"][f"{NAME} daily.scale50"] == [3]
     new, folder = data_of(copy)["sequences"][0], copy.page().parent / "pictures"
     assert new["files"][2] is None and not (folder / old["files"][2]).exists()
     assert new["files"][3] == old["files"][3] and (folder / old["files"][3]).exists()
@@ -98,12 +96,12 @@ def test_after_an_edit_pictures_are_stale_and_the_meshes_that_they_show_are_meas
     after = data_of(copy)
     assert code == 0 and after["shots"][NAME]["measures"] == before["measures"]
     assert after["shots"][NAME]["models"] == before["models"]
-    draft = after["sequences"][0]
-    assert all(draft["files"]) and draft["states"]["24"][0] == "stale"
+    daily = after["sequences"][0]
+    assert all(daily["files"]) and daily["states"]["24"][0] == "stale"
 
 
 def test_a_picture_that_is_cut_short_becomes_a_slate_and_the_rest_a_page(copy: Desk) -> None:
-    frame = copy.root / "renders" / NAME / "draft" / "frames" / f"{NAME}.0005.exr"
+    frame = copy.root / "renders" / NAME / "daily.scale50" / "frames" / f"{NAME}.0005.exr"
     whole = frame.read_bytes()
     frame.unlink()
     frame.write_bytes(whole[:200])
@@ -114,10 +112,10 @@ def test_a_picture_that_is_cut_short_becomes_a_slate_and_the_rest_a_page(copy: D
 
 
 def test_a_quality_alone_can_be_shown_and_a_page_be_named(copy: Desk) -> None:
-    code, words = copy.command("review", NAME, "-q", "draft", "--name", "monday", "--as", "png")
+    code, words = copy.command("review", NAME, "-q", "daily.scale50", "--name", "monday", "--as", "png")
     assert code == 0 and words.startswith(str(copy.page("monday")))
     sequences = data_of(copy, "monday")["sequences"]
-    assert [each["label"] for each in sequences] == ["draft"]
+    assert [each["label"] for each in sequences] == ["daily.scale50"]
     assert all(name.endswith(".png") for name in sequences[0]["files"])
 
 
@@ -177,7 +175,9 @@ def test_figures_are_drawn_and_the_same_every_time(copy: Desk) -> None:
 
 
 def test_a_sheet_shows_frames_of_a_shot_in_rows(copy: Desk) -> None:
-    code, words = copy.command("sheet", NAME, "-q", "draft", "-f", "1-24x5", "--columns", "3", "--json")
+    code, words = copy.command(
+        "sheet", NAME, "-q", "daily.scale50", "-f", "1-24x5", "--columns", "3", "--json"
+    )
     told = json.loads(words)
     assert code == 0 and told["frames"] == [1, 6, 11, 16, 21] and told["rendered"] == 0
     sheet = read_png(Path(told["path"]))

@@ -19,7 +19,7 @@ from pipeline.production.tasks.meshes import simulate
 from render.post.image import read_exr
 
 NAME = "T010_tiny"
-QUALITY = "preview.scale10"
+QUALITY = "draft.scale10"
 OPENJD = Path(sys.executable).with_name("openjd")
 
 

@@ -83,7 +83,7 @@ def test_a_profile_that_is_not_there_is_told_with_those_there_are(folder):
 
 def test_a_farm_gets_batches_with_cores_of_their_own_in_three_hops(folder):
     farm = profile(folder, "executor: slurm\njobs: 50\nconfig: {threads: 8, min_frames: 2}\n")
-    plan = Project(folder, 2, profile=farm).film("preview")
+    plan = Project(folder, 2, profile=farm).film("draft")
     renders = [job for job in plan.jobs if job.stage == "render"]
     assert [job.frames for job in renders] == [(1, 2), (3, 4), (5, 6)]
     assert {job.threads for job in plan.jobs if not job.is_local} == {8}

@@ -17,8 +17,8 @@ from pipeline.production.tasks.meshes import simulate
 from tests.production.snakemake import snakemake
 
 NAME = "T010_tiny"
-QUALITY = "preview.scale10"
-SLOW = ("--set", "quality.preview={samples: 1024}")
+QUALITY = "draft.scale10"
+SLOW = ("--set", "quality.draft={samples: 1024}")
 
 
 def files(root):

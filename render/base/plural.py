@@ -1,0 +1,11 @@
+"""Counts of things in messages."""
+
+from __future__ import annotations
+
+
+def plural(count: int, noun: str, nouns: str = "") -> str:
+    """Return a count and its noun: `1 frame`, `3 frames`.
+
+    nouns  an irregular plural, such as `vertices`
+    """
+    return f"{count} {noun}" if count == 1 else f"{count} {nouns or noun + 's'}"
