@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from render.raster.contact import dim_floor
 from render.raster.projection import Array, corner, exact, fast
 from render.raster.shadow_map import light_visibility
 
@@ -44,11 +45,12 @@ class LargeTriangles(NamedTuple):
 
     vertices            (V, 3)
     origin, axes, near  of the camera, as of `project`
-    values              (V, 9): display values in the key light (3) and in its shadow (3), and coordinates in
-                        the shadow map (3)
+    values              (V, 11): display values in the key light (3) and in its shadow (3), coordinates in
+                        the shadow map (3), and the place on the grid of the contact shadow (2)
     nearness, blocks    the shadow map, as of `light_visibility`
+    open                the contact shadow, as of `dim_floor`
     hits                (4, H W / SUPERSAMPLING²) int32, buffer for the pixels of one triangle
-    at_hits             (12, H W / SUPERSAMPLING²) float32, buffer for their values
+    at_hits             (14, H W / SUPERSAMPLING²) float32, buffer for their values
     """
 
     vertices: Array
@@ -58,6 +60,7 @@ class LargeTriangles(NamedTuple):
     values: Array
     nearness: Array
     blocks: Array
+    open: Array
     hits: Array
     at_hits: Array
 
@@ -75,7 +78,7 @@ def draw_large_triangle(
 ) -> None:
     """Draw a triangle as `draw_triangles` does. a, b, c: indices of its corners"""
     rows, columns = nearness.shape[0] // SUPERSAMPLING, nearness.shape[1] // SUPERSAMPLING
-    corners, planes = np.empty((3, 3)), np.empty((3, 12))
+    corners, planes = np.empty((3, 3)), np.empty((3, 14))
     for k, v in enumerate((a, b, c)):
         corners[k, 0], corners[k, 1], corners[k, 2] = corner(large.vertices, v, large.origin, large.axes)
     if max(corners[0, 2], corners[1, 2], corners[2, 2]) <= large.near:
@@ -87,7 +90,8 @@ def draw_large_triangle(
         return
     count = _cover(planes, left, right, top, bottom, nearness, large.hits)
     _interpolate(planes, large.hits, count, large.at_hits)
-    light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.at_hits[9, :count])
+    light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.at_hits[11, :count])
+    dim_floor(large.at_hits[9:11, :count], large.open, large.at_hits[12, :count])
     _write(large.hits, large.at_hits, count, face_id, colour, face_ids)
 
 
@@ -142,7 +146,7 @@ def _cover(
 
 @fast
 def _interpolate(planes: Array, hits: Array, count: int, at_hits: Array) -> None:
-    """Interpolate the values of corners at the mean of a pixel's covered subsamples, into at_hits (9, N).
+    """Interpolate the values of corners at the mean of a pixel's covered subsamples, into at_hits (11, N).
 
     That point is always inside the triangle. Pixels are the inner loop, in single precision, so that it is
     vectorised.
@@ -150,14 +154,14 @@ def _interpolate(planes: Array, hits: Array, count: int, at_hits: Array) -> None
     x = np.float32(planes[0, 0] + planes[0, 1] + planes[0, 2])
     y = np.float32(planes[1, 0] + planes[1, 1] + planes[1, 2])
     z = np.float32(planes[2, 0] + planes[2, 1] + planes[2, 2])
-    depth = at_hits[9]
-    rows, columns = at_hits[10], at_hits[11]
+    depth = at_hits[11]
+    rows, columns = at_hits[12], at_hits[13]
     for n in range(count):
         rows[n] = np.float32(hits[0, n]) + _MIDDLES[hits[2, n], 0]
         columns[n] = np.float32(hits[1, n]) + _MIDDLES[hits[2, n], 1]
     for n in range(count):
         depth[n] = np.float32(1.0) / (x + y * rows[n] + z * columns[n])
-    for k in range(9):
+    for k in range(11):
         x, y, z = np.float32(planes[0, 3 + k]), np.float32(planes[1, 3 + k]), np.float32(planes[2, 3 + k])
         row = at_hits[k]
         for n in range(count):
@@ -166,14 +170,16 @@ def _interpolate(planes: Array, hits: Array, count: int, at_hits: Array) -> None
 
 @fast
 def _write(hits: Array, at_hits: Array, count: int, face_id: int, colour: Array, face_ids: Array) -> None:
-    """Write colours of covered subsamples, mixed by the visibility of the key light in at_hits[9]."""
+    """Write colours of covered subsamples, mixed by the visibility of the key light in
+    at_hits[11], times the contact shadow in at_hits[12]."""
     has_ids, packed = face_ids.shape[0] > 0, hits[3]
     none, white, half = np.float32(0.0), np.float32(WHITE), np.float32(0.5)
     packed[:count] = 0
     for k in range(3):
         with_key, without = at_hits[k], at_hits[3 + k]
         for n in range(count):
-            shown = white * (without[n] + at_hits[9, n] * (with_key[n] - without[n])) + half
+            shown = without[n] + at_hits[11, n] * (with_key[n] - without[n])
+            shown = white * at_hits[12, n] * shown + half
             shown = shown if shown > none else none
             packed[n] = packed[n] << 10 | np.int32(shown if shown < white else white)
     for n in range(count):
@@ -191,7 +197,7 @@ def _planes(
 ) -> bool:
     """Compute barycentric coordinates and values over the depth as linear functions of row and column.
 
-    planes  (3, 12), output: at the first pixel, per row, and per column
+    planes  (3, 14), output: at the first pixel, per row, and per column
 
     Returns False for a triangle seen edge-on.
     """
@@ -204,7 +210,7 @@ def _planes(
         x, y, z = n[k, 0] / volume, n[k, 1] / volume, n[k, 2] / volume
         planes[0, k] = x * (1.0 / columns - 1.0) + y * (1.0 - 1.0 / rows) + z
         planes[1, k], planes[2, k] = -2.0 / rows * y, 2.0 / columns * x
-    for k in range(9):
+    for k in range(11):
         for m in range(3):
             planes[m, 3 + k] = (
                 values[a, k] * planes[m, 0] + values[b, k] * planes[m, 1] + values[c, k] * planes[m, 2]

@@ -4,11 +4,23 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 import numpy as np
 from numpy.typing import NDArray
 
+from render.raster.contact import CELL, REACH, ContactShadow, open_at
+from render.raster.environment import (
+    EYE_HEIGHT,
+    Surroundings,
+    sky_radiance,
+    stage_radiance,
+    surroundings_of,
+    table_place,
+    table_value,
+)
 from render.raster.projection import Array, fast
+from render.raster.reflectance import SHARPNESS, Reflectance, body_colours, reflectance_of
 from render.raster.shadow_map import (
     BLOCK,
     block_maxima,
@@ -19,20 +31,12 @@ from render.raster.shadow_map import (
 )
 from render.raster.shapes import Floats, ScreenProjection, Shape, StageSetup, plinth_shape
 from render.scene.camera import Camera, unit
-from render.scene.lights import LightRig, Sky, Softbox
-from render.scene.materials import Diffuse, Material
-
-COAT = 0.05
-"""Reflectance of a clear coat."""
-
-SHARPNESS = (6.0, 160.0)
-"""Least and greatest exponent of highlights: sharper ones would fall between vertices, and be dots."""
+from render.scene.lights import LightRig, Softbox
+from render.scene.materials import Diffuse
+from render.scene.stage import Stage, StagePlacement
 
 _FAINT = 1e-5
 """Part of a highlight's brightness below which it is left out."""
-
-_HORIZON_SLOPE = 2.0
-"""Sharpness of the transition from ground to sky in reflections."""
 
 SHADOW_REACH = 2.6
 """Half the width of the shadow map, stage units at the subject."""
@@ -51,50 +55,91 @@ SHADOW_LIFT = 0.06
 class Lighting:
     """The light on a scene, and the position it is seen from.
 
-    ground  (3,), radiance of the unshaded stage upwards
     lights  (L, 10), as the kernel `shade_vertices` takes them
+    eye     (3,), scene units
     """
 
-    sky: Sky
-    ground: Floats
+    setup: StageSetup
+    contact: ContactShadow
     lights: Floats
     eye: Floats
 
     @classmethod
-    def of(cls, setup: StageSetup, camera: Camera) -> Lighting:
+    def of(cls, setup: StageSetup, contact: ContactShadow, camera: Camera) -> Lighting:
         """Return the lighting of a stage."""
-        sky, eye = setup.lights.sky, np.array(camera.origin)
-        without_stage = cls(sky, np.array(sky.horizon), _light_rows(setup), eye)
-        if setup.stage.kind == "none":
-            return without_stage
-        origin, up = (np.array([v], np.float32) for v in (setup.placement.origin, (0.0, 1.0, 0.0)))
-        floor = Shape(origin, up, np.empty((0, 3), np.int32), Diffuse(setup.stage.colour))
-        light = without_stage.shade(floor, np.zeros(1, np.intp), 1)  # a floor faces up and sees no ground
-        return replace(without_stage, ground=light[0, :3].astype(np.float64))
+        return cls(setup, contact, _light_rows(setup), np.array(camera.origin))
 
-    def shade(self, shape: Shape, which: NDArray[np.intp], side: int) -> NDArray[np.float32]:
+    def shade(
+        self,
+        shape: Shape,
+        which: NDArray[np.intp],
+        side: int,
+        is_stage: bool = False,
+        sharpness: tuple[float, float] = SHARPNESS,
+    ) -> NDArray[np.float32]:
         """Return linear light (N, 6) of vertices with the key light (3) and without it (3).
 
-        which  (N,), their indices
-        side   as in the kernel
+        which      (N,), their indices
+        side       as in the kernel
+        is_stage   True for the stage, which sees the sky but not itself
+        sharpness  the least and greatest exponent of highlights
         """
         colours = np.array([shape.material.colour]) if shape.colours is None else shape.colours
-        sharp = float(np.clip(2.0 / max(shape.material.roughness, 0.02) ** 2 - 2.0, *SHARPNESS))
-        radiance = np.array([self.sky.horizon, self.sky.zenith, self.ground, (sharp, 0.0, 0.0)])
-        out = np.empty((len(which), 6), np.float32)
-        shade_vertices(
-            shape.vertices,
-            shape.normals,
-            np.ascontiguousarray(colours, np.float64),
-            which,
-            side,
-            self.eye,
-            _reflection(shape.material),
-            radiance,
-            self.lights,
-            out,
-        )
-        return out
+        colours = body_colours(shape.material, np.asarray(colours, np.float64))
+        around = _surroundings(self.setup, 1.0 if is_stage else shape.material.roughness, is_stage)
+        reflectance = reflectance_of(shape.material, sharpness)
+        return _shaded(shape, colours, which, side, self.eye, reflectance, around, self.contact, self.lights)
+
+
+def _surroundings(setup: StageSetup, roughness: float, is_stage: bool) -> Surroundings:
+    stage = None if is_stage or setup.stage.kind == "none" else replace(setup.stage, roughness=None)
+    return _surroundings_of(setup.lights, stage, roughness)
+
+
+@lru_cache(maxsize=16)
+def _surroundings_of(rig: LightRig, stage: Stage | None, roughness: float) -> Surroundings:
+    """Return the tables of a stage, or those of the sky alone."""
+    if stage is None:
+        return surroundings_of(sky_radiance(rig.sky), roughness)
+    setup = StageSetup(rig, stage, StagePlacement())
+    contact = ContactShadow.of(np.empty((0, 3), np.float32), setup.placement, has_floor=False)
+    lighting = Lighting(setup, contact, _light_rows(setup), np.array([0.0, EYE_HEIGHT, 0.0]))
+
+    def light(points: NDArray[np.float32], normals: NDArray[np.float32]) -> NDArray[np.float32]:
+        floor = Shape(points, normals, np.empty((0, 3), np.int32), Diffuse(stage.colour))
+        return lighting.shade(floor, np.arange(len(points)), 1, is_stage=True)[:, :3]
+
+    return surroundings_of(stage_radiance(stage, rig.sky, light), roughness)
+
+
+def _shaded(
+    shape: Shape,
+    colours: Floats,
+    which: NDArray[np.intp],
+    side: int,
+    eye: Floats,
+    reflectance: Reflectance,
+    around: Surroundings,
+    contact: ContactShadow,
+    lights: Floats,
+) -> NDArray[np.float32]:
+    out = np.empty((len(which), 6), np.float32)
+    shade_vertices(
+        shape.vertices,
+        shape.normals,
+        np.ascontiguousarray(colours, np.float64),
+        which,
+        side,
+        eye,
+        np.array(reflectance),
+        around.mirrored,
+        around.matt,
+        contact.frame,
+        contact.open,
+        lights,
+        out,
+    )
+    return out
 
 
 def _light_rows(setup: StageSetup) -> Floats:
@@ -140,13 +185,6 @@ def _placed(box: Softbox, setup: StageSetup) -> tuple[Floats, Floats]:
     matrix = setup.placement.matrix()
     position, target = (matrix[:3, :3] @ np.array(at) + matrix[:3, 3] for at in (box.position, box.target))
     return position, target
-
-
-def _reflection(material: Material) -> Floats:
-    """Return the weights of body and mirror colours, and of the coat, (3,)."""
-    if not material.has_body:
-        return np.array([0.0, 1.0, 0.0])
-    return np.array([1.0, 0.0, COAT if material.has_coat else 0.0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,25 +243,35 @@ def shade_vertices(
     which: Array,
     side: int,
     eye: Array,
-    reflection: Array,
-    sky: Array,
+    reflectance: Array,
+    mirrored: Array,
+    matt: Array,
+    frame: Array,
+    reached: Array,
     lights: Array,
     out: Array,
 ) -> None:
     """Compute the light of vertices with the first of the lights (3) and without it (3), into out (N, 6).
 
-    points      (V, 3), as normals (V, 3), and colours (V, 3) or (1, 3)
-    which       (N,), the vertices to shade
-    side        0 if both sides may be visible: normals then turn to the eye. For a closed surface 1, or -1 if
-                its normals point inwards; a vertex just behind its outline stays outside
-    reflection  (3,): weights of the colour as a body and as a mirror, and of the reflection
-    sky         (4, 3): radiance of the horizon, of the zenith and of the ground; last the exponent of
-    highlights
-    lights      (L, 10): for a softbox its position, the direction it faces, radiance times area, and half its
-                width; for a sun the direction to it, 0, 0, 0, irradiance, and 0
+    points          (V, 3), as normals (V, 3), and colours (V, 3) or (1, 3)
+    which           (N,), the vertices to shade
+    side            0 if both sides may be visible: normals then turn to the eye. For a closed surface 1, or
+                    -1 if its normals point inwards; a vertex just behind its outline stays outside
+    reflectance     (5,), as in `Reflectance`
+    mirrored, matt  the tables of `Surroundings`
+    frame, reached  the fields of `ContactShadow`
+    lights          (L, 10): for a softbox its position, the direction it faces, radiance times area, and half
+                    its width; for a sun the direction to it, 0, 0, 0, irradiance, and 0
     """
-    exponent = sky[3, 0]
+    body_weight, mirror_weight, coat, exponent = (
+        reflectance[0],
+        reflectance[1],
+        reflectance[2],
+        reflectance[4],
+    )
+    grazing = reflectance[3] - coat
     least = _FAINT ** (1.0 / exponent)
+    scale_to_stage, cosine_turn, sine_turn = 1.0 / frame[3], frame[4], frame[5]
     for row in range(which.shape[0]):
         v = which[row]
         ex, ey, ez = eye[0] - points[v, 0], eye[1] - points[v, 1], eye[2] - points[v, 2]
@@ -234,17 +282,28 @@ def shade_vertices(
         scale = _inverse_length(nx * nx + ny * ny + nz * nz)
         if side < 0 or (side == 0 and facing < 0.0):
             scale = -scale
-        nx, ny, nz, facing = nx * scale, ny * scale, nz * scale, max(facing * scale, 0.0)
-        reflected_y = 2.0 * facing * ny - ey
-        sky_weight = min(max(0.5 + _HORIZON_SLOPE * reflected_y, 0.0), 1.0)
+        nx, ny, nz, facing = nx * scale, ny * scale, nz * scale, min(max(facing * scale, 0.0), 1.0)
+        fresnel = coat + grazing * (1.0 - facing) ** 5
+        open_below = 1.0
+        if reached.shape[0] > 0 and ny < 0.99:  # the floor under a subject is dark, and lights it less
+            x, z = (points[v, 0] - frame[0]) * scale_to_stage, (points[v, 2] - frame[2]) * scale_to_stage
+            x, z = cosine_turn * x - sine_turn * z, sine_turn * x + cosine_turn * z
+            height = min(max((points[v, 1] - frame[1]) * scale_to_stage, 0.0), 1.0)
+            taken = 1.0 - open_at(reached, (x + REACH) / CELL - 0.5, (z + REACH) / CELL - 0.5)
+            open_below = 1.0 - taken * (1.0 - height) * (0.5 - 0.5 * ny)
+        x, y, z = 2.0 * facing * nx - ex, 2.0 * facing * ny - ey, 2.0 * facing * nz - ez
+        x, z = cosine_turn * x - sine_turn * z, sine_turn * x + cosine_turn * z
+        i, j, down, right = table_place(x, y, z)
+        x, z = cosine_turn * nx - sine_turn * nz, sine_turn * nx + cosine_turn * nz
+        m, n, matt_down, matt_right = table_place(x, ny, z)
         index = v if len(colours) > 1 else 0
         for k in range(3):
-            body = reflection[0] * colours[index, k]
-            mirror = reflection[1] * colours[index, k] + reflection[2]
-            ambient = body * (sky[0, k] * (0.6 + 0.4 * ny) + sky[2, k] * (0.5 - 0.5 * ny))
-            mirrored = sky[1, k] * (0.5 + 0.5 * reflected_y) + sky[0, k] * (0.7 - 0.5 * reflected_y)
-            ambient += mirror * (sky_weight * mirrored + (1.0 - sky_weight) * sky[2, k])
-            out[row, k] = out[row, 3 + k] = ambient
+            body = (1.0 - fresnel) * body_weight * colours[index, k]
+            mirror = mirror_weight * colours[index, k] + fresnel
+            ambient = body * table_value(matt, m, n, matt_down, matt_right, k)
+            if mirror > 0.0:
+                ambient += mirror * table_value(mirrored, i, j, down, right, k)
+            out[row, k] = out[row, 3 + k] = open_below * ambient
         for i in range(lights.shape[0]):
             x, y, z, strength, half_width = lights[i, 0], lights[i, 1], lights[i, 2], 1.0, 0.0
             if lights[i, 9] > 0.0:
@@ -261,11 +320,13 @@ def shade_vertices(
             if strength == 0.0:
                 continue
             x, y, z = x + ex, y + ey, z + ez
-            half = (nx * x + ny * y + nz * z) * _inverse_length(x * x + y * y + z * z)
+            scale = _inverse_length(x * x + y * y + z * z)
+            half = (nx * x + ny * y + nz * z) * scale
             highlight = (exponent + 8.0) / (8.0 * math.pi) * half**exponent if half > least else 0.0
+            coated = coat + grazing * (1.0 - min((ex * x + ey * y + ez * z) * scale, 1.0)) ** 5
             for k in range(3):
-                body = reflection[0] * colours[index, k]
-                mirror = reflection[1] * colours[index, k] + reflection[2]
+                body = (1.0 - fresnel) * body_weight * colours[index, k]
+                mirror = mirror_weight * colours[index, k] + coated
                 sent = strength * lights[i, 6 + k] * (body / math.pi + mirror * highlight)
                 out[row, k] += sent
                 if i > 0:

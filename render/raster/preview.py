@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from render.base.serialise import Triple
 from render.post.colour import to_display
+from render.raster.contact import ContactShadow
 from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
 from render.raster.lighting import Lighting, ShadowMap, apply_shadow
 from render.raster.projection import LARGE, SMALL
@@ -55,14 +56,16 @@ def preview(
 ) -> Preview:
     """Render a surface on its stage. size: width and height in pixels"""
     setup = replace(setup, lights=setup.lights.without_maps())
-    canvas = _Canvas.of(camera, setup, size, display, edges is not None)
-    faces = VisibleFaces.of(subject.for_kernels(), canvas.projection, canvas.nearness.shape)
+    subject = subject.for_kernels()
+    contact = ContactShadow.of(subject.vertices, setup.placement, setup.stage.kind != "none")
+    canvas = _Canvas.of(camera, setup, contact, size, display, edges is not None)
+    faces = VisibleFaces.of(subject, canvas.projection, canvas.nearness.shape)
     shadow = ShadowMap.of(faces.shape, setup, faces.outwards)
     canvas.draw(faces, shadow)
     if setup.stage.kind != "none":
         stage = stage_shape(setup.stage, setup.placement)
         stage_faces = VisibleFaces.of(stage, canvas.projection, canvas.nearness.shape)
-        canvas.draw(stage_faces, shadow, len(subject.faces))
+        canvas.draw(stage_faces, shadow, len(subject.faces), is_stage=True)
     picture = canvas.picture()
     if edges is not None:
         ink = np.array([*edges.colour, edges.opacity, edges.width])
@@ -121,14 +124,20 @@ class _Canvas:
 
     @classmethod
     def of(
-        cls, camera: Camera, setup: StageSetup, size: tuple[int, int], display: str, has_face_ids: bool
+        cls,
+        camera: Camera,
+        setup: StageSetup,
+        contact: ContactShadow,
+        size: tuple[int, int],
+        display: str,
+        has_face_ids: bool,
     ) -> _Canvas:
         width, height = size
         shape = SUPERSAMPLING * height, SUPERSAMPLING * width
         background = _displayed(np.array([setup.lights.sky.horizon], np.float32), setup, display)[0]
         return cls(
             ScreenProjection.of(camera, width / height),
-            Lighting.of(setup, camera),
+            Lighting.of(setup, contact, camera),
             setup,
             display,
             np.zeros(shape, np.float32),
@@ -136,9 +145,10 @@ class _Canvas:
             np.full(shape if has_face_ids else (0, 0), -1, np.int32),
         )
 
-    def draw(self, faces: VisibleFaces, shadow: ShadowMap, first_id: int = 0) -> None:
+    def draw(self, faces: VisibleFaces, shadow: ShadowMap, first_id: int = 0, is_stage: bool = False) -> None:
         """Draw triangles with hidden surfaces removed. first_id: id of the shape's first face"""
-        colours, large = self._vertex_colours(faces, shadow), self._large_triangles(faces, shadow)
+        colours = self._vertex_colours(faces, shadow, is_stage)
+        large = self._large_triangles(faces, shadow, is_stage)
         for order in faces.orders:
             draw_triangles(
                 order,
@@ -152,12 +162,12 @@ class _Canvas:
                 self.face_ids,
             )
 
-    def _vertex_colours(self, faces: VisibleFaces, shadow: ShadowMap) -> NDArray[np.float32]:
+    def _vertex_colours(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> NDArray[np.float32]:
         """Return display values (V, 3) of the corners of small triangles."""
         shape, which = faces.shape, faces.corners_of(SMALL)
         light = np.empty((len(which), 3), np.float32)
         apply_shadow(
-            self.lighting.shade(shape, which, faces.outwards),
+            self.lighting.shade(shape, which, faces.outwards, is_stage),
             shadow.visibility(shadow.coordinates(shape, which, faces.outwards)),
             light,
         )
@@ -165,17 +175,26 @@ class _Canvas:
         colours[which] = _displayed(light, self.setup, self.display)
         return colours
 
-    def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap) -> LargeTriangles:
+    def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> LargeTriangles:
         """Return the inputs of large triangles."""
         shape, which = faces.shape, faces.corners_of(LARGE)
-        values = np.empty((len(shape.vertices) if len(which) else 0, 9), np.float32)
-        light = self.lighting.shade(shape, which, faces.outwards).reshape(-1, 3)
+        values = np.empty((len(shape.vertices) if len(which) else 0, 11), np.float32)
+        light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 3)
         values[which, :6] = _displayed(light, self.setup, self.display).reshape(-1, 6)
-        values[which, 6:] = shadow.coordinates(shape, which, faces.outwards).T
+        values[which, 6:9] = shadow.coordinates(shape, which, faces.outwards).T
+        contact = self.lighting.contact
+        values[which, 9:] = contact.coordinates(shape.vertices[which]) if is_stage else -1.0
         pixels = self.nearness.size // SUPERSAMPLING**2
-        hits, values_at_hits = np.empty((4, pixels), np.int32), np.empty((12, pixels), np.float32)
+        hits, values_at_hits = np.empty((4, pixels), np.int32), np.empty((14, pixels), np.float32)
         return LargeTriangles(
-            shape.vertices, *self.projection, values, shadow.nearness, shadow.blocks, hits, values_at_hits
+            shape.vertices,
+            *self.projection,
+            values,
+            shadow.nearness,
+            shadow.blocks,
+            contact.open,
+            hits,
+            values_at_hits,
         )
 
     def picture(self) -> NDArray[np.float32]:

@@ -144,7 +144,7 @@ class Stage:
 
     def backdrop(self) -> Mesh:
         """Return vertices (V, 3), normals (V, 3) and faces (F, 3) of floor and wall, seen from inside."""
-        vertices, normals, faces = _revolve(*(self._level() if self.kind == "ground" else self._profile()))
+        vertices, normals, faces = _revolve(*self.profile())
         if self.kind == "plinth":
             vertices = vertices - np.array([0.0, self.height, 0.0], dtype=np.float32)
         return vertices, normals, faces
@@ -152,6 +152,10 @@ class Stage:
     def plinth(self) -> Mesh:
         """Return the mesh of a pillar whose top is at y = 0, with rounded upper edges."""
         return _pillar(self.width / 2.0, self.height, self.width / 2.0 if self.round else 1.6 * BEVEL)
+
+    def profile(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return points (N, 2) of radius and height, from the middle outwards, and their inward normals."""
+        return self._level() if self.kind == "ground" else self._dish()
 
     def _level(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the profile of the ground and its normals: flat, then rising to the height of the eye.
@@ -165,8 +169,8 @@ class Stage:
         inwards = np.stack([-np.sin(slope), np.cos(slope)], axis=1)
         return np.concatenate([[[0.0, 0.0]], curve]), np.concatenate([[[0.0, 1.0]], inwards])
 
-    def _profile(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """Return points (N, 2) of radius and height, from the middle outwards, and their inward normals.
+    def _dish(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the profile of a cyclorama and its normals.
 
         The slope follows a smoothstep: the curvature begins and ends at 0. Where an arc meets the floor, its
         jump of curvature would show as a line in reflections and gradients.

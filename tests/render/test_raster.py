@@ -23,7 +23,7 @@ from render.scene.vertex_colours import vertex_colours as colours
 
 CAMERA = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0), field_of_view=math.radians(30))
 SIZE = (64, 36)
-SEEN = 0.055
+SEEN = 0.065
 """A difference of display values that stands out, if one pixel alone has it."""
 
 BARE = StageSetup(LIGHTS["studio"], STAGES["none"], StagePlacement((0.0, -1.0, 0.0)))

@@ -42,12 +42,6 @@ class Material:
     is_lit: ClassVar[bool] = True
     """False if the material brings its own light and background."""
 
-    has_body: ClassVar[bool] = True
-    """False for metals, which reflect in highlights only. Quick previews need this and `has_coat`."""
-
-    has_coat: ClassVar[bool] = True
-    """True if a clear coat adds white highlights."""
-
     colour: Triple
     roughness: float = 0.1
     wireframe: Wireframe | None = field(default=None, kw_only=True)

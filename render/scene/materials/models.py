@@ -26,8 +26,6 @@ class Diffuse(PatternedMaterial):
     relief  a texture of heights, or None
     """
 
-    has_coat: ClassVar[bool] = False
-
     relief: Relief | None = field(default=None, kw_only=True)
     model: str = field(default="diffuse", init=False)
 
@@ -54,8 +52,6 @@ class Plastic(Glossy):
 @dataclass(frozen=True)
 class Metal(Glossy):
     """A metal that reflects `colour`."""
-
-    has_body: ClassVar[bool] = False
 
     model: str = field(default="metal", init=False)
 
@@ -85,8 +81,6 @@ class BrushedMetal(Material):
 
     grain  the axis, in rest positions
     """
-
-    has_body: ClassVar[bool] = False
 
     grain: Triple = field(default=(0.0, 1.0, 0.0), kw_only=True)
     model: str = field(default="brushed", init=False)
@@ -140,8 +134,6 @@ class Smoke(Material):
 
     density  mean number of scattering events over half the subject's size
     """
-
-    has_coat: ClassVar[bool] = False
 
     density: float = field(default=2.0, kw_only=True)
     model: str = field(default="smoke", init=False)
