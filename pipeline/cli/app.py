@@ -13,11 +13,17 @@ from importlib.metadata import version
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperArgument, TyperCommand, TyperGroup
 
-from pipeline.cli.options import CommonOptions, parameters_of, with_options, with_parameters
+from pipeline.cli.options import REFERENCE, CommonOptions, parameters_of, with_options, with_parameters
 from pipeline.cli.output import print_error
 from pipeline.errors import FlowsculptError
+
+HELP = """Films of shapes that flow like putty, from a shot file to a finished film.
+
+`flowsculpt new --show my_show` writes a folder to work in. There, `flowsculpt preview A010_first`
+draws its shot in seconds, and `flowsculpt film` renders its film. `flowsculpt COMMAND --help` explains a
+command by examples."""
 
 EPILOG = (
     "Exit codes: 0 done · 1 some frames failed, the rest done · 2 bad usage or shot · 3 a missing input · "
@@ -66,7 +72,22 @@ COMMANDS = {
 """Commands with a line of help, by panel: each is a function in the module of its name in `commands/`."""
 
 
-class _Commands(TyperGroup):
+class _WithoutTypes:
+    """Leaves the types of arguments and flags out of the help, such as `<list[str]>` and `<bool>`."""
+
+    def get_params(self, ctx: Any) -> list[Any]:
+        params: list[Any] = super().get_params(ctx)  # type: ignore[misc]
+        for param in params:
+            if isinstance(param, TyperArgument) or getattr(param, "is_flag", False):
+                param.display_type_rich = lambda ctx: None
+        return params
+
+
+class _Command(_WithoutTypes, TyperCommand):
+    """A command of the command line."""
+
+
+class _Commands(_WithoutTypes, TyperGroup):
     """Imports a command when it is called; until then a placeholder stands for it."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> tuple[Any, Any, list[str]]:
@@ -78,8 +99,15 @@ def command_named(name: str) -> Any:
     """Return the command of a name, with its options, as click has it."""
     function = getattr(import_module(f"pipeline.cli.commands.{name}"), name)
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
-    alone.command(name)(with_options(function))
+    alone.command(name, cls=_Command, help=_unwrapped(function.__doc__), epilog=REFERENCE)(
+        with_options(function)
+    )
     return typer.main.get_command(alone)
+
+
+def _unwrapped(text: str) -> str:
+    """Return a docstring with each paragraph in one line, for the help to wrap."""
+    return "\n\n".join(" ".join(paragraph.split()) for paragraph in text.split("\n\n"))
 
 
 def _print_version(wanted: bool) -> None:
@@ -104,7 +132,7 @@ def command_line() -> typer.Typer:
     app = typer.Typer(
         name="flowsculpt",
         cls=_Commands,
-        help="Flow sculpture films: shapes that flow like putty, from a shot file to a finished film.",
+        help=_unwrapped(HELP),
         epilog=EPILOG,
         no_args_is_help=True,
         pretty_exceptions_enable=False,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import functools
 import inspect
 import os
@@ -28,8 +29,12 @@ INTERRUPTED = 130
 _common = functools.partial(typer.Option, rich_help_panel="Options of every command")
 
 
+REFERENCE = "Options of every command (-j, --json, --dry-run, …): flowsculpt --help"
+"""The line in the help of each command that stands for the common options, which the help lists once."""
+
+
 def shots_argument(help: str) -> Any:
-    return typer.Argument(metavar="SHOT…", help=help)
+    return typer.Argument(metavar="SHOT", help=help)
 
 
 def frames_option(help: str) -> Any:
@@ -61,12 +66,15 @@ def _today_names(given: str | list[str] | None) -> str | list[str] | None:
 
 
 def quality_option(help: str = f"One of {', '.join(QUALITIES)}.", **settings: Any) -> Any:
-    return typer.Option("-q", "--quality", help=help, callback=_today_names, **settings)
+    return typer.Option("-q", "--quality", metavar="QUALITY", help=help, callback=_today_names, **settings)
 
 
 Quality = Annotated[str, quality_option()]
 Variant = Annotated[
-    str | None, typer.Option(help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works.")
+    str | None,
+    typer.Option(
+        metavar="VARIANT", help=f"Mitsuba variant: {', '.join(VARIANTS)}. Default: the first that works."
+    ),
 ]
 Scale = Annotated[
     str | None, typer.Option(metavar="PERCENT", help="Render smaller or larger pictures: 50%, or 0.5.")
@@ -251,7 +259,7 @@ def with_options(function: Callable[..., None]) -> Callable[..., None]:
         name: p.annotation for name, p in own.items() if is_dataclass(p.annotation) and name != "common"
     }
     plain = [p for name, p in own.items() if name not in {"common", *groups}]
-    common = parameters_of(CommonOptions)
+    common = [_hidden(p) for p in parameters_of(CommonOptions)]
 
     @functools.wraps(function)
     def command(ctx: typer.Context, **values: Any) -> None:
@@ -276,6 +284,13 @@ def parameters_of(options: Any) -> list[inspect.Parameter]:
     return [
         inspect.Parameter(f.name, kind, default=f.default, annotation=types[f.name]) for f in fields(options)
     ]
+
+
+def _hidden(parameter: inspect.Parameter) -> inspect.Parameter:
+    """Return an option that works and is not in the help."""
+    option = copy.copy(parameter.annotation.__metadata__[0])
+    option.hidden = True
+    return parameter.replace(annotation=Annotated[parameter.annotation.__origin__, option])
 
 
 def with_parameters(

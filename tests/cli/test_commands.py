@@ -6,9 +6,11 @@ from pathlib import Path
 from pkgutil import iter_modules
 
 import pytest
+from typer.main import get_command
 
 from pipeline.cli import commands
-from pipeline.cli.app import COMMANDS
+from pipeline.cli.app import COMMANDS, command_line, command_named
+from pipeline.cli.options import REFERENCE
 from pipeline.production.execution.recovery import PATIENCE
 from render.movie.probe import probe_movie
 from render.post.image import read_png
@@ -18,6 +20,11 @@ NAME = "T010_tiny"
 
 def lines(text):
     return [line for line in text.splitlines() if line.strip()]
+
+
+def common_options():
+    """The options that stand before a command, without --version."""
+    return [option for option in get_command(command_line()).params if option.name != "version_"]
 
 
 ALL = [name for commands in COMMANDS.values() for name in commands]
@@ -44,8 +51,17 @@ def test_help_tells_after_how_long_a_silent_job_is_ended(project):
 def test_every_command_explains_itself_and_takes_the_common_options(project, command):
     done = project.run(command, "--help")
     assert done.code == 0
-    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root", "--profile"):
-        assert option in done.out
+    assert done.out.rstrip().endswith(REFERENCE) and "<str>" not in done.out
+    assert "`flowsculpt " in done.out, "an example"
+    taken = {word for option in command_named(command).params for word in option.opts}
+    assert {word for option in common_options() for word in option.opts} <= taken
+
+
+def test_the_help_lists_the_options_of_every_command_once(project):
+    listed = project.run("--help").out
+    for option in ("--json", "--no-progress", "-j", "--dry-run", "--root", "--profile", "--wait"):
+        assert f" {option} " in listed
+        assert f" {option} " not in project.run("render", "--help").out.replace(REFERENCE, "")
 
 
 def test_common_options_may_stand_before_or_after_the_command(project):

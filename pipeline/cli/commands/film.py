@@ -16,7 +16,7 @@ def film(
     common: Common,
     options: ShotOptions,
     edit: Annotated[
-        str, typer.Argument(help="An edit: its name in shots/, or the path of its file.")
+        str, typer.Argument(metavar="EDIT", help="An edit: its name in shots/, or the path of its file.")
     ] = FILM.stem,
     quality: Quality = DEFAULT_QUALITY,
     variant: Variant = None,

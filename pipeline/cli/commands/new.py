@@ -26,7 +26,9 @@ RESERVED = ("film", "published", "repeated", "turntable", "wedge", Path(DEFAULTS
 
 def new(
     common: Common,
-    name: Annotated[str, typer.Argument(help="The name of the shot, its file and its frames.")],
+    name: Annotated[
+        str, typer.Argument(metavar="NAME", help="The name of the shot, its file and its frames.")
+    ],
     source: Annotated[
         str,
         typer.Option(

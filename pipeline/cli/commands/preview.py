@@ -51,7 +51,8 @@ def preview(
         bool, typer.Option("--watch", help="Draw again whenever the shot file is saved, until Ctrl-C.")
     ] = False,
     port: Annotated[
-        int, typer.Option(min=0, max=65535, help="The port of the live page; 0 is any free one.")
+        int,
+        typer.Option(min=0, max=65535, metavar="PORT", help="The port of the live page; 0 is any free one."),
     ] = 0,
     browser: Annotated[
         bool, typer.Option("--browser/--no-browser", help="Open the live page in a browser.")

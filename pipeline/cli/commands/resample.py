@@ -65,18 +65,23 @@ def resample(
     placement: Annotated[
         str | None,
         typer.Option(
+            metavar="PLACEMENT",
             help="Where new vertices go. chord: the middle of the edge, the default. curved: a smooth "
-            "surface through the old vertices, which ends at creases."
+            "surface through the old vertices, which ends at creases.",
         ),
     ] = None,
     method: Annotated[
-        str, typer.Option(help="triangles; or polyhedra, which slices faces of any number of sides.")
+        str,
+        typer.Option(
+            metavar="METHOD", help="triangles; or polyhedra, which slices faces of any number of sides."
+        ),
     ] = "triangles",
     splits: Annotated[
         str | None,
         typer.Option(
+            metavar="SPLITS",
             help="edges: cut long edges in two, the default. faces: cut faces with a long edge into four, "
-            "which keeps their shapes and gives more of them."
+            "which keeps their shapes and gives more of them.",
         ),
     ] = None,
 ) -> None:

@@ -35,7 +35,7 @@ def review(
         typer.Option(metavar="NAME", help="The folder of the page. Default: the names of the shots."),
     ] = None,
     form: Annotated[
-        str, typer.Option("--as", help=f"Pictures as {' or '.join(FORMS)}; png is lossless.")
+        str, typer.Option("--as", metavar="FORM", help=f"Pictures as {' or '.join(FORMS)}; png is lossless.")
     ] = FORMS[0],
     models: Annotated[
         int, typer.Option(min=0, metavar="N", help="Mesh frames of each shot for the 3-D view.")

@@ -35,7 +35,7 @@ def sheet(
     ] = None,
     at: Annotated[int | None, at_option("The frame of --looks. Default: the middle one.")] = None,
     quality: Quality = DEFAULT_QUALITY,
-    columns: Annotated[int | None, typer.Option(min=1, help="Columns of the sheet.")] = None,
+    columns: Annotated[int | None, typer.Option(min=1, metavar="N", help="Columns of the sheet.")] = None,
     output: Annotated[Path | None, output_option("Write this PNG.")] = None,
 ) -> None:
     """Put frames of a shot on one contact sheet, rendering what is missing.

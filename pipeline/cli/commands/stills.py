@@ -19,7 +19,10 @@ def stills(
     frames: Frames = None,
     quality: Quality = DEFAULT_QUALITY,
     form: Annotated[
-        str, typer.Option("--as", help=f"One of {', '.join(FORMS)}: 8 bits, 16 bits, or 8 bits compressed.")
+        str,
+        typer.Option(
+            "--as", metavar="FORM", help=f"One of {', '.join(FORMS)}: 8 bits, 16 bits, or 8 bits compressed."
+        ),
     ] = "png",
 ) -> None:
     """Write frames of shots as PNG or JPEG, rendering what is missing.

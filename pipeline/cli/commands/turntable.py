@@ -23,7 +23,7 @@ def turntable(
     ],
     options: ShotOptions,
     at: Annotated[int | None, at_option("The frame of the shot. Default: its first.")] = None,
-    frames: Annotated[int, typer.Option(help="Pictures of a full turn.")] = 72,
+    frames: Annotated[int, typer.Option(metavar="N", help="Pictures of a full turn.")] = 72,
     turn: Annotated[
         str, typer.Option(metavar="WHAT", help="object, lights, or both: the object first, then the lights.")
     ] = BOTH,

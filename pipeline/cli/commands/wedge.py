@@ -42,7 +42,10 @@ def wedge(
     at: Annotated[int | None, at_option("The frame of the sheet. Default: the middle one.")] = None,
     quality: Quality = DEFAULT_QUALITY,
     columns: Annotated[
-        int | None, typer.Option(min=1, help="Columns of the sheet. Default: the values of the last --vary.")
+        int | None,
+        typer.Option(
+            min=1, metavar="N", help="Columns of the sheet. Default: the values of the last --vary."
+        ),
     ] = None,
     yes: Annotated[bool, typer.Option("--yes", help=f"Allow more than {MOST_CELLS} cells.")] = False,
 ) -> None:
