@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import re
+import signal
 
 import pytest
 
@@ -28,6 +30,22 @@ def test_a_dry_run_says_how_long_and_how_large(told):
 def test_where_nothing_was_measured_a_dry_run_says_so(project):
     words = project.run("--dry-run", "render", NAME, "-q", "draft").out
     assert "is not known: none was done here yet" in words
+
+
+def test_stills_say_what_large_frames_take_before_any_is_rendered(project):
+    process = project.start("stills", NAME, "-f", "2", "-q", "final")
+    try:
+        said = process.stderr.readline()
+    finally:
+        process.send_signal(signal.SIGINT)
+        process.communicate(timeout=60)
+    assert "1 frame of 1920 × 1080 pixels, 64 samples each" in said
+    assert re.search(r"about .* (s|min) on . cores?, by a typical shot; none was rendered here yet\.", said)
+
+
+def test_stills_of_a_draft_say_nothing_of_their_cost(finished):
+    done = finished.run("stills", NAME, "-f", "2")
+    assert done.code == 0 and "To be rendered" not in done.err
 
 
 def test_the_report_accounts_for_a_whole_run(finished_project):
