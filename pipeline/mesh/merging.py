@@ -18,7 +18,7 @@ class MergedSurface(NamedTuple):
     """Faces of a file over merged vertices, each with three different corners at least.
 
     joined     (V of the file,) the first vertex of the file at the same position
-    unused     vertices of the file (K,) that no face names
+    unused     vertices of the file (K,) that no face names and that lie on no other
     collapsed  faces of the file (L,) with fewer than three corners left, which were dropped
     """
 
@@ -48,7 +48,9 @@ def merge_coincident(surface: FileSurface) -> MergedSurface:
     used, renumbered = np.unique(corners[kept & whole[face]], return_inverse=True)
     starts = np.concatenate([[0], np.cumsum(sides[whole])])
     soup = FaceSoup(points[used], starts, renumbered.reshape(-1), np.flatnonzero(whole), used)
-    return MergedSurface(soup, joined, np.flatnonzero(~named), np.flatnonzero(~whole))
+    return MergedSurface(
+        soup, joined, np.flatnonzero(~named & (joined == np.arange(len(points)))), np.flatnonzero(~whole)
+    )
 
 
 def _require_numbers(surface: FileSurface, named: AnyArray) -> None:

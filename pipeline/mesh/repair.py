@@ -7,6 +7,7 @@ separated; faces are wound alike; and each fan of faces around a vertex gets a v
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple
 
@@ -75,12 +76,18 @@ class Changes:
         if not len(vertices):
             return
         count, first = len(vertices), int(vertices[0])
-        at = ", ".join(f"{value:.6g}" for value in self.surface.points[first])
+        at = self._place(self.surface.points[first])
         number = "" if self.surface.base is None else f", vertex {first + self.surface.base}"
         place = f"at ({at}){number}" if count == 1 else f"the first at ({at}){number}"
         fault = f"1 {one}, {place}" if count == 1 else f"{count} {many}, {place}"
         self.faults.append(fault)
         self.lines.append(f"{fault}: {done}")
+
+    def _place(self, point: AnyArray) -> str:
+        """Return coordinates to six digits of the largest of all, so that noise near 0 reads as 0."""
+        size = float(np.nanmax(np.abs(self.surface.points[self.surface.corners])))
+        decimals = 5 - math.floor(math.log10(size)) if size > 0 else 0
+        return ", ".join(f"{round(float(value), decimals) + 0.0:.9g}" for value in point)
 
 
 def _tell_merging(merged: MergedSurface, changes: Changes) -> None:
@@ -173,7 +180,7 @@ def _tell_winding(soup: FaceSoup, winding: Winding, faults: Changes) -> None:
     one, many = "face is wound against its neighbours", "faces are wound against their neighbours"
     faults.add(_first_vertices(soup, against), one, many, "reversed")
     one, many = "face of a closed surface faces inwards", "faces of closed surfaces face inwards"
-    faults.add(_first_vertices(soup, inwards & ~against), one, many, "reversed")
+    faults.add(_first_vertices(soup, inwards), one, many, "reversed")
 
 
 def _reversed(soup: FaceSoup, link: AnyArray, faces: AnyArray) -> tuple[FaceSoup, AnyArray]:

@@ -14,7 +14,7 @@ class Winding(NamedTuple):
     """The faces to reverse, and the links to cut, so that all linked sides run in opposite directions.
 
     against  (F,) True for faces wound against their neighbours
-    inwards  (F,) True for faces of closed parts that are inside out
+    inwards  (F,) True for faces of consistent, closed parts that are inside out
     cut      (C,) True for sides whose link contradicts: the surface is one-sided
     """
 
@@ -54,8 +54,8 @@ def find_winding(soup: FaceSoup, link: AnyArray) -> Winding:
         against ^= larger[part]
     is_open = np.zeros(len(soup), bool)
     is_open[part[soup.owners[(link < 0) | cut]]] = True
-    inwards = _inside_out(soup, part, ~is_open[part], against)
-    return Winding(against, inwards, cut)
+    inwards, mended = _inside_out(soup, part, ~is_open[part], against)
+    return Winding(against ^ (inwards & mended), inwards & ~mended, cut)
 
 
 def _parities(count: int, ends: AnyArray, others: AnyArray, alike: AnyArray) -> tuple[AnyArray, AnyArray]:
@@ -94,19 +94,23 @@ def _spread(faces: AnyArray, ends: AnyArray, others: AnyArray, alike: AnyArray) 
     return turned
 
 
-def _inside_out(soup: FaceSoup, part: AnyArray, closed: AnyArray, against: AnyArray) -> AnyArray:
+def _inside_out(
+    soup: FaceSoup, part: AnyArray, closed: AnyArray, against: AnyArray
+) -> tuple[AnyArray, AnyArray]:
     """Return the faces (F,) of closed parts that face inwards, once those in `against` are reversed.
+
+    Also returns which faces are of parts that have some in `against`.
 
     A part that was consistent in the file may be the wall of a cavity, which rightly faces inwards. If all of
     them together enclose a negative volume, the model is mirrored and all are reversed. Of the others, a part
     of negative volume is reversed unless its bounding box lies in that of another closed part.
     """
-    if not closed.any():
-        return closed
-    volume = np.bincount(part, np.where(against, -soup.volumes, soup.volumes), len(soup))
-    roots = np.flatnonzero(closed & (part == np.arange(len(part))))
     mended = np.zeros(len(soup), bool)
     mended[part[against]] = True
+    if not closed.any():
+        return closed, mended[part]
+    volume = np.bincount(part, np.where(against, -soup.volumes, soup.volumes), len(soup))
+    roots = np.flatnonzero(closed & (part == np.arange(len(part))))
     size, consistent = volume[roots], ~mended[roots]
     turned = ~consistent & (size < 0)
     if consistent.any() and size[consistent].sum() < 0:
@@ -116,7 +120,7 @@ def _inside_out(soup: FaceSoup, part: AnyArray, closed: AnyArray, against: AnyAr
         turned[still] ^= ~_enclosed(soup, part, roots, still)
     inside_out = np.zeros(len(soup), bool)
     inside_out[roots[turned]] = True
-    return inside_out[part]
+    return inside_out[part], mended[part]
 
 
 def _enclosed(soup: FaceSoup, part: AnyArray, roots: AnyArray, wanted: AnyArray) -> AnyArray:

@@ -231,7 +231,8 @@ def as_data(value: Any) -> Any:
     """Return a value as JSON-able data, which keys are hashed from.
 
     Equal values give equal data on every machine. Dataclasses become dicts with their class under `is`,
-    without fields that they compute from others (`init=False`) and NOT_PLAIN fields; tuples become lists.
+    without fields that they compute from others (`init=False`), NOT_PLAIN fields, and OMIT_DEFAULT fields at
+    their default; tuples become lists.
 
     Raises UsageError for a value without such a form, a Python function for one.
     """
@@ -245,6 +246,8 @@ def as_data(value: Any) -> Any:
         return [as_data(item) for item in value]
     if is_dataclass(value) and not isinstance(value, type):
         own = [f for f in fields(value) if f.init and f.metadata.get("plain", True)]
-        return {"is": type(value).__name__, **{f.name: as_data(getattr(value, f.name)) for f in own}}
+        named = [(f, getattr(value, f.name)) for f in own]
+        kept = {f.name: as_data(v) for f, v in named if not f.metadata.get("omit_default") or v != f.default}
+        return {"is": type(value).__name__, **kept}
     kind = "function" if callable(value) else type(value).__name__
     raise UsageError(f"a {kind} ({value!r}) cannot stand in a shot's data; use a flow of the catalogue")

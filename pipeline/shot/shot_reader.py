@@ -22,10 +22,11 @@ from pipeline.shot.documents.bsdf import bsdf_problems
 from pipeline.shot.documents.curves import NumberField, number
 from pipeline.shot.documents.resampling import ResampleDocument
 from pipeline.shot.documents.shot import ShotDocument
+from pipeline.shot.model_subject import Model
 from pipeline.shot.motion import DEFAULT_MAX_STEP, Motion
 from pipeline.shot.point_subjects import CloudOfFile, ControlNet, NetOfFile
 from pipeline.shot.shot import AovSelection, Picture, Shot
-from pipeline.shot.subject import Model, Subject
+from pipeline.shot.subject import Subject
 from pipeline.shot.yaml.inheritance import inherited
 from pipeline.shot.yaml.source import Problem, YamlSource
 from pipeline.shot.yaml.validation import ParseContext, validated
@@ -40,6 +41,7 @@ CHECKS = (
     motion_checks.bounds,
     motion_checks.splits,
     subject_checks.solid,
+    subject_checks.size,
     picture_checks.clear_look,
     picture_checks.measurable,
     bsdf_problems,

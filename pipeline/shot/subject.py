@@ -1,12 +1,11 @@
-"""Subjects that are surfaces: solids by name and models from files. `point_subjects` has clouds and nets."""
+"""Subjects and solids by name. `model_subject` has mesh files, `point_subjects` clouds and nets."""
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -16,8 +15,6 @@ from pipeline.mesh import (
     TriangleMesh,
     box,
     icosphere,
-    read_mesh,
-    read_polygons,
     rod,
     sheet,
     torus,
@@ -34,7 +31,9 @@ from pipeline.mesh.analytic_surfaces import (
 from pipeline.mesh.bars import BarLattice, lattice
 from pipeline.mesh.control_net import Lattice
 from pipeline.mesh.solids import one_sided_sheet, six_sided_box
-from render.base.serialise import NOT_PLAIN
+
+OMIT_DEFAULT = {"omit_default": True}
+"""`field(metadata=OMIT_DEFAULT)`: a field left out of keys at its default: older keys stay."""
 
 Measure = float | str | tuple[float, ...]
 
@@ -56,6 +55,11 @@ class Subject(ABC):
     def lattice(self) -> Lattice | None:
         """The layout of its vertices as the control points of a net; None for other subjects."""
         return None
+
+    @property
+    def repairs(self) -> tuple[str, ...]:
+        """What was repaired in the file of the subject, if this process has read it: a line for each kind."""
+        return ()
 
     @abstractmethod
     def build(self, max_edge_length: float | None = None) -> TriangleMesh:
@@ -159,27 +163,6 @@ class Solid(Subject):
         if make is None:
             return super().polygons(max_edge_length)
         return make(*(value for _, value in self.measures))
-
-
-@dataclass(frozen=True)
-class Model(Subject):
-    """A mesh file, known by its contents: the same model elsewhere makes the same frames.
-
-    digest  SHA-256 of the file
-    scale   factor on all coordinates
-    """
-
-    digest: str
-    scale: float = 1.0
-    path: Path = field(default=Path(), metadata=NOT_PLAIN)
-
-    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
-        mesh = read_mesh(self.path)
-        return mesh.with_vertices(self.scale * mesh.vertices)
-
-    def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
-        mesh = read_polygons(self.path)
-        return mesh.with_vertices(self.scale * mesh.vertices)
 
 
 def measures_of(defaults: Mapping[str, Measure], given: Mapping[str, Any]) -> tuple[tuple[str, Measure], ...]:

@@ -50,6 +50,17 @@ def files(source: YamlSource) -> Iterator[Problem]:
             yield ("subject", kind), str(error)
 
 
+def size(source: YamlSource) -> Iterator[Problem]:
+    """Check that the size of a model is set once."""
+    given = source.get("subject")
+    if isinstance(given, dict) and {"model", "scale", "fit"} <= given.keys():
+        yield (
+            ("subject", "fit"),
+            "fit and scale both set the size of the model. Write fit: 2 for a largest extent of 2 units, or "
+            "scale for a factor on the file's coordinates, and leave the other out.",
+        )
+
+
 def solid(source: YamlSource) -> Iterator[Problem]:
     """Check the measures of solids: the subject, what a cloud fills, and the shape of a net."""
     for where, kinds in (("subject",), SOLIDS), (("subject", "cloud"), SOLIDS), (("subject", "net"), NETS):

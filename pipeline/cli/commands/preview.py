@@ -12,7 +12,7 @@ from typing import Annotated
 import typer
 
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
-from pipeline.cli.output import err, make_folder_of, print_error, print_result, progress_bars
+from pipeline.cli.output import err, make_folder_of, print_error, print_result, print_warning, progress_bars
 from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
 from pipeline.dailies.preview.live_server import LiveFeed, serving
 from pipeline.dailies.preview.live_session import LiveSession, files_of, stamp, wait_for_edit
@@ -109,8 +109,15 @@ def _draw_once(common: Common, sketch: Sketch, store: Store, at: int | None, pat
                     animatic.movie(path, report)
                 else:
                     animatic.still(at, path, report)
+    _tell_repairs(sketch)
     words = f"{path}: {frames}{' would be drawn' if common.dry_run else ''}."
     print_result(words, {"path": str(path), "frames": len(numbers)}, common.json)
+
+
+def _tell_repairs(sketch: Sketch) -> None:
+    """Tell what was repaired in the model, if it was read for this preview."""
+    for line in sketch.request.shot.motion.subject.repairs:
+        print_warning(f"{sketch.request.name}: model repaired: {line}")
 
 
 def _redraw(

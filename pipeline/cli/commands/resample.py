@@ -12,10 +12,10 @@ from rich.console import Group
 from rich.table import Table
 
 from pipeline.cli.options import Common, require_one_of
-from pipeline.cli.output import print_result, table
+from pipeline.cli.output import print_result, print_warning, table
 from pipeline.errors import MeshError, UsageError
 from pipeline.mesh import PolygonMesh, TriangleMesh, write_mesh
-from pipeline.mesh.read import read_polygons
+from pipeline.mesh.read import read_surface
 from pipeline.mesh.write import WRITERS
 from pipeline.resample import Chord, Curved, Placement, PolyhedralResampler, Report, Thresholds
 from pipeline.resample import resample as resample_triangles
@@ -99,7 +99,10 @@ def resample(
     if not 0 < hard_angle_degrees <= 180:
         raise UsageError(f"--hard-angle-degrees {hard_angle_degrees:g} must be above 0 and at most 180")
     thresholds = Thresholds(max_edge_length, min_edge_length, math.radians(hard_angle_degrees))
-    before = read_polygons(source)
+    imported = read_surface(source)
+    before = imported.mesh
+    for line in imported.repairs:
+        print_warning(f"{source}: repaired: {line}")
     if common.dry_run:
         facts = {"in": str(source), "out": str(target), "vertices": len(before.vertices)}
         print_result(

@@ -31,8 +31,11 @@ def simulate(context: Context) -> bool:
         return True
     started = time.perf_counter()
     number = min(missing)
+    resume = _last_before(context, number)
     try:
-        for frame in animate(request.shot, resume=_last_before(context, number)):
+        for frame in animate(request.shot, resume=resume):
+            if resume is None and frame.number == request.shot.frames.first:
+                _tell_repairs(context)
             number = frame.number
             key = request.mesh_key(number)
             found = context.has("mesh", key)
@@ -50,6 +53,13 @@ def simulate(context: Context) -> bool:
         context.fail(error, error.frame if isinstance(error, FrameError) and error.frame else min(missing))
         return False
     return True
+
+
+def _tell_repairs(context: Context) -> None:
+    """Warn of what was repaired in the file of the subject."""
+    motion = context.request.shot.motion
+    for line in motion.subject.repairs:
+        context.warn(motion.frames.first, f"{context.request.name}: model repaired: {line}")
 
 
 def _shown_again(context: Context, number: int) -> bool:

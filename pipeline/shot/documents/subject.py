@@ -8,14 +8,18 @@ from pydantic import ConfigDict, Field
 
 from pipeline.mesh.control_net import LEAST
 from pipeline.shot.documents.fields import (
+    DEGREE,
     MAPPING_IS_SECOND,
+    ORIGIN,
     ByForm,
+    Degrees,
     Document,
     Positive,
     Triple,
     one_of,
     optional,
 )
+from pipeline.shot.model_subject import Model
 from pipeline.shot.point_subjects import (
     MOST_POINTS,
     NETS,
@@ -27,7 +31,7 @@ from pipeline.shot.point_subjects import (
     NetOfRows,
     NetOfSolid,
 )
-from pipeline.shot.subject import SOLIDS, Model, Solid
+from pipeline.shot.subject import SOLIDS, Solid
 from pipeline.shot.yaml.lookup import digest_of_file
 
 CLOSED = {"none": (False, False), "rows": (True, False), "columns": (False, True), "both": (True, True)}
@@ -75,11 +79,28 @@ class SolidDocument(Document):
 
 class ModelDocument(Document):
     model: str = Field(description="an OBJ, PLY, STL, OFF or GLB beside the shot file")
-    scale: Positive = Field(1.0, description="factor on all coordinates")
+    scale: Positive = Field(1.0, description="factor on all coordinates; or use fit")
+    fit: Positive | None = optional("its largest extent, centred on the origin (units)")
+    up: Literal["y", "z"] = Field("y", description="the axis of the file that points up")
+    rotate: Annotated[list[Degrees], Field(min_length=3, max_length=3)] = Field(
+        ORIGIN, description="about x, then y, then z (degrees)"
+    )
+    repair: Literal["on", "off"] = Field(
+        "on", description="mends faults such as third faces on an edge; off refuses them"
+    )
 
     def build(self, folder: Path) -> Model:
         path = folder / self.model
-        return Model(digest=digest_of_file(path), scale=float(self.scale), path=path)
+        x, y, z = (DEGREE * angle for angle in self.rotate)
+        return Model(
+            digest=digest_of_file(path),
+            scale=float(self.scale),
+            path=path,
+            up=self.up,
+            rotate=(x, y, z),
+            fit=None if self.fit is None else float(self.fit),
+            repair=self.repair == "on",
+        )
 
 
 class NetSolidDocument(Document):

@@ -1,0 +1,92 @@
+"""Subjects that are mesh files, repaired, turned upright, and scaled or fitted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.arrays import AnyArray, Points
+from pipeline.mesh import PolygonMesh, TriangleMesh
+from pipeline.mesh.read import ImportedSurface, read_surface
+from pipeline.shot.subject import OMIT_DEFAULT, Subject
+from render.base.serialise import NOT_PLAIN
+
+_TO_Y_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
+"""Turns by −90° about x: z becomes y."""
+
+_latest: dict[tuple[Path, str, bool], ImportedSurface] = {}
+"""The surface that was read last: a run reads its model for the mesh, its polygons and its repairs."""
+
+
+@dataclass(frozen=True)
+class Model(Subject):
+    """A mesh file, known by its contents: the same model elsewhere makes the same frames.
+
+    It is repaired, turned, and then scaled about the origin or fitted, with the middle of its bounding box at
+    the origin, where flows act. The stage is beneath its lowest point by itself.
+
+    digest  SHA-256 of the file
+    scale   factor on all coordinates
+    up      the axis of the file that points up: y or z
+    rotate  angles about x, then y, then z, radians
+    fit     its largest extent, scene units, in place of `scale`
+    repair  True repairs what is not sound; False refuses it
+    """
+
+    digest: str
+    scale: float = 1.0
+    path: Path = field(default=Path(), metadata=NOT_PLAIN)
+    up: str = field(default="y", metadata=OMIT_DEFAULT)
+    rotate: tuple[float, float, float] = field(default=(0.0, 0.0, 0.0), metadata=OMIT_DEFAULT)
+    fit: float | None = field(default=None, metadata=OMIT_DEFAULT)
+    repair: bool = field(default=True, metadata=OMIT_DEFAULT)
+
+    def build(self, max_edge_length: float | None = None) -> TriangleMesh:
+        mesh = self.imported().mesh.triangulated()
+        return mesh.with_vertices(self._placed(mesh.vertices))
+
+    def polygons(self, max_edge_length: float | None = None) -> PolygonMesh:
+        mesh = self.imported().mesh
+        return mesh.with_vertices(self._placed(mesh.vertices))
+
+    @property
+    def repairs(self) -> tuple[str, ...]:
+        known = _latest.get(self._read_from)
+        return () if known is None else known.repairs
+
+    def imported(self) -> ImportedSurface:
+        """Return the surface as its file says. Raises MissingInputError or MeshError."""
+        if self._read_from not in _latest:
+            surface = read_surface(self.path, self.repair)
+            _latest.clear()
+            _latest[self._read_from] = surface
+        return _latest[self._read_from]
+
+    @property
+    def _read_from(self) -> tuple[Path, str, bool]:
+        return self.path, self.digest, self.repair
+
+    def _placed(self, points: Points) -> Points:
+        """Return points (V, 3) of the file where the shot has them."""
+        if self.up == "z":
+            points = points @ _TO_Y_UP.T
+        if any(self.rotate):
+            points = points @ self._rotation.T
+        if self.fit is None:
+            return self.scale * points
+        low, high = points.min(axis=0), points.max(axis=0)
+        return (points - 0.5 * (low + high)) * (self.fit / float((high - low).max()))
+
+    @cached_property
+    def _rotation(self) -> AnyArray:
+        x, y, z = (np.array([[math.cos(a), -math.sin(a)], [math.sin(a), math.cos(a)]]) for a in self.rotate)
+        about_x, about_y, about_z = np.eye(3), np.eye(3), np.eye(3)
+        about_x[1:, 1:] = x
+        about_y[np.ix_([2, 0], [2, 0])] = y
+        about_z[:2, :2] = z
+        matrix: AnyArray = about_z @ about_y @ about_x
+        return np.where(np.abs(matrix) < 1e-15, 0.0, matrix)  # of right angles
