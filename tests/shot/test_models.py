@@ -67,7 +67,11 @@ def test_a_model_is_turned_about_x_then_y_then_z(tmp_path: Path, rotate: str, si
 
 
 @settings(max_examples=20, deadline=None)
-@given(st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-9, 9)), st.sampled_from("yz"), st.floats(1e-3, 1e4))
+@given(
+    st.tuples(st.floats(-9, 9), st.floats(-9, 9), st.floats(-9, 9)),
+    st.sampled_from("yz"),
+    st.floats(1e-3, 1e4),
+)
 def test_turning_and_fitting_change_no_shape(rotate: Any, up: str, fit: float) -> None:
     turned = Model("", up=up, rotate=rotate, fit=fit)._placed(LONG.vertices)
     lengths = np.linalg.norm(np.diff(LONG.vertices, axis=0), axis=1)
@@ -77,9 +81,7 @@ def test_turning_and_fitting_change_no_shape(rotate: Any, up: str, fit: float) -
 
 
 def test_fit_and_scale_together_are_refused_with_what_to_write(tmp_path: Path) -> None:
-    with pytest.raises(
-        ShotError, match=r"a\.yaml:3:35: fit and scale both set .* leave the other"
-    ):
+    with pytest.raises(ShotError, match=r"a\.yaml:3:35: fit and scale both set .* leave the other"):
         shot_of(tmp_path, ", scale: 2, fit: 2")
 
 
