@@ -55,13 +55,16 @@ setup: .venv/ready
 		{ echo "flowsculpt needs Python 3.11 or newer; point make at one: make PYTHON=python3.12 film" >&2; exit 4; }
 	@$(PYTHON) -c 'import ensurepip' 2>/dev/null || \
 		{ echo "flowsculpt needs Python's venv module: apt-get install python3-venv" >&2; exit 4; }
-	$(PYTHON) -m venv .venv
-	$(BIN)/python -m pip install --quiet --require-hashes -r requirements.lock
-	$(BIN)/python -m pip install --quiet --no-deps --no-build-isolation -e .
-	$(BIN)/python -m render.mitsuba.engine
-	-$(BIN)/python -m pipeline.dailies.review.view_3d
-	$(BIN)/python -m compileall -q pipeline render
-	$(BIN)/flowsculpt doctor --prepare
+	@echo "Setting up .venv, once. 1 of 3: packages (1.1 GB; about a minute if pip has them already)"
+	@$(PYTHON) -m venv .venv
+	@$(BIN)/python -m pip install --quiet --no-compile --require-hashes -r requirements.lock
+	@$(BIN)/python -m pip install --quiet --no-compile --no-deps --no-build-isolation -e .
+	@$(BIN)/python -m compileall -q -j $(CORES) .venv/lib pipeline render
+	@echo "2 of 3: the renderer"
+	@$(BIN)/python -m render.mitsuba.engine
+	-@$(BIN)/python -m pipeline.dailies.review.view_3d
+	@echo "3 of 3: kernels, on all cores (about a minute on two)"
+	@$(BIN)/flowsculpt -j $(CORES) doctor --prepare
 	@touch $@
 
 .venv/ready-dev: .venv/ready requirements-dev.lock

@@ -20,7 +20,7 @@ import numpy as np
 from numba.core import sigutils
 from numpy.typing import NDArray
 
-from render.base.kernel_cache import kernel_modules, use_kernel_cache
+from render.base.kernel_cache import use_kernel_cache
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -34,8 +34,12 @@ def kernel(signature: Any, **options: Any) -> Callable[[F], F]:
     use_kernel_cache()
 
     def decorate(function: F) -> F:
-        dispatcher: F = numba.njit(cache=True, nogil=True, **options)(function)
-        DECLARED.append((dispatcher, signature))
+        dispatcher: Any = numba.njit(cache=True, nogil=True, **options)(function)
+        arguments, _ = sigutils.normalize_signature(signature)
+        resolve = dispatcher.get_call_template
+        # Left to itself numba compiles a kernel anew for each literal, unsigned or writable argument.
+        dispatcher.get_call_template = lambda args, kws: resolve(arguments, {})
+        DECLARED.append((dispatcher, arguments))
         return dispatcher
 
     return decorate
@@ -76,6 +80,11 @@ class BlockKernel:
     def __init__(self, function: Callable[..., None]) -> None:
         self._function = function
 
+    @property
+    def module(self) -> str:
+        """The dotted name of the module that holds it."""
+        return self._function.__module__
+
     @cached_property
     def _compiled(self) -> Any:
         use_kernel_cache()
@@ -104,13 +113,12 @@ def block_kernel(function: Callable[..., None]) -> BlockKernel:
     return found
 
 
-def compile_all() -> int:
-    """Compile every kernel for its declared types; returns how many there are."""
-    for name in kernel_modules("pipeline"):
-        importlib.import_module(name)
-    for dispatcher, signature in DECLARED:
-        arguments, _ = sigutils.normalize_signature(signature)
-        dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
+def compile_module(name: str) -> None:
+    """Compile every kernel of a module for its declared types, and the kernels that it calls."""
+    importlib.import_module(name)
+    for dispatcher, arguments in DECLARED:
+        if dispatcher.py_func.__module__ == name:
+            dispatcher.compile(arguments)  # a call finds in the cache what was filed under arguments alone
     for block in BLOCK_KERNELS:
-        assert block.address, "asking for it compiles it"
-    return len(DECLARED) + len(BLOCK_KERNELS)
+        if block.module == name:
+            assert block.address, "asking for it compiles it"

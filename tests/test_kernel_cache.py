@@ -9,7 +9,7 @@ import tempfile
 
 import pytest
 
-from pipeline import kernels
+from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from render.base import kernel_cache
 
 SCENE = """
@@ -22,8 +22,8 @@ from pipeline.shot import read_shot
 shot = read_shot(Path({path!r}))
 for frame in animate(shot):
     split_at_creases(frame.mesh)
-for dispatcher, signature in kernels.DECLARED:
-    if len(dispatcher.signatures) > 1:
+for dispatcher, types in kernels.DECLARED:
+    if dispatcher.signatures not in ([], [types]):
         print(dispatcher.__name__, dispatcher.signatures)
     if dispatcher.stats.cache_misses:
         print(dispatcher.__name__, "was compiled")
@@ -31,7 +31,7 @@ for dispatcher, signature in kernels.DECLARED:
 
 
 def test_a_whole_shot_runs_on_what_set_up_has_compiled(project):
-    assert kernels.compile_all() > 0
+    build_kernels(kernel_calls(), 2, lambda: None)
     scene = SCENE.format(path=str(project.shot))
     done = subprocess.run([sys.executable, "-c", scene], capture_output=True, text=True, timeout=120)
     assert done.returncode == 0, done.stderr
@@ -39,10 +39,8 @@ def test_a_whole_shot_runs_on_what_set_up_has_compiled(project):
 
 
 PREPARE = """
-import {module}
-kernels.DECLARED[:] = [(d, types) for d, types in kernels.DECLARED if d.py_func.__module__ == {module!r}]
-kernels.BLOCK_KERNELS.clear()
-kernels.compile_all()
+from pipeline import kernels
+kernels.compile_module({module!r})
 """
 
 CALL = """
@@ -58,16 +56,29 @@ def test_a_call_finds_what_set_up_has_compiled_in_an_empty_cache(tmp_path):
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
     said = []
     for step in (PREPARE, CALL):
-        lines = [
-            "from pipeline import kernels",
-            f"kernels.kernel_modules = lambda package: [{module!r}]",
-            step.format(module=module),
-        ]
-        code = "\n".join(lines)
+        code = step.format(module=module)
         done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True)
         assert done.returncode == 0, done.stderr
         said.append(done.stdout.strip())
     assert said == ["", "{} 1"]
+
+
+def test_a_kernel_is_compiled_after_all_that_it_calls_and_once_for_all_its_callers(tmp_path):
+    calls = kernel_calls()
+    called, caller = "pipeline.flow.kernels.instructions", "pipeline.flow.kernels.vortices"
+    assert calls[caller] == {called}
+    code = BUILD.format(calls={called: set(), caller: {called}})
+    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path)}
+    subprocess.run([sys.executable, "-c", code], env=environment, check=True)
+    compiled = [path.name.split(".py")[0] for path in tmp_path.rglob("*.nbc")]
+    assert len(compiled) == len(set(compiled)) > 8
+
+
+BUILD = """
+from pipeline.cli.kernel_build import build_kernels
+if __name__ == "__main__":
+    build_kernels({calls!r}, 2, lambda: None)
+"""
 
 
 def test_no_vector_library_with_other_bits_is_taken():

@@ -61,15 +61,24 @@ class KernelCacheLocator(UserProvidedCacheLocator):  # type: ignore[misc]  # num
         file = Path(py_file).absolute()
         if not file.is_relative_to(SOURCES):  # a formula's, which lies in the cache already
             return str(UserProvidedCacheLocator.get_suitable_cache_subpath(py_file))
-        module = ".".join(file.relative_to(SOURCES).with_suffix("").parts)
-        return f"{module}-{source_digest(file)[:16]}"
+        return f"{_module_of(file)}-{source_digest(file)[:16]}"
 
 
 def kernel_modules(package: str) -> list[str]:
     """Return the dotted names of all modules of a package that hold kernels, told by their decorators."""
     sources = sorted((SOURCES / package).rglob("*.py"))
-    files = [file for file in sources if _KERNEL.search(file.read_text(encoding="utf-8"))]
-    return [".".join(file.relative_to(SOURCES).with_suffix("").parts) for file in files]
+    return [_module_of(file) for file in sources if _KERNEL.search(file.read_text(encoding="utf-8"))]
+
+
+def imported_modules(module: str) -> set[str]:
+    """Return the dotted names of all modules of ours that a module imports itself."""
+    file = SOURCES.joinpath(*module.split(".")).with_suffix(".py")
+    return {_module_of(imported) for imported in _imported_files(file.read_text(encoding="utf-8"))}
+
+
+def _module_of(file: Path) -> str:
+    """Return the dotted name of a module below `SOURCES`."""
+    return ".".join(file.relative_to(SOURCES).with_suffix("").parts)
 
 
 @cache

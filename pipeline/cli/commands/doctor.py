@@ -9,15 +9,12 @@ from typing import Annotated, Any
 
 import typer
 
+from pipeline.cli.kernel_build import build_kernels, kernel_calls
 from pipeline.cli.options import Common
-from pipeline.cli.output import exit_with, print_result
-from pipeline.kernels import compile_all
-from render import raster
+from pipeline.cli.output import exit_with, print_result, progress_bars
 from render.base.kernel_cache import cache_folder
 from render.base.plural import plural
 from render.mitsuba import engine
-from render.movie import planes
-from render.post import colour
 
 PACKAGES = ("numba", "mitsuba", "pyoidn", "OpenImageIO", "av", "snakemake")
 
@@ -31,14 +28,13 @@ def doctor(
 ) -> None:
     """Show the renderer and packages in use, and what would make rendering faster.
 
-    `flowsculpt doctor --prepare` also compiles all kernels, so that no later command waits for them. The exit
-    code is 4 if no renderer works.
+    `flowsculpt doctor --prepare` also compiles all kernels, on as many cores as -j says, so that no later
+    command waits for them. The exit code is 4 if no renderer works.
     """
     if prepare and not common.dry_run:
-        compile_all()
-        colour.prepare()
-        planes.prepare()
-        raster.prepare()
+        with progress_bars(common.progress) as bar:
+            calls = kernel_calls()
+            build_kernels(calls, common.cores, bar("compiling kernels", len(calls)))
     renderer = engine.facts()
     existing = next(folder for folder in (common.root, *common.root.parents) if folder.exists())
     facts: dict[str, Any] = {
