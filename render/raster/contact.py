@@ -17,8 +17,8 @@ from render.scene.stage import StagePlacement
 CELLS, REACH = 48, 2.4
 """Cells along each side of the grid, and half of its side, stage units."""
 
-LOOKS_DARK = 0.55
-"""Exponent by which display values of a floor fall with the light that reaches it."""
+LOOKS_DARK, PACKED_DARK = 0.55, 0.3
+"""Exponents by which display values and packed values of a floor fall with the light that reaches it."""
 
 CELL = 2.0 * REACH / CELLS
 """Side of a cell, stage units."""
@@ -45,8 +45,14 @@ class ContactShadow(NamedTuple):
     open: NDArray[np.float32]
 
     @classmethod
-    def of(cls, vertices: NDArray[np.float32], placement: StagePlacement, has_floor: bool) -> ContactShadow:
-        """Return the contact shadow of a subject's vertices (V, 3)."""
+    def of(
+        cls,
+        vertices: NDArray[np.float32],
+        placement: StagePlacement,
+        has_floor: bool,
+        opacity: float = 1.0,
+    ) -> ContactShadow:
+        """Return the contact shadow of a subject's vertices (V, 3). opacity: of the subject"""
         turn = np.cos(placement.turn), np.sin(placement.turn)
         frame = np.array([*placement.origin, placement.size, *turn])
         if not has_floor:
@@ -54,7 +60,7 @@ class ContactShadow(NamedTuple):
         lowest = np.full((CELLS, CELLS), np.inf, np.float32)
         lowest_points(vertices, frame, lowest)
         reached = np.empty((CELLS, CELLS), np.float32)
-        unblocked(lowest, reached)
+        unblocked(lowest, opacity, reached)
         return cls(frame, reached)
 
     def coordinates(self, points: NDArray[np.floating]) -> NDArray[np.float32]:
@@ -81,7 +87,7 @@ def lowest_points(vertices: Array, frame: Array, lowest: Array) -> None:
 
 
 @fast
-def unblocked(lowest: Array, reached: Array) -> None:
+def unblocked(lowest: Array, opacity: float, reached: Array) -> None:
     """Write the fraction of light that reaches each cell of the floor into reached (CELLS, CELLS)."""
     area = np.float32(CELL * CELL)
     reached[:] = 1.0
@@ -92,7 +98,7 @@ def unblocked(lowest: Array, reached: Array) -> None:
             height = max(lowest[i, j], np.float32(_LEAST_HEIGHT))
             squared = height * height
             around = int(4.0 * height / CELL) + 1
-            taken = np.float32(area * squared / np.pi)
+            taken = np.float32(opacity * area * squared / np.pi)
             for m in range(max(0, i - around), min(CELLS, i + around + 1)):
                 level = squared + area * (m - i) * (m - i)
                 for n in range(max(0, j - around), min(CELLS, j + around + 1)):
@@ -116,7 +122,7 @@ def open_at(reached: Array, row: float, column: float) -> float:
 
 
 @fast
-def dim_floor(places: Array, reached: Array, factor: Array) -> None:
-    """Write the factor on display values at places (2, N) of the floor into factor (N,)."""
+def dim_floor(places: Array, reached: Array, exponent: float, factor: Array) -> None:
+    """Write the factor on values at places (2, N) of the floor into factor (N,). exponent: of the values"""
     for n in range(places.shape[1]):
-        factor[n] = open_at(reached, places[0, n], places[1, n]) ** LOOKS_DARK
+        factor[n] = open_at(reached, places[0, n], places[1, n]) ** exponent

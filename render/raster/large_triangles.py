@@ -48,7 +48,8 @@ class LargeTriangles(NamedTuple):
     values              (V, 11): display values in the key light (3) and in its shadow (3), coordinates in
                         the shadow map (3), and the place on the grid of the contact shadow (2)
     nearness, blocks    the shadow map, as of `light_visibility`
-    open                the contact shadow, as of `dim_floor`
+    open, dark          the contact shadow and its exponent, as of `dim_floor`
+    opacity             the fraction of the key light that the shadow lacks
     hits                (4, H W / SUPERSAMPLING²) int32, buffer for the pixels of one triangle
     at_hits             (14, H W / SUPERSAMPLING²) float32, buffer for their values
     """
@@ -61,6 +62,8 @@ class LargeTriangles(NamedTuple):
     nearness: Array
     blocks: Array
     open: Array
+    dark: float
+    opacity: float
     hits: Array
     at_hits: Array
 
@@ -90,8 +93,9 @@ def draw_large_triangle(
         return
     count = _cover(planes, left, right, top, bottom, nearness, large.hits)
     _interpolate(planes, large.hits, count, large.at_hits)
-    light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.at_hits[11, :count])
-    dim_floor(large.at_hits[9:11, :count], large.open, large.at_hits[12, :count])
+    visible = large.at_hits[11, :count]
+    light_visibility(large.at_hits[6:9, :count], large.nearness, large.blocks, large.opacity, visible)
+    dim_floor(large.at_hits[9:11, :count], large.open, large.dark, large.at_hits[12, :count])
     _write(large.hits, large.at_hits, count, face_id, colour, face_ids)
 
 

@@ -20,7 +20,13 @@ from render.raster.environment import (
     table_value,
 )
 from render.raster.projection import Array, fast
-from render.raster.reflectance import SHARPNESS, Reflectance, body_colours, reflectance_of
+from render.raster.reflectance import (
+    SHARPNESS,
+    Reflectance,
+    body_colours,
+    reflectance_of,
+    shadow_opacity,
+)
 from render.raster.shadow_map import (
     BLOCK,
     block_maxima,
@@ -194,19 +200,22 @@ class ShadowMap:
     nearness  (SHADOW_SIDE, SHADOW_SIDE), one over the depth, 0 for no surface
     blocks    (SHADOW_SIDE / BLOCK, SHADOW_SIDE / BLOCK), as the kernel `block_maxima` computes them
     lift      SHADOW_LIFT in scene units
+    opacity   the fraction of the key light that the shadow lacks
     """
 
     projection: ScreenProjection | None
     nearness: NDArray[np.float32]
     blocks: NDArray[np.float32]
     lift: float
+    opacity: float
 
     @classmethod
     def of(cls, subject: Shape, setup: StageSetup, side: int) -> ShadowMap:
         """Render a shadow map. side: as in the kernel `render_depth`"""
+        opacity = shadow_opacity(subject.material)
         camera, lift = _key_camera(setup), SHADOW_LIFT * setup.placement.size
         if camera is None:
-            return cls(None, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32), lift)
+            return cls(None, np.zeros((0, 0), np.float32), np.zeros((0, 0), np.float32), lift, 1.0)
         projection, square = ScreenProjection.of(camera, 1.0), (SHADOW_SIDE, SHADOW_SIDE)
         layers = np.zeros((2, *square), np.float32)
         blocks = np.empty((SHADOW_SIDE // BLOCK,) * 2, np.float32)
@@ -217,7 +226,7 @@ class ShadowMap:
             plinth = plinth_shape(setup.stage, setup.placement)
             render_depth(projection.project(plinth.vertices, *square), plinth.faces, 0, layers)
         block_maxima(layers[0], blocks)
-        return cls(projection, layers[0], blocks, lift)
+        return cls(projection, layers[0], blocks, lift, opacity)
 
     def coordinates(self, shape: Shape, which: NDArray[np.intp], outwards: int) -> NDArray[np.float32]:
         """Return coordinates (3, N) of vertices in the map. outwards: as in `VisibleFaces`"""
@@ -231,7 +240,7 @@ class ShadowMap:
     def visibility(self, coordinates: NDArray[np.float32]) -> NDArray[np.float32]:
         """Return the visible fraction (N,) of the key light at coordinates (3, N)."""
         fraction = np.empty(coordinates.shape[1], np.float32)
-        light_visibility(coordinates, self.nearness, self.blocks, fraction)
+        light_visibility(coordinates, self.nearness, self.blocks, self.opacity, fraction)
         return fraction
 
 

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from render.base.serialise import Triple
-from render.post.colour import to_display
+from render.raster.canvas import Canvas, displayed
 from render.raster.contact import ContactShadow
-from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
-from render.raster.lighting import Lighting, ShadowMap, apply_shadow
-from render.raster.projection import LARGE, SMALL
-from render.raster.shapes import Floats, ScreenProjection, Shape, StageSetup, VisibleFaces, stage_shape
-from render.raster.triangles import average, draw_edges, draw_lines, draw_triangles, pack
+from render.raster.large_triangles import SUPERSAMPLING
+from render.raster.lighting import ShadowMap
+from render.raster.reflectance import contact_opacity
+from render.raster.see_through import VisiblePoints, lay_over, seen_through, unpack_light
+from render.raster.shapes import Floats, Shape, StageSetup, VisibleFaces, stage_shape
+from render.raster.thickness import add_thickness
+from render.raster.triangles import draw_edges, draw_lines
 from render.scene.camera import Camera
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
@@ -57,16 +59,19 @@ def preview(
     """Render a surface on its stage. size: width and height in pixels"""
     setup = replace(setup, lights=setup.lights.without_maps())
     subject = subject.for_kernels()
-    contact = ContactShadow.of(subject.vertices, setup.placement, setup.stage.kind != "none")
-    canvas = _Canvas.of(camera, setup, contact, size, display, edges is not None)
+    has_floor, opacity = setup.stage.kind != "none", contact_opacity(subject.material)
+    contact = ContactShadow.of(subject.vertices, setup.placement, has_floor, opacity)
+    is_clear = subject.material.is_clear
+    canvas = Canvas.of(camera, setup, contact, size, "" if is_clear else display, edges is not None)
     faces = VisibleFaces.of(subject, canvas.projection, canvas.nearness.shape)
     shadow = ShadowMap.of(faces.shape, setup, faces.outwards)
-    canvas.draw(faces, shadow)
+    if not is_clear:
+        canvas.draw(faces, shadow)
     if setup.stage.kind != "none":
         stage = stage_shape(setup.stage, setup.placement)
         stage_faces = VisibleFaces.of(stage, canvas.projection, canvas.nearness.shape)
         canvas.draw(stage_faces, shadow, len(subject.faces), is_stage=True)
-    picture = canvas.picture()
+    picture = _through(canvas, faces, shadow, display) if is_clear else canvas.picture()
     if edges is not None:
         ink = np.array([*edges.colour, edges.opacity, edges.width])
         draw_edges(faces.screen, faces.shape.faces, canvas.face_ids, ink, picture)
@@ -104,107 +109,25 @@ def prepare() -> None:
     camera = Camera((0.0, 0.0, 6.0), (0.0, 0.0, 0.0))
     shape = Shape(corners, corners, np.array([[0, 1, 2]], np.int32), LOOKS["clay"])
     shown = preview(shape, setup, camera, (8, 4), "rec709", Edges())
+    preview(shape._replace(material=LOOKS["glass"]), setup, camera, (8, 4), "rec709")
     with_lines(shown, np.zeros((1, 2, 3)), np.zeros((1, 2, 3)), np.ones((1, 2)), camera, 1.0)
 
 
-@dataclass(frozen=True, eq=False)
-class _Canvas:
-    """A picture to draw shapes into, SUPERSAMPLING times as fine as the result.
-
-    nearness, colour and face_ids as the kernel `draw_triangles` takes them
-    """
-
-    projection: ScreenProjection
-    lighting: Lighting
-    setup: StageSetup
-    display: str
-    nearness: NDArray[np.float32]
-    colour: NDArray[np.uint32]
-    face_ids: NDArray[np.int32]
-
-    @classmethod
-    def of(
-        cls,
-        camera: Camera,
-        setup: StageSetup,
-        contact: ContactShadow,
-        size: tuple[int, int],
-        display: str,
-        has_face_ids: bool,
-    ) -> _Canvas:
-        width, height = size
-        shape = SUPERSAMPLING * height, SUPERSAMPLING * width
-        background = _displayed(np.array([setup.lights.sky.horizon], np.float32), setup, display)[0]
-        return cls(
-            ScreenProjection.of(camera, width / height),
-            Lighting.of(setup, contact, camera),
-            setup,
-            display,
-            np.zeros(shape, np.float32),
-            np.full(shape, pack(*background), np.uint32),
-            np.full(shape if has_face_ids else (0, 0), -1, np.int32),
-        )
-
-    def draw(self, faces: VisibleFaces, shadow: ShadowMap, first_id: int = 0, is_stage: bool = False) -> None:
-        """Draw triangles with hidden surfaces removed. first_id: id of the shape's first face"""
-        colours = self._vertex_colours(faces, shadow, is_stage)
-        large = self._large_triangles(faces, shadow, is_stage)
-        for order in faces.orders:
-            draw_triangles(
-                order,
-                faces.shape.faces,
-                first_id,
-                faces.screen,
-                colours,
-                large,
-                self.nearness,
-                self.colour,
-                self.face_ids,
-            )
-
-    def _vertex_colours(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> NDArray[np.float32]:
-        """Return display values (V, 3) of the corners of small triangles."""
-        shape, which = faces.shape, faces.corners_of(SMALL)
-        light = np.empty((len(which), 3), np.float32)
-        apply_shadow(
-            self.lighting.shade(shape, which, faces.outwards, is_stage),
-            shadow.visibility(shadow.coordinates(shape, which, faces.outwards)),
-            light,
-        )
-        colours = np.empty((len(shape.vertices), 3), np.float32)
-        colours[which] = _displayed(light, self.setup, self.display)
-        return colours
-
-    def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> LargeTriangles:
-        """Return the inputs of large triangles."""
-        shape, which = faces.shape, faces.corners_of(LARGE)
-        values = np.empty((len(shape.vertices) if len(which) else 0, 11), np.float32)
-        light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 3)
-        values[which, :6] = _displayed(light, self.setup, self.display).reshape(-1, 6)
-        values[which, 6:9] = shadow.coordinates(shape, which, faces.outwards).T
-        contact = self.lighting.contact
-        values[which, 9:] = contact.coordinates(shape.vertices[which]) if is_stage else -1.0
-        pixels = self.nearness.size // SUPERSAMPLING**2
-        hits, values_at_hits = np.empty((4, pixels), np.int32), np.empty((14, pixels), np.float32)
-        return LargeTriangles(
-            shape.vertices,
-            *self.projection,
-            values,
-            shadow.nearness,
-            shadow.blocks,
-            contact.open,
-            hits,
-            values_at_hits,
-        )
-
-    def picture(self) -> NDArray[np.float32]:
-        """Return the picture (H, W, 3)."""
-        rows, columns = self.nearness.shape
-        picture = np.empty((rows // SUPERSAMPLING, columns // SUPERSAMPLING, 3), np.float32)
-        average(self.colour, picture)
-        return picture
-
-
-def _displayed(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDArray[np.float32]:
-    """Return display values (N, 3) of linear light (N, 3)."""
-    return to_display(light[None], setup.lights.exposure, display, setup.view).reshape(light.shape)
+def _through(canvas: Canvas, faces: VisibleFaces, shadow: ShadowMap, display: str) -> NDArray[np.float32]:
+    """Draw a clear subject over its stage, and return the picture (H, W, 3)."""
+    packed, behind = canvas.picture(), canvas.nearness.copy()
+    background = np.empty_like(packed)
+    unpack_light(packed, background)
+    canvas.draw_normals(faces, shadow)
+    points = VisiblePoints.of(canvas.nearness, behind, canvas.colour, canvas.projection)
+    thickness, layers = np.zeros(packed.shape[:2], np.float32), np.zeros((*packed.shape[:2], 2), np.int32)
+    add_thickness(faces.shape.faces, faces.screen, faces.outwards or 1, thickness, layers)
+    light = seen_through(
+        points, faces.shape, canvas.lighting, canvas.projection, thickness, layers, background
+    )
+    whole = points.coverage == 1.0
+    background[tuple(points.pixels[whole].T)] = light[whole]
+    picture = displayed(background, canvas.setup, display)
+    edge = displayed(light[~whole], canvas.setup, display)
+    lay_over(points.pixels[~whole], points.coverage[~whole], edge, picture)
+    return picture

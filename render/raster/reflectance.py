@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -49,6 +50,8 @@ def reflectance_of(material: Material, sharpness: tuple[float, float] = SHARPNES
         case Satin():
             coat = COAT * (1.0 - material.metallic)
             return Reflectance(1.0 - material.metallic, material.metallic, coat, 0.5 * grazing, exponent)
+    if material.is_clear:
+        return Reflectance(0.0, 0.0, COAT, 1.0, exponent)
     return Reflectance(1.0, 0.0, COAT, max(grazing, COAT), exponent)
 
 
@@ -57,3 +60,15 @@ def body_colours(material: Material, colours: NDArray[np.float64]) -> NDArray[np
     if not isinstance(material, Plastic):
         return colours
     return _LEAVES_COAT * colours / (1.0 - _RETURNS * colours)
+
+
+def shadow_opacity(material: Material) -> float:
+    """Return the fraction of the key light that a subject's shadow lacks."""
+    return 1.0 - math.exp(-0.7 * material.density) if isinstance(material, Smoke) else 1.0
+
+
+def contact_opacity(material: Material) -> float:
+    """Return the fraction of light from above that a subject keeps from the floor where it touches it."""
+    if isinstance(material, Smoke):
+        return 0.5 * shadow_opacity(material)
+    return 0.6 if material.is_clear else 1.0

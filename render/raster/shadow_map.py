@@ -100,11 +100,14 @@ def light_coordinates(
 
 
 @fast
-def light_visibility(coordinates: Array, nearness: Array, blocks: Array, fraction: Array) -> None:
+def light_visibility(
+    coordinates: Array, nearness: Array, blocks: Array, opacity: float, fraction: Array
+) -> None:
     """Write the visible fraction of the key light, 0 to 1, at coordinates (3, N) into fraction (N,).
 
     nearness  (S, S), one over the depth that the light reaches; empty if there is no key light
     blocks    (S / BLOCK, S / BLOCK), as `block_maxima` computes them
+    opacity   the fraction of the light that a shadow lacks
     """
     side = nearness.shape[0]
     for n in range(coordinates.shape[1]):
@@ -123,10 +126,10 @@ def light_visibility(coordinates: Array, nearness: Array, blocks: Array, fractio
             for dj in _COARSE:
                 passed += nearness[row + di, column + dj] <= value
         if passed == 0 or passed == 9:  # only the thinnest shadows differ between
-            fraction[n] = passed / 9.0
+            fraction[n] = 1.0 - opacity * (1.0 - passed / 9.0)
             continue
         passed = 0
         for di in _FINE:
             for dj in _FINE:
                 passed += nearness[row + di, column + dj] <= value
-        fraction[n] = passed / 25.0
+        fraction[n] = 1.0 - opacity * (1.0 - passed / 25.0)

@@ -1,0 +1,146 @@
+"""The canvas of a quick preview, and the drawing of lit shapes into it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from render.post.colour import to_display
+from render.raster.contact import LOOKS_DARK, PACKED_DARK, ContactShadow
+from render.raster.large_triangles import SUPERSAMPLING, LargeTriangles
+from render.raster.lighting import Lighting, ShadowMap, apply_shadow
+from render.raster.projection import LARGE, SMALL
+from render.raster.see_through import pack_light, pack_normals
+from render.raster.shapes import ScreenProjection, StageSetup, VisibleFaces
+from render.raster.triangles import average, draw_triangles, pack
+from render.scene.camera import Camera
+
+
+@dataclass(frozen=True, eq=False)
+class Canvas:
+    """A picture to draw shapes into, SUPERSAMPLING times as fine as the result.
+
+    display                     of its values; empty for packed linear light
+    nearness, colour, face_ids  as the kernel `draw_triangles` takes them
+    """
+
+    projection: ScreenProjection
+    lighting: Lighting
+    setup: StageSetup
+    display: str
+    nearness: NDArray[np.float32]
+    colour: NDArray[np.uint32]
+    face_ids: NDArray[np.int32]
+
+    @classmethod
+    def of(
+        cls,
+        camera: Camera,
+        setup: StageSetup,
+        contact: ContactShadow,
+        size: tuple[int, int],
+        display: str,
+        has_face_ids: bool,
+    ) -> Canvas:
+        width, height = size
+        shape = SUPERSAMPLING * height, SUPERSAMPLING * width
+        background = _values(np.array([setup.lights.sky.horizon], np.float32), setup, display)[0]
+        return cls(
+            ScreenProjection.of(camera, width / height),
+            Lighting.of(setup, contact, camera),
+            setup,
+            display,
+            np.zeros(shape, np.float32),
+            np.full(shape, pack(*background), np.uint32),
+            np.full(shape if has_face_ids else (0, 0), -1, np.int32),
+        )
+
+    def draw(self, faces: VisibleFaces, shadow: ShadowMap, first_id: int = 0, is_stage: bool = False) -> None:
+        """Draw triangles with hidden surfaces removed. first_id: id of the shape's first face"""
+        colours = self._vertex_colours(faces, shadow, is_stage)
+        self._draw(faces, colours, self._large_triangles(faces, shadow, is_stage), first_id)
+
+    def draw_normals(self, faces: VisibleFaces, shadow: ShadowMap) -> None:
+        """Draw the normals of a shape, from 0 to 1 along each axis, in place of light."""
+        values = np.empty_like(faces.shape.normals)
+        pack_normals(faces.shape.normals, -1.0 if faces.outwards < 0 else 1.0, values)
+        large = self._large_triangles(faces, shadow, False)
+        if len(large.values):
+            large.values[:, :6] = np.tile(values, 2)
+        self._draw(faces, values, large._replace(opacity=0.0), 0)
+
+    def _draw(
+        self, faces: VisibleFaces, colours: NDArray[np.float32], large: LargeTriangles, first_id: int
+    ) -> None:
+        for order in faces.orders:
+            draw_triangles(
+                order,
+                faces.shape.faces,
+                first_id,
+                faces.screen,
+                colours,
+                large,
+                self.nearness,
+                self.colour,
+                self.face_ids,
+            )
+
+    def _vertex_colours(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> NDArray[np.float32]:
+        """Return display values (V, 3) of the corners of small triangles."""
+        shape, which = faces.shape, faces.corners_of(SMALL)
+        light = np.empty((len(which), 3), np.float32)
+        apply_shadow(
+            self.lighting.shade(shape, which, faces.outwards, is_stage),
+            shadow.visibility(shadow.coordinates(shape, which, faces.outwards)),
+            light,
+        )
+        colours = np.empty((len(shape.vertices), 3), np.float32)
+        colours[which] = _values(light, self.setup, self.display)
+        return colours
+
+    def _large_triangles(self, faces: VisibleFaces, shadow: ShadowMap, is_stage: bool) -> LargeTriangles:
+        """Return the inputs of large triangles."""
+        shape, which = faces.shape, faces.corners_of(LARGE)
+        values = np.empty((len(shape.vertices) if len(which) else 0, 11), np.float32)
+        light = self.lighting.shade(shape, which, faces.outwards, is_stage).reshape(-1, 3)
+        values[which, :6] = _values(light, self.setup, self.display).reshape(-1, 6)
+        values[which, 6:9] = shadow.coordinates(shape, which, faces.outwards).T
+        contact = self.lighting.contact
+        values[which, 9:] = contact.coordinates(shape.vertices[which]) if is_stage else -1.0
+        pixels = self.nearness.size // SUPERSAMPLING**2
+        hits, values_at_hits = np.empty((4, pixels), np.int32), np.empty((14, pixels), np.float32)
+        return LargeTriangles(
+            shape.vertices,
+            *self.projection,
+            values,
+            shadow.nearness,
+            shadow.blocks,
+            contact.open,
+            LOOKS_DARK if self.display else PACKED_DARK,
+            shadow.opacity,
+            hits,
+            values_at_hits,
+        )
+
+    def picture(self) -> NDArray[np.float32]:
+        """Return the picture (H, W, 3)."""
+        rows, columns = self.nearness.shape
+        picture = np.empty((rows // SUPERSAMPLING, columns // SUPERSAMPLING, 3), np.float32)
+        average(self.colour, picture)
+        return picture
+
+
+def _values(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDArray[np.float32]:
+    """Return the values (N, 3) of linear light (N, 3): display values, or packed light without a display."""
+    if display:
+        return displayed(light, setup, display)
+    packed = np.empty_like(light)
+    pack_light(light, packed)
+    return packed
+
+
+def displayed(light: NDArray[np.float32], setup: StageSetup, display: str) -> NDArray[np.float32]:
+    """Return display values (N, 3) of linear light (N, 3)."""
+    return to_display(light[None], setup.lights.exposure, display, setup.view).reshape(light.shape)
