@@ -33,7 +33,7 @@ EPILOG = (
 
 COMMANDS = {
     "Write shots": {
-        "new": "Begin a shot: write a shot file that is ready to render.",
+        "new": "Begin a shot, or a show: write files that are ready to render.",
         "validate": "Check shot files and report every error by file, line and column.",
         "flows": "List the flows, or the parameters of one.",
         "schema": "Print the JSON Schema by which editors complete and check shot files.",

@@ -179,7 +179,7 @@ def shot_of_flow(flow: str, name: str) -> str:
     preset = preset_of(flow)
     solids = " · ".join(f"{solid} {', '.join(kind.measures)}" for solid, kind in SOLIDS.items())
     text = SHOT.format(
-        title=_title(name),
+        title=title_of(name),
         last=FRAMES,
         solids=solids,
         subject=preset.subject,
@@ -189,8 +189,8 @@ def shot_of_flow(flow: str, name: str) -> str:
         looks=", ".join(LOOKS),
         left=preset.azimuth[0],
         right=preset.azimuth[1],
-        lights=_choice(LIGHTS),
-        stage=_choice(STAGES),
+        lights=choice(LIGHTS),
+        stage=choice(STAGES),
     )
     return re.sub(
         r"^(.*\S)  # (.*)$", lambda line: f"{line[1]:<{COLUMN}}  # {line[2]}", text, flags=re.MULTILINE
@@ -200,17 +200,18 @@ def shot_of_flow(flow: str, name: str) -> str:
 def shot_of_shot(text: str, name: str) -> str:
     """Return a copy of a shot's text under a title of its own, with its comments."""
     text = re.sub(r"^# yaml-language-server:.*\n", "", text)
-    titled, count = re.subn(r"^title:.*$", f"title: {_title(name)}", text, count=1, flags=re.MULTILINE)
-    return titled if count else f"title: {_title(name)}\n{text}"
+    titled, count = re.subn(r"^title:.*$", f"title: {title_of(name)}", text, count=1, flags=re.MULTILINE)
+    return titled if count else f"title: {title_of(name)}\n{text}"
 
 
-def _title(name: str) -> str:
+def title_of(name: str) -> str:
     """Return a name as a title, quoted if YAML would read something else than text."""
     title = re.sub(r"[_-]+", " ", name)
     return f'"{title}"' if re.fullmatch(r"[\d.eE+ ]*|true|false|null|off|on|yes|no", title) else title
 
 
-def _choice(registry: Any) -> str:
+def choice(registry: Any) -> str:
+    """Return the first name of a registry, and the others as a comment."""
     first, *others = registry
     return f"{first}  # or {', '.join(others)}"
 

@@ -3,32 +3,42 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
 
-from pipeline.cli.commands.schema import SCHEMAS, write_schemas
+from pipeline.cli.commands.schema import SCHEMAS, names_with_defaults, write_schemas
 from pipeline.cli.options import Common
 from pipeline.cli.output import print_result
 from pipeline.errors import FlowsculptError, UsageError, suggestion
-from pipeline.production.request.lookup import NAME, SHOTS, find_shot, shot_names
+from pipeline.production.request.lookup import FILM, NAME, SHOTS, find_shot, shot_names
 from pipeline.shot import read_shot
 from pipeline.shot.documents.flow_documents import DOCUMENTS
+from pipeline.shot.show_template import FIRST_SHOT, SHARED, show_files, without_shared
 from pipeline.shot.templates import FLOW_FILES, SCHEMA, presets, shot_of_flow, shot_of_shot
-from pipeline.shot.yaml.lookup import DEFAULTS
+from pipeline.shot.yaml.lookup import DEFAULTS, is_edit
 from render.base.atomic_write import disk_errors
 
 RESERVED = ("film", "published", "repeated", "turntable", "wedge", Path(DEFAULTS).stem)
 """Names that no shot may have: folders in renders/ beside those of shots, and the file of defaults."""
 
 
+_SHOT_SCHEMA = SCHEMA.format((SCHEMAS / "shot.json").as_posix())
+
+
 def new(
     common: Common,
     name: Annotated[
-        str, typer.Argument(metavar="NAME", help="The name of the shot, its file and its frames.")
-    ],
+        str | None,
+        typer.Argument(
+            metavar="NAME|DIR",
+            help="The name of the shot, its file and its frames. With --show, the folder; default: this one.",
+        ),
+    ] = None,
     source: Annotated[
         str,
         typer.Option(
@@ -37,15 +47,30 @@ def new(
             help="A flow, with a subject that suits it; or the name or path of a shot to copy.",
         ),
     ] = "twist",
+    show: Annotated[
+        bool, typer.Option("--show", help="Begin a show: a folder with a first shot, defaults and an edit.")
+    ] = False,
 ) -> None:
-    """Begin a shot: write a shot file that is ready to render.
+    """Begin a shot, or a show: write files that are ready to render.
 
     `flowsculpt new A020_ring --from vortex_ring` writes shots/A020_ring.yaml; `--from A010_cube` would copy
     that shot. `flowsculpt flows` lists the flows.
 
+    `flowsculpt new --show my_show` writes a folder with shots/A010_first.yaml, shots/defaults.yaml, which all
+    its shots share, and the edit shots/film.yaml, so that `flowsculpt film` works there at once. What is in
+    the folder already stays as it is.
+
     The schemas by which editors complete and check shot files are written to shots/.schema, and a file that
     the flow reads beside the shot.
     """
+    if show:
+        _begin_show(common, Path(name or "."), source)
+        return
+    if name is None:
+        raise UsageError(
+            "new needs the name of a shot, as in flowsculpt new A010_mine; "
+            "flowsculpt new --show begins a show in this folder"
+        )
     if not re.fullmatch(NAME, name) or name in RESERVED:
         raise UsageError(f"{name!r} cannot name a shot; use letters, digits, _ and -, as in A010_cube")
     path = SHOTS / f"{name}.yaml"
@@ -61,19 +86,70 @@ def new(
             write_schemas(SHOTS)
             for file, write in beside.items():
                 write(file)
-            path.write_text(SCHEMA.format((SCHEMAS / "shot.json").as_posix()) + text, encoding="utf-8")
+            _write_text(path, _SHOT_SCHEMA + text)
     written = ", ".join(map(str, files))
     permitted = " --allow-code" if source == "python" else ""
-    done = f"{written}: written. Look at it: flowsculpt render {name}{permitted}"
+    done = f"{written}: written. Look at it: flowsculpt preview {name}{permitted}"
     facts = {"path": str(path), "files": [str(file) for file in files]}
     print_result(f"{written}: would be written." if common.dry_run else done, facts, common.json)
+
+
+def _begin_show(common: Common, folder: Path, source: str) -> None:
+    """Write the files of a show that are not there yet, and report them and those that stay."""
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is a file; name the folder of the show, or a new one")
+    shots = _shots_in(folder / SHOTS)
+    files: dict[Path, Callable[[Path], Any]] = {}
+    for name, text in show_files(folder.absolute().name, shots or [FIRST_SHOT]).items():
+        files[folder / name] = partial(_write_text, text=text)
+    if not shots:
+        if source not in DOCUMENTS:
+            raise UsageError(f"there is no flow {source!r} to begin from. {suggestion(source, presets())}")
+        shot = without_shared(shot_of_flow(source, FIRST_SHOT), SHARED)
+        files[folder / SHOTS / f"{FIRST_SHOT}.yaml"] = partial(_write_text, text=_SHOT_SCHEMA + shot)
+        if source in FLOW_FILES:
+            ending, write = FLOW_FILES[source]
+            files[folder / SHOTS / f"{FIRST_SHOT}{ending}"] = write
+    kept = [path for path in files if path.exists()]
+    written = [path for path in files if path not in kept]
+    if not common.dry_run:
+        with disk_errors(folder):
+            (folder / SHOTS).mkdir(parents=True, exist_ok=True)
+            for path in written:
+                path.parent.mkdir(parents=True, exist_ok=True)
+                files[path](path)
+            write_schemas(folder / SHOTS)
+    facts = {
+        "folder": str(folder),
+        "written": [str(path) for path in written],
+        "kept": [str(p) for p in kept],
+    }
+    print_result(_show_words(common, folder, written, kept, (shots or [FIRST_SHOT])[0]), facts, common.json)
+
+
+def _show_words(common: Common, folder: Path, written: list[Path], kept: list[Path], shot: str) -> str:
+    lines = [f"{path}: {common.done('written')}" for path in written]
+    lines += [f"{path}: kept as it is" for path in kept]
+    enter = "" if folder.resolve() == Path.cwd() else f"cd {shlex.quote(str(folder))}; "
+    return "\n".join([*lines, f"Go on: {enter}flowsculpt preview {shot}; flowsculpt film"])
+
+
+def _write_text(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _shots_in(folder: Path) -> list[str]:
+    """Return the names of the shots in a folder."""
+    files = [path for path in sorted(folder.glob("*.yaml")) if path.name not in (FILM.name, DEFAULTS)]
+    return [path.stem for path in files if not is_edit(path)]
 
 
 def _contents(source: str, name: str) -> tuple[str, dict[Path, Callable[[Path], None]]]:
     """Return the text of a new shot, and by path the functions that write files beside it."""
     if source in DOCUMENTS:
         beside = FLOW_FILES.get(source)
-        return shot_of_flow(source, name), {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {}
+        text = without_shared(shot_of_flow(source, name), names_with_defaults(SHOTS))
+        return text, {SHOTS / f"{name}{beside[0]}": beside[1]} if beside else {}
     known = shot_names()
     if source not in known and not source.endswith((".yaml", ".yml")):
         hint = suggestion(source, [*known, *presets()])

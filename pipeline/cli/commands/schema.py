@@ -56,7 +56,7 @@ def write_schemas(folder: Path) -> None:
 
 def _schema_of(kind: str, folder: Path) -> dict[str, Any]:
     if kind == "shot":
-        return shot_schema(_names_with_defaults(folder))
+        return shot_schema(names_with_defaults(folder))
     return film_schema() if kind == "film" else defaults_schema()
 
 
@@ -64,7 +64,7 @@ def _as_text(content: dict[str, Any]) -> str:
     return json.dumps(content, indent=1, ensure_ascii=False) + "\n"
 
 
-def _names_with_defaults(folder: Path) -> list[str]:
+def names_with_defaults(folder: Path) -> list[str]:
     """Return the names that the defaults of a folder give; none if they cannot be read."""
     try:
         data = YamlSource.read(folder / DEFAULTS).data

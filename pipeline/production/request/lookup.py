@@ -41,7 +41,7 @@ def find_edit(name: str) -> Path:
     be called by.
     """
     path = _path(name, "an edit", "showreel")
-    hint = _near(path.stem, edit_names(), "an edit lists the names of shots under shots:")
+    hint = _near(path.stem, edit_names(), "flowsculpt new --show writes shots/film.yaml")
     if not is_there(path):
         raise MissingInputError(f"{shown(path)}: no such edit; {hint}")
     if path.stem in shot_names() and path.absolute() == (SHOTS / path.name).absolute():
