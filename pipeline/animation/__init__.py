@@ -2,5 +2,16 @@
 
 from pipeline.animation.frame import FrameReport, MeshFrame, descent, material_of, mesh_at_subframe
 from pipeline.animation.loop import animate
+from pipeline.animation.progress import FrameProgress, FrameProgressCallback, animate_reporting
 
-__all__ = ["FrameReport", "MeshFrame", "animate", "descent", "material_of", "mesh_at_subframe"]
+__all__ = [
+    "FrameProgress",
+    "FrameProgressCallback",
+    "FrameReport",
+    "MeshFrame",
+    "animate",
+    "animate_reporting",
+    "descent",
+    "material_of",
+    "mesh_at_subframe",
+]

@@ -5,16 +5,15 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import AbstractContextManager, contextmanager, nullcontext
+from contextlib import AbstractContextManager, contextmanager
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from rich.progress import TaskID, TextColumn
 
 from pipeline.cli.options import Common
 from pipeline.cli.output import (
     duration,
-    err,
     exit_with,
     frame_progress,
     print_error,
@@ -80,7 +79,7 @@ def execute(common: Common, make_plan: Callable[[], Plan]) -> Outcome:
     """Execute a plan with progress bars, and report warnings and failures."""
 
     def watch(plan: Plan, reader: EventReader) -> AbstractContextManager[None]:
-        return StageBars(plan, reader).drawn() if common.progress else nullcontext()
+        return StageBars(plan, reader).drawn() if common.progress else _messages_printed(reader)
 
     reported: set[str] = set()
 
@@ -119,7 +118,7 @@ class StageBars:
             if totals[name]
         }
         self._settled: Counter[str] = Counter()
-        self._under_way: dict[tuple[str, object], dict[object, float]] = {}
+        self._under_way: dict[tuple[str, object], dict[object, _FrameInWork]] = {}
 
     @contextmanager
     def drawn(self) -> Iterator[None]:
@@ -137,8 +136,8 @@ class StageBars:
 
     def _show(self, event: Event) -> None:
         stage, what = event.get("stage", ""), event["event"]
-        if what in ("healed", "hung", "killed"):
-            err.print(event["message"], style="yellow", markup=False, highlight=False)
+        if what in ("healed", "hung", "killed", "slow"):
+            print_warning(_named_message(event))
         if stage not in self._tasks:
             return
         under_way = self._under_way.setdefault((stage, event["job"]), {})
@@ -147,9 +146,11 @@ class StageBars:
             self._progress.start_task(self._tasks[stage])
             under_way.clear()
         elif what == "start":
-            under_way[frame] = 0.0
+            under_way[frame] = _FrameInWork()
         elif what == "pass":
-            under_way[frame] = event["done"] / event["most"]
+            under_way[frame] = _FrameInWork(event["done"] / event["most"])
+        elif what == "progress":
+            under_way[frame] = _FrameInWork(event["share"], event["activity"])
         elif what in ("frame", "fail"):
             under_way.pop(frame, None)
             self._settled[stage] += what == "frame"
@@ -158,20 +159,51 @@ class StageBars:
     def _draw(self, stage: str) -> None:
         """Draw the bar of a stage: finished frames and parts of running ones, which are named beside it."""
         now = {
-            frame: share
+            frame: work
             for (of, _), frames in self._under_way.items()
             if of == stage
-            for frame, share in frames.items()
+            for frame, work in frames.items()
         }
-        self._progress.update(
-            self._tasks[stage], completed=self._settled[stage] + sum(now.values()), now=_named(now)
-        )
+        completed = self._settled[stage] + sum(work.share for work in now.values())
+        self._progress.update(self._tasks[stage], completed=completed, now=_named(now))
 
 
-def _named(now: Mapping[object, float]) -> str:
+class _FrameInWork(NamedTuple):
+    """A frame that is not done yet: its share that is, 0 to 1, and what is computed of it, if known."""
+
+    share: float = 0.0
+    activity: str = ""
+
+    def __str__(self) -> str:
+        """`75%, curl_noise`"""
+        return ", ".join(filter(None, (f"{self.share:.0%}" if self.share else "", self.activity)))
+
+
+def _named(now: Mapping[object, _FrameInWork]) -> str:
     """`frames 12 (75%), 40`"""
-    parts = [f"{frame} ({share:.0%})" if share else f"{frame}" for frame, share in now.items()]
+    parts = [f"{frame} ({work})" if str(work) else f"{frame}" for frame, work in now.items()]
     return f"frame{'s' * (len(parts) > 1)} {', '.join(parts)}" if parts else ""
+
+
+@contextmanager
+def _messages_printed(reader: EventReader) -> Iterator[None]:
+    """Print why frames are slow while no bars are drawn."""
+
+    def read() -> None:
+        for event in reader.new():
+            if event["event"] == "slow":
+                print_warning(_named_message(event))
+
+    try:
+        with poll(POLL_SECONDS, read):
+            yield
+    finally:
+        read()
+
+
+def _named_message(event: Event) -> str:
+    """Return an event's message, of a frame with its shot."""
+    return f"{event['shot']} {event['message']}" if event["event"] == "slow" else str(event["message"])
 
 
 def report_notes(plan: Plan, reported: set[str]) -> None:

@@ -81,8 +81,8 @@ def size(count: float) -> str:
     return plural(round(count), "byte")
 
 
-def frame_progress(*more: ProgressColumn) -> Progress:
-    """Return bars on standard error: frames done of all, time elapsed and time left."""
+def frame_progress(*more: ProgressColumn, wanted: bool = True) -> Progress:
+    """Return bars on standard error: frames done of all, time elapsed and time left; drawn if `wanted`."""
     from rich.progress import (  # takes time to import, and most commands draw none
         BarColumn,
         MofNCompleteColumn,
@@ -101,6 +101,7 @@ def frame_progress(*more: ProgressColumn) -> Progress:
         TimeRemainingColumn(),
         *more,
         console=err,
+        disable=not wanted,
     )
 
 

@@ -109,6 +109,9 @@ def diagnose(flow: Flow, point: Points, time: float, dt: float) -> str | None:
     return None
 
 
+CARRYING = "carrying new vertices"
+"""The activity that moves new vertices from the surface at rest through all frames so far."""
+
 LARGEST_STEP_PLAN = 1 << 20
 """Numbers in the tables of one kernel call: 8 MB."""
 
@@ -136,7 +139,7 @@ class PlannedSteps:
 
     def apply(self, points: Points) -> Points:
         """Return points (N, 3) moved by all steps. Raises FrameError."""
-        moved = self.plan.follow(points)
+        moved = self.plan.follow(points, CARRYING)
         finite = np.isfinite(moved)
         if not finite.all():
             lost = ~finite.all(axis=1)

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import groupby
+from time import perf_counter
 from typing import Any, ClassVar, NamedTuple
 
+import numba
 import numpy as np
 
 from pipeline.arrays import AnyArray, Floats, Indices, Points
@@ -15,9 +17,11 @@ from pipeline.errors import FrameError
 from pipeline.flow.flow import Flow
 from pipeline.flow.kernels import adaptive
 from pipeline.flow.kernels import streamlines as kernels
-from pipeline.flow.kernels.instructions import COLUMNS
+from pipeline.flow.kernels.instructions import BLOCK, COLUMNS
 from pipeline.flow.parameters import kernel_points
+from pipeline.flow.sensitivity import sensitivity
 from pipeline.flow.velocity import Program, VelocityField, opcodes_of, table_of
+from pipeline.progress import report_progress
 
 STEP_LIMIT = 0.1
 """The largest sub-step × gradient bound.
@@ -44,6 +48,16 @@ sub-steps take the table nearest in time."""
 
 PARALLEL_FROM = 8000
 """Points × sub-steps from which on several threads are faster than one."""
+
+
+CALL_SECONDS = 0.25
+"""The time of one compiled call, about: between two of them progress is reported and Ctrl-C is obeyed."""
+
+FIRST_CALL = 1 << 19
+"""Points × sub-steps of the first compiled call, where points do not halve them."""
+
+LARGEST_GROWTH = 8.0
+"""The most that a call may have more points than the one before."""
 
 
 class Halving(NamedTuple):
@@ -99,14 +113,37 @@ class StepPlan(NamedTuple):
             plans[0].halved,
         )
 
-    def follow(self, points: Points) -> Points:
-        """Return the positions of points (N, 3) at its end; not finite where it is too coarse for a point."""
+    def follow(self, points: Points, activity: str = "flow") -> Points:
+        """Return the positions of points (N, 3) at its end; not finite where it is too coarse for a point.
+
+        One compiled call moves as many points as it can in about CALL_SECONDS, so that progress is reported
+        under the name of the `activity`, and that Ctrl-C ends a long frame.
+        """
         points = kernel_points(points)
         out = np.empty_like(points)
         parallel = len(points) * len(self.spans) > PARALLEL_FROM
         advect = kernels.advect_parallel if parallel else kernels.advect
-        advect(points, *self[:4], self.halved, out)
+        for part in self._calls(len(points), activity):
+            advect(points[part], *self[:4], self.halved, out[part])
         return out
+
+    def _calls(self, count: int, activity: str) -> Iterator[slice]:
+        """Yield the points of each compiled call. The first call is small, and its time tells the next size.
+
+        Calls hold whole blocks, at least one for each thread, and move points as a single call would.
+        """
+        first, fewest = 0, numba.get_num_threads()
+        blocks = fewest if self.halved else max(fewest, FIRST_CALL // (BLOCK * len(self.spans)))
+        while first < count:
+            last = min(count, first + blocks * BLOCK)
+            started = perf_counter()
+            yield slice(first, last)
+            seconds = perf_counter() - started
+            growth = min(LARGEST_GROWTH, CALL_SECONDS / max(seconds, 1e-9))
+            blocks = max(fewest, int(blocks * growth))
+            first = last
+            if seconds > 0.1 * CALL_SECONDS:
+                report_progress(activity, last, count)
 
 
 @dataclass(frozen=True)
@@ -131,7 +168,7 @@ class Streamlines(Flow):
 
     def displace(self, points: Points, time: float, dt: float) -> Points:
         """Advect points. Raises FrameError where a point would need more than MAX_SUBSTEPS."""
-        moved = self.step_plan(time, dt).follow(points)
+        moved = self.step_plan(time, dt).follow(points, self.name)
         if self.is_adaptive:
             finite = np.isfinite(moved)
             if not finite.all():
@@ -152,11 +189,11 @@ class Streamlines(Flow):
 
         Raises FrameError where they are more than MAX_SUBSTEPS.
         """
-        wanted = self._substeps(time, dt)
+        wanted = self.gradient_substeps(time, dt)
         if not wanted <= MAX_SUBSTEPS:
             raise FrameError(
                 f"flow {self.name} at {time:g} s needs {wanted:.3g} sub-steps a frame; {MAX_SUBSTEPS} are "
-                "the most. Lower its strength, widen its radius, or lower substeps."
+                f"the most. {self._remedy(time)}"
             )
         count = int(wanted)
         halving = self._halving(count, finest)
@@ -173,7 +210,7 @@ class Streamlines(Flow):
 
     def cache_data(self, time: float, dt: float) -> Any:
         """Return data for too many sub-steps too, with no step: only their frame fails, when it is made."""
-        wanted = self._substeps(time, dt)
+        wanted = self.gradient_substeps(time, dt)
         feasible = wanted <= MAX_SUBSTEPS
         count = int(wanted) if feasible else 1
         halving = self._halving(count, finest=self.is_adaptive)
@@ -191,13 +228,26 @@ class Streamlines(Flow):
     def name(self) -> str:
         return self.field.name
 
-    def _substeps(self, time: float, dt: float) -> float:
-        """Return the given number of sub-steps, or that of the gradient bound at start, middle and end."""
+    def gradient_substeps(self, time: float, dt: float) -> float:
+        """Return the sub-steps of a step before any is halved: as given, or by the gradient bound.
+
+        The bound is the largest of start, middle and end; infinite where it is not finite.
+        """
         if self.substeps:
             return self.substeps
         bound = max(self.field.gradient_bound(t) for t in (time, time + dt / 2, time + dt))
         wanted = bound * abs(dt) / (STEP_LIMIT if self.tolerance is None else ADAPTIVE_LIMIT)
         return max(1, math.ceil(wanted)) if math.isfinite(wanted) else math.inf
+
+    def _remedy(self, time: float) -> str:
+        """Return what lowers the number of sub-steps, as a sentence."""
+        if self.substeps:
+            return "Lower substeps."
+        leaves = [leaf for leaf, _ in self.field.leaves(np.zeros(3), time)]
+        strongest = max(leaves, key=lambda leaf: leaf.gradient_bound(time))
+        changes = sensitivity(strongest, lambda field: field.gradient_bound(time), time)
+        text = ", ".join(changes.remedies) + " or write substeps: 100, which is less exact"
+        return f"{text[0].upper()}{text[1:]}." if changes else "Lower its speed."
 
     def _halving(self, count: int, finest: bool) -> Halving:
         """Return how points may halve each of `count` sub-steps."""
@@ -215,7 +265,7 @@ class Streamlines(Flow):
 
     def _displace_finely(self, points: Points, time: float, dt: float) -> Points:
         """Advect points (N, 3) by sub-steps as fine as they need."""
-        moved = self.step_plan(time, dt, finest=True).follow(points)
+        moved = self.step_plan(time, dt, finest=True).follow(points, self.name)
         failed = np.flatnonzero(np.isinf(moved[:, 0]))
         if not failed.size:
             return moved

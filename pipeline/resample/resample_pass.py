@@ -12,6 +12,7 @@ import numpy as np
 from pipeline.arrays import Indices, Points
 from pipeline.errors import FrameError
 from pipeline.mesh.halfedge_mesh import WORTH_SHARING, HalfedgeMesh
+from pipeline.progress import report_progress
 from pipeline.resample.kernels.can_collapse import REASONS, TOO_LONG
 from pipeline.resample.kernels.collapse import collapse_and_flip, collapse_queued
 from pipeline.resample.kernels.edge_scans import (
@@ -139,6 +140,7 @@ class ResamplePass:
             born = items_of(births).reshape(-1, BIRTH_SIZE)
             self.mesh.enter_births(born[:, :BIRTH_HALFEDGE])
             self.long_edges = self._place(born, remaining)
+            report_progress("resampling", int(self.mesh.sizes[0]))
 
     def _place(self, births: Indices, remaining: Indices) -> Indices:
         """Move the new vertices to where the placement has them; return the edges that are then too long."""

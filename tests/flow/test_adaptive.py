@@ -295,7 +295,7 @@ def test_a_formula_that_divides_by_zero_is_told_as_such() -> None:
 def test_courses_of_both_kinds_are_not_joined(points: Points, monkeypatch: pytest.MonkeyPatch) -> None:
     calls = []
     follow = StepPlan.follow
-    monkeypatch.setattr(StepPlan, "follow", lambda self, p: calls.append(self.halved) or follow(self, p))
+    monkeypatch.setattr(StepPlan, "follow", lambda self, *a: calls.append(self.halved) or follow(self, *a))
     history = FlowMap()
     for frame in range(4):
         history.add(FrameStep(Sequence((TOLERANT, Streamlines(Strain()))), frame * DT, DT, frame + 2))

@@ -88,7 +88,9 @@ def test_streamlines_of_many_frames_are_one_call(points: Points, monkeypatch: py
     """Also where two different fields act in turn; and the size of a call is bounded."""
     calls = []
     follow = StepPlan.follow
-    monkeypatch.setattr(StepPlan, "follow", lambda self, p: calls.append(len(self.tables)) or follow(self, p))
+    monkeypatch.setattr(
+        StepPlan, "follow", lambda self, *a: calls.append(len(self.tables)) or follow(self, *a)
+    )
     flow = Sequence((FLOWS[0], FLOWS[1]))
     whole = flow_map_of(flow, 12).carry(points)
     assert len(calls) == 1

@@ -298,7 +298,9 @@ def test_parameters_and_compositions_compile_nothing(points: Points) -> None:
 
 def test_a_field_too_steep_to_follow_is_refused_by_name() -> None:
     flow = Streamlines(Vortex(radius=1e-4, strength=100.0))
-    with pytest.raises(FrameError, match=r"flow vortex at 0 s needs .* sub-steps.* Lower its strength"):
+    with pytest.raises(
+        FrameError, match=r"flow vortex at 0 s needs .* sub-steps.* Raise radius, lower strength"
+    ):
         flow.displace(np.zeros((1, 3)), 0.0, 1 / 24)
 
 

@@ -11,8 +11,16 @@ from typing import Annotated
 
 import typer
 
+from pipeline.animation import FrameProgress
 from pipeline.cli.options import Common, Frames, Shot, ShotOptions, at_option, output_option
-from pipeline.cli.output import err, make_folder_of, print_error, print_result, print_warning, progress_bars
+from pipeline.cli.output import (
+    err,
+    frame_progress,
+    make_folder_of,
+    print_error,
+    print_result,
+    print_warning,
+)
 from pipeline.dailies.preview.animatic import Animatic, FrameCallback, FramedSurfaces
 from pipeline.dailies.preview.live_server import LiveFeed, serving
 from pipeline.dailies.preview.live_session import LiveSession, files_of, stamp, wait_for_edit
@@ -172,13 +180,29 @@ def _report_movie(common: Common, movie: Path, frames: int) -> None:
 
 @contextmanager
 def _bars(common: Common, animatic: Animatic, numbers: Set[int]) -> Iterator[FrameCallback]:
-    """Yield what reports a frame as simulated or drawn, with a bar for each."""
-    with progress_bars(common.progress) as bar:
-        advance = {
-            "simulating": bar("simulating", len(animatic.played(numbers))),
-            "drawing": bar("drawing", len(numbers)),
-        }
-        yield lambda stage, number: advance[stage]()
+    """Yield what reports a frame as simulated or drawn, with a bar for each.
+
+    The first bar moves within frames that take long, and what makes a frame slow is printed.
+    """
+    from rich.progress import TextColumn  # takes time to import
+
+    with frame_progress(TextColumn("{task.fields[now]}", style="dim"), wanted=common.progress) as progress:
+        totals = {"simulating": len(animatic.played(numbers)), "drawing": len(numbers)}
+        tasks = {stage: progress.add_task(stage, total=total, now="") for stage, total in totals.items()}
+        done = dict.fromkeys(totals, 0)
+
+        def frame_done(stage: str, number: int) -> None:
+            done[stage] += 1
+            progress.update(tasks[stage], completed=done[stage], now="")
+
+        def report(within: FrameProgress) -> None:
+            if within.slow:
+                print_warning(within.slow)
+            now = f"frame {within.frame} ({within.share:.0%}, {within.activity})"
+            progress.update(tasks["simulating"], completed=done["simulating"] + within.share, now=now)
+
+        animatic.stream.callback = report
+        yield frame_done
 
 
 def _default_path(sketch: Sketch, at: int | None) -> Path:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
+from pipeline.animation import FrameProgress
 from pipeline.dailies.preview.animatic import SIZES, FramedSurfaces, framings_of, size_for
 from pipeline.dailies.preview.live_server import LiveFeed
 from pipeline.dailies.preview.sketch import Sketch, is_closed
@@ -82,6 +83,14 @@ class LiveSession:
             request.name, numbers[0], numbers[-1], float(request.shot.rate.fps), size
         )
         self.feed.say("Simulating …")
+
+        def within_frame(progress: FrameProgress) -> None:
+            check()
+            self.feed.say(
+                progress.slow or f"Frame {progress.frame}: {progress.share:.0%}, {progress.activity} …"
+            )
+
+        self.stream.callback = within_frame
         known = request.framings(self.stream.store) or self._framings
         for number in self.stream.play(request, numbers):
             check()

@@ -16,7 +16,7 @@ from typing import TypeVar
 
 import psutil
 
-from pipeline.animation import MeshFrame, animate
+from pipeline.animation import FrameProgressCallback, MeshFrame, animate_reporting
 from pipeline.errors import FrameError
 from pipeline.production.request.render_request import RenderRequest
 from pipeline.production.store import readers
@@ -50,11 +50,12 @@ class MeshCache:
 
 @dataclass(eq=False)
 class MeshSource:
-    """The mesh frames of one shot, read in ascending order."""
+    """The mesh frames of one shot, read in ascending order; `callback` hears of progress within a frame."""
 
     request: RenderRequest
     store: Store
     cache: MeshCache
+    callback: FrameProgressCallback
     _simulation: Iterator[MeshFrame] | None = None
 
     def at(self, number: int) -> MeshFrame:
@@ -64,7 +65,7 @@ class MeshSource:
             self._simulation = None
             return known
         if self._simulation is None:
-            self._simulation = animate(self.request.shot, resume=self._before(number))
+            self._simulation = animate_reporting(self.request.shot, self._before(number), self.callback)
         while True:
             started = time.thread_time()
             frame = next(self._simulation)

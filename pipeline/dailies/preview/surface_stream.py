@@ -14,7 +14,7 @@ from types import TracebackType
 
 import psutil
 
-from pipeline.animation import MeshFrame
+from pipeline.animation import FrameProgressCallback, MeshFrame
 from pipeline.arrays import AnyArray
 from pipeline.dailies.preview.mesh_source import MeshCache, MeshSource, stored
 from pipeline.errors import FrameError
@@ -94,6 +94,7 @@ class SurfaceStream:
     once      True if no other preview follows: forget frames once they are drawn, and remember no mesh
     meshes    mesh frames from which a simulation can resume
     surfaces  arrays of the frames that are not drawn yet
+    callback  called with the progress within a frame that takes long
 
     After an edit, surfaces that are still valid are reused.
     """
@@ -102,6 +103,7 @@ class SurfaceStream:
     once: bool = False
     meshes: MeshCache = field(init=False)
     surfaces: SpillCache = field(default_factory=SpillCache)
+    callback: FrameProgressCallback = field(default=lambda progress: None)
 
     def __post_init__(self) -> None:
         self.meshes = MeshCache(room=0.0) if self.once else MeshCache()
@@ -155,7 +157,7 @@ class SurfaceStream:
     def _submitted(
         self, request: RenderRequest, numbers: list[int], pool: ThreadPoolExecutor
     ) -> Iterator[tuple[int, Future[None]]]:
-        meshes = MeshSource(request, self.store, self.meshes)
+        meshes = MeshSource(request, self.store, self.meshes, self.callback)
         for number in numbers:
             if _key(request, number) in self.surfaces:
                 surface = pool.submit(lambda: None)

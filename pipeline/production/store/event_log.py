@@ -9,6 +9,8 @@ begin, end     of a job, with its threads, process and host
 fail           of a job or a frame
 start, frame   of a frame; once it is there, the seconds it took and `found`: the store had it already
 pass           a sample batch of a picture is done
+progress       of a mesh frame that takes long: the share that is done, and the activity
+slow           a mesh frame takes very long, and why
 healed         a damaged file is made again
 warn           a frame was made in spite of something
 resumed        a frame goes on from its checkpoint

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.animation import MeshFrame, animate
+from pipeline.animation import FrameProgress, MeshFrame, animate_reporting
 from pipeline.errors import FlowsculptError, FrameError
 from pipeline.mesh.control_net import bspline_surface
 from pipeline.production.render_inputs.framing import frame_all, with_stage_in_view
@@ -33,7 +33,7 @@ def simulate(context: Context) -> bool:
     number = min(missing)
     resume = _last_before(context, number)
     try:
-        for frame in animate(request.shot, resume=resume):
+        for frame in animate_reporting(request.shot, resume, partial(_report_progress, context)):
             if resume is None and frame.number == request.shot.frames.first:
                 _tell_repairs(context)
             number = frame.number
@@ -60,6 +60,13 @@ def _tell_repairs(context: Context) -> None:
     motion = context.request.shot.motion
     for line in motion.subject.repairs:
         context.warn(motion.frames.first, f"{context.request.name}: model repaired: {line}")
+
+
+def _report_progress(context: Context, progress: FrameProgress) -> None:
+    """Write how far a frame is, and why it takes long, to the event log."""
+    context.write("progress", progress.frame, share=round(progress.share, 3), activity=progress.activity)
+    if progress.slow:
+        context.write("slow", progress.frame, message=progress.slow)
 
 
 def _shown_again(context: Context, number: int) -> bool:

@@ -1,0 +1,172 @@
+"""The cost of a frame's flow: sub-steps for each vertex, which setting causes them, and what lowers them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.arrays import Points
+from pipeline.flow import Sequence, Streamlines, VelocityField
+from pipeline.flow.flow import FlowStep
+from pipeline.flow.sensitivity import Sensitivity, sensitivity
+from pipeline.shot import Motion
+from pipeline.shot.model_subject import Model
+
+SAMPLE = 1000
+"""Vertices whose speeds are measured."""
+
+MANY_VERTICES = 200_000
+"""Vertices from which on fewer of them are advised."""
+
+TYPICAL_EXTENT = 2.0
+"""Units: the extent of the solids, for which flows have their defaults."""
+
+FEW, ENOUGH = 4, 50
+"""Sub-steps that cost little, and a number that the coarser settings lead to."""
+
+
+@dataclass(frozen=True)
+class FlowCost:
+    """Sub-steps that one flow takes in one frame.
+
+    place       its place in the shot file, such as `flows.0`
+    name        the flow's name
+    vertices    number of vertices
+    extent      the largest extent of the subject, units
+    gradient    sub-steps of every vertex, since velocities differ from place to place
+    length      sub-steps of a vertex on average, since one may move it by `max_step` only
+    distance    units that a vertex moves in the frame, on average
+    max_step    units; infinite without resampling
+    is_fixed    tells whether the shot sets `substeps`
+    settings    the parameters that the number of sub-steps follows from
+    coarser     the setting `max_step` with which ENOUGH sub-steps remain, in edges
+    fitted      `length` if the model had TYPICAL_EXTENT and edges in proportion; infinite for other subjects
+    """
+
+    place: str
+    name: str
+    vertices: int
+    extent: float
+    gradient: float
+    length: float
+    distance: float
+    max_step: float
+    is_fixed: bool
+    settings: Sensitivity
+    coarser: float
+    fitted: float
+
+    @property
+    def substeps(self) -> float:
+        """Sub-steps of a vertex, about."""
+        return max(self.gradient, self.length)
+
+    @property
+    def fact(self) -> str:
+        """`flows.0 curl_noise takes 420 sub-steps a frame for each of 10,241 vertices`"""
+        count = f"{self.substeps:,.0f} sub-step{'s' * (self.substeps >= 1.5)}"
+        return f"{self.place} {self.name} takes {count} a frame for each of {self.vertices:,} vertices"
+
+    @property
+    def cause(self) -> str:
+        """The setting or the property of the subject that the sub-steps follow from."""
+        if self.length > self.gradient:
+            return (
+                f"it moves a vertex by {self.distance:.3g} units a frame, and by {self.max_step:.3g} at most "
+                "in one sub-step (max_step × max_edge_length)"
+            )
+        if self.is_fixed:
+            return "the shot sets substeps"
+        if self.gradient <= FEW:
+            return "there are many vertices"
+        given = f" ({self.settings})" if self.settings else ""
+        return f"its velocity changes much within a short distance{given}"
+
+    @property
+    def remedies(self) -> list[str]:
+        """Changes of the shot file that make the frame faster, each by itself."""
+        parameters = self.settings.remedies
+        many = ["raise resample.max_edge_length"] if self.vertices > MANY_VERTICES else []
+        if self.length > self.gradient:
+            fit = f"write subject.fit: {TYPICAL_EXTENT:g} and smaller edges in proportion"
+            fits = [fit] if self.fitted < 0.25 * self.length else []
+            coarser = f"write max_step: {self.coarser:.2g}, which is less exact"
+            return [*fits, *parameters, "raise resample.max_edge_length", coarser]
+        if self.is_fixed:
+            return ["lower substeps", *many]
+        if self.gradient <= FEW:
+            return ["raise resample.max_edge_length"]
+        fewer = f"write substeps: {max(FEW, math.ceil(self.gradient / 20))}, which is less exact"
+        return [*parameters, *many, fewer]
+
+    def __str__(self) -> str:
+        """Return fact, cause and remedies."""
+        *others, last = self.remedies
+        remedy = f"{', '.join(others)} or {last}" if others else last
+        return f"{self.fact}: {self.cause}. {remedy[0].upper()}{remedy[1:]}."
+
+
+def costliest_flow(motion: Motion, frame: int, points: Points) -> FlowCost | None:
+    """Return the cost of the flow with the most sub-steps on the way into a frame.
+
+    points  (V, 3) the vertices before it
+
+    None where no flow follows velocities. Raises FrameError where a parameter of the flow cannot be computed.
+    """
+    costs = (_cost(motion, place, step, points) for place, step in _along_velocities(motion, frame))
+    return max(costs, key=lambda cost: cost.substeps, default=None)
+
+
+def _along_velocities(motion: Motion, frame: int) -> Iterator[tuple[str, FlowStep]]:
+    """Yield the steps along streamlines into a frame, each with its flow's place in the shot file."""
+    whole = motion.limit_steps(motion.flow, frame)
+    flows = whole.flows if isinstance(whole, Sequence) else (whole,)
+    for k, flow in enumerate(flows):
+        for step in flow.steps(*motion.step(frame)):
+            if isinstance(step.flow, Streamlines):
+                yield f"flows.{k}", step
+
+
+def _cost(motion: Motion, place: str, step: FlowStep, points: Points) -> FlowCost:
+    flow, time, dt = step
+    assert isinstance(flow, Streamlines)
+    sample = points[:: max(1, len(points) // SAMPLE)]
+    extent = float(np.ptp(points, axis=0).max())
+    max_step = math.inf if flow.max_step is None else flow.max_step
+    distance = _distance(flow, sample, time, dt)
+    length, fitted = distance / max_step, math.inf
+    if isinstance(motion.subject, Model) and extent > 10.0 * TYPICAL_EXTENT:
+        factor = TYPICAL_EXTENT / extent
+        fitted = _distance(flow, factor * (sample - sample.mean(axis=0)), time, dt) / (factor * max_step)
+    gradient = flow.gradient_substeps(time, dt)
+
+    def substeps_of(field: VelocityField) -> float:
+        """Return what decides the sub-steps if the flow had only this field."""
+        alone = replace(flow, field=field, substeps=None)
+        return _distance(alone, sample, time, dt) if length > gradient else field.gradient_bound(time)
+
+    leaves = [leaf for leaf, _ in flow.field.leaves(sample[0], time)]
+    settings = sensitivity(max(leaves, key=substeps_of), substeps_of, time)
+    return FlowCost(
+        place=place,
+        name=flow.name,
+        vertices=len(points),
+        extent=extent,
+        gradient=gradient,
+        length=length,
+        distance=distance,
+        max_step=max_step,
+        is_fixed=flow.substeps is not None,
+        settings=settings,
+        coarser=motion.max_step * length / ENOUGH,
+        fitted=fitted,
+    )
+
+
+def _distance(flow: Streamlines, points: Points, time: float, dt: float) -> float:
+    """Return how far points move on average in a step, units, by their velocities at its start."""
+    speeds = np.linalg.norm(flow.field.velocity(points, time), axis=1)
+    return float(speeds[np.isfinite(speeds)].mean() * abs(dt)) if np.isfinite(speeds).any() else 0.0

@@ -1,0 +1,129 @@
+"""Progress within the frames of a simulation; a slow frame says once what it does and what makes it slow."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from typing import NamedTuple
+
+from pipeline.animation.flow_cost import costliest_flow
+from pipeline.animation.frame import MeshFrame
+from pipeline.animation.loop import animate
+from pipeline.arrays import Points
+from pipeline.flow import Streamlines
+from pipeline.flow.flow_map import CARRYING
+from pipeline.progress import Progress, reporting_to
+from pipeline.shot import Motion, Shot
+
+SLOW_SECONDS = 60.0
+"""A frame that takes longer says why."""
+
+MEASURED_SECONDS, FORESEEN = 3.0, 1.5
+"""A frame is foreseen to be slow after so many seconds, where it would take so many times SLOW_SECONDS."""
+
+REPORT_SECONDS = 0.5
+"""Time between two reports of one frame, and before the first."""
+
+MOST_SHARE = 0.95
+"""The share of a frame that its flow takes at most: the resampler follows."""
+
+
+class FrameProgress(NamedTuple):
+    """The progress of the frame in work.
+
+    frame     its number
+    share     0 to 1, about
+    activity  what is computed: the name of a flow, or of a part of the resampling
+    slow      why the frame takes long, the first time that this activity makes one slow; else empty
+    """
+
+    frame: int
+    share: float
+    activity: str
+    slow: str = ""
+
+
+FrameProgressCallback = Callable[[FrameProgress], None]
+
+
+def animate_reporting(
+    shot: Shot, resume: MeshFrame | None, callback: FrameProgressCallback
+) -> Iterator[MeshFrame]:
+    """Yield the frames of `animate`, and report the progress within each that takes long."""
+    motion, frames, told = shot.motion, animate(shot, resume), set[str]()
+    number = motion.frames.first if resume is None else resume.number + 1
+    points = None if resume is None else resume.mesh.vertices
+    while number <= motion.frames.last:
+        with reporting_to(_FrameWatch(motion, number, points, callback, told).receive):
+            frame = next(frames)
+        yield frame
+        number, points = frame.number + 1, frame.mesh.vertices
+
+
+class _FrameWatch:
+    """Turns the progress of computations into that of one frame."""
+
+    def __init__(
+        self,
+        motion: Motion,
+        frame: int,
+        points: Points | None,
+        callback: FrameProgressCallback,
+        told: set[str],
+    ) -> None:
+        self._motion, self._frame, self._points, self._callback = motion, frame, points, callback
+        self._began = self._reported = time.monotonic()
+        self._last = Progress("", 0, 0)
+        self._moved = 0
+        self._is_explained, self._told = False, told
+
+    def receive(self, progress: Progress) -> None:
+        """Take progress of a flow or of the resampler."""
+        is_same = progress[::2] == self._last[::2] and progress.done > self._last.done
+        if progress.total:
+            self._moved += progress.done - (self._last.done if is_same else 0)
+        self._last, now = progress, time.monotonic()
+        if now - self._reported < REPORT_SECONDS:
+            return
+        self._reported = now
+        share = self._share()
+        slow = self._slow(now - self._began, share)
+        self._callback(FrameProgress(self._frame, share, progress.activity, slow))
+
+    def _share(self) -> float:
+        """Return the share of the frame that is done, from 0 to MOST_SHARE."""
+        expected = self._expected_moves()
+        return min(MOST_SHARE, MOST_SHARE * self._moved / expected) if expected else 0.0
+
+    def _expected_moves(self) -> int:
+        """Return how many points the frame moves along velocities: vertices, and beside them for normals."""
+        if self._points is None:
+            return 0
+        flow, resampling = self._motion.flow, self._motion.resampling
+        steps = sum(isinstance(s.flow, Streamlines) for s in flow.steps(*self._motion.step(self._frame)))
+        carried = (
+            resampling is not None and resampling.placement == "exact" and resampling.normals == "carried"
+        )
+        return steps * len(self._points) * (3 if carried else 1)
+
+    def _slow(self, seconds: float, share: float) -> str:
+        """Return why the frame is slow, the first time that this is known; else an empty text."""
+        is_foreseen = seconds > MEASURED_SECONDS and share > 0.0 and seconds / share > FORESEEN * SLOW_SECONDS
+        if self._is_explained or not (seconds > SLOW_SECONDS or is_foreseen):
+            return ""
+        self._is_explained = True
+        if self._last.activity in self._told:
+            return ""
+        self._told.add(self._last.activity)
+        takes = f"takes about {seconds / share:.0f} s" if is_foreseen else f"has taken {seconds:.0f} s so far"
+        return f"frame {self._frame} {takes}: {self._reason()}"
+
+    def _reason(self) -> str:
+        points, last = self._points, self._last
+        cost = None if points is None else costliest_flow(self._motion, self._frame, points)
+        if points is None or cost is None:
+            count = last.done if points is None else len(points)
+            return f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."
+        if last.activity != CARRYING:
+            return str(cost)
+        return f"{cost} New vertices take those of all frames since rest: lower resample.rest_interval."

@@ -1,0 +1,147 @@
+"""Progress within frames, and what is said of slow ones."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import pipeline.animation.progress as module
+from pipeline.animation import FrameProgress, animate, animate_reporting
+from pipeline.animation.flow_cost import costliest_flow
+from pipeline.flow import Streamlines
+from pipeline.flow import streamlines as streamlines_module
+from pipeline.flow.catalogue.vortices import CurlNoise, Vortex
+from pipeline.progress import Progress, reporting_to
+from pipeline.shot import read_shot
+from pipeline.shot.shot import Shot
+
+TURBULENT = """
+title: Turbulence on a small scale
+frames: 1-4
+subject: {{solid: icosphere, radius: 4}}
+resample: {{max_edge_length: 1}}
+flows: [{{twist: {{amount: 3}}}}, {{{flow}}}]
+look: clay
+"""
+
+
+SPINNING = "rotation: {speed: 90000}"
+"""Many sub-steps, and no edge that grows longer."""
+
+
+def shot_of(folder: Path, flow: str) -> Shot:
+    path = folder / "turbulence.yaml"
+    path.write_text(TURBULENT.format(flow=flow))
+    return read_shot(path)
+
+
+def curl_noise(folder: Path, settings: str = "strength: 60") -> Shot:
+    return shot_of(folder, f"curl_noise: {{{settings}}}")
+
+
+@pytest.fixture
+def impatient(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Have everything that takes over a few milliseconds called slow."""
+    monkeypatch.setattr(streamlines_module, "CALL_SECONDS", 0.002)
+    for name in ("SLOW_SECONDS", "REPORT_SECONDS"):
+        monkeypatch.setattr(module, name, 0.01)
+
+
+def test_calls_of_any_size_move_points_to_the_same_bits(monkeypatch: pytest.MonkeyPatch) -> None:
+    points = np.random.default_rng(3).normal(size=(5000, 3))
+    for flow in (
+        Streamlines(CurlNoise(), substeps=3),
+        Streamlines(Vortex(strength=9.0), max_step=0.01),
+        Streamlines(Vortex(strength=9.0), tolerance=1e-8),
+    ):
+        whole = flow.displace(points, 0.0, 1 / 24)
+        with monkeypatch.context() as patch:
+            patch.setattr(streamlines_module, "CALL_SECONDS", 0.0)
+            patch.setattr(streamlines_module, "FIRST_CALL", 1)
+            assert flow.displace(points, 0.0, 1 / 24).tobytes() == whole.tobytes(), flow.name
+
+
+def test_a_flow_reports_its_points_in_ascending_order_up_to_all(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(streamlines_module, "CALL_SECONDS", 0.005)
+    monkeypatch.setattr(streamlines_module, "FIRST_CALL", 1)
+    reports: list[Progress] = []
+    with reporting_to(reports.append):
+        Streamlines(CurlNoise(), substeps=100).displace(np.random.default_rng(3).normal(size=(3000, 3)), 0, 1)
+    done = [report.done for report in reports]
+    assert len(done) > 1 and done == sorted(done) and done[-1] == 3000
+    assert {report.activity for report in reports} == {"curl_noise"}
+
+
+@pytest.mark.usefixtures("impatient")
+def test_progress_moves_within_a_frame_and_changes_no_mesh(tmp_path: Path) -> None:
+    shot, reports = shot_of(tmp_path, SPINNING), list[FrameProgress]()
+    frames = list(animate_reporting(shot, None, reports.append))
+    assert [frame.number for frame in frames] == [1, 2, 3, 4]
+    for frame, alone in zip(frames, animate(shot), strict=True):
+        assert frame.mesh.vertices.tobytes() == alone.mesh.vertices.tobytes()
+    for number in (2, 3, 4):
+        shares = [report.share for report in reports if report.frame == number]
+        assert len(shares) > 1 and shares == sorted(shares) and 0.0 < shares[0] < shares[-1] <= 1.0
+
+
+@pytest.mark.usefixtures("impatient")
+def test_a_slow_frame_says_once_what_it_does_and_which_setting_causes_it(tmp_path: Path) -> None:
+    reports: list[FrameProgress] = []
+    for _ in animate_reporting(shot_of(tmp_path, SPINNING), None, reports.append):
+        pass
+    said = [report.slow for report in reports if "flows.1 rotation" in report.slow]
+    assert len(said) == 1
+    for words in ("sub-steps a frame for each of", "(speed 90000)", "Lower speed or write substeps"):
+        assert words in said[0]
+
+
+def test_the_settings_that_are_named_as_remedies_lower_the_sub_steps(tmp_path: Path) -> None:
+    shot = curl_noise(tmp_path)
+    points = next(iter(animate(shot))).mesh.vertices
+    cost = costliest_flow(shot.motion, 2, points)
+    assert cost is not None and cost.place == "flows.1" and cost.substeps > 100
+    for change in ("size: 2, strength: 60", "strength: 30"):
+        changed = costliest_flow(curl_noise(tmp_path, change).motion, 2, points)
+        assert changed is not None and changed.substeps < 0.6 * cost.substeps
+
+
+def test_steps_that_edges_limit_are_blamed_on_edges(tmp_path: Path) -> None:
+    motion = shot_of(tmp_path, "translation: {rate: [9000, 0, 0]}").motion
+    cost = costliest_flow(motion, 2, next(iter(animate(motion))).mesh.vertices)
+    assert cost is not None and cost.length > cost.gradient
+    assert "max_step × max_edge_length" in str(cost) and "raise resample.max_edge_length" in str(cost).lower()
+
+
+def test_maps_have_no_sub_steps(tmp_path: Path) -> None:
+    assert costliest_flow(shot_of(tmp_path, "bend: {amount: 3}").motion, 2, np.zeros((9, 3))) is None
+
+
+def test_an_interrupt_ends_a_frame_that_would_take_minutes(tmp_path: Path) -> None:
+    curl_noise(tmp_path, "strength: 1000, size: 5")
+    code = (
+        "import sys; from pipeline.shot import read_shot; from pipeline.animation import animate\n"
+        "print('begins', flush=True)\n"
+        "for frame in animate(read_shot(sys.argv[1])): print(frame.number, flush=True)\n"
+    )
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, str(tmp_path / "turbulence.yaml")],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        env={**os.environ, "PYTHONPATH": str(Path.cwd())},
+    )
+    assert process.stdout is not None
+    while process.stdout.readline() != b"1\n":
+        assert process.poll() is None
+    time.sleep(1.0)
+    process.send_signal(signal.SIGINT)
+    started = time.monotonic()
+    _, complaint = process.communicate(timeout=60)
+    assert b"KeyboardInterrupt" in complaint
+    assert time.monotonic() - started < 20
