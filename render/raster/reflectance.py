@@ -39,7 +39,7 @@ class Reflectance(NamedTuple):
 
 
 def reflectance_of(material: Material, sharpness: tuple[float, float] = SHARPNESS) -> Reflectance:
-    """Return how a material reflects. sharpness: the least and greatest exponent"""
+    """Return the reflectance of a material. sharpness: the least and greatest exponent"""
     exponent = float(np.clip(2.0 / max(material.roughness, 0.02) ** 2 - 2.0, *sharpness))
     grazing = 1.0 - material.roughness
     match material:

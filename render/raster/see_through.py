@@ -76,7 +76,7 @@ class VisiblePoints(NamedTuple):
 
 
 class ClearBody(NamedTuple):
-    """How a clear material treats light.
+    """The optical properties of a clear material.
 
     tint        (3,), transmitted by each pair of surfaces
     rate        (3,), absorbed or scattered, per scene unit
@@ -89,7 +89,7 @@ class ClearBody(NamedTuple):
 
     @classmethod
     def of(cls, material: Material, size: float) -> ClearBody:
-        """Return the treatment of light by a material. size: half the subject's, scene units"""
+        """Return the properties of a material. size: half the subject's, scene units"""
         if isinstance(material, Smoke):
             return cls(np.ones(3), np.full(3, material.density / size), 1.0)
         if isinstance(material, Glass):
