@@ -106,7 +106,7 @@ ASSEMBLE = PipelineStage(
 )
 FILM = PipelineStage(
     "film",
-    version=1,
+    version=2,
     packages=("av", "OpenImageIO"),
     doing="encoding the film",
     makes="movie",
@@ -133,7 +133,7 @@ STAGES = {
 """The stages that jobs do, by name, each after those that it rests on."""
 
 DELIVER = PipelineStage(
-    "deliver", version=1, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
+    "deliver", version=2, packages=("av", "OpenImageIO"), doing="encoding deliverables", makes="movie"
 )
 TURNTABLE_SHEET = PipelineStage(
     "turntable_sheet", version=1, packages=("av", "OpenImageIO"), doing="laying out sheets", makes="png"

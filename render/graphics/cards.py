@@ -18,7 +18,7 @@ from render.graphics.typesetting import cut_short, fit_size, line, wrap, write
 Floats = NDArray[np.float32]
 
 GROUND, CENTRE = (0.075, 0.068, 0.064), (0.150, 0.137, 0.127)
-INK, QUIET, FAINT = (0.93, 0.90, 0.85), (0.62, 0.575, 0.52), (0.30, 0.278, 0.258)
+INK, QUIET, FAINT = (0.93, 0.90, 0.85), (0.70, 0.65, 0.59), (0.30, 0.278, 0.258)
 WARNING: Triple = (0.86, 0.47, 0.30)
 
 _SANS, _SERIF = "DroidSans", "DroidSerif-Italic"
@@ -49,11 +49,11 @@ class TitleCard:
     title: str
     subtitle: str = ""
     title_size: float = 0.085
-    subtitle_size: float = 0.042
+    subtitle_size: float = 0.06
     ground: Triple = GROUND
     centre: Triple = (0.205, 0.186, 0.172)
     ink: Triple = INK
-    quiet: Triple = (0.66, 0.61, 0.55)
+    quiet: Triple = (0.80, 0.75, 0.68)
 
 
 def title_frames(card: TitleCard, size: tuple[int, int], count: int, fade: int) -> Iterator[Floats]:
@@ -92,7 +92,7 @@ def _words(card: TitleCard, size: tuple[int, int]) -> tuple[Floats, Floats]:
     width, height = size
     title = _fitted(card.title.upper(), "DroidSans", card.title_size * height, 0.30, width)
     subtitle = _fitted(card.subtitle, "DroidSerif-Italic", card.subtitle_size * height, 0.03, width)
-    return _centred(title, size, 0.46), _centred(subtitle, size, 0.575)
+    return _centred(title, size, 0.46), _centred(subtitle, size, 0.585)
 
 
 def _fitted(text: str, font: str, height: float, spacing: float, width: int) -> Floats:
@@ -167,14 +167,14 @@ class _Card:
         self.page = _ground(size)
 
     def slate(self, slate: Slate) -> Floats:
-        room, right, small = self.width - 2 * self.margin, self.width - self.margin, self._size(2.2)
+        room, right, small = self.width - 2 * self.margin, self.width - self.margin, self._size(3.2)
         write(self.page, "SLATE", _SANS, small, (self.margin, self._down(12.0)), QUIET, 0.3)
         imprint = slate.imprint.upper()
         write(self.page, imprint, _SANS, small, (right, self._down(12.0)), QUIET, 0.3, from_right=True)
         name = fit_size(slate.name, _SANS, self._size(9.5), room, 0.01)
         write(self.page, slate.name, _SANS, name, (self.margin, self._down(27.5)), INK, 0.01)
         if slate.title:
-            size = self._size(4.0)
+            size = self._size(5.2)
             title = cut_short(slate.title, _SERIF, size, room)
             write(self.page, title, _SERIF, size, (self.margin, self._down(34.5)), QUIET)
         self._rule(self._down(39.5))
@@ -191,15 +191,15 @@ class _Card:
         mark = self.page[max(0, round(y - 4.1 * self.unit)) : y, round(self.margin) :]
         mark[:, : max(1, round(0.5 * self.unit))] = WARNING
         write(self.page, heading, _SANS, size, (self.margin + 2.4 * self.unit, y), INK)
-        small = self._size(2.9)
+        small = self._size(3.9)
         for number, words in enumerate(wrap(reason, _SANS, small, room - 2.4 * self.unit, max_lines=5)):
-            at = (self.margin + 2.4 * self.unit, y + (6.2 + 4.4 * number) * self.unit)
+            at = (self.margin + 2.4 * self.unit, y + (7.0 + 5.4 * number) * self.unit)
             write(self.page, words, _SANS, small, at, QUIET)
         return self.page
 
     def _facts(self, facts: Sequence[tuple[str, str]], with_picture: bool) -> None:
         """Draw rows of a name and a value."""
-        size = self._size(2.75)
+        size = self._size(3.7)
         tab = max((line(name, _SANS, size).shape[1] for name, _ in facts), default=0) + 2.6 * self.unit
         edge = self.width - self.margin - ((58.0 + 4.0) * self.unit if with_picture else 0.0)
         room = edge - self.margin - tab
@@ -232,9 +232,9 @@ class _Card:
             for colour, start, end in zip(colours, edges, edges[1:], strict=False):
                 strip[:, start - first : end - first] = colour
             self._fill(round(top), first, strip)
-            size = self._size(1.75)
+            size = self._size(3.0)
             words = "75% bars, BT.709" if colours is BARS else "greys, 0 to 100%"
-            write(self.page, words, _SANS, size, (first, top + height + 2.9 * self.unit), QUIET)
+            write(self.page, words, _SANS, size, (first, top + height + 3.9 * self.unit), QUIET)
 
     def _rule(self, y: float) -> None:
         thick = max(1, round(0.16 * self.unit))

@@ -122,7 +122,7 @@ def test_the_cyclorama_has_no_edge() -> None:
 
 
 def test_lamps_stand_inside_the_cyclorama_and_face_the_subject() -> None:
-    profile, _ = Stage()._profile()
+    profile, _ = Stage().profile()
     for rig in LIGHTS.values():
         for lamp in rig.softboxes:
             radius = math.hypot(lamp.position[0], lamp.position[2])

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 import pytest
 
-from render.graphics.cards import BARS, GREYS, Slate, failure_card
+from render.graphics.cards import BARS, GREYS, Slate, TitleCard, failure_card, title_frames
 from render.graphics.typesetting import cut_short, line, wrap
 
 FACTS = (("version", "v003"), ("frames", "1-48"), ("quality", "final"))
@@ -58,3 +60,32 @@ def test_words_are_wrapped_within_their_room() -> None:
     assert all(line(each, "DroidSans", 12).shape[1] <= 100 for each in lines)
     assert cut_short("abc", "DroidSans", 12, 0.0) == ""
     assert cut_short("abc", "DroidSans", 12, 500.0) == "abc"
+
+
+def x_height(with_words, without):
+    """Return how many rows words of the letter x are high, and their contrast to the ground (WCAG 2.2)."""
+    changed = np.abs(with_words - without).max(axis=2)
+    rows = np.flatnonzero((changed > 0.5 * changed.max()).any(axis=1))
+    spot = np.unravel_index(changed.argmax(), changed.shape)
+    bright, dark = (
+        np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4) @ (0.2126, 0.7152, 0.0722)
+        for c in (with_words[spot], without[spot])
+    )
+    return rows[-1] - rows[0] + 1, (bright + 0.05) / (dark + 0.05)
+
+
+def test_words_of_cards_can_be_read_in_the_smallest_quality():
+    small = (480, 270)
+
+    def title(subtitle):
+        return next(itertools.islice(title_frames(TitleCard("", subtitle), small, 24, 4), 12, None))
+
+    def slate(value):
+        return Slate("A", "", [("", value)]).draw(small)
+
+    def failure(reason):
+        return failure_card(small, "A", reason)
+
+    for drawn, least in ((title, 7), (slate, 5), (failure, 5)):
+        height, contrast = x_height(drawn("xxx"), drawn(""))
+        assert height >= least and contrast >= 4.5
