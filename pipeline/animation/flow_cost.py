@@ -24,6 +24,9 @@ MANY_VERTICES = 200_000
 TYPICAL_EXTENT = 2.0
 """Units: the extent of the solids, for which flows have their defaults."""
 
+COMPARABLE = 4.0
+"""One cause of sub-steps outweighs another by this factor."""
+
 FEW, ENOUGH = 4, 50
 """Sub-steps that cost little, and a number that the coarser settings lead to."""
 
@@ -43,7 +46,7 @@ class FlowCost:
     is_fixed    tells whether the shot sets `substeps`
     settings    the parameters that the number of sub-steps follows from
     coarser     the setting `max_step` with which ENOUGH sub-steps remain, in edges
-    fitted      `length` if the model had TYPICAL_EXTENT and edges in proportion; infinite for other subjects
+    fit         how to fit the model, where that lowers the sub-steps; else empty
     """
 
     place: str
@@ -57,7 +60,7 @@ class FlowCost:
     is_fixed: bool
     settings: Sensitivity
     coarser: float
-    fitted: float
+    fit: tuple[str, ...]
 
     @property
     def substeps(self) -> float:
@@ -73,6 +76,8 @@ class FlowCost:
     @property
     def cause(self) -> str:
         """The setting or the property of the subject that the sub-steps follow from."""
+        if self.substeps <= FEW:
+            return "there are many vertices"
         if self.length > self.gradient:
             return (
                 f"it moves a vertex by {self.distance:.3g} units a frame, and by {self.max_step:.3g} at most "
@@ -80,27 +85,25 @@ class FlowCost:
             )
         if self.is_fixed:
             return "the shot sets substeps"
-        if self.gradient <= FEW:
-            return "there are many vertices"
         given = f" ({self.settings})" if self.settings else ""
         return f"its velocity changes much within a short distance{given}"
 
     @property
     def remedies(self) -> list[str]:
         """Changes of the shot file that make the frame faster, each by itself."""
-        parameters = self.settings.remedies
-        many = ["raise resample.max_edge_length"] if self.vertices > MANY_VERTICES else []
-        if self.length > self.gradient:
-            fit = f"write subject.fit: {TYPICAL_EXTENT:g} and smaller edges in proportion"
-            fits = [fit] if self.fitted < 0.25 * self.length else []
-            coarser = f"write max_step: {self.coarser:.2g}, which is less exact"
-            return [*fits, *parameters, "raise resample.max_edge_length", coarser]
-        if self.is_fixed:
-            return ["lower substeps", *many]
-        if self.gradient <= FEW:
+        parameters = self.settings.remedies or ["lower its speed"]
+        fewer = ["raise resample.max_edge_length"] if self.vertices > MANY_VERTICES else []
+        if self.is_fixed and self.gradient >= self.length:
+            return ["lower substeps", *fewer]
+        if self.substeps <= FEW:
             return ["raise resample.max_edge_length"]
-        fewer = f"write substeps: {max(FEW, math.ceil(self.gradient / 20))}, which is less exact"
-        return [*parameters, *many, fewer]
+        if self.length > COMPARABLE * self.gradient:  # else the gradient keeps the number
+            coarser = f"write max_step: {self.coarser:.2g}, which is less exact"
+            return [*self.fit, *parameters, "raise resample.max_edge_length", coarser]
+        if self.gradient > COMPARABLE * self.length:
+            substeps = max(FEW, math.ceil(self.gradient / 20))
+            return [*parameters, *fewer, f"write substeps: {substeps}, which is less exact"]
+        return [*parameters, *fewer]
 
     def __str__(self) -> str:
         """Return fact, cause and remedies."""
@@ -137,10 +140,14 @@ def _cost(motion: Motion, place: str, step: FlowStep, points: Points) -> FlowCos
     extent = float(np.ptp(points, axis=0).max())
     max_step = math.inf if flow.max_step is None else flow.max_step
     distance = _distance(flow, sample, time, dt)
-    length, fitted = distance / max_step, math.inf
+    length = distance / max_step
+    fit: tuple[str, ...] = ()
     if isinstance(motion.subject, Model) and extent > 10.0 * TYPICAL_EXTENT:
         factor = TYPICAL_EXTENT / extent
         fitted = _distance(flow, factor * (sample - sample.mean(axis=0)), time, dt) / (factor * max_step)
+        if COMPARABLE * fitted < length:
+            edge = factor * max_step / motion.max_step
+            fit = (f"write subject.fit: {TYPICAL_EXTENT:g} and resample.max_edge_length: {edge:.2g}",)
     gradient = flow.gradient_substeps(time, dt)
 
     def substeps_of(field: VelocityField) -> float:
@@ -162,7 +169,7 @@ def _cost(motion: Motion, place: str, step: FlowStep, points: Points) -> FlowCos
         is_fixed=flow.substeps is not None,
         settings=settings,
         coarser=motion.max_step * length / ENOUGH,
-        fitted=fitted,
+        fit=fit,
     )
 
 

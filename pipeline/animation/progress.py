@@ -34,7 +34,7 @@ class FrameProgress(NamedTuple):
     frame     its number
     share     0 to 1, about
     activity  what is computed: the name of a flow, or of a part of the resampling
-    slow      why the frame takes long, the first time that this activity makes one slow; else empty
+    slow      why the frame takes long, the first time that a flow makes one slow; else empty
     """
 
     frame: int
@@ -112,18 +112,21 @@ class _FrameWatch:
         if self._is_explained or not (seconds > SLOW_SECONDS or is_foreseen):
             return ""
         self._is_explained = True
-        if self._last.activity in self._told:
+        place, reason = self._reason()
+        if place in self._told:
             return ""
-        self._told.add(self._last.activity)
+        self._told.add(place)
         takes = f"takes about {seconds / share:.0f} s" if is_foreseen else f"has taken {seconds:.0f} s so far"
-        return f"frame {self._frame} {takes}: {self._reason()}"
+        return f"frame {self._frame} {takes}: {reason}"
 
-    def _reason(self) -> str:
+    def _reason(self) -> tuple[str, str]:
+        """Return the place in the shot file that makes the frame slow, and why."""
         points, last = self._points, self._last
         cost = None if points is None else costliest_flow(self._motion, self._frame, points)
         if points is None or cost is None:
             count = last.done if points is None else len(points)
-            return f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."
+            return "resample", f"{last.activity} has {count:,} vertices. Raise resample.max_edge_length."
         if last.activity != CARRYING:
-            return str(cost)
-        return f"{cost} New vertices take those of all frames since rest: lower resample.rest_interval."
+            return cost.place, str(cost)
+        more = "New vertices take those of all frames since rest: lower resample.rest_interval."
+        return f"{cost.place}, carried", f"{cost} {more}"

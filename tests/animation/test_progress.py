@@ -98,7 +98,7 @@ def test_a_slow_frame_says_once_what_it_does_and_which_setting_causes_it(tmp_pat
         pass
     said = [report.slow for report in reports if "flows.1 rotation" in report.slow]
     assert len(said) == 1
-    for words in ("sub-steps a frame for each of", "(speed 90000)", "Lower speed or write substeps"):
+    for words in ("sub-steps a frame for each of", "vertices: ", "Lower speed"):
         assert words in said[0]
 
 
