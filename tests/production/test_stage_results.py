@@ -121,7 +121,9 @@ def test_a_raised_version_makes_the_stage_and_what_follows_again(
     name: str, made: tuple[Path, dict[str, Arrays]], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(planning_cache, "_code", lambda: [f"with another {name}"])
-    monkeypatch.setitem(vars(STAGES[name]), "recipe", {**STAGES[name].recipe, "version": 2})
+    monkeypatch.setitem(
+        vars(STAGES[name]), "recipe", {**STAGES[name].recipe, "version": STAGES[name].version + 1}
+    )
     assert tasks_of_film(made[0]) == {*([name] if name != "png" else []), *FOLLOWING[name]}
 
 
