@@ -8,7 +8,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cache
 from importlib import resources
 from pathlib import Path
@@ -17,6 +17,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.shot.documents.reference import default_text, facts
+from pipeline.shot.model_template import ModelTemplate
 from pipeline.shot.subject import SOLIDS
 from render.scene.lights import LIGHTS
 from render.scene.materials import LOOKS
@@ -40,12 +41,11 @@ intent: What this shot should show, in one sentence.
 frames: 1-{last}  # the first shows the subject at rest; the flow acts from the second on
 rate: 24  # frames per second
 
-# Solids: {solids}.
-# A mesh file beside this one: {{model: bunny.obj, scale: 1}}.
+{about_subject}
 subject: {subject}
 
 # Edges longer than this are split, those shorter than 40% of it collapse. Half the length: 4 × the faces.
-resample: {{max_edge_length: {edge:g}}}
+{about_edges}resample: {{max_edge_length: {edge:g}}}
 
 # Entries act one after another in each frame, those under `sum:` at once. Keys are frames, "0.5s" is seconds.
 flows:
@@ -174,14 +174,28 @@ def _text(value: Any) -> str:
     return value if isinstance(value, str) else f"{value:g}"
 
 
-def shot_of_flow(flow: str, name: str) -> str:
-    """Return the text of a shot called `name` with a flow. Raises UsageError for an unknown flow."""
+GENTLE = {"twist": {"amount": _ramp(45, 0)}}
+"""Values by flow and parameter in shots of models, which are less simple than the solids of the presets."""
+
+
+def shot_of_flow(flow: str, name: str, model: ModelTemplate | None = None) -> str:
+    """Return the text of a shot called `name` with a flow, of a model or of a solid that suits the flow.
+
+    Raises UsageError for an unknown flow.
+    """
     preset = preset_of(flow)
     solids = " · ".join(f"{solid} {', '.join(kind.measures)}" for solid, kind in SOLIDS.items())
+    about_subject = f"# Solids: {solids}.\n# A mesh file beside this one: {{model: bunny.obj, fit: 2}}."
+    if model is not None:
+        about_subject = "\n".join(f"# {line}" for line in model.facts)
+        values = {**preset.values, **GENTLE.get(flow, {})}
+        edge = model.max_edge_length
+        preset = replace(preset, subject=model.subject, max_edge_length=edge, values=values)
     text = SHOT.format(
         title=title_of(name),
         last=FRAMES,
-        solids=solids,
+        about_subject=about_subject,
+        about_edges="" if model is None else f"# {model.edges}\n",
         subject=preset.subject,
         edge=preset.max_edge_length,
         flows="\n".join(_entry(flow, preset)).replace("NAME", name),

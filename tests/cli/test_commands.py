@@ -5,12 +5,14 @@ import re
 from pathlib import Path
 from pkgutil import iter_modules
 
+import numpy as np
 import pytest
 from typer.main import get_command
 
 from pipeline.cli import commands
 from pipeline.cli.app import COMMANDS, command_line, command_named
 from pipeline.cli.options import REFERENCE
+from pipeline.mesh import TriangleMesh, icosphere, write_mesh
 from pipeline.production.execution.recovery import PATIENCE
 from render.movie.probe import probe_movie
 from render.post.image import read_png
@@ -135,6 +137,44 @@ def test_a_new_shot_begins_from_a_flow_or_a_shot(project, source):
     named = first.partition("$schema=")[2]
     assert first.startswith("# yaml-language-server") and (project.path / "shots" / named).is_file()
     assert project.run("validate", "A020_new").code == 0
+
+
+def test_a_new_shot_of_a_model_is_good_at_once_and_tells_what_was_repaired(project, tmp_path_factory):
+    outside = tmp_path_factory.mktemp("outside")
+    ball = icosphere(6)
+    faces = np.where(np.arange(len(ball.faces))[:, None] % 2, ball.faces, ball.faces[:, ::-1])
+    write_mesh(TriangleMesh(300 * ball.vertices, faces), outside / "ball.stl")
+    done = project.run("--json", "new", "A030_ball", "--model", str(outside / "ball.stl"))
+    assert done.code == 0, done.err
+    facts = json.loads(done.out)
+    assert facts["files"] == ["shots/A030_ball.yaml", "shots/models/ball.stl"]
+    assert "lies outside this folder" in facts["remarks"][0]
+    assert "wound against their neighbours" in facts["remarks"][1]
+    text = (project.path / "shots" / "A030_ball.yaml").read_text()
+    assert "{model: models/ball.stl, fit: 2, up: z}" in text and "write up: y" in text
+    shown = project.run("preview", "A030_ball", "--at", "2")
+    assert shown.code == 0 and shown.err.count("model repaired") == 1, shown.err
+    again = project.run("--json", "new", "A040", "--model", "shots/models/ball.stl", "--from", "bend")
+    assert again.code == 0 and json.loads(again.out)["files"] == ["shots/A040.yaml"], again.err
+    assert "- bend:" in (project.path / "shots" / "A040.yaml").read_text()
+
+
+@pytest.mark.parametrize(
+    ("model", "more", "code", "says"),
+    [
+        ("nothing.obj", [], 3, "nothing.obj: there is no such file"),
+        ("a.obj", ["--from", NAME], 2, f"--from {NAME} is no flow"),
+        ("a.txt", [], 2, "not a mesh format"),
+        ("a.gltf", [], 2, "export a GLB"),
+    ],
+)
+def test_a_model_that_makes_no_shot_is_told(project, tmp_path_factory, model, more, code, says):
+    outside = tmp_path_factory.mktemp("outside")
+    if model != "nothing.obj":
+        (outside / model).write_text("v 0 0 0\n")
+    done = project.run("new", "A020_new", "--model", str(outside / model), *more)
+    assert done.code == code and says in done.err and len(lines(done.err)) == 1
+    assert not (project.path / "shots" / "A020_new.yaml").exists()
 
 
 def test_what_is_neither_flow_nor_shot_begins_nothing(project):

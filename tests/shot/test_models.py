@@ -8,10 +8,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.animation import animate
 from pipeline.errors import MeshError, ShotError
-from pipeline.mesh import TriangleMesh, rod, write_mesh
+from pipeline.mesh import TriangleMesh, icosphere, rod, write_mesh
 from pipeline.shot import Model, Shot, read_shot
+from pipeline.shot.model_template import model_template
 from pipeline.shot.motion import as_data
+from pipeline.shot.templates import shot_of_flow
 
 SHOT = "title: A\nframes: 1-2\nsubject: {model: a.obj%s}\nresample: off\nflows: []\n"
 LONG = rod(4.0, 0.5)  # along y
@@ -105,3 +108,21 @@ def test_a_faulty_model_is_repaired_and_told_unless_repair_is_off(tmp_path: Path
     assert "wound against their neighbours" in subject.repairs[0]
     with pytest.raises(MeshError, match=r"wound against their neighbours.*\. Write repair: on, or mend"):
         shot_of(tmp_path, ", repair: off", wrong).motion.mesh_at_rest()
+
+
+@pytest.mark.parametrize(
+    ("count", "size", "length"), [(2, 1e-3, 0.08), (12, 1.0, 0.08), (12, 1e4, 0.08), (60, 1.0, 0.039)]
+)
+def test_new_shots_of_models_have_edges_for_their_detail(
+    tmp_path: Path, count: int, size: float, length: float
+) -> None:
+    """Coarse models are refined, others keep their edges, and very fine ones are simplified for a preview."""
+    ball = icosphere(count)
+    write_mesh(ball.with_vertices(size * ball.vertices + 1e5 * (size == 1)), tmp_path / "a.ply")
+    template = model_template(tmp_path / "a.ply", "a.ply")
+    assert template.max_edge_length == pytest.approx(length, rel=0.2)
+    assert ("keeps all their detail" in template.edges) == (count == 60)
+    (tmp_path / "n.yaml").write_text(shot_of_flow("twist", "n", template))
+    first = next(animate(read_shot(tmp_path / "n.yaml")))
+    assert 300 < len(first.mesh.vertices) < 40_000
+    assert np.ptp(first.mesh.vertices, axis=0) == pytest.approx([2, 2, 2], rel=0.02)
