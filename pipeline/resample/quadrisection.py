@@ -16,6 +16,7 @@ from pipeline.arrays import AnyArray, Faces, Floats, Indices, Points
 from pipeline.errors import FrameError
 from pipeline.mesh.triangle_mesh import TriangleMesh, edge_keys
 from pipeline.resample.thresholds import Thresholds
+from render.base.plural import plural
 
 _NONE = np.empty((0, 2), np.int32)
 _NO_GRADATION = 1e12  # changes nothing: the fields have been graded before
@@ -96,7 +97,7 @@ def _require_room(mesh: TriangleMesh, more: int, budget: int) -> None:
     now = len(mesh.vertices)
     if now + more > budget:
         raise FrameError(
-            f"{now} vertices and {more} edges to split exceed the budget of {budget} vertices; "
+            f"{now} vertices and {plural(more, 'edge')} to split exceed the budget of {budget} vertices; "
             "raise max_vertices or max_edge_length"
         )
 

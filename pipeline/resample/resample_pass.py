@@ -31,6 +31,7 @@ from pipeline.resample.kernels.ring import MAX_SPOKES, new_ring
 from pipeline.resample.kernels.split import BIRTH_HALFEDGE, BIRTH_SIZE, longest_edges_first, split_edges
 from pipeline.resample.placement import Placement
 from pipeline.resample.thresholds import Thresholds, TriangleShape
+from render.base.plural import plural
 
 _MAX_PLACED = 16  # rounds of splits; an edge halved that often has been stretched 65,000-fold in one frame
 _SLACK = 1.2  # times the maximum: the length an edge may have until `make_room` splits it
@@ -216,8 +217,8 @@ class ResamplePass:
             corners = self.mesh.vertices[self.mesh.faces]
             longest = float(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max())
             raise FrameError(
-                f"{vertices} vertices and {more} edges to split exceed the budget of {budget} vertices "
-                f"(longest edge {longest:g}, allowed {self.limits.max_edge_length:g}); "
+                f"{vertices} vertices and {plural(more, 'edge')} to split exceed the budget of {budget} "
+                f"vertices (longest edge {longest:g}, allowed {self.limits.max_edge_length:g}); "
                 "raise max_vertices or max_edge_length"
             )
 

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from render.base.errors import BadInputError
+from render.base.plural import plural
 from render.base.serialise import Triple
 from render.graphics.typesetting import cut_short, fit_size, line, wrap, write
 
@@ -63,7 +64,9 @@ def title_frames(card: TitleCard, size: tuple[int, int], count: int, fade: int) 
     Raises BadInputError where the fades do not fit into `count`.
     """
     if fade < 0 or count < 1 or 2 * fade > count:
-        raise BadInputError(f"a title of {count} frames cannot fade over {fade} at each end; at most half")
+        raise BadInputError(
+            f"a title of {plural(count, 'frame')} cannot fade over {fade} at each end; at most half"
+        )
     title, subtitle = _words(card, size)
     for number in range(count):
         time = number / max(1, count - 1)

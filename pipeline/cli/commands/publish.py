@@ -36,7 +36,7 @@ def publish(
     stale. The same frames are not published twice.
 
     The provenance.json of a version holds the shot file, keys, seeds, packages, host and timings;
-    `flowsculpt render --from` reproduces the version from it.
+    `flowsculpt render --from FILE` reproduces the version from it.
 
     The files are links to the rendered ones and take no space; damage in place damages both. `--copy` avoids
     that. `flowsculpt verify` checks published files.

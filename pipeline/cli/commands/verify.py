@@ -23,6 +23,7 @@ from pipeline.production.maintenance.verify import (
 from pipeline.production.maintenance.verify import verify as verify_store
 from pipeline.production.store.locks import exclusive
 from pipeline.production.store.store import Store
+from render.base.plural import plural
 
 File = TypeVar("File", StoredFile, PublishedFile)
 
@@ -92,4 +93,4 @@ def _summary(damaged: int, altered: int, what_became: str) -> str:
 
 
 def _count(number: int, of: str = "") -> str:
-    return f"1 file{of} is" if number == 1 else f"{number} files{of} are"
+    return f"{plural(number, f'file{of}', f'files{of}')} {'is' if number == 1 else 'are'}"
