@@ -77,7 +77,7 @@ FRAME_CAMERA = PipelineStage(
 )
 RENDER = PipelineStage(
     "render",
-    version=1,
+    version=2,
     packages=("mitsuba", "drjit", "OpenImageIO"),
     doing="rendering",
     makes="raw",

@@ -52,6 +52,7 @@ class Picture:
     view        the colour view that shows its light
     tessellate  segments that every edge is cut into, on curved patches over the triangles (P37); 1 is off
     dicing      longest segment of an edge in pixels, in place of `tessellate`; None is off
+    hide_facets edges are cut as each picture needs, so that outlines show no corners
     qualities   `render.scene.quality.QUALITIES` with the shot's own settings
     aovs        the AOVs that the shot names
     """
@@ -63,6 +64,7 @@ class Picture:
     view: ColourView = ACES
     tessellate: int = 1
     dicing: float | None = None
+    hide_facets: bool = False
     qualities: Mapping[str, Quality] = field(default_factory=lambda: QUALITIES)
     shutter: Shutter = field(default_factory=Shutter)
     aovs: AovSelection = field(default_factory=AovSelection)

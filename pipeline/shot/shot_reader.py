@@ -159,15 +159,18 @@ def _tolerance(document: ShotDocument) -> float | None:
 
 
 def _picture(document: ShotDocument, clock: Clock, subject: Subject) -> Picture:
-    look, lights, stage = document.look, document.lights, document.stage
+    lights, stage, smooth = document.lights, document.stage, document.smooth
+    look = LOOKS[document.look] if isinstance(document.look, str) else document.look.build()
+    is_plain = smooth.tessellate is None and smooth.dicing is None and not isinstance(subject, ControlNet)
     return Picture(
-        look=LOOKS[look] if isinstance(look, str) else look.build(),
+        look=look,
         camera=document.camera.build(clock),
         lights=LIGHTS[lights] if isinstance(lights, str) else lights.build(),
         stage=STAGES[stage] if isinstance(stage, str) else stage.build(),
         view=document.view.build(),
-        tessellate=document.smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
-        dicing=document.smooth.dicing,
+        tessellate=smooth.tessellate or (PIECES if isinstance(subject, ControlNet) else 1),
+        dicing=smooth.dicing,
+        hide_facets=is_plain and look.is_lit,
         qualities={
             name: dataclasses.replace(
                 quality, **getattr(document.quality, name).model_dump(exclude_none=True)

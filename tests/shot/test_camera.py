@@ -25,7 +25,7 @@ def view(camera: str, time: float = 1.0) -> View:
 
 
 def test_a_camera_that_is_not_spoken_of_sees_as_ever() -> None:
-    plain = View(math.radians(-30), math.radians(14), math.radians(26), 0.08)
+    plain = View(math.radians(-30), math.radians(14), math.radians(26), 0.1)
     assert read_shot("a.yaml", HEAD).picture.camera.at(0.0) == plain == view("{}")
 
 

@@ -81,6 +81,7 @@ def appearance(request: RenderRequest) -> Key:
         to_plain(request.quality),
         request.variant,
         picture.dicing,
+        picture.hide_facets,
     )
 
 

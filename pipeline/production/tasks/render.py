@@ -6,7 +6,7 @@ import json
 import resource
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from pipeline.arrays import AnyArray
+from pipeline.production.render_inputs.facets import diced, pieces_without_facets
 from pipeline.production.render_inputs.framing import Framing
 from pipeline.production.render_inputs.view_geometry import rotate_y
 from pipeline.production.request.keys import FrameKeys, raw_header
@@ -154,8 +155,25 @@ class _ShownFrame:
         request = self.context.request
         shading, pixels = shading_of(self.context, self._mesh), request.shot.picture.dicing
         if pixels is None:
-            return shading
+            return replace(shading, pieces=self._pieces)
         return shading.cut_for(self.framings[self.number].camera, request.quality, pixels, self._spin)
+
+    @cached_property
+    def _stored_arrays(self) -> Mapping[str, AnyArray]:
+        """The arrays of the surface as `smooth_normals` stored them."""
+        request = self.context.request
+        key, place = request.normals_key(self._mesh), request.place("normals", self._mesh)
+        return self.context.read("normals", key, place, readers.arrays(key))
+
+    @cached_property
+    def _pieces(self) -> int:
+        """The pieces of each edge, where the shot does not ask for dicing."""
+        request, arrays = self.context.request, self._stored_arrays
+        picture = request.shot.picture
+        if not picture.hide_facets or "faces" not in arrays:
+            return picture.tessellate
+        camera = self.framings[self.number].camera
+        return pieces_without_facets(arrays, camera, request.quality, self._spin)
 
     @cached_property
     def _arrays(self) -> Mapping[str, AnyArray]:
@@ -163,8 +181,9 @@ class _ShownFrame:
         request = self.context.request
         picture = request.shot.picture
         if picture.dicing is None:
-            key, place = request.normals_key(self._mesh), request.place("normals", self._mesh)
-            arrays, pieces = self.context.read("normals", key, place, readers.arrays(key)), picture.tessellate
+            arrays, pieces = self._stored_arrays, self._pieces
+            if picture.hide_facets and "faces" in arrays:
+                arrays = diced(arrays, pieces)
         else:
             arrays, pieces = self._shading.arrays(), self._shading.pieces
         if picture.look.wireframe is None or "faces" not in arrays:

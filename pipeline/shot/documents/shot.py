@@ -75,7 +75,7 @@ class SmoothDocument(Document):
     """Segments of each edge, by their number or by their length in the picture."""
 
     tessellate: Annotated[int, Field(ge=1, le=MOST_PIECES)] | None = optional(
-        "segments that each edge is cut into; 1 is off"
+        "segments that each edge is cut into; 1 is off. By default as many as smooth outlines need"
     )
     dicing: Pixels | None = optional("longest segment of an edge in the picture, such as 2px (pixels)")
 
