@@ -51,9 +51,9 @@ def test_a_missing_file_is_a_missing_input(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("text", "told"),
     [
-        ("a: [1, 2\nb: 3\n", r"shot\.yaml:2:2: .* this is not YAML"),
+        ("a: [1, 2\nb: 3\n", r"shot\.yaml:1:4: this \[ is never closed\. Add \]\."),
         ("", r"shot\.yaml:1:1: the file is empty"),
-        ("a:\n\t- 1\n", r"shot\.yaml:2:1: .* this is not YAML"),
+        ("a:\n\t- 1\n", r"shot\.yaml:2:1: a tab indents this line"),
         ("a: 1\nb: x\x07y\n", r"shot\.yaml:2:5: the character U\+0007 is not printable"),
         ("a: " + "[" * 5000, r"shot\.yaml:1:1: .* nested too deep"),
         ("{a: " * 2000 + "1" + "}" * 2000, r"shot\.yaml:1:1: .* nested too deep"),

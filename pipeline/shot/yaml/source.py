@@ -14,11 +14,12 @@ from pathlib import Path
 from typing import Any
 
 from ruamel.yaml import YAML
-from ruamel.yaml.error import MarkedYAMLError, YAMLError
+from ruamel.yaml.error import YAMLError
 from ruamel.yaml.nodes import MappingNode, Node, ScalarNode, SequenceNode
-from ruamel.yaml.reader import ReaderError
 
 from pipeline.errors import MissingInputError, ShotError
+from pipeline.shot.yaml.bracket_mistakes import Mistake, lost_colour, meant_items, meant_pairs
+from pipeline.shot.yaml.syntax import syntax_fault
 
 TOO_LARGE = 10**300
 """Whole numbers from here on count as infinite, as decimal numbers do that no float can hold."""
@@ -67,9 +68,9 @@ class YamlSource:
                 f"{path}:1:1: byte {error.start} is not UTF-8; a shot file is plain text. Save it as UTF-8."
             ) from None
         try:
-            return cls._from_node(path, YAML().compose(text))
+            return cls._from_node(path, YAML().compose(text), text.splitlines())
         except YAMLError as error:
-            raise ShotError(f"{path}:{_yaml_fault(error, text)}") from None
+            raise ShotError(f"{path}:{syntax_fault(error, text)}") from None
         except RecursionError:
             raise ShotError(
                 f"{path}:1:1: lists or mappings are nested too deep to be read; a shot needs about ten "
@@ -77,12 +78,12 @@ class YamlSource:
             ) from None
 
     @classmethod
-    def _from_node(cls, path: Path, node: Node | None) -> YamlSource:
+    def _from_node(cls, path: Path, node: Node | None, lines: list[str]) -> YamlSource:
         if node is None:
             raise ShotError(f"{path}:1:1: the file is empty; it must hold at least title, frames and subject")
-        source = cls(path, None, {})
-        object.__setattr__(source, "data", source._value(node, (), ()))
-        return source
+        reader = _Reader(lines)
+        data = reader.value(node, (), ())
+        return cls(path, data, reader.places, reader.problems, reader.texts)
 
     def place(self, where: Where) -> str:
         """Return `file:line:column` of a path, or of the nearest mapping or list around it."""
@@ -163,7 +164,17 @@ class YamlSource:
             elif isinstance(value, list):
                 waiting += [((*where, index), inner) for index, inner in enumerate(value)]
 
-    def _value(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
+
+@dataclass
+class _Reader:
+    """Converts a tree of nodes to plain values, and notes places, texts and problems on the way."""
+
+    lines: list[str]
+    places: dict[Where, tuple[int, int]] = field(default_factory=dict)
+    problems: list[Problem] = field(default_factory=list)
+    texts: dict[Where, tuple[int, int]] = field(default_factory=dict)
+
+    def value(self, node: Node, where: Where, parents: tuple[Node, ...]) -> Any:
         self.places.setdefault(where, (node.start_mark.line + 1, node.start_mark.column + 1))
         if any(node is parent for parent in parents):
             self.problems.append((where, "this alias contains itself; write the value out"))
@@ -171,8 +182,9 @@ class YamlSource:
         if isinstance(node, MappingNode):
             return self._mapping(node, where, (*parents, node))
         if isinstance(node, SequenceNode):
-            items = enumerate(node.value)
-            return [self._value(item, (*where, index), (*parents, node)) for index, item in items]
+            items, mistakes = meant_items(node) if node.flow_style else (node.value, [])
+            self._note_mistakes(mistakes, where)
+            return [self.value(item, (*where, index), (*parents, node)) for index, item in enumerate(items)]
         if not isinstance(node, ScalarNode):
             return None
         self._note_text(node, where)
@@ -187,7 +199,9 @@ class YamlSource:
 
     def _mapping(self, node: MappingNode, where: Where, parents: tuple[Node, ...]) -> dict[Any, Any]:
         values: dict[Any, Any] = {}
-        for key_node, value_node in node.value:
+        pairs, mistakes = meant_pairs(node) if node.flow_style else (node.value, [])
+        self._note_mistakes(mistakes, where)
+        for key_node, value_node in pairs:
             key = _scalar(key_node) if isinstance(key_node, ScalarNode) else str(key_node.value)
             mark = key_node.start_mark
             if key in values:
@@ -199,21 +213,18 @@ class YamlSource:
                 self.problems.append(((*where, key, "again"), problem))
                 continue
             self.places[(*where, key)] = (mark.line + 1, mark.column + 1)
-            values[key] = self._value(value_node, (*where, key), parents)
+            values[key] = self.value(value_node, (*where, key), parents)
+            if colour := lost_colour(value_node, self.lines[mark.line]):
+                fact = f"{key} is empty, for # begins a comment in YAML"
+                self.problems.append(((*where, key), f"{fact}. Put the colour in quotes: '{colour}'."))
+                values[key] = colour
         return values
 
-
-def _yaml_fault(error: YAMLError, text: str) -> str:
-    """Return `line:column: message` about the place where the parser gave up."""
-    if isinstance(error, ReaderError):
-        before = text[: error.position]
-        line, column = before.count("\n") + 1, error.position - before.rfind("\n")
-        code = f"U+{ord(text[error.position]):04X}"
-        return f"{line}:{column}: the character {code} is not printable; YAML allows none. Remove it."
-    mark = (error.problem_mark or error.context_mark) if isinstance(error, MarkedYAMLError) else None
-    place = f"{mark.line + 1}:{mark.column + 1}" if mark else "1:1"
-    fact = (error.problem or error.context) if isinstance(error, MarkedYAMLError) else error
-    return f"{place}: {fact}; this is not YAML. Look for a missing colon, quote or bracket, or a tab."
+    def _note_mistakes(self, mistakes: list[Mistake], where: Where) -> None:
+        for node, message in mistakes:
+            place = (*where, ("text", node.start_mark.index))
+            self.places[place] = node.start_mark.line + 1, node.start_mark.column + 1
+            self.problems.append((place, message))
 
 
 def _scalar(node: ScalarNode) -> Any:
