@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import UsageError, suggestion
+from pipeline.formula.notations import MEANT, WRITTEN_AS, syntax_fault
 from render.base.plural import plural
 
 CONSTANTS = {"pi": np.pi, "e": np.e}
@@ -25,9 +26,6 @@ PLACE = ("x", "y", "z")
 TIME = ("t", "time", "frame")
 """The names of a time: seconds since the first frame, short and long, and the frame number, with a fraction
 between frames."""
-
-MEANT = {"seconds": "t", "sec": "t", "f": "frame"}
-"""Words that users write for names they do not resemble."""
 
 
 def time_values(frame: Any, seconds: Any) -> dict[str, Any]:
@@ -114,10 +112,11 @@ def parse(text: str, names: tuple[str, ...]) -> ast.expr:
             warnings.simplefilter("ignore")  # the parser's advice on parts that are refused anyway
             tree = ast.parse(line.strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        column = indent + (getattr(error, "offset", None) or len(line.strip()) + 1)
-        raise FormulaError(
-            text, min(column, len(text) + 1), "this is no arithmetic. Look for a missing operator or bracket."
-        ) from None
+        column, message = syntax_fault(line) or (
+            min(indent + (getattr(error, "offset", None) or len(line.strip()) + 1), len(text) + 1),
+            "this is no arithmetic. Look for a missing operator or bracket.",
+        )
+        raise FormulaError(text, column, message) from None
     _Check(text, line.strip().encode(), indent, names).everything(tree)
     return tree
 
@@ -176,6 +175,8 @@ class _Check:
             words = (*self.names, *CONSTANTS, *FUNCTIONS)
             meant = MEANT.get(node.id)
             hint = f"Write {meant}." if meant in words else suggestion(node.id, words)
+            if hint.startswith("There"):
+                hint = f"There are: {', '.join((*self.names, *CONSTANTS))}, and functions such as sin(x)."
             raise self.error(node, f"{shown(node.id)} is not known here. {hint}")
 
     def exponent(self, node: ast.BinOp) -> None:
@@ -186,11 +187,14 @@ class _Check:
             raise self.error(power, f"the exponent is too large; {LARGEST_EXPONENT} is the largest")
 
     def call(self, node: ast.Call) -> None:
+        if isinstance(node.func, ast.Attribute) and node.func.attr in FUNCTIONS:
+            raise self.error(node.func, f"functions stand alone. Write {node.func.attr}(…).")
         if not isinstance(node.func, ast.Name):
             raise self.error(node.func, "only functions by their name can be called, such as sin(x)")
         name = node.func.id
         if name not in FUNCTIONS:
-            raise self.error(node.func, f"{shown(name)} is no function here. {suggestion(name, FUNCTIONS)}")
+            hint = WRITTEN_AS.get(name) or suggestion(name, FUNCTIONS)
+            raise self.error(node.func, f"{shown(name)} is no function here. {hint}")
         wanted, given = FUNCTIONS[name][1], len(node.args)
         if node.keywords or any(isinstance(part, ast.Starred) for part in node.args):
             raise self.error(node, f"{name} takes plain arguments, one after another")
@@ -206,6 +210,8 @@ class _Check:
 
 def _refusal(node: ast.expr) -> str:
     match node:
+        case ast.Tuple():
+            return "a comma stands between the arguments of a function; decimals have a point, as in 0.5."
         case ast.BinOp(op=ast.FloorDiv()):
             return "// is not known here. Write floor(a / b)."
         case ast.BinOp(op=ast.BitXor()):

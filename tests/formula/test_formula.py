@@ -70,7 +70,7 @@ REFUSED = [
     ("x // 2", 1, "Write floor(a / b)"),
     ("x in y", 1, "this operator is not known here"),
     ("x +", 4, "this is no arithmetic"),
-    ("x y", 3, "this is no arithmetic"),
+    ("x y", 3, "an operator is missing"),
     ("", 1, "it is empty"),
     ("sin", 1, "sin is a function; write sin(…)"),
     ("min(x)", 1, "min takes 2 or more arguments, not 1"),
