@@ -28,8 +28,11 @@ class FrameRange:
     numbers: tuple[int, ...]
 
     @classmethod
-    def parse(cls, text: str) -> FrameRange:
-        """Return the range. Raises UsageError, with the text, for no range, no whole frame, or too many."""
+    def parse(cls, text: str, such_as: str = "12, 1-48, 1-48x2 or 1-24,30,40-48") -> FrameRange:
+        """Return the range. Raises UsageError, with the text, for no range, no whole frame, or too many.
+
+        such_as  ranges that the message proposes where the text is none and means none that is known
+        """
         if _reach(text) > MOST_FRAMES:
             raise UsageError(
                 f"{shortened(text)} reaches over more than {MOST_FRAMES} frames; cut it in parts"
@@ -42,9 +45,8 @@ class FrameRange:
         try:
             numbers = tuple(fileseq.FrameSet(text))
         except (fileseq.exceptions.FileSeqException, ValueError):
-            raise UsageError(
-                f"{text!r} is not a frame range; write one as 12, 1-48, 1-48x2 or 1-24,30,40-48"
-            ) from None
+            remedy = likely_range(text) or f"one as {such_as}"
+            raise UsageError(f"{text!r} is not a frame range; write {remedy}") from None
         if not numbers or any(not isinstance(n, int) for n in numbers):
             raise UsageError(f"{text!r} holds no whole frame; write a range as 1-48 or 1-48x2")
         return cls(numbers)
@@ -100,9 +102,9 @@ class FrameRate:
                 raise ValueError
             fps = Fraction(str(value))
         except (ValueError, ZeroDivisionError):
-            raise UsageError(
-                f"{shortened(value)} is not a frame rate; write 24, 23.976 or 24000/1001"
-            ) from None
+            number = re.fullmatch(r"\s*(\d+)(?:[.,](\d+))?\s*[A-Za-z/]*", str(value))
+            remedy = ".".join(filter(None, number.groups())) if number else "24, 23.976 or 24000/1001"
+            raise UsageError(f"{shortened(value)} is not a frame rate; write {remedy}") from None
         if not SLOWEST <= fps <= FASTEST:
             raise UsageError(
                 f"frame rate {value} is not from {float(SLOWEST):g} to {FASTEST}, in frames per second; "
@@ -125,6 +127,17 @@ def shortened(value: object) -> str:
     return text if len(text) <= 60 else f"{text[:50]}…{text[-5:]}"
 
 
+def likely_range(text: str) -> str | None:
+    """Return the range that other notations mean, such as 1..48, 1:48:2 or 1 to 48; None for others."""
+    match = _OTHER_NOTATIONS.fullmatch(text)
+    if not match:
+        return None
+    first, last, step = match.groups()
+    if step and not int(step):
+        return None
+    return f"{first}-{last}x{step}" if step else f"{first}-{last}"
+
+
 def _reach(text: str) -> int:
     """Return the number of frames between the ends of a range's parts; too many for absurd numbers."""
     if any(len(digits.lstrip("0")) > 9 for digits in re.findall(r"\d+", text)):
@@ -134,6 +147,12 @@ def _reach(text: str) -> int:
 
 _PLAIN = re.compile(r"([0-9]+)-([0-9]+)")
 """A range of every frame, as most shots and edits have it."""
+
+_OTHER_NOTATIONS = re.compile(
+    r"\s*\[?\s*(\d+)\s*(?:\.{2,3}|[-–—:,~>_ ]|->|to|until|through)\s*(\d+)\s*\]?"
+    r"(?:\s*(?:[:x/@,%]|step|by)\s*(\d+))?\s*"
+)
+"""Two numbers and perhaps a step, as Python, Houdini, Blender and words have them."""
 
 _RATE = re.compile(r"\s*[+-]?\d{1,20}(\.\d{0,20}([eE][+-]?\d{1,3})?|[eE][+-]?\d{1,3}|/\d{1,20})?\s*")
 """Numbers short enough to be computed exactly."""

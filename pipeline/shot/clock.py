@@ -99,9 +99,10 @@ class Clock:
 
 def parse_frames(text: str) -> FrameRange:
     """Parse the frames of a shot, such as 1-96. Raises UsageError where they have gaps or no form."""
-    frames = FrameRange.parse(text)
+    frames = FrameRange.parse(text, such_as="1-48")
     if frames.numbers != tuple(range(frames.first, frames.last + 1)):
-        raise UsageError(f"frames {text} skip or turn back; a shot plays all. Write 1-96.")
+        ends = [abs(int(number)) for number in re.findall(r"(?<![x:y\d])\d+", text)]
+        raise UsageError(f"frames {text} skip or turn back; a shot plays all. Write {min(ends)}-{max(ends)}.")
     return frames
 
 
